@@ -136,8 +136,7 @@ class Dispatcher:
         memory.heard = {name: heard for name, heard in memory.heard.items() if tick - heard < FORGET_TICKS}
         memory.bins = {name: report for name, report in memory.bins.items() if name in memory.heard}
         for name, booking in list(memory.bookings.items()):
-            over = name not in memory.heard if booking.told < 0 else tick - booking.told >= BOOKED_TICKS
-            if over:
+            if name not in memory.heard if booking.told < 0 else tick - booking.told >= BOOKED_TICKS:
                 del memory.bookings[name]
 
 

@@ -10,19 +10,8 @@ from typing import Any, ClassVar, cast
 
 import msgspec
 
+from orchard.agents import sense
 from orchard.agents.place import Estimate, as_seen_from, place_of
-from orchard.agents.sense import (
-    Box,
-    Bystander,
-    Sighting,
-    back_is_free,
-    doubts,
-    something_ahead,
-    stop_zone,
-    sweep_radius,
-    turn_is_free,
-    turn_zone,
-)
 from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, says_holds
 from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
 from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
@@ -67,7 +56,7 @@ class RobotMemory(msgspec.Struct):
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
     bumped: int = -2 * RECOVERY  # tick at which it last found that it had collided
-    sighted: dict[str, Sighting] = {}  # person or animal -> its reported position
+    sighted: dict[str, sense.Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
     left: str = ""  # the bin that it has found left in its lane
     place: Estimate | None = None  # its estimate of its own pose; None if its receiver is exact
@@ -114,19 +103,18 @@ def _may_hold(step: type[Step]) -> bool:
 class PlanExecutor:
     """One robot at one tick, for the steps of its plan."""
 
-    def __init__(self, seen: Observation, mail: Mail, memory: RobotMemory, bystanders: tuple[Bystander, ...] = ()) -> None:
+    def __init__(self, seen: Observation, mail: Mail, memory: RobotMemory, bystanders: tuple[sense.Bystander, ...] = ()) -> None:
         self.memory: Any = memory  # only the steps of each kind know the fields that it adds to Plan
         self.seen, self.mail, self._bystanders = self._located(seen), mail, bystanders
         self.pose: Pose = self.seen.pose
         self.action = Action(memory=memory)
         self.wanting: list[str] = []
-        self._blind_to: list[Box] = []
+        self._blind_to: list[sense.Box] = []
         self._beside, self._turn, self._queueing = "", 0.0, False
         self._until = seen.tick + 1  # tick at which the present step must act again
         self._timers: list[int] = []  # ticks at which something must be asked again
 
     def _located(self, seen: Observation) -> Observation:
-        """What the robot observes, from where it takes itself to be."""
         if not seen.accuracy:
             return seen
         self.memory.place = place_of(seen, self.memory.place)
@@ -137,18 +125,18 @@ class PlanExecutor:
         """How far from where it takes itself to be the robot may be, m; 0 if its receiver is exact."""
         return SURE * self.seen.accuracy
 
-    def move(self, twist: Twist, blind_to: list[Box], queueing: bool = False) -> None:
+    def move(self, twist: Twist, blind_to: list[sense.Box], queueing: bool = False) -> None:
         """Drive with this velocity in this tick, unless something is in the way. Returns from the boxes `blind_to` do not count.
 
         `queueing`: an obstacle ahead is normal, and is not reported.
         """
         self.action.twist, self._turn, self._blind_to, self._queueing = twist, 0.0, blind_to, queueing
 
-    def turn(self, rate: float, left: float, blind_to: list[Box]) -> None:
+    def turn(self, rate: float, left: float, blind_to: list[sense.Box]) -> None:
         """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
         self.action.twist, self._turn, self._blind_to = Twist(yaw=rate), left, blind_to
 
-    def turn_by(self, left: float, blind_to: list[Box]) -> None:
+    def turn_by(self, left: float, blind_to: list[sense.Box]) -> None:
         """Turn by what is left of a turn, rad, at pi/8 rad/s; slower in the last tick."""
         self.turn(max(-EIGHTH, min(EIGHTH, left / TIME_STEP)), left, blind_to)
         self.hold(int(max(0.0, abs(left) / TIME_STEP - EIGHTH - SLACK) / EIGHTH) + 1)
@@ -160,7 +148,7 @@ class PlanExecutor:
             self.memory.course = Course(self.pose.x, self.pose.y, nearest_heading(self.pose.yaw))
         return cast(Course, self.memory.course)
 
-    def comes_back(self, blind_to: list[Box], speed: float = 0.0) -> bool:
+    def comes_back(self, blind_to: list[sense.Box], speed: float = 0.0) -> bool:
         """Whether the robot is off its course, and comes back: off its line it drives aslant, ahead or back.
 
         `speed`: at which it drives to the place of its course, m/s; 0: it stands there. Where it cannot turn, it drives on as it
@@ -180,7 +168,7 @@ class PlanExecutor:
         turn = angle_between(off, -math.copysign(steep, left * memory.way))
         is_turned = abs(turn) <= (LITTLE if steep else SLACK)
         was_refused = RECOVERY <= self.seen.tick - memory.bumped < 2 * RECOVERY
-        if not is_turned and not was_refused and turn_is_free(self.seen, turn, blind_to):
+        if not is_turned and not was_refused and sense.turn_is_free(self.seen, turn, blind_to):
             self.turn_by(turn, blind_to)
         elif is_off or not is_turned:
             self.move(Twist(x=speed if speed and is_turned and memory.way > 0.0 else SHIFT * memory.way), blind_to)
@@ -195,7 +183,7 @@ class PlanExecutor:
             memory.moved = tick
         if not memory.way:
             ahead, _ = to_frame(self.pose, self.course.x, self.course.y)
-            memory.way, memory.moved = 1.0 if has_room or (ahead > 0.0 and not something_ahead(self.seen, [])) else -1.0, tick
+            memory.way, memory.moved = 1.0 if has_room or (ahead > 0.0 and not sense.something_ahead(self.seen, [])) else -1.0, tick
         elif self._has_collided or tick - memory.moved >= HELD_UP:
             memory.way, memory.moved = -memory.way, tick
 
@@ -280,8 +268,7 @@ class PlanExecutor:
 
     def follow(self) -> None:
         """Run the plan's steps until one of them needs time."""
-        self._hear_traffic()
-        self._hear_bystanders()
+        self._hear()
         while self.memory.plan and self._act(self.memory.plan[0]):
             del self.memory.plan[0]
             self.memory.done += 1
@@ -310,14 +297,14 @@ class PlanExecutor:
         near = self._near_the_turn() if self._turn else []
         self._recover()
         action.hold = self._hold_of(action.twist)
-        if action.twist.x > 0 and something_ahead(self.seen, self._blind_to):
+        if action.twist.x > 0 and sense.something_ahead(self.seen, self._blind_to):
             if self._queueing:
                 action.twist, action.waits_for = STILL, ""
             else:
                 self._hold_up(AHEAD)
-        if action.twist.x < 0 and not back_is_free(self.seen):
+        if action.twist.x < 0 and not sense.back_is_free(self.seen):
             self._hold_up("an obstacle behind")
-        if action.twist.yaw and not turn_is_free(self.seen, self._turn, self._blind_to):
+        if action.twist.yaw and not sense.turn_is_free(self.seen, self._turn, self._blind_to):
             self._hold_up(IN_TURN)
         if near:
             self._hold_up(", ".join(near[:3]))
@@ -334,11 +321,11 @@ class PlanExecutor:
         if until <= self.seen.tick + 1 or self.action.deeds or self.seen.accuracy:
             return None
         if self._turn:
-            is_free = self.seen.hitch is None and not turn_zone(self.seen).is_occupied(self.seen)
-            return Hold(until, watch=(turn_zone(self.seen),)) if is_free else None
+            zone = sense.turn_zone(kind_of(self.seen.name))
+            return Hold(until, watch=(zone,)) if self.seen.hitch is None and not zone.is_occupied(self.seen) else None
         if twist == STILL:
             return Hold(until)
-        zone = stop_zone(self.seen)
+        zone = sense.stop_zone(self.seen)
         if twist.yaw or (self._blind_to and zone.is_occupied(self.seen)):
             return None
         return Hold(until, watch=(zone,))
@@ -356,28 +343,24 @@ class PlanExecutor:
             self._hold_up("what it collided with")
             self._timers.append(memory.bumped + RECOVERY)
 
-    def _hear_traffic(self) -> None:
+    def _hear(self) -> None:
         for reply in self.mail.replies:
             if isinstance(reply.body, Places) and isinstance(reply.request, Claim):
                 granted = [p for p in reply.body.held if p in reply.request.want and p not in self.memory.held]
                 self.memory.held = self.memory.held + granted
                 self.memory.agreed, self.memory.alone = reply.body.held, reply.body.alone
                 self.memory.blockers = reply.body.blockers
-
-    def _hear_bystanders(self) -> None:
-        """Note the positions of people and animals that were asked. Without an answer, note that too."""
-        for reply in self.mail.replies:
-            if isinstance(reply.request, Where):
+            elif isinstance(reply.request, Where):
                 here = (reply.body.x, reply.body.y) if isinstance(reply.body, Position) else (math.inf, math.inf)
-                self.memory.sighted[reply.sender] = Sighting(self.seen.tick - 1, *here)
+                self.memory.sighted[reply.sender] = sense.Sighting(self.seen.tick - 1, *here)
 
     def _near_the_turn(self) -> list[str]:
         """The people and animals that are, or may be, in what the turn sweeps. They, and those that soon may be, are asked.
 
         A timer is set for the tick at which the next one must be asked: until then a turn may hold.
         """
-        radius = sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
-        found = doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
+        radius = sense.sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
+        found = sense.doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
         self.action.requests += [(name, Where()) for name in found.to_ask]
         self._timers.append(self.seen.tick + max(1, found.ticks))
         return found.near

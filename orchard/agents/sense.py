@@ -92,13 +92,9 @@ def _gaps(ahead: np.ndarray, aside: np.ndarray, box: tuple[float, float, float])
     return np.maximum(np.abs(ahead - x) - half_length, aside - half_width)
 
 
-def turn_zone(seen: Observation) -> Zone:
-    """Return a zone around all that a robot without a bin sweeps in a turn: while it is free, `turn_is_free`."""
-    return _square(kind_of(seen.name))
-
-
 @cache
-def _square(kind: str) -> Zone:
+def turn_zone(kind: str) -> Zone:
+    """Return a zone around all that a robot without a bin sweeps in a turn: while it is free, `turn_is_free`."""
     half, ahead = _reach(KINDS[kind], towing=False) + TURN_MARGIN, KINDS[kind].laser.ahead
     return Zone(-half - ahead, half - ahead, -half, half)
 
@@ -137,7 +133,6 @@ def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
 
 
 def _returns(scan: np.ndarray, laser: Laser, chosen: np.ndarray) -> np.ndarray:
-    """The chosen returns as points, (m, 2), in the frame of the body that carries the laser."""
     cosines, sines = beams(laser)
     ranges = scan[chosen].astype(np.float64)
     points = np.empty((len(ranges), 2))

@@ -91,7 +91,6 @@ class DriveTo(Step, frozen=True):
         return LOOK_AHEAD * self.speed
 
     def _ticks(self, robot: PlanExecutor, here: float, ahead: float, left: float) -> int:
-        """The ticks until the drive may have to slow down, to give a place back or to ask for one; never too many."""
         if self.speed <= 0.0:
             return 1
         frees = [ahead * (gate.at - here) for gate in self.frees if any(place in robot.memory.held for place in gate.places)]
@@ -132,7 +131,6 @@ class Face(Step, frozen=True):
 
 
 def _turns_to(robot: PlanExecutor, yaw: float, blind_to: list[Box]) -> bool:
-    """Turn on the spot. Return whether the robot has this yaw."""
     left = angle_between(robot.pose.yaw, yaw)
     if abs(left) > EXACT:
         robot.turn_by(left, blind_to)

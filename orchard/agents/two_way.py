@@ -150,10 +150,6 @@ class TwoWay(OneWay):
 
     # -- the roads
 
-    def _d_hold(self, lane: int) -> float:
-        """y at which a carrier with a delivery waits for a lane's place, if it comes from the north, m."""
-        return self.layout.lane(lane).y + self.HOLD
-
     def _lines(self, where: str, y: float) -> list[tuple[str, float]]:
         """The places of the line at y and of the lines in use south of it, from north to south, with their y. A single line needs none."""
         lines = self.queue.used(self.layout.scenario.carrier_count)
@@ -162,7 +158,7 @@ class TwoWay(OneWay):
     def _deliver(self, lane: int, side: Side, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()) -> Step:
         """Drive south past lanes to the stop at this one. The first lane's place is among `needs`, or is held already."""
         lanes, stop = range(1, lane + 1), side.y(self.layout.lane(lane).y, self.STOP)
-        enter = [Gate([side.place("D", n)], self._d_hold(n)) for n in lanes[1:]]
+        enter = [Gate([side.place("D", n)], self.layout.lane(n).y + self.HOLD) for n in lanes[1:]]
         leave = [Gate([side.place("D", n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes]
         return DriveTo(y=stop, needs=[*needs, *enter], frees=[*leave, *frees])
 
@@ -173,7 +169,6 @@ class TwoWay(OneWay):
         return enter, [Gate([place], y + self.F_CLEAR) for _, place, y in lanes]
 
     def _to_bay(self, lanes: tuple[list[Gate], list[Gate]], needs: Sequence[Gate] = ()) -> list[Step]:
-        """Drive north on the west side's full-bin road, over the deliveries to the west, and east into the bay."""
         enter, leave = lanes
         crossing = Gate([CROSSING], self.CROSSING_HOLD)
         frees = [Gate([MERGE], self.MERGE_CLEAR), Gate([CROSSING], self.CROSSING_CLEAR)]

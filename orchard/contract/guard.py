@@ -95,7 +95,6 @@ class Guard:
         return action
 
     def _unpacked_memory(self) -> Any:
-        """The memory that the agent got, without what it has changed in it."""
         return None if self._packed is None else unpack(self._packed, self.Memory)
 
     def _keep(self, action: Action) -> None:
@@ -116,7 +115,6 @@ class Guard:
         self._packed = packed
 
     def _checked(self, action: Any) -> Action:
-        """Return an action with the same content, of exact types, if physics accepts it. Raises TypeError or ValueError if not."""
         if not isinstance(action, Action):
             raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
         twist, steps = self._checked_twist(action.twist), action.steps_done
@@ -130,7 +128,6 @@ class Guard:
         return checked
 
     def _checked_hold(self, hold: Any) -> Hold | None:
-        """Return a hold of exact types; None if it does not count. Raises ValueError or TypeError for a wrong one."""
         if hold is None or not self._may_hold:
             return None
         if not isinstance(hold, Hold):
@@ -149,7 +146,6 @@ class Guard:
     def _checked_messages(
         self, deeds: Any, requests: Any, answers: Any
     ) -> tuple[list[Deed], list[tuple[str, Request]], list[tuple[Heard, Answer]]]:
-        """Return deeds, requests and answers as recipients decode them. Raises TypeError or ValueError if physics would refuse them."""
         deeds, requests, answers = _listed("deeds", deeds), _listed("requests", requests), _listed("answers", answers)
         _refuse_more("deeds", len(deeds), limits.MOST_DEEDS)
         _refuse_more("requests", len(requests), limits.MOST_REQUESTS)
@@ -242,7 +238,6 @@ READ_ONLY = "What an agent is given is read-only. To change ranges, take a copy:
 
 
 def _advise(error: BaseException) -> None:
-    """Say what to do, if the agent tried to change what it was given."""
     text = text_of(error)
     is_array = isinstance(error, ValueError) and ("read-only" in text or "WRITEABLE" in text)
     words = ("immutable type", "can't set attribute", "no setter", "cannot assign", "mappingproxy")
@@ -276,7 +271,6 @@ def _of_kind(message: Any, type_: Any) -> Any:
 
 
 def _refuse_depth(messages: Sequence[Request | Answer]) -> None:
-    """Raise ValueError if the fields of a custom message are nested so deeply that some recipient could not read them."""
     for message in messages:
         if isinstance(message, CustomMessage) and not _is_shallow(message.fields, limits.MOST_LEVELS):
             raise ValueError(f"{message.name}: lists and maps are nested more than {limits.MOST_LEVELS} levels deep")

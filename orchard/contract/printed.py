@@ -70,7 +70,6 @@ def _close(files: list[io.TextIOWrapper]) -> None:
 
 
 def _follow(written: int, stream: Printed, is_over: Event) -> None:
-    """Pass on what is written to a file, and free its memory, until all is read."""
     at, is_last = 0, False
     while not is_last:
         is_last = is_over.wait(GLANCE)

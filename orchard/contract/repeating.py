@@ -34,7 +34,6 @@ class Repetition:
 
 
 def _copy_of(agent: Any) -> Any:
-    """A copy of an agent; an agent that cannot be copied is asked itself."""
     try:
         return deepcopy(agent)
     except MISTAKES as error:

@@ -84,7 +84,6 @@ class Calls:
         self._calling[tick].append(call)
 
     def _hear(self, tick: int) -> None:
-        """Let the carriers hear the bins that called at a tick. Each of them offers itself to the one that has called for longest."""
         calls, now = {call.bin: call for call in self._calling.pop(tick)}, tick + 1
         self._heard |= {call.bin: HeardCall(call.since, now) for call in calls.values()}
         offers: dict[str, list[Robot]] = {}

@@ -47,7 +47,6 @@ class Claimant:
             self._plan()
 
     def _plan(self) -> None:
-        """Send a claim at the first tick at which the robot would."""
         given_back = set(self.seen.holds[self.name]) != set(self.held)
         if not (self.wanted or given_back) or self._told == self._claim():
             return

@@ -173,7 +173,6 @@ class Robot(Follower):
         self.clear = meeting - here
 
     def _pause(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> simpy.Event:
-        """Return what ends a part of a drive: ticks pass, it is called, or it gets places. One that is held up looks again."""
         waits = bool(self.places.wanted)
         timeout = self.env.timeout(min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks)
         pause = first_of(self.env, [timeout, *called]) if called else timeout

@@ -143,7 +143,6 @@ def _point(number: int, given: Any) -> complex:
 
 
 def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[SurveyedLine]]:
-    """Return a plane at the lines, and the lines on it: m on the ground, east and north of its middle. Raises ValueError."""
     from pyproj import CRS
     from pyproj.exceptions import ProjError
 

@@ -220,7 +220,6 @@ def _alike(scenario: Scenario) -> Rows:
 
 
 def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
-    """Return the lanes of a surveyed orchard, and its lines of trees: each halfway between two rows, and as long as both."""
     rows, souths = survey.rows, [row.south for row in survey.rows]
     between = [(north + south) / 2 for north, south in pairwise(souths)]
     lines = [2 * souths[0] - between[0], *between, 2 * souths[-1] - between[-1]]

@@ -72,24 +72,22 @@ def _bare_grounds(solid: tuple[Obstacle, ...], areas: tuple[Obstacle, ...], insi
 
 
 class _Ground:
-    """The free places for bodies of one kind: within a rectangle, clear of all obstacles."""
-
     def __init__(self, within: Rect, kind: str, obstacles: Sequence[Obstacle]) -> None:
         self.within, self.radius = within, KINDS[kind].radius
         self.xs, self.ys = _steps(within.west, within.east), _steps(within.south, within.north)
         self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the free grid points
-        self.fixed, self.placed = np.array(obstacles), list[Obstacle]()
+        self.obstacles = np.array(obstacles)
         for obstacle in obstacles:
             self._close(obstacle)
 
     def copy(self) -> "_Ground":
         """Return the same ground, on which bodies can be placed."""
         other = copy(self)
-        other.open, other.placed = self.open.copy(), list(self.placed)
+        other.open = self.open.copy()
         return other
 
     def take(self, obstacle: Obstacle) -> None:
-        self.placed.append(obstacle)
+        self.obstacles = np.vstack([self.obstacles, obstacle])
         self._close(obstacle)
 
     def _close(self, obstacle: Obstacle) -> None:
@@ -101,11 +99,9 @@ class _Ground:
         self.open[rows, columns] &= _squared(*beside) >= reach * reach
 
     def free(self, x: float, y: float) -> bool:
-        return self.within.contains(x, y) and self._clears(self.fixed, x, y) and self._clears(np.array(self.placed).reshape(-1, 5), x, y)
-
-    def _clears(self, obstacles: np.ndarray, x: float, y: float) -> bool:
-        ox, oy, half_x, half_y, gap = obstacles.T
-        return bool(np.all(_squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (gap + self.radius) * (gap + self.radius)))
+        ox, oy, half_x, half_y, gap = self.obstacles.T
+        is_clear = _squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (gap + self.radius) * (gap + self.radius)
+        return self.within.contains(x, y) and bool(is_clear.all())
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
         """The nearest free grid point; of equally near ones the southernmost, then the westernmost."""

@@ -121,7 +121,6 @@ def _field(path: tuple[str, ...], model: type[BaseModel]) -> FieldInfo:
 
 
 def _meant(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
-    """The built-in name that a wrong name may stand for: '; did you mean nearest?'; '' if there is none."""
     known = [] if path[0] in _CLASSES else _field(path, model).examples or []
     near = difflib.get_close_matches(value[:60], map(str, known), n=1) if isinstance(value, str) else []
     return f"; did you mean {near[0]}?" if near else ""

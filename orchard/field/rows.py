@@ -74,7 +74,7 @@ def _block(given: Any) -> Block:
 
 
 def _cut(scenario: Scenario, ends: list[int]) -> dict[str, Block]:
-    """Return the rows from one end to the next for each picker; `ends`: the last row before each block, and that of the last block."""
+    """`ends`: the last row before each block, and that of the last block."""
     return {name: Block(tuple(range(ends[i] + 1, ends[i + 1] + 1))) for i, name in enumerate(_pickers(scenario))}
 
 

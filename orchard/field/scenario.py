@@ -237,7 +237,6 @@ class Scenario(Section):
         self._demand(spread.distribution == "none" or spread.cv <= most + 1e-9, text, *fields)
 
     def _demand_what_the_survey_says(self) -> None:
-        """The sizes of a surveyed orchard stand in the scenario too, for all that asks for no more."""
         if self.survey is None:
             return
         length = round(self.survey.length, 6)

@@ -62,7 +62,6 @@ class FrameBuilder:
         return {names[i]: tuple(now[i].tolist()) for i in np.flatnonzero(changed).tolist()}
 
     def _news_of(self, actions: Mapping[str, Action]) -> dict[str, tuple[str, State]]:
-        """The text and the state of each body that does something new. A robot without an agent stands after a stop."""
         said: dict[str, tuple[str, State]] = {name: ("standing", "resting") for name, (words, _) in self._said.items() if words == STOPPED}
         said |= {name: (words_of(action), state_of(action)) for name, action in actions.items() if action.doing or action.state}
         news = {name: now for name, now in said.items() if self._said.get(name) != now}

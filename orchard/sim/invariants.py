@@ -98,7 +98,6 @@ class Invariants:
     # -- each call ends in one exchange
 
     def _check_event(self, event: Event) -> Iterator[tuple[str, str]]:
-        """A full bin is taken by one carrier and unloaded on it, and its picker takes an empty bin."""
         body, other, known = event.who, event.whom, self.known
         match event.what:
             case "row picked":
@@ -146,7 +145,6 @@ def _row_faults(before: list[float], rows: list[float], lengths: list[float]) ->
 
 
 def _misplaced_bins(world: World) -> Iterator[tuple[str, str]]:
-    """Bins that are not at exactly one place: uncoupled, or coupled to one robot, which is coupled to them."""
     names, coupled, bay = world.layout.names, world.coupled.tolist(), world.bay_ticks.tolist()
     on: dict[int, list[str]] = {i: [] for i, name in enumerate(names) if kind_of(name) == "bin"}
     for i, j in enumerate(coupled):

@@ -81,7 +81,8 @@ class Lookahead:
         index = self._layout.index
         for name, action in actions.items():
             if (i := index.get(name)) is None:
-                self._hold_bodiless(world.tick, name, action)
+                if name in self._bodiless:
+                    self._bodiless[name] = 0 if action.hold is None else min(action.hold.until, world.tick + MOST_HOLD)
                 continue
             self.wanted[i] = action.twist
             self._until[i] = 0
@@ -94,10 +95,6 @@ class Lookahead:
                 self._watched, self._was_occupied, self._freer_within, self._was_left_freer, self._spans, self._begin,
             )  # fmt: skip
         return dict.fromkeys(self._due) | dict(actions)
-
-    def _hold_bodiless(self, tick: int, name: str, action: Action) -> None:
-        if name in self._bodiless:
-            self._bodiless[name] = 0 if action.hold is None else min(action.hold.until, tick + MOST_HOLD)
 
     def _begin_hold(self, i: int, tick: int, hold: Hold) -> None:
         self._until[i], self._freer_within[i] = min(hold.until, tick + MOST_HOLD), hold.freer_within

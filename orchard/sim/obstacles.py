@@ -29,7 +29,6 @@ def _name(world: "World", body: int) -> str:
 
 
 def _bodies_in_the_way(world: "World", robot: int, ahead: bool) -> list[int]:
-    """The solid bodies in the box ahead of a robot, or around it within the reach of its bin; the nearest first."""
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     own, area = boxes[robot], _box_ahead(boxes[robot]) if ahead else _box_around(boxes[robot], world.layout.names[robot])

@@ -58,7 +58,6 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
-    """The events for rows that are picked and bins that are full; picked_from: one row index for each picker, or NONE."""
     events, names = [], world.layout.names
     for i, r in zip(world.fixed.pickers.tolist(), picked_from.tolist(), strict=True):
         if r == NONE:

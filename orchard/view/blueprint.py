@@ -85,11 +85,7 @@ def _legend() -> rrb.Spatial2DView:
 def _spaces(layout: Layout) -> rrb.Tabs:
     y = layout.lane(1).y
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
-    return rrb.Tabs(
-        at_work(layout),
-        _space("Orchard", IN_SPACE, _outside(layout)),
-        _space("Under the pergola", IN_SPACE, inside),
-    )
+    return rrb.Tabs(at_work(layout), _space("Orchard", IN_SPACE, _outside(layout)), _space("Under the pergola", IN_SPACE, inside))
 
 
 def at_work(layout: Layout) -> rrb.Spatial3DView:

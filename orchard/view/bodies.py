@@ -101,7 +101,6 @@ class BodyView:
                 self.rec.log(path, model("weed") if grown else rr.Clear(recursive=False))
 
     def _is_new(self, path: str, value: int) -> bool:
-        """Whether an entity does not show this value yet. From now on it does."""
         before, self._shown[path] = self._shown.get(path), value
         return before != value
 
@@ -156,7 +155,6 @@ class RowView:
 
 
 def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
-    """Return a lane's ground as CHUNKS pieces: corners, (4 CHUNKS, 3), and triangles, (2 CHUNKS, 3)."""
     edges, half = np.linspace(lane.west, lane.east, CHUNKS + 1), lane.width / 2 - 0.6
     south, north = lane.y - half, lane.y + half
     corners = [[(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)] for w, e in pairwise(edges)]

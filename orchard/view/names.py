@@ -53,7 +53,6 @@ class NameView:
         return (LETTER * len(label) + PADDING) / 2 * self.scale, HEIGHT / 2 * self.scale
 
     def _log_rows(self, layout: Layout) -> np.ndarray:
-        """Log the numbers of the rows. Return what they cover, (r, 4) m: middle and half size."""
         x, labels = X_WEST - MARGIN / 2, [f"{lane.number}" for lane in layout.lanes]
         points = [(x, lane.y + DROP * self.scale, ROW_Z) for lane in layout.lanes]
         numbers = rr.Points3D(points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
@@ -70,7 +69,6 @@ class NameView:
             self.rec.log("plan/names", rr.Points3D.from_fields(positions=points))
 
     def _placed(self, pins: np.ndarray) -> np.ndarray:
-        """Return the middles of the names, (k, 2) m: each where the least speaks against it, after those before it."""
         taken = np.concatenate([self._rows, np.zeros((len(pins), 4))])
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
         boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])

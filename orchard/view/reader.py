@@ -126,7 +126,6 @@ def ticks_of(chunk: Chunk) -> list[int]:
 
 
 def _values(chunk: Chunk, name: str) -> Iterator[tuple[int, int]]:
-    """Yield (value, tick) of one component of a chunk; nothing if the chunk lacks it."""
     batch = chunk.to_record_batch()
     if name in batch.schema.names:
         for value, tick in zip(batch[name].to_pylist(), ticks_of(chunk), strict=True):
@@ -143,5 +142,4 @@ def _words(chunk: Chunk) -> list[dict[str, Colour]]:
 
 
 def _colour(rgba: int) -> Colour:
-    """Return the sRGB colour of Rerun's number for it, 0xRRGGBBAA."""
     return rgba >> 24 & 255, rgba >> 16 & 255, rgba >> 8 & 255

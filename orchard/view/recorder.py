@@ -153,7 +153,6 @@ class Recorder:
             self._send_scans()
 
     def _send_poses(self) -> None:
-        """Send the poses that have changed, all in one entity; each row names the body's frame."""
         if self._poses:
             ticks, poses = zip(*self._poses, strict=True)
             changed = (np.array(poses) != np.array([self._last, *poses[:-1]])).any(axis=2)

@@ -147,7 +147,6 @@ def _queue(layout: Layout) -> list[Part]:
 
 
 def _fences(layout: Layout) -> list[Part]:
-    """Return the fences, 2.5 m high with gaps: a kerb as wide as the laser sees it, a post about every 5 m, three rails."""
     x, y = (field.X_WEST, layout.east), (layout.bottom, field.TOP)
     width, length = x[1] - x[0], y[1] - y[0]
     middle_x, middle_y = sum(x) / 2, sum(y) / 2

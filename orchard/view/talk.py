@@ -42,7 +42,6 @@ def gathered(events: Sequence[Event]) -> list[Event]:
 
 
 def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
-    """Group the messages of one kind that have the same body at `end` ("who" or "whom"). Other events stay alone."""
     groups: dict[Hashable, list[Event]] = {}
     for event in events:
         is_said = palette.plain(event.what) in palette.TALK and event.whom
@@ -107,13 +106,11 @@ class Talk:
             self._there = bool(seen)
 
     def _drawn(self, tick: int, event: Event) -> Drawn | None:
-        """Return the arc of an event; None for an event that is not shown as one."""
         look, start, end = palette.TALK.get(palette.plain(event.what)), self.index.get(event.who), self.index.get(event.whom)
         return None if look is None or start is None or end is None else Drawn(tick + round(look.seconds / TIME_STEP), start, end, look)
 
 
 def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the points of an arc between two bodies, (ARC_POINTS, 3), m. It is higher the further they are apart."""
     along = np.linspace(0.0, 1.0, ARC_POINTS)[:, None]
     flat = start[:2] + along * (end[:2] - start[:2])
     rise = 0.05 * float(np.hypot(*(end[:2] - start[:2]))) + 1.0

@@ -63,7 +63,7 @@ class Carrier:
         return robot.finish()
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
-        """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it; a busy one says no."""
+        """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it."""
         job, body = robot.memory.job, heard.body
         if isinstance(body, CarrierQuery):
             return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, self.layout.queue.head - robot.pose.x))

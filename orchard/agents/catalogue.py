@@ -42,7 +42,7 @@ AGENTS: dict[str, type[Any]] = {
 
 
 def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[str, Guard]:
-    """Make these agents of an orchard, or all. Return them by name, sorted; each is built-in or of the class that the scenario names."""
+    """Make these agents of an orchard, or all. Return them by name, sorted."""
     own = agent_classes(layout)
     wanted = sorted(name for name in layout.agents if names is None or name in names)
     return {name: _made(own.get(name), layout, name) for name in wanted}

@@ -1,4 +1,4 @@
-"""The agent `dispatch`, the dispatcher: it gathers the reports of bins and carriers, and sends carriers by the scenario's policy."""
+"""The dispatcher: it gathers the reports of bins and carriers, and sends carriers by the scenario's policy."""
 
 import logging
 
@@ -146,7 +146,7 @@ def aged(report: BinReport, ticks: int) -> BinReport:
 
 
 def fault_of(policy: Dispatch, path: str, error: BaseException, tick: int) -> str:
-    """Return what is wrong with a decision of a policy, and where in the user's file. `path`: the policy's name in the scenario."""
+    """Return what is wrong with a policy's decision, and where in the user's file. `path`: its name in the scenario."""
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     return f"dispatch policy {path}, tick {tick}: {fault}{place_of_error(error) or place_of_class(type(policy))}"
 

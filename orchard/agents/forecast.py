@@ -45,7 +45,7 @@ class Forecast:
         return Ripening(lane.number, side, until_full(self.layout, lane.number, side, left / picking_speed, before), before)
 
     def ticks(self, ripening: Ripening) -> int:
-        """Return the ticks until the bin must look again, if its picker keeps its velocity: it may have to call, or its picker may pick."""
+        """Return the ticks until the bin must look again, if its picker keeps its velocity."""
         call = int((ripening.seconds - self.horizon) / TIME_STEP)
         return max(1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call))
 

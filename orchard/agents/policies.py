@@ -1,4 +1,4 @@
-"""The built-in dispatch policies, and the one that a scenario names: a built-in one, or a user's class. docs/bounds.md compares them."""
+"""The built-in dispatch policies, and the one that a scenario names. docs/bounds.md compares them."""
 
 from collections.abc import Sequence
 from types import MappingProxyType
@@ -16,7 +16,7 @@ MARGIN = 5.0  # s by which an order of a predictive policy is given too early ra
 
 
 class Ranking:
-    """The first of the bins that are due gets the free carrier that is nearest to the queue's head, the second one the next, and so on."""
+    """The first of the bins that are due gets the free carrier that is nearest to the queue's head, and so on."""
 
     Memory: type = dict  # empty
 
@@ -68,7 +68,7 @@ class PredictiveMemory(msgspec.Struct):
     full: dict[str, int] = {}  # bin -> the tick at which it will be full, or was
 
     def note(self, now: int, report: BinReport) -> None:
-        """Take the estimate of a bin that still fills. A full bin keeps its last one; without one in this call it has just become full."""
+        """Take the estimate of a bin that still fills. A full bin keeps its last one; without one it has just become full."""
         if report.seconds_to_full > 0.0 or self.full.get(report.name, -1) < report.since:
             self.full[report.name] = now + round(report.seconds_to_full / TIME_STEP)
 

@@ -210,7 +210,7 @@ class PlanExecutor:
         return bool(self.memory.moving and self.seen.twist == STILL)
 
     def hold(self, ticks: int = MOST_HOLD) -> None:
-        """Say that the present step would command the same for so many ticks, unless it hears something or something gets in the way."""
+        """Say that the present step would command the same for so many ticks, unless it hears or meets something."""
         self._until = self.seen.tick + min(ticks, MOST_HOLD)
 
     def next(self, steps: Sequence[Step]) -> None:
@@ -366,7 +366,7 @@ class PlanExecutor:
         return found.near
 
     def _claim(self) -> None:
-        """Send traffic the places that are kept and wanted: when a place was given back, and again and again while one is wanted."""
+        """Send traffic the places that are kept and wanted: when one was given back, and again while one is wanted."""
         memory, since = self.memory, self.seen.tick - self.memory.claimed
         given_back = sorted(memory.agreed) != sorted(memory.held)
         if (self.wanting and since >= PATIENCE) or (given_back and since >= GIVEN_BACK):

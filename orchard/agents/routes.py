@@ -20,7 +20,7 @@ def route_of(layout: Layout) -> OneWay:
 
 
 def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:
-    """Return the metres by road from the queue's head to a carrier's stop at a lane, and the time from its departure until then, s."""
+    """Return a carrier's way from the queue's head to its stop at a lane: metres by road, and seconds."""
     head = route.queue.place(0)
     return route.distance(head.x, head.y, lane, side), duration(route.approach(lane, side), head)
 
@@ -31,7 +31,7 @@ def duration(steps: list[Step], start: Pose) -> float:
 
 
 def timetable(steps: list[Step], start: Pose) -> Iterator[tuple[Step, Pose, float, float]]:
-    """Each step of a plan, the pose in which it begins, and when it begins and ends without obstacles, s. Only motion takes time."""
+    """Each step of a plan, the pose in which it begins, and when it begins and ends, s. Only motion takes time."""
     pose, begins = start, 0.0
     for step in steps:
         end, seconds = step.motion(pose)

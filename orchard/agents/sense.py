@@ -161,7 +161,7 @@ def is_path_free(seen: Observation, reach: float) -> bool:
 
 
 def free_directions(seen: Observation, reach: float, count: int = 13) -> list[float]:
-    """Return the free ones of `count` directions from right to left, rad from straight ahead: nothing is in the path up to a reach."""
+    """Return the free ones of `count` directions from right to left, rad from straight ahead, up to a reach."""
     kind = KINDS[kind_of(seen.name)]
     points = _returns(seen.scan, kind.laser, seen.scan < reach + kind.width)
     angles = [repeatable.PI * (i / (count - 1) - 0.5) for i in range(count)]

@@ -34,7 +34,7 @@ UNCOUPLE = BIN_FOLLOWS + COUPLE
 TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
-PASSED = 0.5  # m past a gate from which a robot that is not sure of its place takes it to be behind; none gives a place back so soon
+PASSED = 0.5  # m past a gate from which a robot that is not sure of its place takes it to be behind
 LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off them for nothing
 
 
@@ -163,7 +163,7 @@ class Ahead(Step, frozen=True):
 
 
 class MoveTo(Step, frozen=True):
-    """Drive to a point: first along the axis that the robot faces, turning about if the point lies behind, then along the other axis."""
+    """Drive to a point: first along the axis that the robot faces, then along the other one."""
 
     x: float
     y: float
@@ -230,7 +230,7 @@ class Alone(Step, frozen=True):
 
 
 class Deliver(Step, frozen=True):
-    """For carriers: leave the empty bin on the picker's coupling point, and repeat that to the picker until it has taken the bin."""
+    """For carriers: leave the empty bin on the picker's coupling point, until the picker has taken it."""
 
     handles = UNCOUPLE
     ticks = handles + PATIENCE + ASK
@@ -246,7 +246,7 @@ class Deliver(Step, frozen=True):
 
 
 class Coupling(Step, frozen=True, kw_only=True):
-    """A step that couples a bin. A robot that is not sure of its place, and so may stand beside the coupling point, searches for it."""
+    """A step that couples a bin. A robot that is not sure of its place searches for the coupling point."""
 
     handles = COUPLE
     tried: int = 0  #: places of the search in which it has tried
@@ -281,7 +281,7 @@ class Aim(Step, frozen=True):
 
 
 class Shift(Step, frozen=True):
-    """Drive slowly, forward or backward, to the point nearest to (x, y) on the line along which the robot faces, or up to an obstacle."""
+    """Drive slowly, ahead or back, to the point nearest to (x, y) on the robot's line, or up to an obstacle."""
 
     x: float
     y: float
@@ -307,7 +307,7 @@ class TakeBin(Coupling, frozen=True):
 
 
 class Fill(Step, frozen=True):
-    """For pickers that are not sure of their place: at the end of a row, drive on little by little until the bin says that it is full."""
+    """For pickers that are not sure of their place: at a row's end, drive on little by little until the bin is full."""
 
     most: float  #: m
 
@@ -356,7 +356,7 @@ class FetchEmpty(Coupling, frozen=True):
 
 
 class MayFail(Step, frozen=True):
-    """Decide, before a picker drives along a row, whether it fails on the way: after the drawn time of picking. Then add its repair."""
+    """Decide, before a picker drives along a row, whether it fails on the way. Then add its repair."""
 
     seed: int
     mean_between: float  #: s of picking
@@ -379,7 +379,7 @@ class MayFail(Step, frozen=True):
 
 
 class Repair(Step, frozen=True):
-    """Stand for `seconds`. Each part of it is a step of its own, because a run in which no robot finishes one for long is jammed."""
+    """Stand for `seconds`, in parts: a run in which no robot finishes a step for long is jammed."""
 
     seconds: float
 
@@ -390,7 +390,7 @@ class Repair(Step, frozen=True):
 
 
 class Unload(Step, frozen=True):
-    """For carriers: stand in the bay until the bin reports that it is no longer full. The carrier asks it every PATIENCE ticks."""
+    """For carriers: stand in the bay until the bin, asked every PATIENCE ticks, is no longer full."""
 
     ticks = -(-(BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1) // PATIENCE) * PATIENCE + ASK
 

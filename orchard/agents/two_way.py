@@ -1,4 +1,4 @@
-"""The route `two-way`: on each side deliveries drive south on the outer road, and full bins north on the inner one (docs/traffic.md)."""
+"""The route `two-way`: deliveries drive south on the outer roads, full bins north on the inner ones (docs/traffic.md)."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -40,7 +40,7 @@ class TwoWay(OneWay):
     CORNER_HOLD = 16.6  # y at which a carrier with a delivery waits for the first lane and then for the north-east corner
     CORNER_CLEAR = 9.95  # y at which the bin of a delivery has left that corner
     BIN_CLEAR = 35.2  # x at which a full bin that turned west has left the delivery road
-    WEST_HOLD = -37.0  # x on both top roads at which a carrier waits for the crossing, or to merge with the full bins of the west side
+    WEST_HOLD = -37.0  # x on both top roads at which a carrier waits for the crossing, or to merge
     MERGE_HOLD = 11.4  # y at which a full bin of the west side waits to merge
     MERGE_CLEAR = 18.6  # y at which it has left the merge
     CROSSING_HOLD = 15.9  # y at which a full bin waits to cross the deliveries to the west
@@ -108,7 +108,7 @@ class TwoWay(OneWay):
         return [drive, Face("SOUTH"), self._deliver(lane, side, [*onward, *corner], frees)]
 
     def _exit_clear(self, side: Side) -> float:
-        """x at which a carrier that drives straight on gives its line's place back, m: before it may have to stop, or beyond its hold."""
+        """x at which a carrier that drives on gives its line's place back, m: before it may have to stop, or beyond its hold."""
         clear, hold = self.connector + self.EXIT_CLEAR, side.x(self.ENTRY_HOLD)
         return clear if clear <= side.x(self.ENTRY_SIGHT) else max(clear, hold + LITTLE)
 
@@ -163,7 +163,7 @@ class TwoWay(OneWay):
         return DriveTo(y=stop, needs=[*needs, *enter], frees=[*leave, *frees])
 
     def _northward(self, lane: int, side: Side) -> tuple[list[Gate], list[Gate]]:
-        """The gates of a full bin's way north from a lane past all others: where it needs their places, and where it gives them back."""
+        """The gates of a full bin's way north from a lane: where it needs the places of lanes, and where it gives them back."""
         lanes = [(n, side.place("F", n), self.layout.lane(n).y) for n in range(lane, 0, -1)]
         enter = [Gate([place], y - self.F_HOLD) for n, place, y in lanes if n != lane]
         return enter, [Gate([place], y + self.F_CLEAR) for _, place, y in lanes]

@@ -1,4 +1,4 @@
-"""People, who walk straight on, and animals, which choose anew every 3 s. They turn away from obstacles, and never linger for long."""
+"""People, who walk straight on, and animals, which choose anew every 3 s. None lingers for long."""
 
 import math
 

@@ -40,6 +40,6 @@ class Weed:
 
 
 def silhouette(scan: np.ndarray) -> tuple[int, int]:
-    """Return a number for all that is near, which changes when that moves, and the number of beams. Whole millimetres make sums exact."""
+    """Return a number for all that is near, and the number of beams. Whole millimetres make sums exact."""
     near = scan[scan < NEAR]
     return (int(((NEAR - near) * 1000).astype(np.int64).sum()) if near.size else 0), near.size

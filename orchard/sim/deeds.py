@@ -81,7 +81,7 @@ def _flatten(world: World, weed: int) -> str:
     _refuse_if(not world.alive[weed], "it is flat")
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    near = [i for i, box in enumerate(boxes) if gap(boxes[weed], box) <= WEED_REACH and world.twist[i].any()]  # only solid bodies move
+    near = [i for i, box in enumerate(boxes) if gap(boxes[weed], box) <= WEED_REACH and world.twist[i].any()]
     _refuse_if(not near, "nothing moves within 1 m")
     world.alive[weed] = False
     return world.layout.names[near[0]]

@@ -126,7 +126,7 @@ class IgnoredHolds(Lookahead):
 
 
 class CheckedHolds(Lookahead):
-    """Asks all agents at every tick, and tells how the answer of an agent that holds differs from its last one. The hold counts."""
+    """Asks all agents at every tick, and tells how the answer of an agent that holds differs from its last one."""
 
     def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
         super().__init__(world, begin, asked)

@@ -1,4 +1,4 @@
-"""Which bodies are in the way of a robot that reports an obstacle. The robot's laser sees returns only; the world knows the bodies."""
+"""Which bodies are in the way of a robot that reports an obstacle: its laser sees returns only."""
 
 from typing import TYPE_CHECKING
 

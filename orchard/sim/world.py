@@ -1,4 +1,4 @@
-"""The state of the orchard, which only physics changes: all that a snapshot must hold. Bodies are in the order in which they move."""
+"""The state of the orchard, which only physics changes: all that a snapshot must hold."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -37,13 +37,13 @@ class Fixed(NamedTuple):
     wall_frame: np.ndarray  # the Grid of the walls that a body in each cell could touch
     wall_begin: np.ndarray
     wall_members: np.ndarray
-    body_frame: np.ndarray  # of a Grid of bodies: two that could touch within a step are in the same cell or in neighbouring cells
+    body_frame: np.ndarray  # of a Grid of bodies: two that could touch within a step are in neighbouring cells
     walls_in_sight: Grid  # the Grid of the walls that a laser in each cell could reach
     carriers: np.ndarray  # int64: their indices
 
 
 class Space(NamedTuple):
-    """Arrays in which a step of n bodies works: a kernel that makes none is called in half the time. They hold no state between steps."""
+    """Arrays in which a step of n bodies works: a kernel that makes none is called in half the time."""
 
     boxes: np.ndarray  # (n, 7): the bodies at their poses
     cells: np.ndarray  # the Grid of the bodies, as `space_for` makes it

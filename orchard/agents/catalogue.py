@@ -49,7 +49,7 @@ def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[st
 
 
 def agent_classes(layout: Layout) -> dict[str, str]:
-    """Return the classes that the scenario names, by agent. A name overrides a kind. Raises ValueError for a word that is neither."""
+    """Return the scenario's own classes, by agent. A name overrides a kind. Raises ValueError for a word that is neither."""
     classes = layout.scenario.agents
     paths: dict[str, str] = dict(layout.scenario.agents_without_body)
     for word in sorted(classes, key=lambda word: word in layout.agents):

@@ -51,7 +51,7 @@ class Dispatch(Protocol):
     Memory: type
 
     def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any, /) -> list[Assignment]:
-        """Return which of the carriers with `is_next` fetches which bin; each carrier and each bin at most once. `now`: the tick."""
+        """Return which of the carriers with `is_next` fetches which bin; each at most once. `now`: the tick."""
         ...
 
 

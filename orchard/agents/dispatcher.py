@@ -24,7 +24,7 @@ BOOKED_TICKS = 10  # ticks for which a carrier counts as taken after its bin was
 
 
 class PolicyFault(RuntimeError):
-    """Raised where a decision of a policy that cannot be ends a run: the text says what is wrong, and where in the user's file."""
+    """Raised where a decision that cannot be ends a run: the text says what is wrong, and where in the user's file."""
 
 
 class Booking(msgspec.Struct):

@@ -29,7 +29,7 @@ class Forecast:
         self.layout, self.horizon = layout, horizon(layout)
 
     def of(self, seen: Observation, picker: Hitch, picking_speed: float) -> Ripening | None:
-        """Return the forecast for a bin on a picker; None unless the picker is in a row that it has still to pick, or drives into one.
+        """Return the forecast for a bin on a picker; None unless the picker is in a row that is not picked, or drives into one.
 
         `picking_speed`: m/s in this row. A picker that stands before a row may have to wait for roads that early carriers block.
         """

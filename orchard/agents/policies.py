@@ -74,12 +74,12 @@ class PredictiveMemory(msgspec.Struct):
 
 
 def slack(report: BinReport) -> float:
-    """Return the time for which a carrier may still wait in the queue, and yet come when the bin is full, s; negative if it is late."""
+    """Return the time for which a carrier may still wait in the queue, s; negative if it is late."""
     return report.seconds_to_full - report.seconds_to_reach - MARGIN
 
 
 class Predictive(Ranking):
-    """A carrier leaves so that it arrives when the picker is done. The bin for which it is latest gets a carrier first. Ties by name."""
+    """A carrier leaves so that it arrives when the picker is done; the bin for which it is latest first. Ties by name."""
 
     Memory: type = PredictiveMemory
     early = True
@@ -97,7 +97,7 @@ class Predictive(Ranking):
 
 
 class PredictiveFarthest(FarthestFirst):
-    """A carrier leaves so that it arrives when the picker is done; of the bins for which it is time the farthest first. Ties by name."""
+    """A carrier leaves so that it arrives when the picker is done; of the bins due the farthest first. Ties by name."""
 
     early = True
 

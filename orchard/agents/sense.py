@@ -1,4 +1,4 @@
-"""What an agent finds in its scan and in the answers of bystanders: whether the way or a turn is free, and which side is freer.
+"""What an agent finds in its scan and in the answers of bystanders: is the way or a turn free, which side is freer?
 
 Points are in the agent's own frame: metres ahead of its centre, metres to its left.
 
@@ -24,7 +24,7 @@ from orchard.field.scenario import TIME_STEP
 
 STOP_DISTANCE = 0.8  # m from the front edge: a robot stops for what is nearer (docs/reference.md, "The behaviours")
 SIDE_MARGIN = 0.2  # m by which the corridor ahead is wider on either side
-UNSURE_MARGIN = 0.03  # m, of a robot that is not sure of its place: beside its road, 0.25 m from its side, stand waiting pickers
+UNSURE_MARGIN = 0.03  # m, of a robot that is not sure of its place: 0.25 m from its side stand waiting pickers
 TURN_MARGIN = 0.05  # m around the area that a turn sweeps
 BACK = 0.2  # m behind it that a robot sees free before it drives back
 _SWEEP_STEP = repeatable.PI / 48  # rad between the poses at which a turn is checked
@@ -121,7 +121,6 @@ def _swept(points: np.ndarray, boxes: list[tuple[float, float, float]], turn: fl
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
-    """The returns within a radius of the centre, (m, 2), from the robot's scan and its bin's, without the robot itself."""
     own = _returns(seen.scan, kind.laser, seen.scan < radius)
     if seen.hitch is None or seen.hitch.scan is None:
         return own

@@ -35,7 +35,7 @@ TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
 PASSED = 0.5  # m past a gate from which a robot that is not sure of its place takes it to be behind
-LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off them for nothing
+LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off
 
 
 class Say(Step, frozen=True):
@@ -51,7 +51,7 @@ class Say(Step, frozen=True):
 
 
 class DriveTo(Step, frozen=True):
-    """Drive straight on, along the axis that the robot faces, until x (or y) is exactly the target; slower in the last step."""
+    """Drive straight on until x (or y) is exactly the target; slower in the last step."""
 
     x: float | None = None
     y: float | None = None
@@ -99,7 +99,7 @@ class DriveTo(Step, frozen=True):
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
     def _limit(self, robot: PlanExecutor, here: float, past: float, ahead: float, target: float) -> float:
-        """The target, or the first gate before it with places that the robot does not hold. `past`: to where it has passed gates."""
+        """The target, or the first gate before it with places that it does not hold. `past`: to where it has passed gates."""
         for gate in self.needs:
             if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.holds(gate.places):
                 if ahead * (gate.at - here) < self.asks_before and (not gate.bin or robot.is_left(gate.bin)):
@@ -177,7 +177,6 @@ class MoveTo(Step, frozen=True):
 
 
 def _towards(positive: str, negative: str, distance: float) -> str:
-    """The heading in which to drive a distance along an axis; '' for no distance."""
     return "" if abs(distance) <= EXACT else positive if distance > 0 else negative
 
 

@@ -96,7 +96,6 @@ class TwoWay(OneWay):
         return self._to_the_east(y, lane) if side is self.east else self._to_the_west(y, lane)
 
     def _to_the_east(self, y: float, lane: int) -> list[Step]:
-        """Drive along the line's road to the delivery road, and south on it, where the roads of the lines south of it come in."""
         side, exit_, entries = self.east, self._lines("exit", y)[:1], self._lines("entry", y)
         turn = [Gate([place], side.x(self.ENTRY_HOLD)) for place, _ in entries[:2]]
         straight = [Gate([place], self.queue.head) for place, _ in exit_]
@@ -113,7 +112,6 @@ class TwoWay(OneWay):
         return clear if clear <= side.x(self.ENTRY_SIGHT) else max(clear, hold + LITTLE)
 
     def _to_the_west(self, y: float, lane: int) -> list[Step]:
-        """Drive south on the connector, over the roads of the lines south of it, and west over the full bins' way to the bay."""
         side, exits = self.west, self._lines("exit", y)
         turn = [Gate([place], self.queue.head) for place, _ in exits[:2]]
         onward = [Gate([place], line + self.LINE_HOLD) for place, line in exits[2:]]

@@ -148,7 +148,7 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
 
 
 def hold_of(seen: Observation, memory: WalkerMemory, twist: Twist, evading: str, until: int = LAST_TICK) -> Hold | None:
-    """Return how long a walker keeps its velocity: while it recovers, turns, steers, or has a free path. `until`: when its whim ends."""
+    """Return how long a walker keeps its velocity: as long as it does the same. `until`: when its whim ends."""
     if seen.tick < memory.recovers_until:
         return Hold(min(until, memory.recovers_until))
     until = min(until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist) + 1)
@@ -167,7 +167,7 @@ def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:
 
 
 def way_out(seen: Observation, chance: float) -> float:
-    """Return the angle to one of the free directions, rad, chosen by `chance` (0 to 1); if none is free, a direction behind."""
+    """Return the angle to a free direction, rad, chosen by `chance` (0 to 1); if none is free, to one behind."""
     for reach in FREE:
         if free := free_directions(seen, reach):
             return free[int(chance * len(free))]

@@ -206,7 +206,6 @@ class Dispatched(Calls):
         return BinReport(call.bin, call.lane, call.side.name, call.picker, call.since, metres, left, reach)
 
     def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
-        """The bin hears of its carrier when it reports again, and sends for it."""
         report = call.since + CALL_AGAIN * ceil((now - call.since) / CALL_AGAIN)
         yield self.env.timeout(report + HEARD + ORDERED - self.env.now)
         self.open.remove(call)

@@ -213,7 +213,6 @@ class Robot(Follower):
         return gate_at, inf, None
 
     def _leave(self, line: Line, at: float) -> bool:
-        """Begin a drive. Return whether the robot is on this line already; else its tail is still on the line before."""
         return self.line == line or (self.line is None and self._arrive(line, at))
 
     def _arrive(self, line: Line, at: float) -> bool:

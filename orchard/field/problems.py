@@ -136,7 +136,6 @@ def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
 
 
 def _paths(model: type[BaseModel], before: str = "") -> dict[str, str]:
-    """The keys of a model and of its sections, each with its dotted path; of two equal keys the outer one."""
     found: dict[str, str] = {}
     for name, field in model.model_fields.items():
         if section := _section(field):

@@ -71,7 +71,6 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
 
 
 def _unload(world: World) -> list[Event]:
-    """Count the ticks of one full bin at rest in the bay, and empty it after UNLOADING_TICKS."""
     waiting = [i for i in world.full.nonzero()[0].tolist() if _rests_in_bay(world, i)]
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0

@@ -115,7 +115,6 @@ def _ground(layout: Layout) -> list[Part]:
 
 
 def _fields() -> list[Part]:
-    """Return a patchwork of fields up to the horizon, the same every time. One of them is the orchard's meadow."""
     draw = np.random.default_rng(1)
     edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
     squares = [(west, south, east, north) for west, east in pairwise(edges) for south, north in pairwise(edges)]

@@ -119,7 +119,6 @@ def main() -> None:
 
 
 def _end_with_input(viewer: int) -> NoReturn:
-    """Wait until the standard input ends, and end the viewer's server; or until that has ended."""
     while os.getppid() == viewer and not select.select([sys.stdin], [], [], LOOK_SECONDS)[0]:
         pass
     if os.getppid() == viewer:

@@ -36,15 +36,11 @@ def _run(inbox: Inbox, options: LoggerOptions) -> int:
     with client(options.connect, inbox, identity=identity_in(options.secure, options.prefix)) as bus:
         code, file = record(bus, Keys(options.prefix), part, options.serve, options.session)
     if file is not None and code == 0:
-        _pack(file)
+        try:
+            optimize(file)
+        except OSError as error:
+            log.error("%s", error)
     return code
-
-
-def _pack(file: Path) -> None:
-    try:
-        optimize(file)
-    except OSError as error:
-        log.error("%s", error)
 
 
 if __name__ == "__main__":

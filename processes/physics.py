@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -21,14 +22,16 @@ from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError
 from orchard.net.process import run_process
 from orchard.net.zenoh_bus import client, router
 from orchard.security.identity import identity_in
-from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.server.snapshots import last, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.wire.keys import Keys
 
+if TYPE_CHECKING:
+    from orchard.server.loop import RunLoop
+
 Opened = Callable[[RunOptions, Inbox], AbstractContextManager[Bus]]
-Ready = Callable[[RunLoop], None]
+Ready = Callable[["RunLoop"], None]
 
 
 def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManager[Bus]:
@@ -39,7 +42,7 @@ def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManag
     return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
 
 
-def rehearsed(loop: RunLoop) -> None:
+def rehearsed(loop: "RunLoop") -> None:
     """Compile what the first tick needs, and settle the memory of the process."""
     loop.run.engine.rehearse()
     settle()
@@ -71,7 +74,8 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
 
 
 def _simulate_once(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Ready) -> tuple[int, RunOptions | None]:
-    from orchard.sim.engine import Engine  # not at the top: while numba loads, other processes can connect
+    from orchard.server.loop import RunLoop  # not at the top: while numba loads, other processes can connect
+    from orchard.sim.engine import Engine
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
     holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word

@@ -238,11 +238,12 @@ def _router(process: SimulatedProcess) -> int:
 
 
 class _NoWriter:
-    """Takes the place of the thread that writes a recording: the frames stay in the queue."""
+    """Takes the place of the job that writes a recording: the frames stay in the queue."""
 
-    error = None
+    def done(self) -> bool:
+        return False
 
-    def join(self) -> None:
+    def result(self) -> None:
         pass
 
 
@@ -254,7 +255,7 @@ def _logger(process: SimulatedProcess) -> int:
         process.world.frames.append(queue)
         logger = Logger(bus, keys, run.run, lay_out(check(run.scenario, "the scenario that physics sent")), queue)
         logger.listen(run.run)
-        return logger.run(_NoWriter())  # type: ignore[arg-type]
+        return logger.run(_NoWriter())[0]  # type: ignore[arg-type]
 
 
 BODIES: dict[str, Callable[[SimulatedProcess], int]] = {

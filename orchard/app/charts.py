@@ -44,24 +44,20 @@ class Charts:
         if courses == self._shown:
             return
         self._shown = dict(courses)
-        self._name(courses)
+        self._legend.clear()
+        with self._legend:
+            for number, name in enumerate(filter(None, courses)):
+                with ui.element("div").classes("legend-entry"):
+                    ui.element("div").classes("legend-mark").style(f"background:{colour(number)}")
+                    ui.label(name)
         for title, (box, chart) in self._charts.items():
             lines = {name: points for name, course in courses.items() if (points := course[title])}
             box.set_visibility(bool(lines))
             chart.options["series"] = [_line(name, points, STEPS[title], n) for n, (name, points) in enumerate(lines.items())]
             chart.update()
 
-    def _name(self, names: Iterable[str]) -> None:
-        self._legend.clear()
-        with self._legend:
-            for number, name in enumerate(filter(None, names)):
-                with ui.element("div").classes("legend-entry"):
-                    ui.element("div").classes("legend-mark").style(f"background:{colour(number)}")
-                    ui.label(name)
-
 
 def colour(number: int) -> str:
-    """Return the colour of a run's line, by its number."""
     return COLOURS[number % len(COLOURS)]
 
 

@@ -54,7 +54,6 @@ class PageCommand:
     has_begun = False
 
     def __init__(self, scenario: Scenario, files: Files, line: list[str]) -> None:
-        """Start the command, which reads the scenario in its file."""
         self.scenario, self.files = scenario, files
         self.said: tuple[int, tuple[str, ...]] = (0, ())
         self.asked_to_stop = self._is_hushed = False
@@ -76,7 +75,7 @@ class PageCommand:
         return False
 
     def read(self, path: Path, kind: type[Result]) -> Result | None:
-        """Return what the command has left in a file; None if there is none, or if it holds something else, which is said."""
+        """Return what the command has left in a file; None if there is none, or if it holds something else."""
         try:
             return msgspec.json.decode(regular(path).read_bytes(), type=kind)
         except FileNotFoundError:  # it has failed
@@ -166,7 +165,6 @@ class Latest(Generic[Started]):
 
     @property
     def going(self) -> Started | None:
-        """The command that has not ended."""
         return None if self.command is None or self.command.is_over else self.command
 
     def start(self, kind: Callable[[Files], Started]) -> None:
@@ -186,12 +184,6 @@ class Latest(Generic[Started]):
 
 
 def fresh_files(folder: Path, what: str) -> Files:
-    """Return files named after the time; the scenario's exists. Two within a second get different names."""
+    """Return files named after the time, to the microsecond."""
     folder.mkdir(parents=True, exist_ok=True)
-    name = f"{what}-{datetime.now():%Y%m%d-%H%M%S}"
-    for more in ("", *(f"-{n}" for n in range(2, 100))):
-        files = Files(folder.resolve(), name + more)
-        with contextlib.suppress(FileExistsError):
-            files.scenario.touch(exist_ok=False)
-            return files
-    raise FileExistsError(f"{folder}: too many files named {name}")
+    return Files(folder.resolve(), f"{what}-{datetime.now():%Y%m%d-%H%M%S-%f}")

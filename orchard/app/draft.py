@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from copy import copy
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache, reduce
@@ -113,7 +112,6 @@ class Entry:
 
     @property
     def has_slider(self) -> bool:
-        """Whether the value is a number with a range of at most WIDEST."""
         return self.kind in (int, float) and self.high - self.low <= WIDEST
 
     @property
@@ -149,7 +147,6 @@ IN_TITLE = ("rows", "pickers", "carriers", "seed")
 
 
 def words_of(path: str, value: Any) -> str:
-    """Return a value of a scenario as the page shows it."""
     if value is None:
         return entries()[path].none
     if isinstance(value, str):
@@ -168,7 +165,6 @@ def title_of(scenario: Scenario) -> str:
 
 
 def _inner(label: str) -> str:
-    """A label within a sentence: its first letter is small, unless it begins with an acronym."""
     return label if label[:2].isupper() else label[0].lower() + label[1:]
 
 
@@ -178,19 +174,12 @@ class Draft:
     def __init__(self, scenario: Scenario) -> None:
         self.take(scenario)
 
-    def copy(self) -> "Draft":
-        """Return a draft of the same values, which changes on its own."""
-        other = copy(self)
-        other.values = dict(self.values)
-        return other
-
     def take(self, scenario: Scenario) -> None:
-        """Replace all values by those of a scenario."""
         self._base, self.values = scenario, flat(scenario)  # the base has the user's own classes
         self._check()
 
     def enter(self, values: Mapping[str, Any]) -> None:
-        self.values |= {path: _typed(path, value) for path, value in values.items()}
+        self.values = {**self.values, **{path: _typed(path, value) for path, value in values.items()}}  # copies share the old ones
         self._check()
 
     @property
@@ -200,7 +189,7 @@ class Draft:
 
     def drop_classes(self) -> None:
         """Remove the user's own classes, so that the built-in ones are used again."""
-        self.values |= {path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}
+        self.values = {**self.values, **{path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}}
         built_in = {path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)}
         self._base = self._base.model_copy(update=built_in)
         self._check()
@@ -230,7 +219,6 @@ class Draft:
 
 
 def _typed(path: str, value: Any) -> Any:
-    """Convert an entered value to the type of its field. What is no number stays: the check reports it."""
     if isinstance(value, str):
         value = number_of(value)
     if entries()[path].kind is int and isinstance(value, float) and value.is_integer():
@@ -252,7 +240,7 @@ ON_OFF = {"true": True, "false": False}
 
 
 def query_of(scenario: Scenario) -> str:
-    """Return the query for a scenario: what differs from the default, but own classes, which are code, and a survey."""
+    """Return the query for a scenario: what differs from the default, but own classes and a survey."""
     default, own = flat(Scenario()), scenario.own_classes
     return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path] and path not in own})
 

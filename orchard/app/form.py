@@ -1,6 +1,5 @@
-"""The form: a control for each value of a scenario, in groups, and what is wrong at each; and the user's own classes."""
+"""The form: a control for each value of a scenario, and what is wrong there; and the user's own classes."""
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 from nicegui import ui
@@ -10,14 +9,12 @@ from orchard.app.elements import button, heading, note
 from orchard.app.own_classes import AGENTS
 from orchard.field.scenario import Scenario
 
-Change = Callable[[str, Any], None]  # path, new value
-
 
 class Control:
     """A labelled value, its limits and its problem: a switch, a choice, or a number as text, perhaps with a slider."""
 
-    def __init__(self, entry: Entry, change: Change) -> None:
-        self.entry, self._change = entry, change
+    def __init__(self, entry: Entry, draft: Draft) -> None:
+        self.entry, self._draft = entry, draft
         self._slider: ui.slider | None = None
         self._automatic: ui.checkbox | None = None
         with ui.element("div").classes("field") as self.box:
@@ -62,17 +59,14 @@ class Control:
             self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
 
     def show_chosen(self, number: int) -> None:
-        """Show the number that the program has chosen, if `automatic` is on."""
         if self._automatic is not None and self._automatic.value:
             self._value.set_value(shown(number))
 
     def complain(self, problem: str) -> None:
-        """Show a problem of the value; '' clears it."""
         self._problem.set_text(problem)
         self.box.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
 
     def mark(self, running: str) -> None:
-        """Show the value of the harvest that runs, if it is another one; '' clears it."""
         self._mark.set_text(f"the harvest that runs has {running}" if running else "")
 
     def _entered(self) -> None:
@@ -84,7 +78,7 @@ class Control:
             number = number_of(str(value))
             if not isinstance(number, str):
                 self._slider.set_value(min(max(number, self.entry.low), self.entry.high))
-        self._change(self.entry.path, None if automatic else value)
+        self._draft.enter({self.entry.path: None if automatic else value})
 
 
 GROUPS = {
@@ -102,27 +96,29 @@ GROUPS = {
 
 
 class Form:
-    """All controls, and the user's own classes, if there are any; `drop()` is called to be rid of these."""
+    """All controls of a draft, and the user's own classes, if there are any."""
 
-    def __init__(self, change: Change, drop: Callable[[], None]) -> None:
+    def __init__(self, draft: Draft) -> None:
+        self._draft = draft
         self._controls: dict[str, Control] = {}
         known = [path for paths in GROUPS.values() for path in paths]
         rest = tuple(path for path in entries() if path not in known)
         for title, paths in (GROUPS | {"More": rest} if rest else GROUPS).items():
             with _group(title):
-                self._controls |= {path: Control(entries()[path], change) for path in paths}
+                self._controls |= {path: Control(entries()[path], draft) for path in paths}
         with _group("Own classes") as self._classes:
             self._names = ui.label().classes("classes").props("data-view=classes")
             self._problem = note("data-problem=agents role=alert")
-            button("Use the built-in classes", drop, "drop-classes", props="flat dense")
+            button("Use the built-in classes", draft.drop_classes, "drop-classes", props="flat dense")
         self._classes.set_visibility(False)
 
-    def show(self, values: Mapping[str, Any]) -> None:
-        for path, value in values.items():
+    def show(self) -> None:
+        for path, value in self._draft.values.items():
             self._controls[path].show(value)
 
-    def follow(self, draft: Draft, running: Scenario | None) -> None:
-        """Show what is wrong, what the program has chosen, the own classes, and how the scenario that runs differs."""
+    def follow(self, running: Scenario | None) -> None:
+        """Show what is wrong, what the program has chosen, and how the scenario that runs differs."""
+        draft = self._draft
         other = {} if running is None else {path: value for path, value in flat(running).items() if value != draft.values[path]}
         for path, control in self._controls.items():
             control.complain(draft.problems.get(path, ""))

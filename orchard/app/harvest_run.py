@@ -53,7 +53,6 @@ class RunSettings:
 
     @cached_property
     def problems(self) -> dict[str, str]:
-        """Messages for the invalid settings, by name."""
         clock = "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
         told = {
             "speed": "" if self.is_fastest else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}"),
@@ -78,9 +77,9 @@ FASTEST = 50  # x real time, the maximum of the slider; the text field accepts m
 class RunControls:
     """The controls above the stage."""
 
-    def __init__(self, change: Callable[[], None], last: RunSettings) -> None:
-        """`change()` is called when a setting changes. `last`: the settings to start with."""
-        self._change, self.settings = change, last
+    def __init__(self, last: RunSettings) -> None:
+        """`last`: the settings to start with."""
+        self.settings = last
         self._problems: dict[str, ui.label] = {}
         with ui.element("div").classes("wishes") as self._box:
             self._build_mode()
@@ -118,7 +117,6 @@ class RunControls:
             duration.classes("number wide")
 
     def _setting(self, name: str, path: str) -> ui.element:
-        """Return the container for the controls of a setting. Its problem or explanation is shown below."""
         with ui.element("div").classes("wish"):
             ui.label(name).classes("field-label")
             place = ui.element("div").classes("wish-body")
@@ -151,7 +149,6 @@ class RunControls:
             problem = settings.problems.get(path, "")
             label.set_text(problem or notes.get(path, ""))
             label.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
-        self._change()
 
 
 class Run(PageCommand):
@@ -204,7 +201,6 @@ class Run(PageCommand):
 
     @property
     def is_complete(self) -> bool:
-        """Whether the run came to its end, and there is a summary."""
         return self.summary is not None and bool(self.summary["finished"] or not self.asked_to_stop)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The user's own classes that a scenario names: as they are code, the page takes them from one folder, and asks first."""
+"""The user's own classes that a scenario names: the page takes them from one folder, and asks first."""
 
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -33,7 +33,6 @@ def _is_in(path: str, folder: Path) -> bool:
 
 
 async def may_run(classes: dict[str, str], file: str) -> bool:
-    """Ask whether the classes that a file names may run."""
     warning = "It names these classes. They can do whatever you can: read, change and send your files. Do you trust them?"
     named = [f"{key}: {path}" for key, path in classes.items()]
     with dialog(f"{file} runs code on this computer", [warning, *named], "question") as question, ui.row().classes("self-end"):

@@ -1,5 +1,6 @@
 """The page: presets, files and link on top; the form on the left; the run, the stage and figures on the right."""
 
+from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,11 +35,11 @@ class Page:
     """A page in one browser, which begins with what was entered there last. All pages share one run and one study."""
 
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
-        self.runs, self.studies, self.desk, self.draft = runs, studies, desk, desk.draft.copy()
-        self._changed = True
+        self.runs, self.studies, self.desk, self.draft = runs, studies, desk, copy(desk.draft)
+        self._drawn: tuple[Any, ...] = ()  # what was entered, and the run that went on, when the page was drawn last
         self._seen: tuple[Run, bool] | None = None  # the run on the stage, and whether it was over
         self._build()
-        self.form.show(self.draft.values)
+        self.form.show()
         ui.timer(REDRAW_SECONDS, self._redraw)
         ui.timer(WATCH_SECONDS, self._watch)
 
@@ -55,14 +56,15 @@ class Page:
         with ui.element("div").classes("page"):
             self._build_run()
             with ui.element("section").classes("form").props('aria-label="Settings of the orchard"'):
-                self.form = Form(self._set, self._drop_classes)
+                self.form = Form(self.draft)
             with ui.element("div").classes("middle"):
                 self.stage = Stage(self.runs.folder, self.studies, self.desk, lambda: self.draft.scenario, self._offer)
                 with ui.element("section").classes("figures").props('aria-label="Figures before the run"'):
                     self.figures = FiguresView()
 
     def _build_files(self) -> None:
-        for name, scenario in presets().items():
+        for file, scenario in shipped().items():
+            name = "default" if file == DEFAULT else file
             words = name.replace("_", " ").capitalize()
             ui.button(words, on_click=partial(self._take, scenario)).props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
@@ -78,7 +80,7 @@ class Page:
     def _build_run(self) -> None:
         with ui.element("section").classes("run-card").props('aria-label="The run"'):
             with ui.element("div").classes("wishes-and-run"):
-                self.wishes = RunControls(self._mark, self.desk.settings)
+                self.wishes = RunControls(self.desk.settings)
                 self.start_button = button("Run", self._start, "run", "play_arrow", "unelevated")
                 self.stop_button = button("Stop", self._stop, "stop", "stop", "unelevated color=negative")
             self.first = ui.label(FIRST).classes("figure-line").props("data-view=first")
@@ -87,18 +89,9 @@ class Page:
 
     # -- user actions
 
-    def _set(self, path: str, value: Any) -> None:
-        self.draft.enter({path: value})
-        self._mark()
-
-    def _drop_classes(self) -> None:
-        self.draft.drop_classes()
-        self._mark()
-
     def _take(self, scenario: Scenario) -> None:
         self.draft.take(scenario)
-        self.form.show(self.draft.values)
-        self._mark()
+        self.form.show()
 
     async def _open(self, event: events.UploadEventArguments) -> None:
         content = await event.file.read()
@@ -133,7 +126,10 @@ class Page:
             here = await ui.run_javascript("location.origin + location.pathname", timeout=PATIENCE)
             lacks = ["Your own classes are not in the link, because they are code."] if self.draft.classes else []
             lacks += ["The surveyed rows are not in the link: it opens rows that are alike."] if self.draft.scenario.survey else []
-            show_link(f"{here}?{query_of(self.draft.scenario)}", lacks)
+            link, words = f"{here}?{query_of(self.draft.scenario)}", [f"{one} A file holds them: Save." for one in lacks]
+            with dialog("A link to this orchard", words, "link-dialog"):
+                ui.input(value=link).props('readonly outlined dense data-view=link aria-label="Link"').classes("w-full")
+                button("Copy", lambda: ui.clipboard.write(link), "copy", props="unelevated").classes("self-end")
 
     def _ask_how_many(self) -> None:
         """Turn to the study; on a phone it lies below the form."""
@@ -144,9 +140,6 @@ class Page:
         """Turn to dark, or back to light. At first it is as the browser prefers, which only the browser knows."""
         self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=PATIENCE)
         self._dark.set_value(self.desk.dark)
-
-    def _mark(self) -> None:
-        self._changed = True
 
     def _start(self) -> None:
         scenario, settings = self.draft.scenario, self.wishes.settings
@@ -165,13 +158,15 @@ class Page:
     # -- updates
 
     async def _redraw(self) -> None:
-        if not self._changed:
+        draft, settings, going = self.draft, self.wishes.settings, self.runs.going
+        now = draft.values, draft.scenario, draft.problems, settings, going
+        if now == self._drawn:
             return
-        self._changed = False
-        self.desk.draft, self.desk.settings = self.draft, self.wishes.settings
-        self.form.follow(self.draft, going.scenario if (going := self.runs.going) else None)
+        self._drawn = now
+        self.desk.draft, self.desk.settings = draft, settings
+        self.form.follow(going.scenario if going else None)
         self._update_buttons()
-        if (scenario := self.draft.scenario) is None:
+        if (scenario := draft.scenario) is None:
             self.stage.plan.fade()
             return
         if (layout := await run.io_bound(lay_out, scenario)) is None:
@@ -200,7 +195,6 @@ class Page:
         state = harvest.state
         if before != (harvest, state.is_over):
             self.stage.turn_to_run(harvest, state)
-            self._mark()  # the marks in the form
         elif state.is_over and self.stage.is_settled(harvest):
             return
         self._seen = harvest, state.is_over
@@ -208,19 +202,6 @@ class Page:
         self.stage.show(harvest, state)
 
 
-def presets() -> dict[str, Scenario]:
-    """Return the presets by name: the scenarios that come with the package."""
-    return {"default" if name == DEFAULT else name: scenario for name, scenario in shipped().items()}
-
-
 def complain(title: str, lines: list[str]) -> None:
-    """Open a dialog with a title and error lines. Nothing else changes."""
     with dialog(title, lines) as opened:
         ui.button("OK", on_click=opened.close).props("no-caps unelevated").classes("self-end")
-
-
-def show_link(link: str, lacks: list[str]) -> None:
-    """Open a dialog with a link to copy. `lacks`: sentences on what of the scenario no link holds."""
-    with dialog("A link to this orchard", [f"{words} A file holds them: Save." for words in lacks], "link-dialog"):
-        ui.input(value=link).props('readonly outlined dense data-view=link aria-label="Link"').classes("w-full")
-        button("Copy", lambda: ui.clipboard.write(link), "copy", props="unelevated").classes("self-end")

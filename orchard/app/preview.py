@@ -48,7 +48,6 @@ class PlanView:
         self._plan.classes(remove="stale")
 
     def _widen(self, event: ValueChangeEventArguments[bool | None]) -> None:
-        """Switch between the whole plan, in which a long orchard is small, and the full width."""
         self._plan.classes(add="wide" if event.value else "", remove="" if event.value else "wide")
 
     def fade(self) -> None:
@@ -75,13 +74,10 @@ class FiguresView:
         self._bars.clear()
         with self._bars:
             heading(2, "What each part allows without traffic, bins/h").classes("bars-title")
-            for name, rate in bounds.terms.items():
-                _bar(name, rate, bounds.terms)
-
-
-def _bar(name: str, rate: float, rates: dict[str, float]) -> None:
-    with ui.element("div").classes("bar least" if rate == min(rates.values()) else "bar"):
-        ui.label(name).classes("bar-name")
-        with ui.element("div").classes("bar-track"):
-            ui.element("div").classes("bar-fill").style(f"width:{max(1.0, 100 * rate / max(rates.values())):.1f}%")
-        ui.label(f"{3600.0 * rate:.1f}").classes("bar-value")
+            rates = bounds.terms
+            for name, rate in rates.items():
+                with ui.element("div").classes("bar least" if rate == min(rates.values()) else "bar"):
+                    ui.label(name).classes("bar-name")
+                    with ui.element("div").classes("bar-track"):
+                        ui.element("div").classes("bar-fill").style(f"width:{max(1.0, 100 * rate / max(rates.values())):.1f}%")
+                    ui.label(f"{3600.0 * rate:.1f}").classes("bar-value")

@@ -69,15 +69,12 @@ def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
     known, others = [], []
     for path in sorted(set(folder.glob("*.json")) - set(folder.glob("study-*.json"))):
         try:
-            known.append(_past_run(path))
+            record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
+            ended = datetime.fromtimestamp(path.stat().st_mtime)
+            known.append(PastRun(path.stem, ended, record, check(record.scenario, path.name)))
         except (OSError, ValueError, ScenarioError, OverflowError, RecursionError) as error:
             others.append(f"{path.name} is passed over: {getattr(error, 'strerror', None) or error}")
     return sorted(known, key=lambda past: (past.ended, past.name), reverse=True)[:MOST], others
-
-
-def _past_run(path: Path) -> PastRun:
-    record = msgspec.json.decode(regular(path).read_bytes(), type=Record)
-    return PastRun(path.stem, datetime.fromtimestamp(path.stat().st_mtime), record, check(record.scenario, path.name))
 
 
 def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:

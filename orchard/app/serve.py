@@ -29,7 +29,10 @@ LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 
 def serve(host: str, port: int, folder: Path, shows: bool) -> None:
     """Serve the page until Ctrl-C. `folder`: of recordings and summaries. `shows`: open a browser. Raises ValueError for a bad address."""
-    _check(host, port)
+    try:
+        socket.create_server((host, port)).close()
+    except (OSError, OverflowError) as error:
+        raise ValueError(f"--host {host} --port {port}: {getattr(error, 'strerror', None) or error}") from None
     runs, studies = Harvests(folder, "harvest"), Studies(folder, "study")
 
     def page() -> None:
@@ -52,8 +55,7 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
 
 
 class OwnOrigin:
-    """Refuses the requests of other sites' pages, to the websocket too, and lets none of them frame this page, so that a click there is
-    no click here. Programs other than browsers send no `Origin`."""
+    """Refuses requests of other sites' pages, and lets none of them frame this page: a click there is no click here."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -76,10 +78,3 @@ def only_own_address(app: App, host: str) -> None:
     name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     app.add_middleware(OwnOrigin)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK_NAMES, name], www_redirect=False)
-
-
-def _check(host: str, port: int) -> None:
-    try:
-        socket.create_server((host, port)).close()
-    except (OSError, OverflowError) as error:
-        raise ValueError(f"--host {host} --port {port}: {getattr(error, 'strerror', None) or error}") from None

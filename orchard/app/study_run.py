@@ -31,7 +31,6 @@ class StudySettings:
 
     @cached_property
     def problems(self) -> dict[str, str]:
-        """Messages for the invalid settings, by name."""
         told = {
             "first": number_problem(self.first, CARRIERS, is_whole=True),
             "last": number_problem(self.last, CARRIERS, is_whole=True),
@@ -74,7 +73,6 @@ class StudyRun(PageCommand):
 
     @property
     def is_complete(self) -> bool:
-        """Whether there is an answer to all that was asked."""
         return self.result is not None and not self.asked_to_stop
 
 

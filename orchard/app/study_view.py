@@ -32,7 +32,7 @@ class StudyView:
     """The fields, Start and Stop, and what the study has found. All pages share one study at a time."""
 
     def __init__(self, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
-        """`drafted`: gives the form's scenario, None if it is invalid. `take`: sets the form to a scenario with a name."""
+        """`drafted`: gives the form's scenario, None if invalid. `take`: sets the form to a scenario with a name."""
         self._studies, self._desk, self._drafted, self._take = studies, desk, drafted, take
         self._settings = desk.study
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
@@ -80,7 +80,6 @@ class StudyView:
             text.props("input-class=figure").classes("number")
 
     def _choice(self, name: str, field: str) -> None:
-        """Several of some names, in their order. None of them: as in the form."""
         names, chosen = CHOICES[field], list(getattr(self._settings, field))
 
         def choose(event: ValueChangeEventArguments[Any]) -> None:
@@ -93,7 +92,6 @@ class StudyView:
     # -- user actions
 
     def _enter(self, **settings: Any) -> None:
-        """Keep what is entered, also for a reload of the page, and show what is wrong with it."""
         self._desk.study = self._settings = replace(self._settings, **settings)
         names = {"first": "Carriers from", "last": "Carriers to", "budget": "Time to take"}
         told = [f"{names[name]}: {problem}" for name, problem in self._settings.problems.items()]
@@ -153,7 +151,9 @@ class StudyView:
         if self._shown == (study, result, is_over):
             return
         self._shown = study, result, is_over
-        self._answer.set_text(sentence(result) if result else _without_answer(study) if is_over else "The study begins.")
+        last = "\n".join(study.said[1][-LAST_WORDS:])
+        without = f"There is no answer. The last messages:\n{last}" if is_over else "The study begins."
+        self._answer.set_text(sentence(result) if result else without)
         self._orchard.set_text(f"Orchard: {result.orchard}" if result else "")
         self._notes.set_text("\n".join(result.notes) if result else "")
         self._picture.set_content((await run.io_bound(_drawn, result) or "") if result else "")
@@ -174,10 +174,6 @@ class StudyView:
             ui.label("Set the form to a setting, and run it: then you can watch it.").classes("path")
             table(lines, heads, act)
             ui.label(legend(result)).classes("path")
-
-
-def _without_answer(study: StudyRun) -> str:
-    return "There is no answer. The last messages:\n" + "\n".join(study.said[1][-LAST_WORDS:])
 
 
 def _drawn(result: StudyResult) -> str:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from nicegui import ui
 
@@ -98,11 +98,11 @@ class PictureView:
         self._show_hint("The live picture appears here when a harvest runs.")
 
     def is_settled(self, run: Run) -> bool:
-        """Whether the frame shows the recording of a finished run, or no recording exists."""
+        """Whether the frame shows a recording, or there is none."""
         return self._bare is run or self._shown == (run, True)
 
     def show(self, run: Run, state: RunState) -> None:
-        """Point the frame at a run once its servers answer, and then no more: a new address would reload the viewer."""
+        """Point the frame at a run once its servers answer: a new address would reload the viewer."""
         now = run, state.is_over
         if self.is_seen:
             self._figures.show({"": run.course})
@@ -144,7 +144,6 @@ class SummaryView:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
     def show(self, run: Run, state: RunState) -> None:
-        """Show the summary once, when the run is over."""
         if not state.is_over or run is self._run:
             return
         self._run = run
@@ -155,19 +154,15 @@ class SummaryView:
         self._box.clear()
         with self._box:
             if run.summary is not None:
-                _table(run.summary, run.files.recording)
+                names, values = (column.cells for column in as_table(run.summary).columns)
+                table([(str(name), str(value)) for name, value in zip(names, values, strict=True)])
+                if run.files.recording.exists():
+                    ui.label(f"Recording: {run.files.recording}").classes("path")
             elif state is RunState.stopped:
                 ui.label("The run was stopped before it wrote a summary.").classes("hint")
             else:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
                 ui.label("\n".join(run.said[1][-12:])).classes("last-words")
-
-
-def _table(summary: dict[str, Any], recording: Path) -> None:
-    names, values = (column.cells for column in as_table(summary).columns)
-    table([(str(name), str(value)) for name, value in zip(names, values, strict=True)])
-    if recording.exists():
-        ui.label(f"Recording: {recording}").classes("path")
 
 
 View = TypeVar("View")
@@ -202,7 +197,6 @@ class Stage:
         self._choice.set_value("Study")
 
     def is_settled(self, run: Run) -> bool:
-        """Whether the views of a run that is over need no further update."""
         return self._picture.is_settled(run)
 
     def show(self, run: Run, state: RunState) -> None:

@@ -88,7 +88,7 @@ class Dispatching:
         return None if number == NO_ORDER else Assignment(self.bins[bin_], self.carriers[carrier])
 
     def orders(self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]) -> list[Assignment]:
-        """Return the orders of something that has learned here: the body of a policy's `assign`. What cannot be sends none."""
+        """Return the orders of what has learned here: the body of a policy's `assign`. What cannot be sends none."""
         orders: list[Assignment] = []
         while (mask := self.mask(bins, carriers)).sum() > 1:
             action = self.number(choose(self.observation(now, bins, carriers), mask))
@@ -105,7 +105,6 @@ def _box_up_to(most: np.ndarray) -> spaces.Box:
 
 
 def left(reports: Sequence[Any], name: str) -> list[Any]:
-    """Return the reports without that of a name."""
     return [report for report in reports if report.name != name]
 
 
@@ -132,7 +131,7 @@ class Paused(Dispatched):
     scripted: Sequence[Assignment] = ()
 
     def decide(self, decision: Decision) -> None:
-        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises PolicyFault for a fault of it."""
+        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises PolicyFault."""
         self.scripted = self.orders(decision)
         self.pending = decision if decision.bins and decision.carriers else None
 
@@ -158,7 +157,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         refuse_what_is_no_episode(scenario, longest)
         self.scenario, self._reward, self._longest = scenario, named(reward, REWARDS), longest
         self._episode, self._is_over = Episode(scenario.seed, -1), True
-        self._moved = 0, 0.0  # the steps that all robots have done, and the tick at which one of them moved on last
+        self._moved = 0, 0.0  # the steps of all robots, and the tick at which one of them moved on last
         layout = lay_out(scenario)
         DiscreteHarvest(layout)  # raises ValueError
         self.dispatching = Dispatching(layout)
@@ -214,7 +213,6 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._calls.pending = decision if decision.bins and decision.carriers else None
 
     def _until_decision(self) -> None:
-        """Let time pass until the next decision, the end of the harvest, or that of the episode."""
         harvest, env = self.harvest, self.harvest.env
         while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
             env.step()

@@ -17,7 +17,7 @@ def refuse_what_is_no_episode(scenario: object, longest: int) -> None:
 
 
 def plain(seed: Any) -> Any:
-    """Return a whole number of numpy as one of Python, which Gymnasium and a scenario want; anything else as it is."""
+    """Return a whole number of numpy as one of Python, which Gymnasium wants; anything else as it is."""
     return int(seed) if isinstance(seed, np.integer) else seed
 
 

@@ -1,5 +1,4 @@
-"""A harvest as a PettingZoo ParallelEnv: some bodies learn, all others follow our agents. It is local mode, with a pause between asking
-the agents and acting."""
+"""A harvest as a PettingZoo ParallelEnv: local mode, in which some bodies learn, and all others follow our agents."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -18,20 +17,10 @@ from orchard.field.geometry import STILL, Twist
 from orchard.field.kinds import MOVERS, kind_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario, with_changes
+from orchard.gym import spaces as arrays
 from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import REWARDS, Moment, Reward, named
-from orchard.gym.spaces import (
-    Arrays,
-    Command,
-    Goal,
-    action_space,
-    command_of,
-    deed_mask,
-    deeds_of,
-    goal_of,
-    observation_space,
-    observed,
-)
+from orchard.gym.spaces import Arrays
 from orchard.local import Local
 from orchard.sim.engine import Engine, Unaudited
 
@@ -45,7 +34,7 @@ class Look(NamedTuple):
 
     seen: Observation
     action: Action  # of its own agent: the newest one
-    goal: Goal  # what its plan asks for
+    goal: arrays.Goal  # what its plan asks for
     fill: float  # m of row in its bin
 
 
@@ -85,8 +74,8 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         self.agents: list[str] = []
         self._reward, self._deeds, self._longest, self._is_hashed = named(reward, REWARDS), deeds, longest, is_hashed
         self._episode = Episode(scenario.seed, -1)
-        self.observation_spaces = {name: observation_space(name) for name in learned}
-        self.action_spaces = {name: action_space(name, deeds) for name in learned}
+        self.observation_spaces = {name: arrays.observation_space(name) for name in learned}
+        self.action_spaces = {name: arrays.action_space(name, deeds) for name in learned}
         self._answers: dict[str, Action] = {}  # the actions of the agents that were asked at this tick
         self._looks: dict[str, Look] = {}
 
@@ -125,7 +114,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         if unknown := [str(name) for name in actions if name not in self.agents]:
             raise ValueError(f"actions for {', '.join(unknown)}, which do not learn here; {', '.join(self.agents)} do")
-        commands = {name: command_of(name, given, self._deeds) for name, given in actions.items()}
+        commands = {name: arrays.command_of(name, given, self._deeds) for name, given in actions.items()}
         for name, command in commands.items():
             self._command(name, command)
         velocities = {name: commands[name].velocity if name in commands else self._looks[name].action.twist for name in self.agents}
@@ -147,9 +136,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         seen = local.observed.get(name) or local.seen[name]
         action = self._answers.get(name) or local.actions[name]
         fill = local.seen.fills.get(seen.hitch.name, 0.0) if seen.hitch else 0.0
-        return Look(seen, action, goal_of(seen, action.memory), fill)
+        return Look(seen, action, arrays.goal_of(seen, action.memory), fill)
 
-    def _command(self, name: str, command: Command) -> None:
+    def _command(self, name: str, command: arrays.Command) -> None:
         """Put an action in the place of what the body's own agent commands.
 
         The agent keeps its hold only if it would have moved so itself. What it remembers of its own motion becomes what is commanded:
@@ -159,19 +148,19 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         if command.velocity == look.action.twist and not self._deeds:
             return
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
-        deeds = deeds_of(world, name, command.deed) if self._deeds else action.deeds
+        deeds = arrays.deeds_of(world, name, command.deed) if self._deeds else action.deeds
         self._answers[name] = replace(action, twist=command.velocity, deeds=deeds, hold=None)
         if isinstance(action.memory, RobotMemory):
             action.memory.moving = command.velocity != STILL
 
     def _observed(self) -> dict[str, Arrays]:
-        return {name: observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}
+        return {name: arrays.observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}
 
     def _infos(self) -> Infos:
         infos: Infos = {name: {"scripted": np.array((look.action.twist.x, look.action.twist.yaw))} for name, look in self._looks.items()}
         if self._deeds:
             for name, info in infos.items():
-                info["action_mask"] = {"velocity": None, "deed": deed_mask(self.local.engine.world, name)}
+                info["action_mask"] = {"velocity": None, "deed": arrays.deed_mask(self.local.engine.world, name)}
         return infos
 
 
@@ -185,7 +174,7 @@ def _bin_of(look: Look) -> str:
 
 
 def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The changes of the scenario in the options of a reset. Other options are others' (PettingZoo's test gives some)."""
+    """The changes of the scenario in the options of a reset. PettingZoo's test gives other options."""
     changes = options.get("scenario", {})
     if not isinstance(changes, Mapping):
         raise ValueError(f"options: scenario = {changes!r}: must be a map of keys and values")

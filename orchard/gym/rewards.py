@@ -42,27 +42,12 @@ def goal(moment: Moment) -> float:
     return metres + abs(turn) - abs(math.remainder(turn - (after.pose.yaw - before.pose.yaw), math.tau)) if turn else metres
 
 
-def picking(moment: Moment) -> float:
-    """Metres of row that came into the body's bin."""
-    return moment.filled
-
-
-def delivery(moment: Moment) -> float:
-    """1 for each bin that is unloaded, whichever carrier brought it."""
-    return float(sum(event.what == "unloaded" for event in moment.events))
-
-
-def care(moment: Moment) -> float:
-    """-1 for a collision that the body begins."""
-    return -float(sum(event.what == "collision" and event.who == moment.after.name for event in moment.events))
-
-
 REWARDS: Mapping[str, Reward] = {
     "imitation": imitation,
     "goal": goal,
-    "picking": picking,
-    "delivery": delivery,
-    "care": care,
+    "picking": lambda moment: moment.filled,
+    "delivery": lambda moment: float(sum(event.what == "unloaded" for event in moment.events)),  # whichever carrier brought the bin
+    "care": lambda moment: -float(sum(event.what == "collision" and event.who == moment.after.name for event in moment.events)),
 }
 
 

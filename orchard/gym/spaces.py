@@ -36,7 +36,6 @@ Arrays = dict[str, np.ndarray]
 Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that are left to turn
 
 
-_NO_RETURN = np.array(LASER_RANGE, dtype=np.float32)
 _SIZES = {"pose": 4, "velocity": 2, "bar": 1, "fill": 1, "goal": 3, "mail": 4}  # of all but the scan
 _ENDS = np.cumsum(list(_SIZES.values())).tolist()
 _PARTS = {key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)}
@@ -64,8 +63,7 @@ def observation_space(name: str) -> spaces.Dict:
 
 
 def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
-    """Return the space of what a body does: forward, m/s, and counter-clockwise, rad/s. With `deeds` these are `velocity`, beside `deed`:
-    0, 1 couple, 2 uncouple."""
+    """Return the space of what a body does: m/s forward, rad/s. With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple."""
     velocity = _box(*[(-most, most) for most in (KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn)])
     return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)}) if deeds else velocity
 
@@ -111,7 +109,7 @@ def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arra
     told = seen.x, seen.y, cosine, sine, forward, turn, float(seen.hitch is not None), fill, *towards, *mail_of(action)
     numbers = np.array(told, np.float32)
     arrays = {key: numbers[part] for key, part in _PARTS.items()}
-    arrays["scan"] = np.minimum(seen.scan, _NO_RETURN)
+    arrays["scan"] = np.minimum(seen.scan, np.float32(LASER_RANGE))
     return arrays
 
 
@@ -123,7 +121,7 @@ class Command(NamedTuple):
 
 
 def command_of(name: str, given: Any, deeds: bool) -> Command:
-    """Return what an action commands. Raises ValueError for one that is not in the action space, but for its limits."""
+    """Return what an action commands. Raises ValueError for one that is not in the action space, limits aside."""
     kind = KINDS[kind_of(name)]
     try:
         velocity, deed = (given["velocity"], given["deed"]) if deeds else (given, NOTHING)
@@ -138,7 +136,7 @@ def command_of(name: str, given: Any, deeds: bool) -> Command:
 
 
 def _numbers(given: Any, kinds: str) -> np.ndarray:
-    """Return numbers as an array. `kinds`: numpy's letters for the numbers that can be. Raises ValueError for others, such as text."""
+    """Return numbers as an array. `kinds`: numpy's letters for those that can be. Raises ValueError for others."""
     numbers = np.asarray(given)
     if numbers.dtype.kind not in kinds:
         raise ValueError(given)

@@ -125,7 +125,7 @@ def _ask_runs(find: Callable[[Path, str | None], list[RunNote]], connect: str | 
 
 
 def _answers(notes: list[RunNote], ask: Callable[[RunNote], M]) -> Iterator[tuple[RunNote, M | Exception]]:
-    """Ask all runs at the same time. Yield each answer, or error, as soon as it is there: none waits for a slow one."""
+    """Ask all runs at the same time. Yield each answer, or error, as soon as it is there."""
     answers: Queue[tuple[RunNote, M | Exception]] = Queue()
 
     def put_answer(note: RunNote) -> None:

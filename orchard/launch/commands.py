@@ -1,4 +1,4 @@
-"""The command line: its commands, each with its options in `options.py`. Without the name of a command it harvests."""
+"""The command line: its commands, with their options in `options.py`. Without a command it harvests."""
 
 import gc
 import os
@@ -110,7 +110,7 @@ def _typed(problem: Problem, given: Collection[str]) -> Problem:
 
 
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
-    """The scenario of a bag, unless a file is given. A bag may come from others: its code is imported only if asked for."""
+    """The scenario of a bag, unless a file is given. A bag may come from others: its code must be asked for."""
     with terminal.needs_extra("A bag", "ros2-export"):
         from orchard.bags.replay import check_robots, read_commands
     commands = read_commands(bag)
@@ -127,7 +127,6 @@ def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
 
 
 def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
-    """The newest usable snapshot; unusable ones are reported. What is left of its run is ended first."""
     if given := chosen.typed(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
         raise ValueError(f"--resume: leave out {given}: the snapshot has its scenario")
     refused: list[str] = []
@@ -245,14 +244,12 @@ def export(chosen: ExportOptions) -> None:
 def _recording(path: Path | None) -> Path:
     runs = Runs(runs_folder())
     found = path or runs.newest_recording()
-    if found is None or not found.is_file():
-        terminal.print_error(f"{found or runs.folder}: no recording there; a run without --record none makes one")
-        raise typer.Exit(terminal.BAD_INPUT)
-    with terminal.exit_on_errors(OSError):
+    with terminal.exit_on_errors(OSError, ValueError):
+        if found is None or not found.is_file():
+            raise ValueError(f"{found or runs.folder}: no recording there; a run without --record none makes one")
         if not is_recording(found):
-            terminal.print_error(f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written")
-            raise typer.Exit(terminal.BAD_INPUT)
-    return found
+            raise ValueError(f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written")
+        return found
 
 
 def main() -> None:

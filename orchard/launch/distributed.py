@@ -21,7 +21,7 @@ from orchard.launch.run_notes import announced
 from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, let_go, open_viewer
 from orchard.launch.terminal import typed
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
-from orchard.net.ending import Ending
+from orchard.net.ending import Ending, read_end
 from orchard.net.endpoints import BusError, check_free, check_loopback, check_security, from_elsewhere, is_public, reachable, with_port
 from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message
@@ -31,7 +31,6 @@ from orchard.report.progress import Progress, headline_of
 from orchard.report.summary import Outcome, write_summary
 from orchard.security.identity import Identity
 from orchard.server.options import PATIENCE, RunOptions
-from orchard.server.run import read_end
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures
@@ -65,7 +64,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
 
 
 def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds: float) -> None:
-    """Wait until all processes have ended, at most `seconds`. After THINK_SECONDS kill `names`: a host may think on."""
+    """Wait until all processes have ended, at most `seconds`. After THINK_SECONDS kill `names`."""
     begun = supervisor.clock()
     while supervisor.is_any_left() and supervisor.clock() - begun < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
@@ -79,7 +78,6 @@ def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds
 
 
 def agent_names(scenario: Scenario) -> list[str]:
-    """Return the names of all agents of a run, sorted."""
     return sorted(lay_out(scenario).agents)
 
 
@@ -105,7 +103,6 @@ def how_to_join(options: HarvestOptions, endpoint: str) -> str:
 
 
 def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials) -> None:
-    """Start the agent processes, one for each share."""
     checks, bag = credentials.options.check_agents, credentials.options.replay
     replay = None if bag is None else str(bag.resolve())
     for name, share in shares:
@@ -177,7 +174,6 @@ class LaunchedRun:
     # -- its processes
 
     def _start(self, result: Path) -> subprocess.Popen[bytes] | None:
-        """Start physics, the logger and the viewers. Return the viewer's window. `result`: a file for the end of the run."""
         request, given = self.request, self.request.options
         options = RunOptions(
             scenario=request.scenario.model_dump(),
@@ -239,7 +235,7 @@ class LaunchedRun:
             return None, str(error)
 
     def _reach(self, inbox: Inbox, stack: ExitStack) -> Bus | None:
-        """A session with physics, once it listens; None after a second Ctrl-C. Meanwhile dead processes are restarted.
+        """A session with physics, once it listens; None after a second Ctrl-C. Dead processes are restarted.
 
         After the first Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick.
         """
@@ -297,7 +293,7 @@ class LaunchedRun:
         return None, "stopped"
 
     def _why_over(self, begun: bool) -> str:
-        """Why the run cannot go on, without a message of its end; '' if it can. `begun`: whether all agents were there."""
+        """Why the run cannot go on; '' if it can. `begun`: whether all agents were there."""
         if self.supervisor.is_over(PHYSICS):
             code = self.supervisor.exit_code(PHYSICS)
             return HOW_PHYSICS_ENDED.get(code, f"physics ended with code {code}")

@@ -29,12 +29,11 @@ def export_bag(recording: Path, file: Path, robots: list[str], with_scans: bool)
 
 
 def _shown(ticks: Iterable[Any], count: int) -> Iterable[Any]:
-    """The same ticks, with a progress bar."""
     return track(ticks, "exporting", count, console=console, transient=True, disable=not console.is_terminal)
 
 
 def check_bag(file: Path) -> None:
-    """Raise ValueError for a file that a bag must not replace, OSError if its directory is missing."""
+    """Raise ValueError for a file that a bag must not replace, OSError without its directory."""
     if file.suffix != ".mcap":
         raise ValueError(f"{file}: expected a name that ends in .mcap, as {file.with_suffix('.mcap')}")
     if not file.parent.is_dir():

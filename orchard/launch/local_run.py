@@ -16,7 +16,7 @@ from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import let_go, open_viewer
-from orchard.launch.terminal import CTRL_C, FAILED, console, print_error, print_line
+from orchard.launch.terminal import CTRL_C, FAILED, console, handled, print_error, print_line
 from orchard.local import Local
 from orchard.report.progress import Progress
 from orchard.server.account import RunAccount
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from orchard.view.recorder import Recorder
 
 NAP_SECONDS = 0.2  # between two checks whether to stop, while the next tick is not due
-
-
 THINK_SECONDS = 2.0  # that an agent may still think after Ctrl-C
 
 
@@ -41,41 +39,32 @@ class StillThinks(BaseException):
     """Raised in an agent that still thinks after Ctrl-C, and says which and where. Many agents catch an Exception."""
 
 
-class _Interruption:
-    """Signals ask the run to stop. An agent that does not end its tick gets StillThinks; then the process is ended."""
-
-    def __init__(self, local: Local) -> None:
-        self.is_asked = False
-        self._local, self._is_raised = local, False
-
-    def ask(self, number: int, frame: FrameType | None) -> None:
-        if not self.is_asked:
-            self.is_asked = True
-            signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
-
-    def hurry(self, number: int, frame: FrameType | None) -> None:
-        """End the agent in which the process is; what the program itself does ends soon."""
-        if place := place_in_agent(frame):
-            thought = f"{self._local.thinking} still thinks about tick {self._local.engine.tick}{place}"
-            if self._is_raised:
-                print_error(f"{thought}; the run is ended by force, without a result")
-                os._exit(FAILED)
-            self._is_raised = True
-            raise StillThinks(thought)
-
-
 @contextmanager
 def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
-    """Yield what tells whether SIGINT or SIGTERM has come. An agent that thinks THINK_SECONDS longer gets StillThinks."""
-    asked = _Interruption(local)
-    handlers = {signal.SIGINT: asked.ask, signal.SIGTERM: asked.ask, signal.SIGALRM: asked.hurry}
-    old = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    """Yield what tells whether to stop, after a signal. An agent that thinks on gets StillThinks; then the process ends."""
+    asked: list[int] = []  # the signals that have come
+    raised: list[StillThinks] = []
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if not asked:
+            signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
+        asked.append(number)
+
+    def hurry(number: int, frame: FrameType | None) -> None:
+        """End the agent in which the process is; what the program itself does ends soon."""
+        if place := place_in_agent(frame):
+            thought = StillThinks(f"{local.thinking} still thinks about tick {local.engine.tick}{place}")
+            if raised:
+                print_error(f"{thought}; the run is ended by force, without a result")
+                os._exit(FAILED)
+            raised.append(thought)
+            raise thought
+
     try:
-        yield lambda: asked.is_asked
+        with handled({signal.SIGINT: ask, signal.SIGTERM: ask, signal.SIGALRM: hurry}):
+            yield lambda: bool(asked)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in old.items():
-            signal.signal(number, handler)
 
 
 def run(

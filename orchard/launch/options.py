@@ -72,7 +72,6 @@ def _speed(text: str) -> float:
 
 
 def _hosts(text: str) -> int:
-    """The number of agent processes; 0 for one per agent."""
     return 0 if text == "each" else whole(text, 200, "expected a number from 1 to 200, or each")
 
 
@@ -101,11 +100,12 @@ def _steps(text: str) -> int:
 def _scenario(path: Path | None) -> Path | None:
     if path is not None and path.suffix == ".rrd":
         raise BadParameter(f"{path}: a recording, not a scenario; did you mean the command view?")
-    near = get_close_matches(str(path).lower(), [*COMMANDS, "harvest", *names()], n=1)
-    if path is not None and near and not path.exists() and str(path) not in names():
+    if path is None or path.exists() or str(path) in names():
+        return path
+    if near := get_close_matches(str(path).lower(), [*COMMANDS, "harvest", *names()], n=1):
         kind = "scenario" if near[0] in names() else "command"
         raise BadParameter(f"{path}: no such file; did you mean the {kind} {near[0]}?")
-    if path is not None and str(path).isalpha() and not path.exists() and str(path) not in names():
+    if str(path).isalpha():
         known = ", ".join(names())
         raise BadParameter(f"{path}: no such file, and no such command (see --help); expected a scenario's file, or one of {known}")
     return path
@@ -212,7 +212,6 @@ class HarvestOptions:
 
     @property
     def holds(self) -> Holds:
-        """Which agents are asked at a tick."""
         return "checked" if self.check_holds else "ignored" if self.ignore_holds else "on"
 
     @property

@@ -70,7 +70,6 @@ class Credentials:
         return None if identity is None else str(identity.folder)
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
-        """Return the shares of this machine's agent processes."""
         return list(self.keyring.hosts(names, all_names).items()) if self.keyring else shares(names, self.options.hosts)
 
 

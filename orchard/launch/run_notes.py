@@ -31,7 +31,7 @@ class RunNote(msgspec.Struct):
 
 @contextmanager
 def noted(folder: Path, note: RunNote) -> Iterator[None]:
-    """Keep a note in this context, by which other processes find the run. Raises OSError if it cannot be written."""
+    """Keep a note in this context, by which others find the run. Raises OSError if it cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{note.run}.going"
     beside = path.with_suffix(".new")
@@ -48,7 +48,7 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
 
 @contextmanager
 def announced(request: RunRequest, run: str, endpoint: str, say: Callable[[str], None]) -> Iterator[None]:
-    """In this context `run.py stop` finds the run. Say how to stop it; with the endpoint, if there can be no note."""
+    """In this context `run.py stop` finds the run. Say how to stop it; with the endpoint if there is no note."""
     scenario = request.scenario
     title = f"{scenario.rows} rows, {scenario.pickers} pickers, seed {scenario.seed}, since {datetime.now():%H:%M:%S}"
     words = [] if request.options.secure is None else ["--secure", request.options.secure]
@@ -102,7 +102,7 @@ POLL_SECONDS = 0.1  # between two looks whether a process has ended
 
 
 def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
-    """End the processes of runs in this folder without a run.py, and remove their notes. Return whether there was any."""
+    """End the processes of runs in this folder without a run.py, and remove their notes. Return whether there were any."""
     gone: list[Path] = []
     running_here(folder, gone)
     found = [_end(note.stem, say) for note in gone]

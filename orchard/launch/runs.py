@@ -55,7 +55,7 @@ class Runs:
 
 @contextmanager
 def alone(*paths: Path | None) -> Iterator[None]:
-    """In this context no other run writes to these files and folders. An empty file goes at the end. Raises ValueError."""
+    """In this context no other run writes to these paths. An empty file goes at the end. Raises ValueError."""
     with ExitStack() as stack:
         for path in filter(None, paths):
             opened = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT, 0o666)

@@ -5,6 +5,8 @@ import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -17,7 +19,7 @@ from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
 from orchard.launch.study_options import StudyArguments
-from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, own_classes_run, print_error, print_line
+from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, handled, own_classes_run, print_error, print_line
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import Varied, varied_of
@@ -27,6 +29,7 @@ from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 
 NAMES = {"budget": "budget_seconds", "out": "store"}  # options whose fields in StudyOptions have other names
+Save = Callable[[StudyResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
 
 
@@ -70,7 +73,7 @@ def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
 
 
 def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
-    """Whether a problem of a setting may follow from a fault in the file: it names the same value, or a part of it."""
+    """Whether a problem of a setting may follow from a fault in the file: it names the same value, or a part."""
     wrong = [path for fault in faults for path in fault.path.split(", ")]
     named = [] if problem.file.startswith("--vary") else [path for path in problem.path.split(", ") if path]
     return any(not one or f"{one}.".startswith(f"{path}.") or f"{path}.".startswith(f"{one}.") for one in wrong for path in named)
@@ -90,8 +93,9 @@ def _options(chosen: StudyArguments) -> StudyOptions:
     return StudyOptions(**{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values})
 
 
-def _files(chosen: StudyArguments) -> dict[Path, Callable[[StudyResult, Path], None]]:
-    wanted = {chosen.summary: _save_summary, chosen.csv: save_csv, chosen.picture: _save_picture, chosen.report: _save_report}
+def _files(chosen: StudyArguments) -> dict[Path, Save]:
+    wanted: dict[Path | None, Save] = {chosen.summary: _save_summary, chosen.csv: save_csv}
+    wanted |= {chosen.picture: partial(_save_by, "picture"), chosen.report: partial(_save_by, "report")}
     return {path: save for path, save in wanted.items() if path is not None}
 
 
@@ -99,19 +103,11 @@ def _save_summary(result: StudyResult, path: Path) -> None:
     path.write_text(json.dumps(asdict(result), indent=2) + "\n")
 
 
-def _save_picture(result: StudyResult, path: Path) -> None:
-    from orchard.study.picture import save  # not at the top: matplotlib takes half a second to load
-
-    save(result, path)
+def _save_by(module: str, result: StudyResult, path: Path) -> None:
+    import_module(f"orchard.study.{module}").save(result, path)  # not at the top: matplotlib takes half a second to load
 
 
-def _save_report(result: StudyResult, path: Path) -> None:
-    from orchard.study.report import save
-
-    save(result, path)
-
-
-def _unwritten(files: dict[Path, Callable[[StudyResult, Path], None]], result: StudyResult) -> Iterator[Path]:
+def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
     for path, save in files.items():
         try:
             save(result, path)
@@ -161,9 +157,5 @@ def _stoppable() -> Iterator[Callable[[], bool]]:
             raise typer.Exit(FAILED)
         asked.append(number)
 
-    old = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with handled({signal.SIGINT: ask, signal.SIGTERM: ask}):
         yield lambda: bool(asked)
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)

@@ -24,7 +24,6 @@ QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
 
 
 def _share(text: str) -> float:
-    """A share below 1: 0.01 or 1%."""
     share = number(text[:-1]) / 100.0 if text.endswith("%") else number(text)
     if not 0.0 < share < 1.0:
         raise BadParameter(f"{text}: expected a share above 0 and below 1, such as 0.01 or 1%")

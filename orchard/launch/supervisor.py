@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -49,7 +49,7 @@ class ProcessSpec:
     afterwards: ProcessOptions | None = None  # the options of a restart, if they are others
     agents: Sequence[str] = ()  # the agents that it hosts
     may_refuse: bool = True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
-    result: Path | None = None  # a file that it writes when its work is done: then it is not restarted, whatever ends it
+    result: Path | None = None  # a file that it writes when its work is done: then it is not restarted
 
 
 @dataclass
@@ -71,7 +71,7 @@ class _Running:
 
 
 @dataclass
-class Supervisor:
+class Supervisor(AbstractContextManager["Supervisor"]):
     """The processes of a run. At the end of its `with` statement all are stopped. `say` prints a line."""
 
     say: Callable[[str], None]
@@ -80,9 +80,6 @@ class Supervisor:
     clock: Callable[[], float] = time.monotonic
     given_up: dict[str, ProcessSpec] = field(default_factory=dict)  # name -> a process that died DEATHS times in a row
 
-    def __enter__(self) -> "Supervisor":
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.stop(0.0)
 
@@ -90,7 +87,7 @@ class Supervisor:
         self.running[program.name] = _Running(program, *self._open(program, program.order), self.clock())
 
     def _open(self, program: ProcessSpec, order: Sequence[str] | ProcessOptions) -> tuple[subprocess.Popen[str], Line]:
-        """Start a process in its own process group, so that Ctrl-C reaches only run.py, which stops the others in order.
+        """Start a process in its own process group: Ctrl-C reaches only run.py, which stops the others in order.
 
         It has no session of its own: Linux shares the processor among sessions first, which costs an eighth of the ticks.
         """
@@ -122,7 +119,6 @@ class Supervisor:
 
     @property
     def lost_agents(self) -> list[str]:
-        """The agents of the processes that were given up."""
         return [agent for program in self.given_up.values() for agent in program.agents]
 
     def exit_code(self, name: str) -> int | None:
@@ -130,7 +126,6 @@ class Supervisor:
         return self.running[name].popen.poll() if name in self.running else None
 
     def is_over(self, name: str) -> bool:
-        """Return whether a process has ended, and is not restarted."""
         return name in self.running and self.running[name].is_over()
 
     def is_any_left(self) -> bool:
@@ -141,7 +136,7 @@ class Supervisor:
         return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:
-        """Restart processes that have died: at once, then after increasing waits, and not after DEATHS quick deaths."""
+        """Restart processes that have died: at once, then later and later, and not after DEATHS quick deaths."""
         for name, running in list(self.running.items()):
             program, code = running.program, running.popen.poll()
             if code is None or running.is_over():
@@ -165,7 +160,6 @@ class Supervisor:
             self.given_up[program.name] = self.running.pop(program.name).program
 
     def pid(self, name: str) -> int | None:
-        """Return the id of a process; None if it was never started."""
         return self.running[name].popen.pid if name in self.running else None
 
     def terminate(self, *names: str) -> None:
@@ -176,7 +170,6 @@ class Supervisor:
                 self.running[name].line.let_go()
 
     def kill(self, name: str) -> None:
-        """End a process by force, even if it is frozen."""
         if name in self.running:
             self.running[name].popen.kill()
 
@@ -197,7 +190,7 @@ class Supervisor:
             self._clear_up(running)
 
     def _clear_up(self, running: _Running) -> None:
-        """Close the line of a process, and kill what is left of its group: what an agent has started must not outlive it."""
+        """Close the line of a process, and kill its group: what an agent has started must not outlive it."""
         running.line.close()
         with suppress(ProcessLookupError):
             os.killpg(running.popen.pid, signal.SIGKILL)
@@ -233,7 +226,7 @@ SECONDS = 3.0  # that a token may be gone: a session that was cut off returns so
 
 
 class Watchdog:
-    """Kills a frozen process: one whose liveliness token is gone for SECONDS. One without a token yet is still starting."""
+    """Kills a frozen process: one whose liveliness token is gone for SECONDS. Before its first token it starts."""
 
     def __init__(self, supervisor: Supervisor, name: str) -> None:
         self._supervisor, self._name, self._clock = supervisor, name, supervisor.clock
@@ -254,7 +247,6 @@ class Watchdog:
             self._gone = self._clock()
 
     def look(self) -> None:
-        """Kill the process if it is frozen."""
         is_frozen = self._is_known and self._gone is not None and self._clock() - self._gone >= SECONDS
         if is_frozen and self._known is not None and self._known == self._supervisor.pid(self._name):
             self._known = None

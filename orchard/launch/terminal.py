@@ -6,10 +6,12 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import msgspec
@@ -75,8 +77,6 @@ def print_error(words: object) -> None:
 
 
 class _Log(logging.Handler):
-    """Shows what the program logs, as its own words."""
-
     def emit(self, record: logging.LogRecord) -> None:
         _say(self.format(record))
 
@@ -109,6 +109,17 @@ def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
     except mistakes as error:
         print_error(in_words(error))
         raise typer.Exit(BAD_INPUT) from None
+
+
+@contextmanager
+def handled(handlers: Mapping[int, Callable[[int, FrameType | None], Any]]) -> Iterator[None]:
+    """In this context signals, by number, have these handlers."""
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
@@ -247,7 +258,6 @@ def fault_of(error: TyperException) -> str:
 
 
 def _of_option(error: TyperException) -> str:
-    """What is wrong with an option itself."""
     if not hasattr(error, "possibilities"):
         return "it has no value" if "not take" in error.message else "a value is missing; see --help"
     return f"no such option; did you mean {near}?" if (near := " or ".join(error.possibilities or [])) else "no such option; see --help"

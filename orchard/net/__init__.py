@@ -1,1 +1,1 @@
-"""The network: Zenoh sessions, the hosts of agents, their mail, and when all answers to a tick are in. Nothing here simulates."""
+"""The network: Zenoh sessions, the hosts of agents, their mail. Nothing here simulates."""

@@ -14,7 +14,7 @@ from threading import Lock, get_ident
 from time import monotonic
 from typing import Any, NamedTuple, Protocol
 
-GET_SECONDS = 10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then, answered or not
+GET_SECONDS = 10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then
 TIMED_OUT = "Timeout"  # the error of a get without an answer in time
 
 
@@ -36,7 +36,7 @@ class Alive(NamedTuple):
 
 
 class Query(ABC):
-    """A received query. Send any number of replies, then call `drop`; without it the querier waits until its timeout."""
+    """A received query. Send any number of replies, then call `drop`, or the querier waits until its timeout."""
 
     key: str
     payload: bytes
@@ -133,7 +133,7 @@ class Inbox:
                 self._unwoken.release()
 
     def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
-        """Return the next item, or None if none arrives in `seconds`; 0 does not wait. `enough`: quiet items that wake the reader."""
+        """Return the next item, None if none arrives in `seconds`. `enough`: quiet items that wake the reader."""
         self._enough = enough
         deadline = monotonic() + seconds
         while not self._items:
@@ -162,7 +162,7 @@ class Bus(Protocol):
     # -- publish and query
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
-        """Publish a payload, without loss. `newest_wins`: do not wait for slow subscribers, which miss messages. The first decides."""
+        """Publish a payload, without loss. `newest_wins`: slow subscribers miss messages. The first call decides."""
 
     def retire(self, key: str) -> None:
         """Remove the publisher of a key that will not be used again, or not for some time."""
@@ -171,7 +171,7 @@ class Bus(Protocol):
         """Whether another session subscribes to any of these keys."""
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
-        """Send a query. Its replies and their end arrive in the inbox as Replied and Final with `ticket`. `seconds`: its timeout."""
+        """Send a query. Its replies and their end arrive as Replied and Final with `ticket`. `seconds`: its timeout."""
 
     # -- subscribe and answer
 
@@ -185,7 +185,7 @@ class Bus(Protocol):
         """Subscribe to liveliness tokens: each change arrives as an Alive, and so do the present tokens."""
 
     def declare_alive(self, token: str) -> None:
-        """Declare a liveliness token, which lasts as long as the session, or until `withdraw`. Call it after all subscriptions."""
+        """Declare a liveliness token, which lasts until the session ends, or `withdraw`. Call it after all subscriptions."""
 
     def withdraw(self, token: str) -> None:
         """Remove a liveliness token."""

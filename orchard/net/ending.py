@@ -1,9 +1,17 @@
-"""Whether a run is over. In an open run any client may publish an `end`: it counts only if physics goes at about the same time."""
+"""Whether a run is over. In an open run any client may publish an `end`: it counts only if physics goes, too."""
 
+import logging
 import math
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
+from orchard.contract.messages import pack
+from orchard.folders import write_whole
+from orchard.net.refusals import Refused, read_message
 from orchard.wire.messages import End
+
+log = logging.getLogger("orchard")
 
 GOES_SECONDS = 3.0  # s between the message of the end and the end of physics' liveliness token, in either order
 
@@ -14,16 +22,32 @@ class Ending:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._said: End | None = None
-        self._said_at = self._gone_at = -math.inf  # s, on the clock
+        self._said_at = -math.inf  # s, on the clock
+        self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
 
     def hear(self, end: End) -> None:
         self._said, self._said_at = end, self._clock()
 
     def track(self, up: bool) -> None:
         """Hear that physics' liveliness token appeared (`up`) or disappeared."""
-        self._gone_at = -math.inf if up else self._clock()
+        self.gone_at = math.inf if up else self._clock()
 
     @property
     def end(self) -> End | None:
         """The end of the run; None if it is not over, or if that is not credible."""
-        return self._said if abs(self._said_at - self._gone_at) <= GOES_SECONDS else None
+        return self._said if abs(self._said_at - self.gone_at) <= GOES_SECONDS else None
+
+
+def write_end(end: End, path: str) -> None:
+    """Write the end of a run to a file. A disk error is only logged: then the message that it publishes counts."""
+    try:
+        write_whole(Path(path), pack(end))
+    except OSError as error:
+        log.error("the end of the run could not be written: %s", error)
+
+
+def read_end(path: Path, run: str) -> End | None:
+    """Return the end that physics has written for this run; None if there is no complete one."""
+    with suppress(OSError, Refused):
+        return read_message(path.read_bytes(), End, run)
+    return None

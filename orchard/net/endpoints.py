@@ -7,7 +7,7 @@ from contextlib import suppress
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
 LOOPBACK_SECONDS = 5.0  # that a connection to this machine may take
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
-OUTSIDE = {"0.0.0.0": "192.0.2.1", "[::]": "2001:db8::1"}  # address that means all -> an address that is on no machine (RFC 5737, 3849)
+OUTSIDE = {"0.0.0.0": "192.0.2.1", "[::]": "2001:db8::1"}  # all addresses -> one that is on no machine (RFC 5737, 3849)
 IN_USE = "cannot listen there; the port is in use, or the address is not of this machine"
 
 
@@ -53,7 +53,7 @@ def check_free(endpoint: str) -> None:
 
 
 def check_loopback() -> None:
-    """Raise BusError if this machine cannot connect to itself, as in a network namespace in which the loopback is down."""
+    """Raise BusError if this machine cannot connect to itself, as in a namespace without a loopback."""
     try:
         with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname(), LOOPBACK_SECONDS):
             pass
@@ -63,12 +63,12 @@ def check_loopback() -> None:
 
 
 def reachable(endpoint: str) -> str:
-    """Return the endpoint for clients on this machine: an address that means all addresses becomes the loopback address."""
+    """Return the endpoint for clients on this machine: all addresses become the loopback address."""
     return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
 
 
 def from_elsewhere(endpoint: str) -> str:
-    """Return the endpoint for other machines: an address that means all addresses becomes this machine's address, or its name."""
+    """Return the endpoint for other machines: all addresses become this machine's address, or its name."""
     for every, outside in OUTSIDE.items():
         endpoint = endpoint.replace(f"/{every}:", f"/{_own_address(every, outside)}:")
     return endpoint
@@ -86,7 +86,7 @@ def _own_address(every: str, outside: str) -> str:
 
 
 def with_port(endpoint: str) -> str:
-    """Return the endpoint; port 0 is replaced by a port that was free a moment ago, because zenoh does not report the port that it took."""
+    """Return the endpoint; port 0 becomes a port that was free a moment ago: zenoh does not report which it took."""
     if not endpoint.endswith(":0"):
         return endpoint
     protocol, _, host = endpoint.removesuffix(":0").partition("/")

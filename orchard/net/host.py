@@ -1,4 +1,4 @@
-"""A host: it runs any number of agents over one session. It receives their observations and mail, ticks them and sends their velocities."""
+"""A host runs any number of agents over one session: it receives what they observe, and sends their velocities."""
 
 import logging
 import math
@@ -23,11 +23,11 @@ from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_mes
 from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, fetch_run, publish_refusals
 from orchard.wire.codec import report_of
 from orchard.wire.keys import PHYSICS, Keys
-from orchard.wire.messages import RESET, BinStatus, End, Join, Joined, Left, Lost, Recall, Recalled, Report, Velocities
+from orchard.wire.messages import RESET, BinStatus, End, Join, Joined, Left, Letter, Lost, Recall, Recalled, Report, Velocities
 
 log = logging.getLogger("orchard")
 GONE_SECONDS = 20.0  # how long a host waits for physics that is gone: physics or its router is started again
-WARN_SECONDS = 1.0  # after which a host says that physics is gone: at the end of a run physics goes just before its `end` arrives
+WARN_SECONDS = 1.0  # after which a host says that physics is gone; at the end of a run its `end` arrives sooner
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
 
@@ -68,7 +68,6 @@ class AgentRunner:
             log.warning("%s starts without a memory; its last one is not of its class: %s", self.name, printable(str(error)))
 
     def act(self, seen: Observation, mail: Mail) -> Action:
-        """Tick the agent and return its action; a broken agent stands."""
         action = self._agent.tick(seen, mail, self.memory)
         self.memory = action.memory
         return action
@@ -109,7 +108,7 @@ class StateBoard:
 
 
 class Host:
-    """A session that hosts agents, from the join to the end of the run. `patience`: how long it waits for physics that is gone, s."""
+    """A session that hosts agents, until the end of the run. `patience`: how long it waits for physics that is gone, s."""
 
     def __init__(
         self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: Mapping[str, Agent], patience: float = GONE_SECONDS
@@ -123,9 +122,8 @@ class Host:
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
-        self._warn_at = math.inf  # s, on the clock of the bus: then the host says that physics is gone
-        self._gone_until = math.inf  # s, on the clock of the bus: then the host gives physics up; inf while physics is alive
         self._ending = Ending(bus.clock)
+        self._has_warned = False  # that physics is gone
 
     # -- joining
 
@@ -198,7 +196,8 @@ class Host:
     def _send_rest(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
-                self.bus.ask(self.keys.of("mail", asked.to), self.mailbox.letter(asked), asked)
+                letter = Letter(self.run_id, asked.tick, asked.sender, asked.number, asked.request)
+                self.bus.ask(self.keys.of("mail", asked.to), pack(letter), asked)
         self.mailbox.close()
         for name in self.bins:
             if name in seen:
@@ -234,12 +233,13 @@ class Host:
     # -- what arrives
 
     def _wait(self, ready: Callable[[], bool], seconds: float = math.inf) -> None:
-        """Handle all present items, so that an old tick is not taken for the newest, and then more until `ready()` or the time is over."""
+        """Handle all present items, so that no old tick is taken for the newest, then more until `ready()` or the time is over."""
         for _ in range(len(self.bus.inbox)):
             self._handle_next(0.0)
         deadline = self.bus.clock() + seconds
         while not ready() and (left := deadline - self.bus.clock()) > 0.0:
-            self._handle_next(min(left, min(self._warn_at, self._gone_until) - self.bus.clock()))
+            check_at = self._ending.gone_at + (self._patience if self._has_warned else min(self._patience, WARN_SECONDS))
+            self._handle_next(min(left, check_at - self.bus.clock()))
 
     def _handle_next(self, seconds: float) -> None:
         item = self.bus.inbox.take(seconds)
@@ -249,10 +249,11 @@ class Host:
             self._check_gone()
 
     def _check_gone(self) -> None:
-        if self.bus.clock() >= self._warn_at:
-            self._warn_at = math.inf
+        now, gone_at = self.bus.clock(), self._ending.gone_at
+        if now >= gone_at + WARN_SECONDS and not self._has_warned:
+            self._has_warned = True
             log.warning("physics is gone; waiting for it")
-        if self.bus.clock() >= self._gone_until:
+        if now >= gone_at + self._patience:
             raise HostEnded(1, f"physics is gone; waited for {self._patience:g} s")
 
     def handle(self, item: Item) -> None:
@@ -278,12 +279,10 @@ class Host:
                 self._track_physics(up)
 
     def _track_physics(self, up: bool) -> None:
+        was_gone, self._has_warned = self._ending.gone_at < math.inf, False
         self._ending.track(up)
         self._leave_if_over()
-        was_gone, self._gone_until, self._warn_at = self._gone_until < math.inf, math.inf, math.inf
-        if not up:
-            self._warn_at, self._gone_until = self.bus.clock() + WARN_SECONDS, self.bus.clock() + self._patience
-        elif was_gone:
+        if up and was_gone:
             raise _JoinAgain
 
     def _leave_if_over(self) -> None:

@@ -14,8 +14,8 @@ from select import select
 from socket import MSG_DONTWAIT, MSG_PEEK, SHUT_WR, socketpair
 from threading import Thread, Timer
 
-STARTED_BY = "ORCHARD_STARTED_BY"  # environment variable of a process on a line: run.py's process id, and the run's id
-CONFIRM_SECONDS = 1.0  # after a signal, in which run.py may ask too: the signal was sent to all, as when a machine is shut down
+STARTED_BY = "ORCHARD_STARTED_BY"  # environment variable: run.py's process id, and the run's id
+CONFIRM_SECONDS = 1.0  # after a signal, in which run.py may ask too: as when a machine is shut down
 ALONE_SECONDS = 10.0  # that a process may take to end when run.py, which would end it by force, is gone
 
 
@@ -30,7 +30,6 @@ class Line:
             self._end.sendall(f"{words}\n".encode())
 
     def let_go(self) -> None:
-        """Ask the process to end."""
         with suppress(OSError):
             self._end.shutdown(SHUT_WR)
 
@@ -40,7 +39,7 @@ class Line:
 
     @property
     def code(self) -> int | None:
-        """The exit code with which the process has ended by itself; None if it runs or died, with whatever exit code."""
+        """The exit code with which the process has ended by itself; None if it runs or died."""
         with suppress(OSError):
             return next(iter(self._end.recv(1, MSG_PEEK | MSG_DONTWAIT)), None)
         return None
@@ -51,13 +50,10 @@ def environment(run: str) -> dict[str, str]:
     return {STARTED_BY: f"{os.getpid()} {run}"}
 
 
-def is_held() -> bool:
-    """Whether run.py has started this process, and holds its line."""
-    return STARTED_BY in os.environ
-
-
-def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None]:
-    """Call `ask_to_end` when run.py lets go of the line; after a signal without that, end. Return what announces the exit code."""
+def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
+    """Call `ask_to_end` when run.py lets go; after a mere signal, end. Return what announces the exit code, None without a line."""
+    if STARTED_BY not in os.environ:
+        return None
     owner, line = int(os.environ.pop(STARTED_BY).split()[0]), os.dup(0)
     with open(os.devnull) as nothing:  # an agent that reads its input must not wait for run.py
         os.dup2(nothing.fileno(), 0)

@@ -37,7 +37,7 @@ class LatestObservations:
         self.observations: dict[str, Observation] = {}  # of these agents; one without a body gets only the tick
 
     def seen(self, payload: bytes) -> None:
-        """Take a `Seen` message, unless it repeats the newest tick. Raises Refused if it does not count."""
+        """Take a `Seen` message, unless it repeats the newest tick. Raises Refused."""
         message = read_message(payload, Seen, self._run)
         if message.tick < self.tick:
             raise Refused("past tick", f"{message.tick}; {self.tick} has begun")
@@ -100,7 +100,7 @@ class Mailbox:
     # what arrives
 
     def hear(self, recipient: str, question: Query) -> None:
-        """Hold a request for the next tick, once, and reply `received` (rules 5 and 7). Raises Refused if it does not count."""
+        """Hold a request for the next tick, and reply `received` (rules 5 and 7). Raises Refused if it does not count."""
         try:
             letter = self._checked(question.payload)
         except Refused as refusal:
@@ -119,7 +119,7 @@ class Mailbox:
         question.reply(pack(Received(self._run, letter.tick)))
 
     def recall(self, tick: int) -> None:
-        """Record that the agents hear the mail of a tick from the copies of physics: its requests may still come, and are no news."""
+        """Record that the mail of a tick is heard from the copies of physics: its requests may still come."""
         self._recalled.append(tick - 1)
 
     def _checked(self, payload: bytes) -> Letter:
@@ -154,7 +154,7 @@ class Mailbox:
         return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Whether mail of a tick may be missing: the host has just joined, a request has not come, or a get has ended without an answer."""
+        """Whether mail may be missing: the host has just joined, a request has not come, or a get ended unanswered."""
         return self._is_new(tick) or not (self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ())))
 
     def _is_new(self, tick: int) -> bool:
@@ -200,11 +200,8 @@ class Mailbox:
         self._asked.setdefault(self.last, []).extend(asked)
         return asked
 
-    def letter(self, asked: SentRequest) -> bytes:
-        return pack(Letter(self._run, asked.tick, asked.sender, asked.number, asked.request))
-
     def close(self) -> None:
-        """Reply to all queries that were heard in this tick or before, and drop them (rule 3). Without an answer the reply is nil."""
+        """Reply to all queries that were heard up to this tick, and drop them (rule 3). Without an answer it is nil."""
         for key in [key for key, waiting in self._waiting.items() if waiting.is_heard]:
             waiting = self._waiting.pop(key)
             waiting.question.reply(pack(Answered(self._run, self.last, waiting.body)))
@@ -212,10 +209,9 @@ class Mailbox:
 
 
 class RealtimeMailbox(Mailbox):
-    """The mail of one host's agents in realtime: no tick waits for mail, ticks may be left out, and each delivers what has come."""
+    """The mail of one host's agents in realtime: no tick waits for mail, and each delivers what has come."""
 
     def _is_timely(self, tick: int) -> bool:
-        """Whether the sender is at most STALE_TICKS behind or ahead."""
         return abs(tick - self.last) <= STALE_TICKS
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
@@ -234,7 +230,6 @@ class RealtimeMailbox(Mailbox):
         return True
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        """Remove and return the requests that are final or older than STALE_TICKS."""
         known = [a for asked in self._asked.values() for a in asked if a.final or tick - a.tick > STALE_TICKS]
         self._asked = {t: left for t, asked in self._asked.items() if (left := [a for a in asked if a not in known])}
         return known

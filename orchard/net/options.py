@@ -87,7 +87,6 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
 
 
 def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
-    """Add a field to a command line: as a switch, an option, one that may be repeated, or an argument."""
     of, note = hint.__origin__, hint.__metadata__[-1]
     flag, words = f"--{name.replace('_', '-')}", {"help": note.description, "required": is_required}
 

@@ -30,29 +30,25 @@ def run_process(
     gc.freeze()  # what is imported stays
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
-    if lifeline.is_held():
-        announce = lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
-        code = _code_of(lambda: body(inbox, options), *mistakes)
-        announce(code)
-        return code
-    inbox.take_signals()
-    return _code_of(lambda: body(inbox, options), *mistakes)
-
-
-def _code_of(body: Callable[[], int], *mistakes: type[Exception]) -> int:
+    announce = lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
+    if announce is None:
+        inbox.take_signals()
     try:
-        return body()
+        code = body(inbox, options)
     except HostEnded as end:
-        if end.code:
+        code = end.code
+        if code:
             log.error("%s", end)
-        return end.code
     except mistakes as error:
+        code = 2
         log.error("%s", error)
-        return 2
+    if announce is not None:
+        announce(code)
+    return code
 
 
 def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
-    """Log each agent of the host that spends at least `seconds` on one tick, once per agent. The agents tick in the calling thread."""
+    """Log each agent that spends at least `seconds` on one tick, once. The agents tick in the calling thread."""
     threading.Thread(target=_watch, args=(host, threading.get_ident(), seconds), daemon=True).start()
 
 

@@ -14,7 +14,7 @@ from orchard.wire.messages import RefusedThere, RunInfo, read
 M = TypeVar("M")
 
 ANSWER_SECONDS = 120.0  # how long physics may take to reply to a session that joins: it may be compiling
-FETCH_SECONDS = 3.0  # after which the question for the run is repeated: it may be lost where a run that is reset opens its session again
+FETCH_SECONDS = 3.0  # after which the question for the run is repeated: it may be lost during a reset
 LOOK_SECONDS = 1.0  # between two checks whether physics is gone, while nothing arrives
 AGAIN_SECONDS = 0.1  # between two tries, while no reply comes
 TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
@@ -37,7 +37,7 @@ def ask(
     meanwhile: Callable[[], None] = lambda: None,
     tries: int = TRIES,
 ) -> M:
-    """Return the first valid reply to a get that only physics can answer. Repeat the get after `seconds` without one, so many times.
+    """Return the first valid reply to a get that only physics can answer. Repeat it after `seconds` without one.
 
     `understand`: payload of a reply -> message; raises Refused or ValueError. `handle`: takes all other items that arrive.
     `refusals`: counts invalid replies. `meanwhile`: called at least once a second.

@@ -24,7 +24,7 @@ log = logging.getLogger("orchard.net.zenoh_bus")
 CONNECT_SECONDS = 7.0  # how long a client tries to connect to its router
 LISTEN_SECONDS = 1.0  # how long a router tries to get its port
 LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
-MOST_SILENT = 10_000  # connections that have not said what they are; at the default of 100 no other client gets in for 10 s
+MOST_SILENT = 10_000  # connections that have not said what they are; at Zenoh's 100 no other client gets in for 10 s
 FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that receives nothing, before it closes the link
 _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
@@ -45,8 +45,8 @@ def _errors_ignored(what: str) -> Iterator[None]:
 
 
 class ZenohQuery(Query):
-    def __init__(self, key: str, query: zenoh.Query) -> None:
-        self.key = key
+    def __init__(self, query: zenoh.Query) -> None:
+        self.key = str(query.key_expr)  # the client's, which may have wildcards, not the queryable's
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
         self._query = query
 
@@ -119,7 +119,7 @@ class ZenohBus(Bus):
         self._kept.append(self._session.declare_subscriber(keys, self._into(_sample, quietly)))
 
     def answer(self, key: str) -> None:
-        self._kept.append(self._session.declare_queryable(key, self._into(_question)))
+        self._kept.append(self._session.declare_queryable(key, self._into(ZenohQuery)))
 
     def watch(self, tokens: str) -> None:
         self._kept.append(self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True))
@@ -134,11 +134,6 @@ class ZenohBus(Bus):
     def _into(self, item_of: Callable[[Any], Item], quietly: bool = False) -> "Callback[Any]":
         put = self.inbox.put_quietly if quietly else self.inbox.put
         return Callback(lambda arrived: put(item_of(arrived)), indirect=False)
-
-
-def _question(query: zenoh.Query) -> ZenohQuery:
-    """Convert a query. Its key is the one that the client asked, which may have wildcards, and not that of the queryable."""
-    return ZenohQuery(str(query.key_expr), query)
 
 
 def _sample(sample: zenoh.Sample) -> Sample:
@@ -172,9 +167,9 @@ def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Ident
 
 
 @contextmanager
-def client(endpoint: str, inbox: Inbox | None = None, seconds: float | None = None, identity: Identity | None = None) -> Iterator[Bus]:
-    """Open a client session, and close it at the end. Raises BusError if it reaches no router in `seconds`, CONNECT_SECONDS by default."""
-    with _session("client", endpoint, CONNECT_SECONDS if seconds is None else seconds, identity) as session:
+def client(endpoint: str, inbox: Inbox | None = None, seconds: float = CONNECT_SECONDS, identity: Identity | None = None) -> Iterator[Bus]:
+    """Open a client session, and close it at the end. Raises BusError if it reaches no router in `seconds`."""
+    with _session("client", endpoint, seconds, identity) as session:
         yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
 
 
@@ -227,7 +222,6 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
 
 
 def _tls_settings(identity: Identity) -> dict[str, Any]:
-    """The files with which both sides authenticate each other, and the session id that the rules name."""
     tls: dict[str, Any] = {"root_ca_certificate": str(identity.folder / AUTHORITY), "enable_mtls": True, "verify_name_on_connect": True}
     for side in ("listen", "connect"):
         tls |= {f"{side}_certificate": str(identity.folder / CERTIFICATE), f"{side}_private_key": str(identity.folder / KEY)}

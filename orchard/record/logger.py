@@ -1,6 +1,6 @@
 """Receives a run and records it with Rerun.
 
-One thread receives and another writes, with a bounded queue between them, so that a slow disk delays no other process.
+One thread receives and another writes, with a bounded queue between them: a slow disk delays no other process.
 """
 
 import logging
@@ -8,9 +8,9 @@ import math
 import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from orchard.contract.events import Event, Frame, merged
 from orchard.field.layout import Layout, lay_out
@@ -38,19 +38,12 @@ log = logging.getLogger("orchard")
 # -- between the thread that receives and the thread that writes
 
 
-class QueuedFrame(NamedTuple):
-    """A frame, and the messages and events since the frame before, each with its tick."""
-
-    frame: Frame
-    notes: list[Event]
-
-
 class FrameQueue:
-    """The frames that wait. When it is full, the two newest become one, and only the older's poses and scans are lost."""
+    """The frames that wait. When it is full, the two newest become one, without the older's poses and scans."""
 
     def __init__(self, most: int = MOST) -> None:
         self._most = most
-        self._waiting: deque[QueuedFrame] = deque()
+        self._waiting: deque[Frame] = deque()
         self._is_closed = False
         self._change = threading.Condition()
         self.left_out = 0
@@ -58,76 +51,54 @@ class FrameQueue:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def put(self, queued: QueuedFrame) -> None:
+    def put(self, frame: Frame) -> None:
         """Add a frame, without waiting for the reader."""
         with self._change:
             if len(self._waiting) >= self._most:
-                newest = self._waiting.pop()
-                queued = QueuedFrame(merged(newest.frame, queued.frame), newest.notes + queued.notes)
+                frame = merged(self._waiting.pop(), frame)
                 self.left_out += 1
-            self._waiting.append(queued)
+            self._waiting.append(frame)
             self._change.notify()
 
     def close(self) -> None:
-        """End the queue: no more frames come."""
         with self._change:
             self._is_closed = True
             self._change.notify()
 
-    def take(self) -> QueuedFrame | None:
+    def take(self) -> Frame | None:
         """Wait for a frame and return the oldest; None when the queue is closed and empty."""
         with self._change:
-            while not self._waiting and not self._is_closed:
-                self._change.wait()
+            self._change.wait_for(lambda: self._waiting or self._is_closed)
             return self._waiting.popleft() if self._waiting else None
 
 
-class Writer(threading.Thread):
-    """Begins or continues a recording, and writes frames into it in a thread of its own, as fast as it can.
-
-    `file`: the part of the recording that it writes. `is_whole`: whether all is in it. `error`: the exception that ended it, or None.
-    """
-
-    def __init__(self, queue: FrameQueue, layout: Layout, run: str, file: Path | None, port: int | None) -> None:
-        super().__init__(name="writer", daemon=True)
-        self._queue, self._layout, self._run_id, self.file, self._port = queue, layout, run, file, port
-        self.is_whole = False
-        self.error: Exception | None = None
-
-    def run(self) -> None:
-        try:
-            recording, last = self._begun()
-            try:
-                write(self._queue, recording, last)
-            finally:
-                self.is_whole = recording.close()
-        except Exception as error:
-            self.error = error
-
-    def _begun(self) -> tuple[Recorder, int | None]:
-        """The recorder, and the last tick of earlier parts, which are read while the logger receives what comes next."""
-        last: int | None = None
-        said: Mapping[str, Mapping[str, Colour]] = {}
-        if self.file is not None:
-            self.file.parent.mkdir(parents=True, exist_ok=True)
-            self.file, last, said = before(self.file, self._run_id)
-        recorder = Recorder(self._layout, self._run_id, self.file, serve=self._port is not None, port=self._port or 0)
-        recorder.bodies.remember(said)
-        print("recording", recorder.uri or self.file, flush=True)
-        return recorder, last
+def write_recording(queue: FrameQueue, layout: Layout, run: str, file: Path | None, port: int | None) -> Path | None:
+    """Begin or continue a recording, and write all frames. Return the part that is written, None if not all is in it."""
+    last: int | None = None
+    said: Mapping[str, Mapping[str, Colour]] = {}
+    if file is not None:  # earlier parts are read while the logger receives what comes next
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file, last, said = before(file, run)
+    recorder = Recorder(layout, run, file, serve=port is not None, port=port or 0)
+    recorder.bodies.remember(said)
+    print("recording", recorder.uri or file, flush=True)
+    try:
+        write(queue, recorder, last)
+    finally:
+        is_whole = recorder.close()
+    return file if is_whole else None
 
 
 def write(queue: FrameQueue, recording: Recorder, last: int | None) -> None:
     """Write all frames, and the gaps between them, until the queue is closed. `last`: tick; None at the begin."""
-    while (queued := queue.take()) is not None:
-        frame = queued.frame
+    while (frame := queue.take()) is not None:
         first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
         if last is not None and first > last + 1:
             recording.gap(last, first, AWAY)
-        for event in queued.notes:
+        for event in frame.events:
             if event.tick < frame.tick - 1:
                 recording.tell(event)
-        recording.tick(replace(frame, events=[event for event in queued.notes if event.tick >= frame.tick - 1]))
+        recording.tick(replace(frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]))
         last = frame.tick
 
 
@@ -152,27 +123,21 @@ class Logger:
         self.bus.watch(self.keys.of("alive", PHYSICS))
         self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
-    def run(self, writer: Writer) -> int:
-        """Record until the run ends or a signal asks to stop. Return the exit code. Raises the writer's exception."""
-        code = self._hear_all(writer)
-        self.queue.close()
-        writer.join()
-        if writer.error is not None:
-            raise writer.error
-        if self.queue.left_out:
-            log.warning("%d frames came faster than they could be recorded, and are left out", self.queue.left_out)
-        return code
-
-    def _hear_all(self, writer: Writer) -> int:
+    def run(self, writing: Future[Path | None]) -> tuple[int, Path | None]:
+        """Record until the run ends. Return the exit code, and the part that is whole, if any. Raises what `writing` raises."""
+        code = 1
         try:
-            while writer.error is None and self.bus.clock() < self._gone_until:
-                item = self.bus.inbox.take(LOOK_SECONDS)
-                if item is not None:
+            while not writing.done() and self.bus.clock() < self._gone_until:
+                if (item := self.bus.inbox.take(LOOK_SECONDS)) is not None:
                     self._handle(item)
         except HostEnded as end:
-            log.info("%s", end)
-            return end.code
-        return 1 if self._gone_until < math.inf else 0
+            code = end.code
+        finally:
+            self.queue.close()
+        part = writing.result()
+        if self.queue.left_out:
+            log.warning("%d frames came faster than they could be recorded, and are left out", self.queue.left_out)
+        return code, part
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
@@ -221,19 +186,17 @@ class Logger:
             raise Refused("malformed", str(error)) from error
 
     def _see(self, frame: Frame) -> None:
-        """Pass a frame on. After a missed frame, wait for a whole one: the others contain only what has changed."""
+        """Pass a frame on. After a missed one, wait for a whole one: the others contain only what has changed."""
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
             self._tick = frame.tick
-            self.queue.put(QueuedFrame(frame, self._notes))
+            self.queue.put(replace(frame, events=self._notes))
             self._notes = []
 
 
 def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
-    """Record a run into a file, and serve viewers on a port. Return the exit code, and the part that is whole, if any."""
+    """Record a run into a file, and serve viewers on a port. Return as `Logger.run` does."""
     run = fetch_run(bus, keys, end_if_asked)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     logger = Logger(bus, keys, run.run, layout, FrameQueue())
     logger.listen(session or bus.id)
-    writer = Writer(logger.queue, layout, run.run, file, port)
-    writer.start()
-    return logger.run(writer), writer.file if writer.is_whole else None
+    return logger.run(bus.executor.submit(write_recording, logger.queue, layout, run.run, file, port))

@@ -21,7 +21,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, Role
 
 T = TypeVar("T")
-EARLIER = timedelta(hours=1)  # a certificate is valid from this long before it is made: another machine's clock may be behind
+EARLIER = timedelta(hours=1)  # a certificate is valid before it is made: another machine's clock may be behind
 PEM = serialization.Encoding.PEM
 SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
@@ -35,7 +35,7 @@ class Authority:
 
     @classmethod
     def begin(cls, days: float) -> "Authority":
-        """Return a new authority with a random name and a key that only signs certificates and revocation lists, valid for `days` days."""
+        """Return a new authority with a random name, valid for `days` days. Its key only signs."""
         name = f"orchard {secrets.token_hex(8)}"
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(_name(name), _name(name), key, datetime.now(UTC) + timedelta(days=days))

@@ -1,4 +1,4 @@
-"""A role's directory on the disk: how it is made, what identity a process has with it, and why two identities cannot connect."""
+"""A role's directory: how it is made, what identity a process has with it, and why two cannot connect."""
 
 import importlib
 import json
@@ -60,7 +60,6 @@ class Identity:
 
 @cache
 def _check_mode(key: Path, mode: int) -> None:
-    """Warn once of a private key that other users of this machine can read."""
     if mode & 0o077:
         log.warning("%s: other users can read this private key (mode %03o), and so take the role; run: chmod 600 %s", key, mode, key)
 
@@ -75,7 +74,7 @@ def identity_in(folder: str | None, prefix: str) -> Identity | None:
 
 
 def certificates() -> ModuleType:
-    """Return the module `certificates`. Only secured runs need it and the package that it imports. Raises ValueError if that is missing."""
+    """Return the module `certificates`, whose package only secured runs need. Raises ValueError if it is missing."""
     try:
         return importlib.import_module("orchard.security.certificates")
     except ImportError as error:

@@ -26,7 +26,7 @@ class Role:
 
     name: str
     duty: Duty
-    names: tuple[str, ...] = ()  # in its liveliness tokens: for a host, those of its agents; for a bridge, the robots that it may drive
+    names: tuple[str, ...] = ()  # in its liveliness tokens: a host's agents; the robots that a bridge may drive
 
     @property
     def session(self) -> str:
@@ -39,7 +39,7 @@ class Role:
         return hashlib.sha256(" ".join((self.name, self.duty, *self.names)).encode()).hexdigest()
 
 
-EMERGENCY_OPERATOR = "emergency-operator"  # stops robots in an emergency; a role of its own, because run.py already uses the operator's
+EMERGENCY_OPERATOR = "emergency-operator"  # a role of its own, because run.py already uses the operator's
 SERVANTS = (
     Role(PHYSICS, "physics", (PHYSICS,)),
     Role("router", "router"),
@@ -70,44 +70,36 @@ ALL = (THE_PHYSICS, *AUDIENCE)
 
 
 class Right(NamedTuple):
-    """The parties at both ends of a kind of key. If a key is both put and queried, the parties that hear it may also query it."""
+    """The parties at both ends of a kind of key. Who hears a key that is also queried may query it."""
 
     sends: tuple[Party, ...]  # put, query, or declare a token
     hears: tuple[Party, ...]  # subscribe, reply, or watch tokens
 
 
-RIGHTS: dict[str, Right] = {
-    "velocity": Right((OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)),
-    "advice": Right((OWN_HOST, *OWN_BRIDGES), (THE_PHYSICS,)),
-    "velocities": Right((OWN_HOST,), (THE_PHYSICS,)),
-    "pose": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
-    "truth": Right((THE_PHYSICS,), (THE_LOGGER, *BRIDGES)),  # no agent can peep
-    "odometry": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
-    "scan": Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
-    "clock": Right((THE_PHYSICS,), AUDIENCE),
-    "seen": Right((THE_PHYSICS,), (OWN_HOST,)),
-    "mail": Right((ANY_HOST,), (OWN_HOST,)),
-    "letters": Right((THE_PHYSICS,), (THE_LOGGER,)),
-    "recall": Right((ANY_HOST,), (THE_PHYSICS,)),
-    "state": Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
-    "events": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR, *BRIDGES)),
-    "picture": Right((THE_PHYSICS,), (THE_LOGGER,)),
-    "figures": Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
-    "refused": Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
-    "refusals": Right((THE_PHYSICS,), AUDIENCE),
-    "left": Right((OWN_HOST,), (THE_PHYSICS,)),
-    "scenario": Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
-    "layout": Right(AUDIENCE, (THE_PHYSICS,)),
-    "join": Right((OWN_HOST,), (THE_PHYSICS,)),
-    "lost": Right((THE_PHYSICS,), AUDIENCE),
-    "stop": Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
-    "simulation_state": Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
-    "set_simulation_state": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
-    "step_simulation": Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
-    "reset_simulation": Right((OPERATOR, OPERATING_BRIDGE), (THE_PHYSICS,)),
-    "end": Right((THE_PHYSICS,), AUDIENCE),
-    "alive": Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
+_RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
+    ("velocity",): Right((OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)),
+    ("advice",): Right((OWN_HOST, *OWN_BRIDGES), (THE_PHYSICS,)),
+    ("velocities", "left", "join"): Right((OWN_HOST,), (THE_PHYSICS,)),
+    ("pose", "odometry", "scan"): Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
+    ("truth",): Right((THE_PHYSICS,), (THE_LOGGER, *BRIDGES)),  # no agent can peep
+    ("clock", "refusals", "lost", "end"): Right((THE_PHYSICS,), AUDIENCE),
+    ("seen",): Right((THE_PHYSICS,), (OWN_HOST,)),
+    ("mail",): Right((ANY_HOST,), (OWN_HOST,)),
+    ("letters", "picture"): Right((THE_PHYSICS,), (THE_LOGGER,)),
+    ("recall",): Right((ANY_HOST,), (THE_PHYSICS,)),
+    ("state",): Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
+    ("events",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR, *BRIDGES)),
+    ("figures",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
+    ("refused",): Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
+    ("scenario",): Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
+    ("layout",): Right(AUDIENCE, (THE_PHYSICS,)),
+    ("stop",): Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
+    ("simulation_state",): Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
+    ("set_simulation_state", "step_simulation"): Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
+    ("reset_simulation",): Right((OPERATOR, OPERATING_BRIDGE), (THE_PHYSICS,)),
+    ("alive",): Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
 }
+RIGHTS = {what: right for kinds, right in _RIGHTS.items() for what in kinds}
 
 # -- the Zenoh messages that a router must let through for these rights
 
@@ -132,7 +124,7 @@ def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
     """Return Zenoh's `access_control` for the router of these roles. Only they have rights, each with its certificate and session id."""
     rules, subjects, policies = [], [], []
     for role in roles:
-        its = [_rule(role, passage, list(dict.fromkeys(exprs))) for passage, exprs in _allowed(role, keys).items() if exprs]
+        its = [_rule(role.name, passage, [*dict.fromkeys(exprs)]) for passage, exprs in _allowed(role, keys).items() if exprs]
         if its:
             rules += its
             subjects.append({"id": role.name, "cert_common_names": [role.name], "zids": [role.session]})
@@ -140,9 +132,9 @@ def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
     return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
 
 
-def _rule(role: Role, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
-    name = f"{role.name} {passage.flow} {passage.message}"
-    return {"id": name, "permission": "allow", "flows": [passage.flow], "messages": [passage.message], "key_exprs": exprs}
+def _rule(role: str, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
+    flow, message = passage
+    return {"id": f"{role} {flow} {message}", "permission": "allow", "flows": [flow], "messages": [message], "key_exprs": exprs}
 
 
 def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
@@ -168,6 +160,6 @@ def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
 def _exprs(what: str, party: Party, role: Role, keys: Keys) -> list[str]:
     if not party.own:
         return [keys.of(what)]
-    session = role.session if role.duty == "host" or what != "alive" else "*"  # the tokens of physics and the logger may name the run
+    session = role.session if role.duty == "host" or what != "alive" else "*"  # physics' and the logger's may name the run
     names = [name for name in role.names if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template]
     return [keys.of(what, name, session) for name in names]

@@ -8,11 +8,11 @@ from orchard.contract.events import Event, Frame
 from orchard.contract.messages import Written
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SnapshotWriter
+from orchard.sim.engine import Engine
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from orchard.sim.engine import Engine
     from orchard.tables.tables import Tables
 
 
@@ -21,14 +21,14 @@ class RunAccount:
 
     def __init__(
         self,
-        engine: "Engine",
+        engine: Engine,
         before: Snapshot | None,
         snapshot_writer: SnapshotWriter,
         table: str | Path | None,
         clock: Callable[[], float],
     ) -> None:
         """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written."""
-        self._engine, self._frame_builder = engine, FrameBuilder(engine.world)
+        self._engine, self.frame_builder = engine, FrameBuilder(engine.world)
         self.figures = RunFigures(engine, clock, before.figures if before else {})
         self.snapshot_writer = snapshot_writer
         self._tables: Tables | None = None
@@ -43,11 +43,7 @@ class RunAccount:
             self._tables.update(self._engine, events, letters)
 
     def frame(self, events: list[Event]) -> Frame:
-        return self._frame_builder.frame(self._engine.scans, self._engine.actions, events, self._engine.lookahead.wanted)
-
-    def show_all(self) -> None:
-        """Make the next frame a whole one, for a new viewer."""
-        self._frame_builder.forget()
+        return self.frame_builder.frame(self._engine.scans, self._engine.actions, events, self._engine.lookahead.wanted)
 
     def keep(self, snapshot: Snapshot) -> None:
         if self._tables is not None:

@@ -1,10 +1,10 @@
-"""When all answers to a tick are in: in lockstep physics waits for each agent, in realtime the wall clock goes on and the newest counts."""
+"""When all answers to a tick are in: in lockstep physics waits for each agent, in realtime the newest counts."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
 from msgspec.structs import replace
 
 from orchard.contract.agent import Action
@@ -81,7 +81,7 @@ class LockstepBarrier(Barrier):
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
-        """The deadline moves for all agents, because many sessions start slowly; but each agent moves it only once in a tick."""
+        """The deadline moves for all agents, as many sessions start slowly; each agent moves it once in a tick."""
         super().expect(name)
         self.reports.pop(name, None)
         if name not in self._back:
@@ -198,21 +198,18 @@ class RealtimeBarrier(Barrier):
 
 
 class Delays:
-    """The delays from the observations to the velocities, as counts in steps of 0.1 ms, so that memory does not grow."""
-
-    STEP = 1e-4  # s
+    """The delays from observations to velocities, counted in steps of 0.1 ms up to 1 s: memory does not grow."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros(10_001, dtype=np.int64)  # the last one counts all of 1 s or longer
+        self._counts: Counter[int] = Counter()
 
     def add(self, seconds: float) -> None:
-        self._counts[min(max(int(seconds / self.STEP), 0), len(self._counts) - 1)] += 1
+        self._counts[min(max(int(seconds * 1e4), 0), 10_000)] += 1
 
-    def below(self, share: float) -> float:
+    def below(self, share: int) -> float:
         """Return the delay in ms that `share` per cent do not exceed; 0 without any."""
-        total = int(self._counts.sum())
-        step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total)) if total else -1
-        return round((step + 1) * self.STEP * 1e3, 1)
+        steps = sorted(self._counts.elements())
+        return (steps[-(-share * len(steps) // 100) - 1] + 1) / 10 if steps else 0.0
 
 
 def _with_unused(before: Report | None, report: Report) -> Report:

@@ -76,7 +76,7 @@ class Advised:
         self._newest: dict[str, Advice] = {}
 
     def take(self, name: str, advice: Advice, tick: int) -> None:
-        """Take advice for a robot at a tick. Raises Refused if it is too old, older than the last one, or of the future."""
+        """Take advice for a robot. Raises Refused if it is too old, older than the last one, or of the future."""
         last = self._newest[name].tick if name in self._newest else 0
         refuse_other_tick(advice.tick, max(last, tick - WATCHDOG_TICKS + 1), tick)
         self._newest[name] = advice

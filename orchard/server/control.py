@@ -87,7 +87,6 @@ class SimulationControl:
         return SimulationState(self._run, self._tick(), "quitting" if self._ended else running)
 
     def begin(self) -> None:
-        """Record that the first tick is about to be published."""
         self._begun = True
         self.publish()
 

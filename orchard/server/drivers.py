@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
-from typing import TYPE_CHECKING
 
 from orchard.contract.agent import Action, Observations
 from orchard.field.geometry import Twist
@@ -13,11 +12,9 @@ from orchard.server.barriers import LockstepBarrier, RealtimeBarrier
 from orchard.server.commands import Advised, UnownedCommands
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
+from orchard.sim.engine import Engine
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Report, Velocities, Velocity
-
-if TYPE_CHECKING:
-    from orchard.sim.engine import Engine
 
 BROKEN = Report(doing="broken", state="broken")  # in place of an action that is refused
 
@@ -27,7 +24,7 @@ class Drivers:
 
     def __init__(
         self,
-        engine: "Engine",
+        engine: Engine,
         roster: Roster,
         answers: LockstepBarrier | RealtimeBarrier,
         recovery_log: RecoveryLog,
@@ -52,10 +49,10 @@ class Drivers:
     def join(self, names: Sequence[str], owner: str) -> dict[str, str]:
         """Let a session own all these agents, or none. Return name -> why it cannot; empty if it holds all."""
         refused = {name: why for name in names if (why := self.roster.may_join(name, owner))}
-        before = set(self.roster.by_owner())
+        before = set(self.roster.owners.values())
         for name in () if refused else names:
             self.roster.join(name, owner)
-        self._publisher.retire(before.difference(self.roster.by_owner()))
+        self._publisher.retire(before.difference(self.roster.owners.values()))
         return refused
 
     def expect(self, names: Sequence[str], owner: str) -> None:
@@ -76,10 +73,10 @@ class Drivers:
         self.miss(names)
         released = self.roster.release(names)
         self._publisher.publish_lost(self._engine.tick, released)
-        self._publisher.retire(set(released).difference(self.roster.by_owner()))
+        self._publisher.retire(set(released).difference(self.roster.owners.values()))
 
     def give_up(self) -> None:
-        """Stop waiting for the missing answers. A session loses all of its agents if none of them has answered this tick."""
+        """Stop waiting for the missing answers. A session of which none has answered this tick loses all its agents."""
         missing = self.answers.give_up()
         silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
         owned = self.roster.by_owner()
@@ -103,8 +100,7 @@ class Drivers:
             if (owner := self.roster.owners.get(name)) is not None:
                 self.due.setdefault(owner, []).append(name)
         self.answers.open(seen.tick, lag, chain.from_iterable(self.due.values()))
-        self._publisher.show(seen, self.due, self.recovery_log.asked(seen.tick - 1) if self.due else [])
-        self._publish(seen)
+        self._show(seen, self.due)
 
     def silent(self) -> set[str]:
         return {self.roster.owners[name] for name in self.answers.missing}
@@ -113,15 +109,14 @@ class Drivers:
         """Send the tick that is under way to these sessions, again or because they have just joined."""
         assert self._seen is not None
         self._publisher.refresh_subscribers()
-        shown = {owner: self.due[owner] for owner in sorted(owners)}
-        self._publisher.show(self._seen, shown, self.recovery_log.asked(self._seen.tick - 1))
-        self._publish(self._seen)
+        self._show(self._seen, {owner: self.due[owner] for owner in sorted(owners)})
 
-    def _publish(self, seen: Observations) -> None:
+    def _show(self, seen: Observations, due: Mapping[str, Sequence[str]]) -> None:
+        self._publisher.show(seen, due, self.recovery_log.asked(seen.tick - 1) if due else [])
         self._publisher.publish_tick(seen, {"truth": self._engine.truth, "odometry": self._engine.odometry})
 
     def actions(self, tick: int) -> dict[str, Action]:
-        """Return the actions for the step from this tick to the next. Memories and letters are kept for sessions that join later."""
+        """Return the actions for the step from this tick. Memories and letters are kept for sessions that join later."""
         self.recovery_log.keep(tick, self.answers.reports)
         own = {**self.answers.actions(), **self.unowned.actions(tick)}
         advised = self.advised.actions(tick, own, self._engine.actions)

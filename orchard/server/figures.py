@@ -1,21 +1,21 @@
 """The figures of a run, while it runs and for its summary."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 
 from orchard.contract.agent import STATES, state_of
+from orchard.contract.events import Event
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import END, TIME_STEP
+from orchard.report.bounds import lost_seconds
+from orchard.report.metrics import HarvestFigures, History, harvest_figures, orders_refused, sample_of, who_waits
+from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
 from orchard.wire import messages
-
-if TYPE_CHECKING:
-    from orchard.contract.events import Event
-    from orchard.sim.engine import Engine
 
 Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
 BROKEN_TICKS = 10
@@ -25,10 +25,8 @@ FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 class RunFigures:
     """Counts the figures of one run, for observers and for the summary."""
 
-    def __init__(self, engine: "Engine", clock: Callable[[], float], before: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, engine: Engine, clock: Callable[[], float], before: Mapping[str, Any] | None = None) -> None:
         """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed; raises SnapshotError if it is malformed."""
-        from orchard.report.metrics import HarvestFigures, History
-
         self._engine, self._world, self._clock = engine, engine.world, clock
         self._pickers = [name for name in engine.layout.index if kind_of(name) == "picker"]
         before = before or {}
@@ -50,34 +48,26 @@ class RunFigures:
     def begin(self) -> None:
         self._begun = self._reported = self._clock()
 
-    def update(self, events: "list[Event]") -> None:
+    def update(self, events: list[Event]) -> None:
         self._figures.update(self._world, events, self._engine.answers)
         self._history.update(self._world, self._engine.states, self._figures.busy_ticks)
 
     @property
     def jam(self) -> list[str]:
-        """Which robot waits for what, one line each, if the harvest has made no progress for ten simulated minutes; else empty."""
-        from orchard.report.metrics import who_waits
-
-        return (
-            (who_waits(as_shown(self._world, self._engine.actions)) or ["no robot waits for another"])
-            if self._figures.jammed(self._world)
-            else []
-        )
+        """Which robot waits for what, one line each, if there was no progress for ten simulated minutes; else empty."""
+        if not self._figures.jammed(self._world):
+            return []
+        return who_waits(as_shown(self._world, self._engine.actions)) or ["no robot waits for another"]
 
     @property
     def fault(self) -> str:
         """Why the run must end before the harvest is over: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
-        if self._world.layout.scenario.dispatch_errors == END and self._has_refused_order():
+        ends = self._world.layout.scenario.dispatch_errors == END
+        if ends and (self._figures.orders_refused or orders_refused(self._engine.answers)):  # the last step may not be counted yet
             return "refused"
         if self._are_pickers_broken():
             return "broken"
         return "jammed" if self._figures.jammed(self._world) else ""
-
-    def _has_refused_order(self) -> bool:
-        from orchard.report.metrics import orders_refused
-
-        return bool(self._figures.orders_refused or orders_refused(self._engine.answers))  # the last step may not be counted yet
 
     def _are_pickers_broken(self) -> bool:
         """Whether all pickers are broken, and each was for BROKEN_TICKS: one that errs once may recover."""
@@ -88,8 +78,6 @@ class RunFigures:
         return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in self._pickers)
 
     def figures(self) -> dict[str, Any]:
-        from orchard.report.metrics import harvest_figures
-
         wall = self._wall()
         times = self._world.tick * TIME_STEP / wall if wall else 0.0
         speed = {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
@@ -98,9 +86,6 @@ class RunFigures:
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
-        from orchard.report.bounds import lost_seconds
-        from orchard.report.metrics import sample_of
-
         lost = lost_seconds(self._world.layout, self._world.seconds) if self._engine.over else {}
         now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)
         scenario = self._world.layout.scenario.model_dump()

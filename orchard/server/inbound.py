@@ -1,4 +1,4 @@
-"""Handles what arrives at physics: passes samples, liveliness tokens and queries on, and counts the messages that are refused."""
+"""Handles what arrives at physics: samples, liveliness tokens and queries; counts the messages that are refused."""
 
 import math
 from collections.abc import Callable
@@ -41,7 +41,7 @@ class Queries:
         }
 
     def reply(self, query: Query) -> None:
-        """Reply to a query, and drop it, or later if it is for steps. A query that is refused gets an error reply, and raises Refused."""
+        """Reply to a query, and drop it, or later if it is for steps. One that is refused gets an error reply, and raises Refused."""
         try:
             self._method_for(query)(query)
         except Refused as refusal:
@@ -51,7 +51,6 @@ class Queries:
             query.drop()
 
     def _method_for(self, query: Query) -> Callable[[Query], None]:
-        """The method that replies to a query. Raises Refused for an unknown key, one with a wildcard, or a payload where none belongs."""
         match self._keys.parts(query.key):
             case [what] if what in self.replies:
                 if query.payload and what in NO_PAYLOAD:
@@ -113,7 +112,7 @@ class Queries:
     def _reset_simulation(self, query: Query) -> None:
         run = self._run
         wanted = read_message(query.payload, wire.ResetSimulation, run.id)
-        if any(name == LOGGER for name, _ in run.drivers.roster.tokens):
+        if run.drivers.roster.has_logger:
             raise Refused("recorded", "the recording would hold two runs; start the run without one (--record none)")
         scenario = run.engine.layout.scenario.model_dump() | ({} if wanted.seed is None else {"seed": wanted.seed})
         try:
@@ -140,10 +139,9 @@ class Inbound:
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables. The liveliness token comes last: it shows the others that physics is ready."""
-        self._bus.subscribe(self._keys.of("velocities"), quietly=True)
-        self._bus.subscribe(self._keys.of("velocity"), quietly=True)
-        self._bus.subscribe(self._keys.of("advice"))
-        for what in ("refused", "left"):
+        for what in ("velocities", "velocity"):
+            self._bus.subscribe(self._keys.of(what), quietly=True)
+        for what in ("advice", "refused", "left"):
             self._bus.subscribe(self._keys.of(what))
         for what in (*self._queries.replies, "join"):
             self._bus.answer(self._keys.of(what))
@@ -227,7 +225,7 @@ class Inbound:
             raise
 
     def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
-        """Take the actions of a session, each by itself. Return the refusals. Raises Refused if the whole message does not count."""
+        """Take the actions of a session. Return the refusals. Raises Refused if the whole message does not count."""
         try:
             actions, faults = velocities_of(payload)
         except ValueError as error:
@@ -238,12 +236,15 @@ class Inbound:
         return self._run.drivers.act_all(actions, refused)
 
     def _token(self, alive: Alive) -> None:
+        """Record a token. Raises BusError if another run uses this router and prefix: the newer run ends itself."""
         name, owner = self._owner_of(alive)
         if name == PHYSICS:
-            self._refuse_another_run(alive.up, owner)
+            if alive.up and owner != self._run.id and not self._run.has_begun and self._bus.clock() < self._newer_from:
+                where = f"with prefix {self._keys.prefix}; choose another router or prefix"
+                raise BusError(f"{self._bus.endpoint}: run {owner} is active there, {where}")
             return
         if name == LOGGER and alive.up:
-            self._run.account.show_all()
+            self._run.account.frame_builder.forget()  # its first frame is a whole one
         self._run.drivers.token(name, owner, alive.up)
 
     def _owner_of(self, alive: Alive) -> tuple[str, str]:
@@ -252,15 +253,9 @@ class Inbound:
                 return name, _session(session)
         raise Refused("no such agent")
 
-    def _refuse_another_run(self, up: bool, run: str) -> None:
-        """Raise BusError if another run uses this router and prefix: the newer run ends itself, and so do two that begin together."""
-        if up and run != self._run.id and not self._run.has_begun and self._bus.clock() < self._newer_from:
-            where = f"with prefix {self._keys.prefix}; choose another router or prefix"
-            raise BusError(f"{self._bus.endpoint}: run {run} is active there, {where}")
-
 
 def _refuse_other_session(owner: str, session: str) -> None:
-    """Raise Refused unless the owner is the session of the key: a secured router makes sure that a session uses only its own key."""
+    """Raise Refused unless the owner is the session of the key: a secured router lets a session use only its own."""
     if owner != session:
         raise Refused("not the owner", f"{owner!r} is not the session of the key")
 

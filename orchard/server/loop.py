@@ -1,24 +1,22 @@
-"""The loop of a run: publish a tick, wait until `LockstepBarrier` or `RealtimeBarrier` has all answers of the agents, step."""
+"""The loop of a run: publish a tick, wait until the barrier has all answers of the agents, step."""
 
 import logging
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from orchard.net.bus import Bus, Signal
+from orchard.net.ending import write_end
 from orchard.server.barriers import AGAIN_SECONDS
 from orchard.server.control import Pacer
 from orchard.server.inbound import Inbound
-from orchard.server.options import RunOptions
-from orchard.server.run import Run, RunEnded, RunReset, write_end
+from orchard.server.options import RunOptions, last_tick
+from orchard.server.run import Run, RunEnded, RunReset
+from orchard.sim.engine import Engine
 from orchard.sim.snapshot import Snapshot
-from orchard.wire.keys import LOGGER, Keys
+from orchard.wire.keys import Keys
 from orchard.wire.messages import RESET, End
-
-if TYPE_CHECKING:
-    from orchard.sim.engine import Engine
 
 log = logging.getLogger("orchard")
 
@@ -31,7 +29,7 @@ END_SECONDS = 0.2  # after which the end is told again to those that have not le
 class RunLoop:
     """The loop of one run, from the first join to the last message."""
 
-    def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
+    def __init__(self, bus: Bus, keys: Keys, engine: Engine, options: RunOptions, before: Snapshot | None = None) -> None:
         """`before`: the snapshot from which the engine was resumed."""
         self.bus, self._engine, self.options = bus, engine, options
         self.run = Run(bus, keys, engine, options, before)
@@ -40,29 +38,23 @@ class RunLoop:
         self._owned_before = before.owned if before and engine.tick > 0 else None  # before the first tick not all had come
         self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
-        self.reset_to: dict[str, Any] | None = None  # after the end: the scenario with which the run begins again
-
-    @property
-    def again(self) -> RunOptions | None:
-        """After the end: the options with which the run begins again; None if it does not."""
-        if self.reset_to is None:
-            return None
-        options = msgspec.structs.replace(self.options, scenario=self.reset_to, run=self.run.id, resume=False)
-        where = {} if options.connect else {"listen": self.bus.endpoint}
-        return msgspec.structs.replace(options, paused=self._clock.is_paused, **where)
+        self.again: RunOptions | None = None  # the options with which the run begins again after its end; None: it does not
 
     def play(self, get_ready: Callable[[], None]) -> End:
         """Run all ticks, and publish the end. Return it. `get_ready`: called before the first tick, while the hosts prepare too."""
+        ticks = last_tick(self.options.duration)
         try:
             for _ in range(len(self.bus.inbox)):
                 self.arrivals.take(0.0)
             get_ready()
             self.gather()
             self.run.begin()
-            while not (why := self.run.account.why_over(self.options.ticks)):
+            while not (why := self.run.account.why_over(ticks)):
                 self._tick()
         except RunReset as ended:
-            why, self.reset_to = str(ended), ended.scenario
+            why, listen = str(ended), self.options.listen if self.options.connect else self.bus.endpoint
+            news = {"scenario": ended.scenario, "run": self.run.id, "resume": False, "paused": self._clock.is_paused}
+            self.again = msgspec.structs.replace(self.options, listen=listen, **news)
         except RunEnded as ended:
             why = str(ended)
         self.run.control.end()
@@ -83,10 +75,11 @@ class RunLoop:
 
         A run that is resumed waits for those that had an owner, for `patience` seconds, renewed by each that returns: many start slowly.
         """
-        names = self._drivers.roster.names if self._owned_before is None else tuple(self._owned_before)
+        names = self._drivers.roster.names if self._owned_before is None else self._owned_before
+        names = [name for name in names if name not in self.options.absent]
         patience = math.inf if self._owned_before is None else self.options.patience
         end, fewest = self.bus.clock() + patience, len(names)
-        while (missing := [name for name in names if self._is_expected(name)]) and (left := end - self.bus.clock()) > 0.0:
+        while (missing := [name for name in names if not self._drivers.drives(name)]) and (left := end - self.bus.clock()) > 0.0:
             if len(missing) < fewest:
                 end, fewest = self.bus.clock() + patience, len(missing)
             elif not self.arrivals.take(min(left, WARN_SECONDS)):
@@ -95,17 +88,10 @@ class RunLoop:
             log.warning("no host has come back with %s: no longer waited for; the hash changes", ", ".join(missing))
             self._drivers.miss(missing)
         deadline = self.bus.clock() + LOGGER_SECONDS
-        while self.options.recorded and not self._has_logger() and (left := deadline - self.bus.clock()) > 0.0:
+        while self.options.recorded and not self._drivers.roster.has_logger and (left := deadline - self.bus.clock()) > 0.0:
             self.arrivals.take(left)
 
-    def _has_logger(self) -> bool:
-        return any(name == LOGGER for name, _ in self._drivers.roster.tokens)
-
-    def _is_expected(self, name: str) -> bool:
-        return name not in self.options.absent and not self._drivers.drives(name)
-
     def _tick(self) -> None:
-        """Publish the tick; account for the last one and report it while the agents think; take what comes until it is due; step."""
         seen = self._engine.observe()
         self._drivers.begin(seen, self._pacer.begin())
         self._engine.account()
@@ -116,13 +102,13 @@ class RunLoop:
         self.run.step()
 
     def _await_step(self) -> None:
-        """Wait until all answers are in or their time is over, the next tick is due, and the run plays. What arrives until then counts."""
+        """Wait until all answers are in or their time is over, the next tick is due, and the run plays."""
         self._await_answers()
         while self._clock.is_paused or self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
             self._await_answers()
 
     def _await_answers(self) -> None:
-        """Wait until all answers are in, or their time is over. Send the tick again to silent sessions: it may have been lost."""
+        """Wait until all answers are in, or their time is over. Send the tick again to silent sessions."""
         self._stand_by()
         drivers, answers, again = self._drivers, self._drivers.answers, self._clock() + AGAIN_SECONDS
         while answers.missing:
@@ -137,7 +123,7 @@ class RunLoop:
             self._stand_by()
 
     def _stand_by(self) -> None:
-        """While the run is paused, take what arrives: no agent is late, and the tick is published again and again."""
+        """While the run is paused, take what arrives: no agent is late, and the tick is published repeatedly."""
         control = self.run.control
         while self._clock.is_paused:
             control.publish()
@@ -148,7 +134,7 @@ class RunLoop:
                 self._drivers.show(self._drivers.silent())
 
     def _await_leaving(self, end: End, seconds: float) -> None:
-        """Publish the end until all tokens are gone, at most so long, and all sessions have said that they leave, at most LEAVE_SECONDS."""
+        """Publish the end until all tokens are gone, at most so long, and all sessions leave, at most LEAVE_SECONDS."""
         now, roster = self.bus.clock(), self._drivers.roster
         deadline, told_by, again = now + seconds, now + LEAVE_SECONDS, now + END_SECONDS
         while now < deadline and (roster.tokens or (now < told_by and not roster.all_have_left())):

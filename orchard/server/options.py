@@ -55,9 +55,5 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
         return self.speed if self.speed is not None else 1.0 if self.mode == "realtime" else math.inf
 
     @property
-    def ticks(self) -> float:
-        return last_tick(self.duration)
-
-    @property
     def snapshot_folder(self) -> Path | None:
         return None if self.snapshots is None else Path(self.snapshots)

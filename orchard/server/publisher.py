@@ -76,7 +76,7 @@ class Publisher:
     # -- subscribers
 
     def refresh_subscribers(self) -> None:
-        """Forget which keys have subscribers, so that they are checked again: every RECHECK_SECONDS, and when a tick is sent again."""
+        """Forget which keys have subscribers: every RECHECK_SECONDS, and when a tick is sent again."""
         self._heard, self._recheck_at = {}, self._bus.clock() + RECHECK_SECONDS
 
     def is_heard(self, what: str) -> bool:

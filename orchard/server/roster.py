@@ -1,9 +1,10 @@
-"""Which session owns which agent, and what a session needs to take over agents: their memories, and the mail of the last two ticks."""
+"""Which session owns which agent, and what a session needs to take over agents: their memories and their mail."""
 
 from collections.abc import Iterable, Mapping
 
 from orchard.contract.messages import Written
 from orchard.net.refusals import NO_TOKEN, TAKEN, Refused
+from orchard.wire.keys import LOGGER
 from orchard.wire.messages import AskedOf, Report
 
 MOST_TOKENS = 10_000  # liveliness tokens that are stored
@@ -15,7 +16,6 @@ class Roster:
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
         self.owners: dict[str, str] = {}  # name -> session id
-        self._by_owner: dict[str, list[str]] = {}  # computed on demand
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
         self._last_owners: dict[str, str] = {}  # name -> session id, also of one whose agents are released
         self._leaving: set[str] = set()  # owners that have said that they leave
@@ -35,9 +35,12 @@ class Roster:
         before = self.owners.get(name, owner)
         return f"{TAKEN}, by session {before}" if before != owner and (name, before) in self.tokens else ""
 
+    @property
+    def has_logger(self) -> bool:
+        return any(name == LOGGER for name, _ in self.tokens)
+
     def join(self, name: str, owner: str) -> None:
         self.owners[name] = self._last_owners[name] = owner
-        self._by_owner = {}
         self._leaving.discard(owner)
 
     def leave(self, owner: str) -> None:
@@ -50,16 +53,15 @@ class Roster:
         return not self.tokens and self._leaving.issuperset(self._last_owners.values())
 
     def by_owner(self) -> dict[str, list[str]]:
-        if not self._by_owner:
-            for name in self.names:
-                if name in self.owners:
-                    self._by_owner.setdefault(self.owners[name], []).append(name)
-        return self._by_owner
+        owned: dict[str, list[str]] = {}
+        for name in self.names:
+            if name in self.owners:
+                owned.setdefault(self.owners[name], []).append(name)
+        return owned
 
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
         """Remove the owners of these agents. Return session id -> its released names."""
         released: dict[str, list[str]] = {}
-        self._by_owner = {}
         for name in sorted(names):
             released.setdefault(self.owners.pop(name), []).append(name)
         return released
@@ -69,7 +71,7 @@ Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> its lette
 
 
 class RecoveryLog:
-    """The newest memory that each agent sent, and the letters of the last two ticks; physics does not interpret them."""
+    """The newest memory of each agent, and the letters of the last two ticks; physics does not interpret them."""
 
     def __init__(self, memories: Mapping[str, bytes | None] | None = None, letters: Letters = ()) -> None:
         self.memories = dict(memories or {})

@@ -1,17 +1,13 @@
-"""What the physics process owns of a run: its world, drivers, reports and snapshots; and the file with its end."""
+"""What the physics process owns of a run: its world, drivers, reports and snapshots."""
 
-import logging
 import uuid
-from contextlib import suppress
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 from orchard.contract.events import Event
-from orchard.contract.messages import pack
 from orchard.field.scenario import TIME_STEP
-from orchard.folders import write_whole
 from orchard.net.bus import Bus
-from orchard.net.refusals import RefusalTotals, Refused, read_message
+from orchard.net.refusals import RefusalTotals
 from orchard.server.account import RunAccount
 from orchard.server.barriers import LockstepBarrier, RealtimeBarrier
 from orchard.server.control import RunClock, SimulationControl
@@ -20,30 +16,11 @@ from orchard.server.options import RunOptions
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
 from orchard.server.snapshots import KEPT_SECONDS, SnapshotWriter
+from orchard.sim.engine import Engine
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.codec import picture_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import RESET, End, Events, Letters, SimulationState
-
-if TYPE_CHECKING:
-    from orchard.sim.engine import Engine
-
-log = logging.getLogger("orchard")
-
-
-def write_end(end: End, path: str) -> None:
-    """Write the end of a run to a file. A disk error is only logged: then the message that it publishes counts."""
-    try:
-        write_whole(Path(path), pack(end))
-    except OSError as error:
-        log.error("the end of the run could not be written: %s", error)
-
-
-def read_end(path: Path, run: str) -> End | None:
-    """Return the end that physics has written for this run; None if there is no complete one."""
-    with suppress(OSError, Refused):
-        return read_message(path.read_bytes(), End, run)
-    return None
+from orchard.wire.messages import RESET, End, Events, Letters
 
 
 class RunEnded(Exception):
@@ -59,21 +36,21 @@ class RunReset(RunEnded):
 
 
 class Run:
-    """The parts of one run, its steps and their reports. `Inbound` handles what arrives; `RunLoop` decides when each step is done."""
+    """The parts of one run, its steps and their reports. `RunLoop` decides when each step is done."""
 
-    def __init__(self, bus: Bus, keys: Keys, engine: "Engine", options: RunOptions, before: Snapshot | None = None) -> None:
+    def __init__(self, bus: Bus, keys: Keys, engine: Engine, options: RunOptions, before: Snapshot | None = None) -> None:
         self.engine = engine
-        self._owned_before = before.owned if before else []  # the agents that had a session; not all may come back before it ends again
+        self._owned_before = before.owned if before else []  # the agents that had a session; some may not come back
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
         roster, recovery_log = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
         is_paced = options.mode == "realtime"
         clock = RunClock(bus.clock)
-        self.control = SimulationControl(clock, self._publish_state, self.id, lambda: engine.tick)
         if options.paused:
             clock.pause()
         answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, clock, options.patience)
         self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
+        self.control = SimulationControl(clock, partial(self.publisher.publish, "simulation_state"), self.id, lambda: engine.tick)
         self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
         snapshot_writer = SnapshotWriter(options.snapshot_folder, bus.executor, bus.clock, options.snapshot_every)
@@ -90,7 +67,7 @@ class Run:
         self._publish_figures()
 
     def step(self) -> None:
-        """Step with the velocities that have come. `report` reports the step later, while the agents think about the next one."""
+        """Step with the velocities that have come. `report` reports it later, while the agents think."""
         tick = self.engine.tick
         actions = self.drivers.actions(tick)
         events = self.engine.step(actions, self.drivers.answers.digests())
@@ -113,14 +90,8 @@ class Run:
         if self.account.figures.is_due():
             self._publish_figures()
 
-    def _publish_state(self, state: SimulationState) -> None:
-        self.publisher.publish("simulation_state", state)
-
     def _publish_figures(self) -> None:
         self.publisher.publish("figures", self.account.figures.message(self.id, self.refusal_totals.total()))
-
-    def keep(self) -> None:
-        self.account.keep(self._snapshot())
 
     def keep_at_once(self) -> bool:
         """Keep a snapshot, and wait for the disk. Return whether it is there."""
@@ -131,14 +102,13 @@ class Run:
         """Wait for the disk. Return whether the last snapshot is there."""
         return self.account.snapshot_writer.finish(KEPT_SECONDS)
 
-    def _snapshot(self) -> Snapshot:
+    def keep(self) -> None:
         engine, recovery_log = self.engine, self.drivers.recovery_log
         scenario = engine.layout.scenario.model_dump()
         owned = sorted(self.drivers.roster.owners) if self.has_begun else self._owned_before
         letters, figures = sorted(recovery_log.letters.items()), self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
-        return Snapshot(
-            self.id, scenario, engine.as_data(), engine.digest, recovery_log.memories, letters, figures, owned, self.drivers.lost
-        )
+        memories, lost = recovery_log.memories, self.drivers.lost
+        self.account.keep(Snapshot(self.id, scenario, engine.as_data(), engine.digest, memories, letters, figures, owned, lost))
 
     def end(self, why: str) -> End:
         engine, answers = self.engine, self.drivers.answers

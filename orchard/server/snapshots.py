@@ -10,7 +10,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from orchard.net.refusals import RefusalTotals
-from orchard.server.figures import RunFigures
 from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
 
 SNAPSHOT_SECONDS = 2.0  # s of wall time between two snapshots
@@ -21,23 +20,20 @@ log = logging.getLogger("orchard")
 
 @contextmanager
 def sole(folder: Path | None) -> Iterator[None]:
-    """Lock a folder, so that only one process writes snapshots there. Raises SnapshotError if another process holds the lock."""
+    """Lock a folder, so that only one process writes snapshots there. Raises SnapshotError if another one does."""
+    opened: int | None = None
+    with suppress(OSError):  # then there is no lock: SnapshotWriter logs the error
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     with ExitStack() as stack:
-        if folder is not None and (opened := _opened(folder)) is not None:
+        if opened is not None:
             stack.callback(os.close, opened)
             try:
                 fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise SnapshotError(f"{folder}: the run of these snapshots is still active; stop it first") from error
         yield
-
-
-def _opened(folder: Path) -> int | None:
-    with suppress(OSError):  # then there is no lock: SnapshotWriter logs the error
-        folder.mkdir(parents=True, exist_ok=True)
-    with suppress(OSError):
-        return os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    return None
 
 
 class SnapshotWriter:
@@ -54,7 +50,7 @@ class SnapshotWriter:
         return self._folder is not None and is_idle and self._clock() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Start to write a snapshot after the one that is being written. It replaces an older one that still waits."""
+        """Write a snapshot after the one that is being written. It replaces an older one that still waits."""
         if self._folder is None:
             return
         if self._writing is not None:
@@ -84,7 +80,8 @@ class SnapshotWriter:
 
 def examine(snapshot: Snapshot) -> None:
     """Raise SnapshotError unless a run can go on from this snapshot: its checksum may be right, and its content impossible."""
-    from orchard.sim.engine import Engine  # not at the top: numba takes seconds to load
+    from orchard.server.figures import RunFigures  # not at the top: numba takes seconds to load
+    from orchard.sim.engine import Engine
 
     RunFigures(Engine.resume(snapshot), lambda: 0.0, snapshot.figures)
     RefusalTotals(snapshot.figures.get("refused"))

@@ -29,7 +29,7 @@ def write_table(path: Path, table: pa.Table) -> None:
 
 
 class GrowingTable:
-    """One table of a run, a folder of Parquet files, which readers of data sets accept. Its rows come in the order of `tick`."""
+    """One table of a run: a folder of Parquet files, a data set. Its rows come in the order of `tick`."""
 
     def __init__(self, folder: Path, schema: pa.Schema, until: int) -> None:
         """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""

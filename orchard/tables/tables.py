@@ -1,7 +1,8 @@
 """Writes the tables of a run into a folder while it runs, and finishes them at its end."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,6 @@ class BodyRows:
         return len(self._ticks) * len(self._said)
 
     def keep(self, engine: Engine) -> None:
-        """Keep a row of each body, after a step."""
         world = engine.world
         self._hear(world, engine.answers)
         stopped = np.flatnonzero(world.stopped).tolist()
@@ -107,7 +107,8 @@ class Tables:
         self._messages: list[tuple[int, str, str, str, str]] = []
         self._metadata = metadata_of(engine.layout.scenario)
         self._growing: dict[str, GrowingTable] = {}
-        self._try(lambda: self._begin(engine.tick))
+        with self._faults_logged():
+            self._begin(engine.tick)
 
     def _begin(self, tick: int) -> None:
         for name in (*AT_THE_END, "summary"):
@@ -130,33 +131,32 @@ class Tables:
             self.flush()
 
     def flush(self) -> None:
-        self._try(self._flush)
-
-    def _flush(self) -> None:
-        events = [(e.tick, e.what, e.who, e.whom or None, e.detail or None) for e in self._events]
-        rows = {"bodies": self._bodies.take(), "events": _table(events, EVENTS), "messages": _table(self._messages, MESSAGES)}
-        self._events, self._messages = [], []
-        for name, table in self._growing.items():
-            table.add(rows[name].replace_schema_metadata(table.schema.metadata))
+        with self._faults_logged():
+            events = [(e.tick, e.what, e.who, e.whom or None, e.detail or None) for e in self._events]
+            rows = {"bodies": self._bodies.take(), "events": _table(events, EVENTS), "messages": _table(self._messages, MESSAGES)}
+            self._events, self._messages = [], []
+            for name, table in self._growing.items():
+                table.add(rows[name].replace_schema_metadata(table.schema.metadata))
 
     def close(self) -> None:
         """Write the rest, and finish the tables. The summary is written by `orchard.tables.folder`."""
         self.flush()
-        self._try(self._finish)
+        with self._faults_logged():
+            for table in self._growing.values():
+                table.finish()
+            if self._growing:
+                self._write_rest()
 
-    def _finish(self) -> None:
-        if not self._growing:
-            return
-        for table in self._growing.values():
-            table.finish()
+    def _write_rest(self) -> None:
         events = pq.read_table(path_of(self._folder, "events")).to_pylist()
         messages = pq.read_table(path_of(self._folder, "messages"), filters=[("type", "in", OF_A_CALL)]).to_pylist()
         for name, rows in (("calls", calls(events, messages)), ("exchanges", exchanges(events))):
             write_table(path_of(self._folder, name), pa.Table.from_pylist(rows, AT_THE_END[name].with_metadata(self._metadata)))
 
-    def _try(self, write: Any) -> None:
+    @contextmanager
+    def _faults_logged(self) -> Iterator[None]:
         try:
-            write()
+            yield
         except (OSError, pa.ArrowException) as error:
             why = getattr(error, "strerror", None) or error
             log.error("the tables in %s cannot be written: %s; the run goes on without them", self._folder, why)

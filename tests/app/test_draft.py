@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from copy import copy
 from pathlib import Path
 
 import pytest
@@ -213,7 +214,7 @@ def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other
     desk_of("one").draft.enter({"rows": "9"})
     assert desk_of("one").draft.scenario == Scenario(rows=9)
     assert desk_of("other").draft.scenario == Scenario()
-    page = desk_of("one").draft.copy()
+    page = copy(desk_of("one").draft)
     page.enter({"rows": "x"})
     assert desk_of("one").draft.scenario == Scenario(rows=9)
     for n in range(MOST - 1):
@@ -229,7 +230,7 @@ def test_a_scenario_has_a_title_and_a_draft_its_own_values():
     assert differences([Scenario(), other, other])["Rows"] == ["5", "7", "7"]
     assert differences([Scenario(), other])["picker"] == ["built-in", "a.B"]
     assert list(differences([Scenario(seed=1), Scenario(seed=2)])) == ["Seed"]
-    assert Draft(other).copy().values == Draft(other).values
+    assert copy(Draft(other)).values == Draft(other).values
 
 
 STRANGE = {

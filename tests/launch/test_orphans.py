@@ -17,8 +17,8 @@ from local_runs import SMALL, local_at, local_hash
 from orchard.launch import run_notes
 from orchard.launch.distributed import RESULT
 from orchard.launch.run_notes import end_left_over, processes_of
+from orchard.net.ending import read_end
 from orchard.net.lifeline import STARTED_BY
-from orchard.server.run import read_end
 from orchard.sim.snapshot import as_file, newest, store
 
 DURATION = 30.0  # s, simulated

@@ -25,7 +25,7 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.bus import Sample, Signal
-from orchard.record.logger import FrameQueue, Logger, QueuedFrame, write
+from orchard.record.logger import FrameQueue, Logger, write
 from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.reader import missing, read_part
@@ -67,10 +67,10 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     builder.forget()
     shown(102)
     bus.inbox.put(Signal(15))
-    Logger(bus, KEYS, "run1", local.engine.layout, queue).run(SimpleNamespace(error=None, join=lambda: None))
+    Logger(bus, KEYS, "run1", local.engine.layout, queue).run(SimpleNamespace(done=lambda: False, result=lambda: None))
     assert all(getattr(changed, name) is not None for name in SELDOM)
     assert changed.doing == {}
-    assert queue.take().frame.tick == 102
+    assert queue.take().tick == 102
 
 
 @pytest.mark.processes
@@ -222,9 +222,9 @@ class Notebook:
         pass
 
 
-def picture(tick: int, **news: object) -> QueuedFrame:
+def picture(tick: int, **news: object) -> Frame:
     """A picture that tells little, and one event."""
-    return QueuedFrame(Frame(tick, np.zeros((1, 3)), **news), [Event(tick - 1, "call", "bin_01", "", f"of tick {tick - 1}")])
+    return Frame(tick, np.zeros((1, 3)), events=[Event(tick - 1, "call", "bin_01", "", f"of tick {tick - 1}")], **news)
 
 
 def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
@@ -241,13 +241,13 @@ def test_a_recorder_that_takes_three_ticks_a_picture_leaves_out_pictures_but_not
         assert len(pages) <= 10
         if tick % 3 == 0:
             taken.append(pages.take())
-    rest = written(pages, taken[-1].frame.tick)
-    frames_ = [page.frame for page in taken] + rest.frames
+    rest = written(pages, taken[-1].tick)
+    frames_ = taken + rest.frames
     assert pages.left_out == 1000 - len(frames_) > 600
     assert pages.left_out == sum(frame.left_out for frame in frames_)
     assert rest.gaps == [], "it was there all the time"
     assert frames_[-1].tick == 1000, "the newest is never left out"
-    told = [note for page in taken for note in page.notes] + rest.told
+    told = [note for page in taken for note in page.events] + rest.told
     assert sorted(event.tick for event in told) == list(range(1000))
     assert all(event.detail == f"of tick {event.tick}" for event in told)
 
@@ -255,7 +255,7 @@ def test_a_recorder_that_takes_three_ticks_a_picture_leaves_out_pictures_but_not
 def test_a_recorder_that_never_comes_back_costs_no_more_than_so_many_pictures():
     pages = FrameQueue(most=10)
     for tick in range(1, 5001):
-        pages.put(QueuedFrame(Frame(tick, np.zeros((1, 3))), []))
+        pages.put(Frame(tick, np.zeros((1, 3))))
     assert len(pages) == 10
     assert pages.left_out == 4990
 

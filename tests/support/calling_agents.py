@@ -67,7 +67,7 @@ class Slow:
 
 def slow(layout: Layout, names: object = None) -> dict[str, Slow]:
     """Return callers that are slow at random, in a process with handlers that are slow too."""
-    for handler in ("_sample", "_alive", "_replied", "_question"):
+    for handler in ("_sample", "_alive", "_replied", "ZenohQuery"):
         setattr(zenoh_bus, handler, _slowly(getattr(zenoh_bus, handler)))
     return {name: Slow(agent, 1e-3) for name, agent in cast(layout).items()}
 

@@ -1,4 +1,4 @@
-"""The processes of a run: physics, agents, logger, router, each a command line: `python -m orchard.processes.NAME`."""
+"""The processes of a run: physics, agents, logger, router: `python -m orchard.processes.NAME`."""
 
 from orchard.memory import collect_seldom
 

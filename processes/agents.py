@@ -41,7 +41,7 @@ SESSIONS = 6  # that are tried after a reset, all but the last one for a sixth o
 
 
 def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
-    """Return what the factory 'package.module:name' makes, name -> agent. Raises ValueError, with the place, for its faults."""
+    """Return what the factory 'package.module:name' makes, name -> agent. Raises ValueError for its faults."""
     module, _, name = path.partition(":")
     try:
         make: Factory = getattr(contained(importlib.import_module, module), name)
@@ -75,7 +75,7 @@ def _run(inbox: Inbox, options: HostOptions) -> NoReturn:
 def host(
     inbox: Inbox, options: HostOptions, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
 ) -> NoReturn:
-    """Host agents until their run ends, again after each reset. `ready` gets each host before it joins. Raises HostEnded."""
+    """Host agents until the run ends, again after each reset. `ready` gets each host first. Raises HostEnded."""
     sessions = 1  # that may still be opened: after a reset, the first may be at a router that just closes
     while True:
         sessions -= 1

@@ -58,7 +58,7 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
-        if before is None and isinstance(options.scenario, str):  # a snapshot holds the scenario, and the file may be gone
+        if before is None and isinstance(options.scenario, str):  # a snapshot holds it, and the file may be gone
             options = msgspec.structs.replace(options, scenario=load(options.scenario).model_dump())
         if options.table is not None and not options.resume:
             from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
@@ -78,7 +78,7 @@ def _simulate_once(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOp
     from orchard.sim.engine import Engine
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
-    holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime no robot drives on without a word
+    holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime all are asked
     engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)

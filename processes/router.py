@@ -1,4 +1,4 @@
-"""The router process: a separate router, to which physics and all other processes connect as clients. For several machines.
+"""The router process: a router of its own, to which all other processes connect. For several machines.
 
     python -m orchard.processes.router --listen tcp/0.0.0.0:7447
 

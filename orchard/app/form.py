@@ -11,7 +11,7 @@ from orchard.field.scenario import Scenario
 
 
 class Control:
-    """A labelled value, its limits and its problem: a switch, a choice, or a number as text, perhaps with a slider."""
+    """A labelled value, its limits and its problem: a switch, a choice, or a number, perhaps with a slider."""
 
     def __init__(self, entry: Entry, draft: Draft) -> None:
         self.entry, self._draft = entry, draft

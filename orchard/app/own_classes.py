@@ -20,7 +20,7 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 
 
 def _is_in(path: str, folder: Path) -> bool:
-    """Whether Python finds a module in this folder, not in one that lies in it, as .venv may. It is not run."""
+    """Whether Python finds a module in this folder, not in one inside, as .venv may be. It is not run."""
     module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
     parts = module.split(".")
     first = PathFinder.find_spec(parts[0])

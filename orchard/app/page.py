@@ -32,7 +32,7 @@ FIRST = (
 
 
 class Page:
-    """A page in one browser, which begins with what was entered there last. All pages share one run and one study."""
+    """A page in one browser, which begins with what was entered there last. All share one run and one study."""
 
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
         self.runs, self.studies, self.desk, self.draft = runs, studies, desk, copy(desk.draft)
@@ -106,7 +106,7 @@ class Page:
             await self._offer(scenario, event.file.name)
 
     async def _offer(self, scenario: Scenario, file: str) -> None:
-        """Take a scenario. If it names own classes, the user is asked first: to check them already runs them."""
+        """Take a scenario. Ask first if it names own classes: to check them already runs them."""
         classes = scenario.own_classes
         if refused := from_elsewhere(classes, Path.cwd()):
             complain("This file was not opened", [f"{file}: {words}" for words in refused])
@@ -137,7 +137,7 @@ class Page:
         ui.run_javascript("setTimeout(() => document.querySelector('.stage').scrollIntoView(), 100)")
 
     async def _turn_dark(self) -> None:
-        """Turn to dark, or back to light. At first it is as the browser prefers, which only the browser knows."""
+        """Turn to dark, or back to light. At first it is as the browser prefers."""
         self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=PATIENCE)
         self._dark.set_value(self.desk.dark)
 

@@ -28,7 +28,7 @@ LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 
 
 def serve(host: str, port: int, folder: Path, shows: bool) -> None:
-    """Serve the page until Ctrl-C. `folder`: of recordings and summaries. `shows`: open a browser. Raises ValueError for a bad address."""
+    """Serve the page until Ctrl-C. `folder`: of its files. `shows`: open a browser. Raises ValueError for a bad address."""
     try:
         socket.create_server((host, port)).close()
     except (OSError, OverflowError) as error:
@@ -74,7 +74,7 @@ class OwnOrigin:
 
 
 def only_own_address(app: App, host: str) -> None:
-    """Let a page that listens at `host` answer only there and at localhost; at any address, also by this machine's name."""
+    """Let a page answer only at `host` and localhost; if `host` is any address, also by this machine's name."""
     name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     app.add_middleware(OwnOrigin)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK_NAMES, name], www_redirect=False)

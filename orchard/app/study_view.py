@@ -1,4 +1,4 @@
-"""How many carriers? What to compare, the picture that grows, the answer, and the settings that one can watch."""
+"""How many carriers? What to compare, the picture that grows, the answer, and settings to watch."""
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A recording as a bag: for each tick the clock, transforms, odometry and the velocities that agents wanted."""
+"""A recording as a bag: for each tick the clock, transforms, odometry and the wanted velocities."""
 
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -72,7 +72,7 @@ Track = Callable[[Iterable[Any], int], Iterable[Any]]  # (ticks, how many) -> th
 
 
 def chosen(drives: Drives, words: Sequence[str]) -> list[str]:
-    """Return the bodies with these names or of these kinds; without any, the robots that drive. Raises ValueError."""
+    """Return the bodies of these names or kinds; without any, the robots that drive. Raises ValueError."""
     names = select_agents(drives.names, list(words), [])
     return [name for name in names if words or kind_of(name) in VEHICLES]
 

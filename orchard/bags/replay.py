@@ -77,7 +77,7 @@ def read_commands(bag: Path) -> Commands:
 
 
 def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
-    """Yield the velocities and scenarios of a bag: connection, time in ns and message; fill in all its topics."""
+    """Yield the velocities and scenarios of a bag: connection, time in ns, message; fill in all its topics."""
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
             topics |= {f"{one.topic} ({one.msgtype})" for one in reader.connections}

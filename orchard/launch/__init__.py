@@ -1,1 +1,1 @@
-"""Starts runs: the command line, the processes of a run and their supervision, local runs, the emergency stop."""
+"""Starts runs: the command line, processes and their supervision, local runs, the emergency stop."""

@@ -1,4 +1,4 @@
-"""A run in many processes: start those of this machine, follow and stop them; or host agents of a run elsewhere."""
+"""A run in many processes: start those here, follow and stop them; or host agents of a run elsewhere."""
 
 import math
 import subprocess
@@ -42,7 +42,7 @@ THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by it
 PACK_SECONDS = 60.0  # that the logger may take to pack its recording after a run has ended by itself
 WEB_VIEWER = "web viewer"  # the name of its process
 BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
-TRY_SECONDS = 0.7  # of one attempt to connect; between two, dead processes are restarted, and Ctrl-C is handled
+TRY_SECONDS = 0.7  # of one attempt to connect; between two, dead processes are restarted
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
 HOW_PHYSICS_ENDED: dict[int | None, str] = {  # by exit code, without its last message
     BAD_ORDER: "physics could not start; its line above says why",
@@ -93,7 +93,7 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
 
 
 def how_to_join(options: HarvestOptions, endpoint: str) -> str:
-    """Return how other processes join: the command for agents left to them, or the run's address; '' if none can."""
+    """Return how others join: the command for agents left to them, or the run's address; '' if none can."""
     there = from_elsewhere(endpoint)
     if options.without:
         only = [word for left in options.without for word in ("--only", left)]
@@ -142,7 +142,7 @@ class LaunchedRun:
             if join := how_to_join(options, self.listen):
                 say(join)
             summary, why = self._ended(result, [name for name, _ in shares], *self.follow(inbox))
-            if request.recording is not None:  # the recording is read next, and Rerun takes half a second to load
+            if request.recording is not None:  # the recording is read next, and Rerun loads slowly
                 threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
             supervisor.terminate(WEB_VIEWER)
             if summary is None:  # the other processes do not know that the run is over

@@ -36,7 +36,7 @@ THINK_SECONDS = 2.0  # that an agent may still think after Ctrl-C
 
 
 class StillThinks(BaseException):
-    """Raised in an agent that still thinks after Ctrl-C, and says which and where. Many agents catch an Exception."""
+    """Raised in an agent that still thinks after Ctrl-C. Many agents catch an Exception."""
 
 
 @contextmanager
@@ -70,7 +70,7 @@ def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
 def run(
     request: RunRequest, look: Callable[[Frame], None] | None, show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
 ) -> tuple[dict[str, Any], str]:
-    """Run a harvest. Return its summary, and why it ended. `look` gets each frame, `show` the figures each half second."""
+    """Run a harvest. Return its summary, and why it ended. `look` gets each frame, `show` the figures."""
     checks, holds = request.options.check_agents, HOLDS[request.options.holds]
     agents = _replayed(request)
     local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)

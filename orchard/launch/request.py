@@ -45,7 +45,7 @@ Shares = list[tuple[str, Sequence[str]]]  # (name of an agent process, the agent
 
 
 class Credentials:
-    """What the processes of a run need to connect, and how its agents are shared. An open run has no keyring."""
+    """What the processes of a run need to connect, and how agents are shared. An open run has no keyring."""
 
     def __init__(self, options: HarvestOptions) -> None:
         """Raises ValueError if the directory of a secured run has no roles."""
@@ -56,7 +56,7 @@ class Credentials:
         return self.keyring.of(role) if self.keyring else None
 
     def only_identity(self) -> Identity | None:
-        """Return the identity of a directory with one role; None for an open run. Raises ValueError for several."""
+        """Return the identity of a directory with one role; None for an open run. Raises ValueError."""
         if self.keyring is None:
             return None
         roles = list(self.keyring.roles)

@@ -1,4 +1,4 @@
-"""The notes of the runs on this machine, by which other commands find them, and the end of what is left of them.
+"""The notes of the runs here, by which other commands find them, and the end of what is left of them.
 
 A process that wrote a note holds a lock on it until it ends, so a note without a lock is stale. The processes of its run end by
 themselves within seconds, because nothing holds their lines. What does not, as a frozen process, is ended by force.
@@ -65,7 +65,7 @@ def announced(request: RunRequest, run: str, endpoint: str, say: Callable[[str],
 
 
 def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
-    """Return the active runs, sorted by id. Stale notes, of which the run.py is gone, are appended to `gone`."""
+    """Return the active runs, sorted by id. Stale notes, whose run.py is gone, are appended to `gone`."""
     notes = []
     for path in sorted(folder.glob("*.going")):
         with suppress(OSError, msgspec.DecodeError), path.open() as file:  # gone meanwhile, or malformed

@@ -22,7 +22,7 @@ class Runs:
     folder: Path
 
     def recording(self, wanted: str | None) -> Path | None:
-        """Return the path of a new recording, None for "none". Raises OSError, or ValueError for a file that is none."""
+        """Return the path of a new recording, None for "none". Raises OSError or ValueError."""
         if wanted == "none":
             return None
         path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)

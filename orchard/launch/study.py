@@ -149,7 +149,7 @@ def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]
 
 @contextmanager
 def _stoppable() -> Iterator[Callable[[], bool]]:
-    """Yield what tells whether to stop: the first SIGINT or SIGTERM asks for it, the second one ends the program."""
+    """Yield what tells whether to stop: the first SIGINT or SIGTERM asks for it, the second one ends all."""
     asked: list[int] = []
 
     def ask(number: int, frame: FrameType | None) -> Any:

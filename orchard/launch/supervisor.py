@@ -136,7 +136,7 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:
-        """Restart processes that have died: at once, then later and later, and not after DEATHS quick deaths."""
+        """Restart what has died: at once, then later and later, and not after DEATHS quick deaths."""
         for name, running in list(self.running.items()):
             program, code = running.program, running.popen.poll()
             if code is None or running.is_over():

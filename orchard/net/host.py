@@ -59,7 +59,7 @@ class AgentRunner:
         self._sent: bytes | None = None  # the packed memory that physics has
 
     def resume(self, memory: bytes | None) -> None:
-        """Continue with the memory that physics has; without one if that is None, or of another class of agent."""
+        """Continue with the memory that physics has; without one if that is None, or of another class."""
         self.memory, self._sent = None, memory
         try:
             self.memory = None if memory is None else unpack(memory, self._agent.Memory)
@@ -290,7 +290,7 @@ class Host:
             self._leave(end.why)
 
     def _leave(self, why: str) -> NoReturn:
-        """Tell physics that this session leaves: otherwise it may only be cut off, and physics waits for it at the end."""
+        """Tell physics that this session leaves, or physics waits for it at the end: it may only be cut off."""
         self.bus.publish(self.keys.of("left", session=self.bus.id), pack(Left(self.run_id)))
         raise HostEnded(0, why)
 

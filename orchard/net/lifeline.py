@@ -46,7 +46,7 @@ class Line:
 
 
 def environment(run: str) -> dict[str, str]:
-    """Return the environment variables of a process that this one starts on a line."""
+    """Return the environment variables of a process on a line."""
     return {STARTED_BY: f"{os.getpid()} {run}"}
 
 

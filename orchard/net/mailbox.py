@@ -141,7 +141,7 @@ class Mailbox:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
 
     def _is_timely(self, tick: int) -> bool:
-        """Rule 7: whether a request is stamped with the last tick of this host or a later one: its agents may hold meanwhile."""
+        """Rule 7: whether a request is of the last tick of this host or a later one: its agents may hold."""
         return self.last <= tick <= self.last + MOST_HOLD
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
@@ -150,7 +150,7 @@ class Mailbox:
     # one tick
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Rule 2: all gets of two ticks ago are final and all requests of the last tick have come. A host that has just joined recalls."""
+        """Rule 2: all gets of two ticks ago are final, all requests of the last tick are here. A host that has just joined recalls."""
         return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:

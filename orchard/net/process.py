@@ -48,7 +48,7 @@ def run_process(
 
 
 def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
-    """Log each agent that spends at least `seconds` on one tick, once. The agents tick in the calling thread."""
+    """Log each agent that spends `seconds` on one tick, once. The agents tick in the calling thread."""
     threading.Thread(target=_watch, args=(host, threading.get_ident(), seconds), daemon=True).start()
 
 

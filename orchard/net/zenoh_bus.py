@@ -155,7 +155,7 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 
 @contextmanager
 def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> Iterator[Bus]:
-    """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those that its rules name.
+    """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those of its rules.
 
     For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot listen.
     """
@@ -168,7 +168,7 @@ def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Ident
 
 @contextmanager
 def client(endpoint: str, inbox: Inbox | None = None, seconds: float = CONNECT_SECONDS, identity: Identity | None = None) -> Iterator[Bus]:
-    """Open a client session, and close it at the end. Raises BusError if it reaches no router in `seconds`."""
+    """Open a client session, and close it at the end. Raises BusError without a router in `seconds`."""
     with _session("client", endpoint, seconds, identity) as session:
         yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
 

@@ -186,7 +186,7 @@ class Logger:
             raise Refused("malformed", str(error)) from error
 
     def _see(self, frame: Frame) -> None:
-        """Pass a frame on. After a missed one, wait for a whole one: the others contain only what has changed."""
+        """Pass a frame on. After a missed one, wait for a whole one: others contain only what has changed."""
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
             self._tick = frame.tick
             self.queue.put(replace(frame, events=self._notes))

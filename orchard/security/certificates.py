@@ -1,4 +1,4 @@
-"""Certificates on the curve P-256: an authority, what it issues, and checks of them. Only this module imports `cryptography`.
+"""Certificates on the curve P-256: an authority, what it issues, and checks. Only this module imports `cryptography`.
 
 An authority's own key never leaves its directory. A role verifies the others with the authority's certificate.
 """
@@ -48,7 +48,7 @@ class Authority:
         _write(folder, self.certificate, self.key)
 
     def vouch(self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
-        """Write a role's certificate, its key and the authority's certificate, valid `until` then, by default as long as the authority.
+        """Write a role's certificate, its key and the authority's certificate, valid `until` then, else as long as that.
 
         Only a role with `addresses` can accept connections. Raises ValueError for an address that is malformed.
         """
@@ -102,7 +102,7 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
 
 
 def check(folder: Path, role: Role) -> None:
-    """Raise ValueError, with the reason, if a file of the role is missing, another's, not of this authority, or not valid now."""
+    """Raise ValueError if a file of the role is missing, another's, not of this authority, or not valid now."""
     files = folder / CERTIFICATE, folder / AUTHORITY
     certificate, authority = (_read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files)
     if (name := _in(certificate.subject, NameOID.COMMON_NAME)) != role.name:

@@ -44,7 +44,7 @@ class Identity:
         return identity
 
     def rules(self) -> Any:
-        """Return what a router lets through, as Zenoh's access_control. Raises ValueError if this role may not listen."""
+        """Return what a router lets through, as Zenoh's access_control. Raises ValueError if it may not listen."""
         if not (self.folder / ACCESS).is_file():
             raise ValueError(f"{self.folder}: the role {self.role.name} may not listen; only physics and router may")
         path = self.folder / ACCESS
@@ -65,7 +65,7 @@ def _check_mode(key: Path, mode: int) -> None:
 
 
 def identity_in(folder: str | None, prefix: str) -> Identity | None:
-    """Return the identity in the directory that a process' option names; None without one. Raises ValueError if it is not valid."""
+    """Return the identity in a directory; None without one. Raises ValueError if it is not valid."""
     if folder is None:
         return None
     if prefix != PREFIX:
@@ -138,7 +138,7 @@ class Keyring:
 
 
 def why_no_trust(endpoint: str, folder: Path) -> str:
-    """Return why a role's files and the process at tls/host:port do not accept each other; '' if the fault is another one."""
+    """Return why a role's files and the process at tls/host:port do not accept each other; '' for other faults."""
     import ssl  # not at the top: it takes a tenth of a process's start, and only this needs it
 
     host, _, port = endpoint.partition("/")[2].rpartition(":")
@@ -188,7 +188,7 @@ Shares = Callable[[Sequence[str]], Iterable[tuple[str, Sequence[str]]]]
 
 
 def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> list[Role]:
-    """Return a role for each wish NAME=KIND|AGENT,..., and for each share of the names that are left. Raises ValueError."""
+    """Return a role for each wish NAME=KIND|AGENT,..., and for each share of the rest. Raises ValueError."""
     roles: list[Role] = []
     for wish in wishes:
         name, _, words = wish.partition("=")
@@ -201,7 +201,7 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
 
 
 def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
-    """Return a role for each wish NAME[=KIND|AGENT|simulation,...], which names what it may drive. Raises ValueError."""
+    """Return a role for each wish NAME[=KIND|AGENT|simulation,...]: what it may drive. Raises ValueError."""
     return [_bridge_role(names, name, words.split(",") if words else []) for name, _, words in (wish.partition("=") for wish in wishes)]
 
 

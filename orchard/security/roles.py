@@ -35,7 +35,7 @@ class Role:
 
     @property
     def digest(self) -> str:
-        """What its certificate says of it beside its name: a role with another duty or other names needs another certificate."""
+        """What its certificate says beside its name: a role with another duty or names needs another certificate."""
         return hashlib.sha256(" ".join((self.name, self.duty, *self.names)).encode()).hexdigest()
 
 
@@ -52,7 +52,7 @@ SERVANTS = (
 
 
 class Party(NamedTuple):
-    """The roles with one duty, on all keys of a kind, or (`own`) only on the keys that name their own agents or session."""
+    """The roles with one duty, on all keys of a kind, or (`own`) only on those of their own agents or session."""
 
     duty: Duty
     own: bool = False
@@ -111,7 +111,7 @@ class _Passage(NamedTuple):
     message: str
 
 
-_LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")  # a publisher that knows of no subscriber sends nothing
+_LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")  # or a publisher sends nothing
 _PUTS = (_Passage("ingress", "put"), _LEARNS_SUBSCRIBERS)
 _SUBSCRIBES = (_Passage("ingress", "declare_subscriber"), _Passage("egress", "put"))
 _ASKS = (_Passage("ingress", "query"), _Passage("egress", "reply"))
@@ -121,7 +121,7 @@ _WATCHES = (_Passage("ingress", "declare_liveliness_subscriber"), _Passage("egre
 
 
 def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
-    """Return Zenoh's `access_control` for the router of these roles. Only they have rights, each with its certificate and session id."""
+    """Return Zenoh's `access_control` for the router of these roles: rights by certificate and session id."""
     rules, subjects, policies = [], [], []
     for role in roles:
         its = [_rule(role.name, passage, [*dict.fromkeys(exprs)]) for passage, exprs in _allowed(role, keys).items() if exprs]

@@ -63,7 +63,7 @@ class RunAccount:
         return "duration" if self._engine.tick >= ticks else self.figures.fault
 
     def summary(self, why: str, mode: str, hosts: int, refused: Mapping[str, int], answers: Mapping[str, Any]) -> dict[str, Any]:
-        """`why`: why it ended; `hosts`: number of agent processes; `refused`: reason -> number of messages; `answers`: figures of them."""
+        """`hosts`: number of agent processes; `refused`: reason -> number of messages; `answers`: figures of them."""
         engine = self._engine
         begin = {"hash": engine.hash, "mode": mode, "hosts": hosts, **self.figures.summary(), **answers}
         end = {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.figures.jam}

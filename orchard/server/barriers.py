@@ -1,10 +1,10 @@
 """When all answers to a tick are in: in lockstep physics waits for each agent, in realtime the newest counts."""
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
 from msgspec.structs import replace
 
 from orchard.contract.agent import Action
@@ -16,8 +16,8 @@ from orchard.server.roster import Roster
 from orchard.wire.messages import Mode, Report
 
 AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
-SLACK = 0.2  # s beyond the tick's time, to wait for agents that answered the last tick in time; less than Pacer.CATCH_UP
-SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all agents when the clock is behind
+SLACK = 0.2  # s beyond the tick's time, to wait for agents that were in time last; less than Pacer.CATCH_UP
+SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all when the clock is behind
 LATE = 0.5  # of a tick's time: a tick that begins later than this after it was due counts as late
 
 
@@ -33,11 +33,11 @@ class Barrier:
         self.reports: dict[str, Report] = {}
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
-        """Open a tick, and wait for the agents that are `due`; None: for all that are owned. `lag`: how late the tick begins, s."""
+        """Open a tick, and wait for the agents that are `due`; None: all that are owned. `lag`: how late it begins, s."""
         self.tick, self.missing = tick, set(self._roster.owners if due is None else due)
 
     def expect(self, name: str) -> None:
-        """Wait for an agent that a session has just taken; an answer of its previous owner to this tick does not count."""
+        """Wait for an agent that a session has just taken; an answer of its previous owner does not count."""
         self.release(name)
         self.missing.add(name)
 
@@ -62,7 +62,7 @@ class Barrier:
 
 
 class LockstepBarrier(Barrier):
-    """Physics waits until no velocity is missing. The robot of an agent that no session owns stands, unless a client drives it."""
+    """Physics waits until no velocity is missing. A robot that no session owns stands, unless a client drives it."""
 
     mode = "lockstep"
     watchdog = 0.0  # s of wall time that a velocity drives at least: none, for ticks alone count
@@ -144,7 +144,7 @@ class RealtimeBarrier(Barrier):
 
     @property
     def deadline(self) -> float:
-        """The time, on the clock, to wait for missing answers. Agents that missed the last tick do not delay the others."""
+        """The time, on the clock, to wait for answers. Agents that missed the last tick do not delay others."""
         return self._patient if self.missing - self._tardy else self._begun + self._step * SHARE
 
     def release(self, name: str) -> None:
@@ -198,18 +198,21 @@ class RealtimeBarrier(Barrier):
 
 
 class Delays:
-    """The delays from observations to velocities, counted in steps of 0.1 ms up to 1 s: memory does not grow."""
+    """The delays from the observations to the velocities, as counts in steps of 0.1 ms: memory does not grow."""
+
+    STEP = 1e-4  # s
 
     def __init__(self) -> None:
-        self._counts: Counter[int] = Counter()
+        self._counts = np.zeros(10_001, dtype=np.int64)  # the last one counts all of 1 s or longer
 
     def add(self, seconds: float) -> None:
-        self._counts[min(max(int(seconds * 1e4), 0), 10_000)] += 1
+        self._counts[min(max(int(seconds / self.STEP), 0), len(self._counts) - 1)] += 1
 
-    def below(self, share: int) -> float:
+    def below(self, share: float) -> float:
         """Return the delay in ms that `share` per cent do not exceed; 0 without any."""
-        steps = sorted(self._counts.elements())
-        return (steps[-(-share * len(steps) // 100) - 1] + 1) / 10 if steps else 0.0
+        total = int(self._counts.sum())
+        step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total)) if total else -1
+        return round((step + 1) * self.STEP * 1e3, 1)
 
 
 def _with_unused(before: Report | None, report: Report) -> Report:

@@ -1,4 +1,4 @@
-"""Velocities of clients: for robots that no session owns, and advice for robots whose agents go on with plan, mail and deeds."""
+"""Velocities of clients: for robots that no session owns, and advice for robots whose agents go on."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -12,12 +12,12 @@ from orchard.net.refusals import Refused, refuse_other_tick
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Velocity
 
-WATCHDOG = 0.5  # s of wall time that one velocity drives a robot at least, in realtime; in lockstep only WATCHDOG_TICKS count
+WATCHDOG = 0.5  # s of wall time that one velocity drives a robot at least, in realtime
 WATCHDOG_TICKS = 5  # steps that one velocity, or one advice, drives a robot
 
 
 class RecentTicks:
-    """The ticks of which velocities may still drive a robot: less than WATCHDOG_TICKS ticks or less than `seconds` ago."""
+    """The ticks of which velocities may still drive: less than WATCHDOG_TICKS ticks, or `seconds`, ago."""
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         self.clock, self.newest, self._seconds = clock, 0, seconds
@@ -42,16 +42,16 @@ class UnownedCommands:
     """The velocities of robots that no session owns: the newest one drives a robot, for half a second."""
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
-        """`seconds`: of wall time that a velocity drives at least; 0 in lockstep, where simulated time alone counts."""
+        """`seconds`: of wall time that a velocity drives at least; 0 in lockstep."""
         self._recent = RecentTicks(clock, seconds)
-        self._puts: dict[str, tuple[int, Twist, float]] = {}  # name -> the tick of its velocity, that, and the time of its arrival, s
+        self._puts: dict[str, tuple[int, Twist, float]] = {}  # name -> tick, velocity, time of arrival, s
         self._deeds: dict[str, list[Deed]] = {}  # deeds that no step has used
 
     def begin(self, tick: int) -> None:
         self._recent.begin(tick)
 
     def take(self, name: str, velocity: Velocity) -> None:
-        """Take a velocity for a robot. Raises Refused if it names an owner, or if its tick is too old or in the future."""
+        """Take a velocity for a robot. Raises Refused if it names an owner, or for its tick."""
         if velocity.owner:
             raise Refused("not owned", "no session owns this agent; join first")
         newest_put = self._puts[name][0] if name in self._puts else 0
@@ -70,7 +70,7 @@ class UnownedCommands:
 
 
 class Advised:
-    """The newest advice for each robot. It counts by simulated time alone, so a paused or slow run changes nothing."""
+    """The newest advice for each robot. It counts by simulated time: a paused or slow run changes nothing."""
 
     def __init__(self) -> None:
         self._newest: dict[str, Advice] = {}
@@ -82,7 +82,7 @@ class Advised:
         self._newest[name] = advice
 
     def actions(self, tick: int, own: Mapping[str, Action], newest: Mapping[str, Action]) -> dict[str, Action]:
-        """Return the action of each robot that is advised now: its `own`, else its `newest`, with another velocity."""
+        """Return the action of each advised robot: its `own`, else its `newest`, with another velocity."""
         self._newest = {name: advice for name, advice in self._newest.items() if tick - advice.tick < WATCHDOG_TICKS}
         quiet = {name: replace(newest[name], deeds=[], requests=[], answers=[]) for name in self._newest if name in newest}
         known = {**quiet, **own}

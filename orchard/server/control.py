@@ -1,4 +1,4 @@
-"""Whether simulated time goes on, and how fast: clock and pace; pause, step and play as in ROS's simulation_interfaces."""
+"""Whether simulated time goes on, and how fast; pause, step and play as in ROS's simulation_interfaces."""
 
 import math
 from collections.abc import Callable

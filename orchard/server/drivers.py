@@ -1,4 +1,4 @@
-"""Collects the velocities for each tick: those of sessions that own agents, and those for robots that no session owns."""
+"""Collects the velocities for each tick: of sessions that own agents, and for robots that no session owns."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -20,7 +20,7 @@ BROKEN = Report(doing="broken", state="broken")  # in place of an action that is
 
 
 class Drivers:
-    """The physics side of each tick's exchange. `answers` is the barrier that decides when all answers to a tick are in."""
+    """Physics' side of each tick's exchange. `answers` is the barrier that decides when all answers are in."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class Drivers:
         missing = self.answers.give_up()
         silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
         owned = self.roster.by_owner()
-        self.release(missing.union(*(owned.get(owner, []) for owner in silent)))  # another session may have taken over all of one
+        self.release(missing.union(*(owned.get(owner, []) for owner in silent)))  # another session may have taken over
 
     def miss(self, names: Collection[str]) -> None:
         """Record that the run goes on without these agents."""

@@ -26,7 +26,7 @@ class RunFigures:
     """Counts the figures of one run, for observers and for the summary."""
 
     def __init__(self, engine: Engine, clock: Callable[[], float], before: Mapping[str, Any] | None = None) -> None:
-        """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed; raises SnapshotError if it is malformed."""
+        """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError."""
         self._engine, self._world, self._clock = engine, engine.world, clock
         self._pickers = [name for name in engine.layout.index if kind_of(name) == "picker"]
         before = before or {}
@@ -61,7 +61,7 @@ class RunFigures:
 
     @property
     def fault(self) -> str:
-        """Why the run must end before the harvest is over: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+        """Why the run must end before the harvest: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
         ends = self._world.layout.scenario.dispatch_errors == END
         if ends and (self._figures.orders_refused or orders_refused(self._engine.answers)):  # the last step may not be counted yet
             return "refused"
@@ -92,7 +92,7 @@ class RunFigures:
         return self.figures() | {"lost_seconds": lost, "scenario": scenario, "history": self._history.until(now)}
 
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
-        """Return the figures so far, and what each robot does, as a message. `refused`: reason -> number of refused messages."""
+        """Return the figures so far, and what each robot does. `refused`: reason -> number of refused messages."""
         actions = as_shown(self._world, self._engine.actions)
         doing = {name: action.doing or state_of(action) for name, action in actions.items() if action.doing or action.state}
         states = {name: state_of(actions[name]) for name in doing}

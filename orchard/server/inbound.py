@@ -21,7 +21,7 @@ from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 NO_PAYLOAD = ("scenario", "layout", "simulation_state")  # the queries that only ask
 MOST_TOLD = 100  # refusals that are published in a second
-OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later is the newer one, and must end itself
+OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later must end itself
 
 
 class Queries:
@@ -84,7 +84,7 @@ class Queries:
         query.reply(pack(wire.Recalled(self._run.id, tick, sorted(self._run.drivers.recovery_log.letters.items()))))
 
     def _stop(self, query: Query) -> None:
-        """Stop or reset robots; the engine makes sure that nothing overrides a stop. The reply says whether it is in a snapshot."""
+        """Stop or reset robots; nothing overrides a stop. The reply says whether it is in a snapshot."""
         run, engine = self._run, self._run.engine
         request = read_message(query.payload, wire.Stop, run.id)
         run.report()
@@ -138,7 +138,7 @@ class Inbound:
         self._newer_from = math.inf  # s, on the clock of the bus: a run that appears after that is newer
 
     def listen(self) -> None:
-        """Subscribe, and declare the queryables. The liveliness token comes last: it shows the others that physics is ready."""
+        """Subscribe, and declare the queryables. The liveliness token comes last: it shows that physics is ready."""
         for what in ("velocities", "velocity"):
             self._bus.subscribe(self._keys.of(what), quietly=True)
         for what in ("advice", "refused", "left"):
@@ -154,7 +154,7 @@ class Inbound:
         self._bus.withdraw(self._keys.of("alive", PHYSICS, self._run.id))
 
     def take(self, seconds: float, enough: int = 1) -> bool:
-        """Handle one item. Return False if none came in `seconds`. Raises RunEnded if it ends the run. `enough`: as for `Inbox.take`."""
+        """Handle one item. Return False if none came in `seconds`. Raises RunEnded. `enough`: as for `Inbox.take`."""
         item = self._bus.inbox.take(seconds, enough)
         if item is not None:
             try:
@@ -177,7 +177,7 @@ class Inbound:
             self._bus.publish(self._keys.of("refusals"), pack(shown), newest_wins=True)
 
     def take_after_end(self, seconds: float) -> Item | None:
-        """Handle one item after the run's end, when only tokens and `left` count. Return it; None if none came in `seconds`."""
+        """Handle one item after the run's end, when only tokens and `left` count. Return it; None without one."""
         item = self._bus.inbox.take(seconds)
         with suppress(Refused):
             if isinstance(item, Query):

@@ -41,7 +41,7 @@ class RunLoop:
         self.again: RunOptions | None = None  # the options with which the run begins again after its end; None: it does not
 
     def play(self, get_ready: Callable[[], None]) -> End:
-        """Run all ticks, and publish the end. Return it. `get_ready`: called before the first tick, while the hosts prepare too."""
+        """Run all ticks, and publish the end. Return it. `get_ready`: called before the first tick."""
         ticks = last_tick(self.options.duration)
         try:
             for _ in range(len(self.bus.inbox)):

@@ -22,7 +22,7 @@ class Publisher:
     """Publishes the messages of physics."""
 
     def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False) -> None:
-        """`newest_wins`: publish a tick's observations, poses, scans and clock without waiting; a slow subscriber misses some."""
+        """`newest_wins`: publish what belongs to a tick without waiting; a slow subscriber misses some."""
         self._bus, self._keys, self.run, self._layout, self._newest_wins = bus, keys, run, layout, newest_wins
         self._heard: dict[str, bool] = {}  # keys -> whether a session subscribes, as of the last check
         self._recheck_at = 0.0  # s, on the clock of the bus
@@ -30,13 +30,13 @@ class Publisher:
     # -- a tick
 
     def show(self, seen: Observations, due: Mapping[str, Sequence[str]], asked: Sequence[AskedOf]) -> None:
-        """Send each session in `due` what those of its agents observe that are asked; and, of the requests in `asked`, those to them."""
+        """Send each session in `due` what its agents observe that are asked; and the requests in `asked` to them."""
         for owner, names in due.items():
             heard = [of for of in asked if of.to in names]
             self._put(self._keys.of("seen", session=owner), seen_of(self.run, seen, names, heard))
 
     def publish_tick(self, seen: Observations, others: Mapping[str, Callable[[], Observations]]) -> None:
-        """Publish poses and scans, the views in `others` (`truth`, `odometry`), and then the clock: each if a session subscribes to it."""
+        """Publish poses, scans, the views in `others` (`truth`, `odometry`), and the clock: each if a session subscribes to it."""
         if self._bus.clock() >= self._recheck_at:
             self.refresh_subscribers()
         if self.are_robots_heard():

@@ -21,7 +21,7 @@ class Roster:
         self._leaving: set[str] = set()  # owners that have said that they leave
 
     def token(self, name: str, owner: str, up: bool) -> None:
-        """Record a liveliness token that appeared (`up`) or is gone: then its session keeps its agents. Raises Refused for too many."""
+        """Record a liveliness token that appeared (`up`) or is gone: its session keeps its agents. Raises Refused."""
         if up and len(self.tokens) >= MOST_TOKENS:
             raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
         (self.tokens.add if up else self.tokens.discard)((name, owner))
@@ -49,7 +49,7 @@ class Roster:
             self._leaving.add(owner)
 
     def all_have_left(self) -> bool:
-        """Whether no token is there, and each agent's last owner has said that it leaves: one that has not may only be cut off."""
+        """Whether no token is there, and each agent's last owner has said that it leaves: another may only be cut off."""
         return not self.tokens and self._leaving.issuperset(self._last_owners.values())
 
     def by_owner(self) -> dict[str, list[str]]:
@@ -87,7 +87,7 @@ class RecoveryLog:
             self.letters[tick] = written
 
     def hearing(self, tick: int) -> set[str]:
-        """Return the agents that hear mail at a tick: the requests of the last tick, and the replies to those of the tick before."""
+        """Return the agents that hear mail at a tick: requests of the last tick, and replies to those before."""
         asked = {to for letters in self.letters.get(tick - 1, {}).values() for to, _ in letters.requests}
         return asked | {name for name, letters in self.letters.get(tick - 2, {}).items() if letters.requests}
 

@@ -37,7 +37,7 @@ def sole(folder: Path | None) -> Iterator[None]:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a folder, if there is one. An executor does that, so that a slow disk does not delay the run."""
+    """Writes snapshots into a folder, if there is one. An executor does that: a slow disk does not delay the run."""
 
     def __init__(self, folder: Path | None, executor: Executor, clock: Callable[[], float], seconds: float = SNAPSHOT_SECONDS) -> None:
         self._folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
@@ -79,7 +79,7 @@ class SnapshotWriter:
 
 
 def examine(snapshot: Snapshot) -> None:
-    """Raise SnapshotError unless a run can go on from this snapshot: its checksum may be right, and its content impossible."""
+    """Raise SnapshotError unless a run can go on from this snapshot: its content may be impossible."""
     from orchard.server.figures import RunFigures  # not at the top: numba takes seconds to load
     from orchard.sim.engine import Engine
 

@@ -1,1 +1,1 @@
-"""The tables that a run leaves as Parquet files: bodies, events, messages, calls, exchanges and the summary."""
+"""The Parquet tables of a run: bodies, events, messages, calls, exchanges and the summary."""

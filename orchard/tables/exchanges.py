@@ -1,4 +1,4 @@
-"""The exchange of bins, by a run's events and messages: calls for carriers, and exchanges at the ends of rows."""
+"""The exchange of bins, by events and messages: calls for carriers, exchanges at the ends of rows."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -15,7 +15,7 @@ CALLING = ("call", "fetch")  # messages of a bin that has no carrier yet
 
 
 def calls(events: Iterable[Row], messages: Iterable[Row]) -> list[NewRow]:
-    """Return the calls of all bins, in the order of their first messages. A call ends when a carrier couples the bin."""
+    """Return the calls of all bins, by their first messages. A call ends when a carrier couples the bin."""
     made: list[NewRow] = []
     open_: dict[str, NewRow] = {}
     coupled = [event for event in events if event["what"] == "coupled" and kind_of(event["who"]) == "carrier"]

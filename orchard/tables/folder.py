@@ -90,7 +90,7 @@ def metadata_of(scenario: Scenario) -> dict[bytes, str]:
 
 
 def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> None:
-    """Make the folder. `tick`: at which a resumed run goes on. Raises OSError, or ValueError if tables there do not fit."""
+    """Make the folder. `tick`: at which a resumed run goes on. Raises OSError, or ValueError for tables there."""
     instead = "; --table DIR names another folder"
     if files_of(path_of(folder, "bodies")):
         if tick is None:
@@ -126,7 +126,7 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
 
 
 def last_tick(folder: Path) -> int:
-    """Return the last tick with rows; 0 if there is none. Raises OSError or ArrowException if it cannot be read."""
+    """Return the last tick with rows; 0 if there is none. Raises OSError or ArrowException."""
     files = files_of(path_of(folder, "bodies"))
     ticks = pq.read_table(files[-1], columns=["tick"])["tick"] if files else []
     return int(ticks[-1].as_py()) if len(ticks) else 0
@@ -143,7 +143,7 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
 
 
 def as_table(summary: Mapping[str, Any]) -> pa.Table:
-    """Return a summary as a table of one row: a map has a column for each value, lists but `history` are JSON."""
+    """Return a summary as one row: a map has a column for each value, lists but `history` are JSON."""
     columns = dict(_columns(summary))
     fields = [pa.field(name, array.type, metadata={"unit": UNITS.get(name.split(".")[0], "")}) for name, array in columns.items()]
     metadata = {SCENARIO: msgspec.json.encode(summary["scenario"]).decode()}

@@ -25,7 +25,7 @@ from orchard.tables.columns import BODIES, EVENTS, MESSAGES, NUMBER, TEXT
 from orchard.tables.exchanges import CALLING, calls, exchanges
 from orchard.tables.folder import AT_THE_END, GROWING, MOST_ROWS, GrowingTable, metadata_of, path_of, write_table
 
-Said = tuple[str, str | None, str | None]  # what a body does: its state, the same in words, and what it waits for
+Said = tuple[str, str | None, str | None]  # its state, the same in words, and what it waits for
 SILENT: Said = ("resting", None, None)  # of a body whose agent says nothing
 STANDING: Said = ("stopped", STOPPED, None)
 OF_A_CALL = [*CALLING, "come", "yes"]
@@ -98,7 +98,7 @@ def _said_of(world: World, name: str, action: Action | None) -> Said:
 
 
 class Tables:
-    """The tables of one run: `update` after each step, `flush` before each snapshot, `close`. A fault is logged once."""
+    """The tables of one run: `update` after a step, `flush` before a snapshot, `close`. A fault is logged once."""
 
     def __init__(self, folder: Path, engine: Engine) -> None:
         """The run begins or goes on at the engine's tick. Rows of later steps are removed: they come again."""

@@ -25,9 +25,12 @@ from rich.progress import track
 from chaos.simulated.mutations import MUTATIONS, first_seed
 from chaos.simulated.plan import Plan, draw
 from chaos.simulated.schedule import carry_out, complaints_of, shrink
+from orchard.memory import collect_seldom
 
 TABLE = Path(__file__).parent / "mutations.md"
 MOST = 2000  # schedules in which a mutation is to be found
+
+collect_seldom()  # also in each worker, which imports this file
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 console = Console(highlight=False)

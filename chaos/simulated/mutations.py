@@ -172,9 +172,10 @@ def cut_out(name: str) -> Iterator[None]:
 
 
 def first_seed(most: int, name: str) -> tuple[int | None, str]:
-    """Return the first seed, below `most`, at which a mutation is found, and what fails then; None and '' if it is not found."""
-    with cut_out(name):
-        for seed in range(most):
-            if complaints := complaints_of(seed):
-                return seed, complaints[0].splitlines()[0][:100]
+    """Return the first seed, below `most`, at which only the mutation fails, and what fails then; None and '' if there is none."""
+    for seed in range(most):
+        with cut_out(name):
+            complaints = complaints_of(seed)
+        if complaints and not complaints_of(seed):
+            return seed, complaints[0].splitlines()[0][:100]
     return None, ""

@@ -216,6 +216,7 @@ def _options_of(process: SimulatedProcess, kind: type[Options]) -> Options:
 
 def _physics(process: SimulatedProcess) -> int:
     def opened(options: RunOptions, inbox: Inbox) -> AbstractContextManager[Bus]:
+        process.world.resets += bool(process.buses)  # the run begins again in this process
         return process.routed() if options.connect is None else process.connected()
 
     return physics.simulate(process.inbox, _options_of(process, RunOptions), opened, process.world.begin)
@@ -303,6 +304,7 @@ class World:
     engine: Engine | None = None  # of that
     physics: SimulatedProcess | None = None  # the process that has it
     begun_at: int = 0  # the tick at which that has begun
+    resets: int = 0  # how often a run has begun again in its process
     lines: list[str] = field(default_factory=list)  # what users are told
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see

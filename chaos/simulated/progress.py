@@ -15,7 +15,7 @@ class Progress:
         self.process: SimulatedProcess | None = None  # that has the engine
         self._has_disk = not plan.has("full disk", "torn snapshot")
         self._engine: Engine | None = None
-        self._seeds: list[int] = []  # of the engines so far
+        self._seed, self._resets = -1, 0
         self._ticks: list[int] = []  # at the last looks at which it had gone on
 
     def look(self, world: World) -> None:
@@ -29,11 +29,9 @@ class Progress:
         """Follow another engine."""
         before, self.process = self.process, world.physics
         tick, seed = world.begun_at, engine.layout.scenario.seed
-        is_again = world.loop is not None and world.loop.options.resume  # not after a reset
-        if self.process is not before and before is not None and is_again:
+        if self.process is not before and before is not None and world.resets == self._resets:
             if self._has_disk and len(self._ticks) == LOOKS and tick < self._ticks[0]:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
-            if seed in self._seeds and seed != self._seeds[-1] and (tick > 0 or self._has_disk):
+            if seed != self._seed and (tick > 0 or self._has_disk):
                 self.complaints.append("physics went back to before a reset")
-        self._engine, self._ticks = engine, []
-        self._seeds.append(seed)
+        self._engine, self._seed, self._resets, self._ticks = engine, seed, world.resets, []

@@ -110,7 +110,7 @@ class Schedule:
         if self.world.engine is not None and not self.complaints:
             hosts = [process.hosts[-1] for process in self.world.processes.values() if process.code is None and process.hosts]
             agents = len(self.world.engine.layout.agents)
-            self.complaints += [line for owner in (self.world.loop, *hosts) for line in grown(owner, agents)]
+            self.complaints += [line for owner in (self.world.loop, *hosts) for line in grown(owner, agents, self.plan.mode)]
 
     @property
     def over_at(self) -> float | None:

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
+from orchard.net.mailbox import STALE_TICKS
 from orchard.net.refusals import Refusals
 
 TABLES = dict, list, set, deque
@@ -12,9 +13,9 @@ CACHES = ("_heard",)  # that are emptied every RECHECK_SECONDS
 FOR_EACH_AGENT, MORE = 3, 10  # entries; and what sessions and kept ticks need
 
 
-def grown(owner: Any, agents: int) -> Iterator[str]:
+def grown(owner: Any, agents: int, mode: str) -> Iterator[str]:
     """Yield a sentence for each table, among all that an object refers to, with more entries than so many agents need."""
-    most = FOR_EACH_AGENT * agents + MORE
+    most = FOR_EACH_AGENT * agents + MORE + (STALE_TICKS if mode == "realtime" else 0)
     left, known = [owner], {id(owner)}
     while left:
         one = left.pop()

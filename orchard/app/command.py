@@ -71,7 +71,6 @@ class PageCommand:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all of its work is done."""
         return False
 
     def read(self, path: Path, kind: type[Result]) -> Result | None:

@@ -188,7 +188,6 @@ class Draft:
         return {key: path for key, path in self._base.own_classes.items() if self.values.get(key, path) == path}
 
     def drop_classes(self) -> None:
-        """Remove the user's own classes, so that the built-in ones are used again."""
         self.values = {**self.values, **{path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}}
         built_in = {path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)}
         self._base = self._base.model_copy(update=built_in)

@@ -48,7 +48,6 @@ class Control:
         return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
 
     def show(self, value: Any) -> None:
-        """Set the control to a value; None: the program chooses it."""
         if self._automatic is not None:
             self._automatic.set_value(value is None)
         if self.entry.choices:

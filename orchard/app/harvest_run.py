@@ -78,7 +78,6 @@ class RunControls:
     """The controls above the stage."""
 
     def __init__(self, last: RunSettings) -> None:
-        """`last`: the settings to start with."""
         self.settings = last
         self._problems: dict[str, ui.label] = {}
         with ui.element("div").classes("wishes") as self._box:

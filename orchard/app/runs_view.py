@@ -113,7 +113,6 @@ class RunsView:
         self._compare([])
 
     def refresh(self) -> None:
-        """Read the folder again. The choice stays."""
         runs, others = past_runs(self._folder)
         self._past = {past.name: past for past in runs}
         self._list.rows = [_row(past) for past in self._past.values()]

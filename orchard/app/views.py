@@ -98,7 +98,6 @@ class PictureView:
         self._show_hint("The live picture appears here when a harvest runs.")
 
     def is_settled(self, run: Run) -> bool:
-        """Whether the frame shows a recording, or there is none."""
         return self._bare is run or self._shown == (run, True)
 
     def show(self, run: Run, state: RunState) -> None:
@@ -205,6 +204,5 @@ class Stage:
             view.show(run, state)
 
     def turn_to_run(self, run: Run, state: RunState) -> None:
-        """Select the view of a run that is new on this page, or has ended."""
         live = "Picture" if run.settings.live else "Messages"
         self._choice.set_value("Summary" if state.is_over else live)

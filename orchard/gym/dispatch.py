@@ -69,7 +69,6 @@ class Dispatching:
         return mask
 
     def action(self, order: Assignment | None) -> int:
-        """Return the action that is an order; 0 for None."""
         if order is None:
             return NO_ORDER
         return 1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)

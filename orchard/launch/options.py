@@ -58,7 +58,6 @@ def number(text: str) -> float:
 
 
 def whole(text: str, most: int, expected: str) -> int:
-    """Return a whole number from 1 to `most`."""
     if not text.isdecimal() or not 1 <= int(text) <= most:
         raise BadParameter(f"{text}: {expected}")
     return int(text)

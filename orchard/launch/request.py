@@ -37,7 +37,6 @@ class RunRequest:
 
     @property
     def uri(self) -> str:
-        """The address of the live data, for a viewer."""
         return f"rerun+http://127.0.0.1:{self.data_port}/proxy"
 
 

@@ -132,7 +132,6 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         return any(running.popen.poll() is None for running in self.running.values())
 
     def has_refused(self) -> bool:
-        """Return whether any process refuses its arguments, or what it finds."""
         return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:

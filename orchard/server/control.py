@@ -35,7 +35,6 @@ class RunClock:
             self._since = self._clock()
 
     def play(self, steps: float = math.inf) -> None:
-        """Let the clock go on, for so many steps."""
         self._left = steps
         if self._since is not None:
             self._paused += self._clock() - self._since

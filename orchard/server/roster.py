@@ -44,7 +44,6 @@ class Roster:
         self._leaving.discard(owner)
 
     def leave(self, owner: str) -> None:
-        """Record that a session says that it leaves. When its tokens are gone, it has left."""
         if owner in self._last_owners.values():
             self._leaving.add(owner)
 

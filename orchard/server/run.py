@@ -99,7 +99,6 @@ class Run:
         return self.is_kept()
 
     def is_kept(self) -> bool:
-        """Wait for the disk. Return whether the last snapshot is there."""
         return self.account.snapshot_writer.finish(KEPT_SECONDS)
 
     def keep(self) -> None:

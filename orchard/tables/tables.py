@@ -64,7 +64,6 @@ class BodyRows:
         self._said = _replaced(self._said, {index: said for index, said in heard.items() if said != self._said[index]})
 
     def take(self) -> pa.Table:
-        """Return the rows since the last call."""
         if not self._ticks:
             return BODIES.empty_table()
         ticks, (poses, twists, wanted, coupled, fills) = self._ticks, map(np.array, zip(*self._kept, strict=True))

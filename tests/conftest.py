@@ -82,9 +82,6 @@ def other():
     return recorded(SMALL, "other", 40)
 
 
-# -- secured runs
-
-
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory) -> Path:
     """The roles of the small scenario, which hold on this machine and on another."""
@@ -94,9 +91,6 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def stranger(tmp_path_factory) -> Path:
     return make_roles(tmp_path_factory.mktemp("stranger") / "roles")
-
-
-# -- the page
 
 
 @pytest.fixture(scope="session")
@@ -126,9 +120,6 @@ def browser(chromium, server):
     chromium.driver.set_window_size(*WINDOW)
     chromium.begin(server[0])
     return chromium
-
-
-# -- the picture
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,9 @@
-"""Files that are not what they seem: a named pipe never has the program wait."""
+"""What every process rests on: a named pipe never has it wait, and it settles before its ticks begin."""
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,18 @@ def test_a_named_pipe_is_refused(read, why, pipe):
 
 def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(pipe):
     assert past_runs(pipe.parent) == ([], ["odd.json is passed over: is no regular file"])
+
+
+def test_what_was_there_before_a_process_settled_is_there_afterwards():
+    program = """
+from orchard.memory import settle
+kept = [bytes([n % 256]) * 1000 for n in range(20_000)]
+settle()
+assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_the_collector_runs_seldom_from_the_first_import_of_a_process_on():
+    program = "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] == orchard.memory.YOUNG"
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)

@@ -48,12 +48,10 @@ class Forgetful:
 
 
 def calling_orchard(**scenario) -> Scenario:
-    """Return an orchard in which bins call carriers themselves."""
     return empty_orchard(dispatch=NEAREST, **scenario)
 
 
 def stage_with(change, **scenario) -> Stage:
-    """Return an orchard in which `change` has replaced each carrier."""
     stage = Stage(calling_orchard(**scenario))
     for name in [name for name in stage.local.agents if name.startswith("carrier")]:
         stage.local.agents[name] = change(name, stage.local.agents[name])

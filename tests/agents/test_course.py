@@ -83,20 +83,12 @@ def test_a_carrier_off_its_place_before_a_full_bin_comes_back_to_it_and_takes_th
     assert collisions(stage.world) <= 4
 
 
+TWISTS = st.builds(Twist, x=st.just(0.0) | st.floats(-0.5, 1.0), yaw=st.floats(-EIGHTH, EIGHTH))
+ADVICE = st.tuples(st.integers(5, 2500), st.sampled_from(ROBOTS), TWISTS, st.integers(1, 20))
+
+
 @settings(max_examples=10)
-@given(
-    st.sampled_from(["one-way", "two-way"]),
-    st.lists(
-        st.tuples(
-            st.integers(5, 2500),
-            st.sampled_from(ROBOTS),
-            st.builds(Twist, x=st.just(0.0) | st.floats(-0.5, 1.0), yaw=st.floats(-EIGHTH, EIGHTH)),
-            st.integers(1, 20),
-        ),
-        min_size=1,
-        max_size=3,
-    ),
-)
+@given(st.sampled_from(["one-way", "two-way"]), st.lists(ADVICE, min_size=1, max_size=3))
 def test_a_harvest_in_which_advice_turns_and_drives_robots_at_any_moment_finishes(route, advice):
     changes = {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": route, "tractor": True}
     harvest(changes, [(tick, name, twist.x, twist.yaw, ticks) for tick, name, twist, ticks in sorted(advice)])

@@ -38,14 +38,11 @@ def decide(name: str, bins: list[BinReport], carriers: list[CarrierReport]) -> l
     return [tuple(one) for one in made.assign(1000, bins, carriers, made.Memory())]
 
 
-# -- decisions
-
 NEAR = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0, seconds_to_full=0.0, seconds_to_reach=34.0)
 FAR = BinReport("bin_02", 9, "east", "picker_02", since=950, metres=75.0, seconds_to_full=0.0, seconds_to_reach=79.0)
 FILLING = BinReport("bin_03", 12, "east", "picker_03", since=960, metres=90.0, seconds_to_full=60.0, seconds_to_reach=94.0)
 UNRIPE = BinReport("bin_04", 3, "east", "picker_04", since=960, metres=40.0, seconds_to_full=300.0, seconds_to_reach=44.0)
 HEAD = CarrierReport("carrier_02", "", True, 0.0)
-OTHER_LINE = CarrierReport("carrier_01", "", True, 0.5)
 BUSY = CarrierReport("carrier_03", "bin_09", False, 0.0)
 DECISIONS = {
     "nearest": ["bin_01", "bin_02"],
@@ -64,7 +61,7 @@ def test_the_bin_that_the_policy_prefers_gets_the_only_free_carrier(name):
 
 @pytest.mark.parametrize("name", POLICIES)
 def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
-    orders = decide(name, [NEAR, FAR], [BUSY, OTHER_LINE, HEAD])
+    orders = decide(name, [NEAR, FAR], [BUSY, CarrierReport("carrier_01", "", True, 0.5), HEAD])
     assert {bin_name for bin_name, _ in orders} == {"bin_01", "bin_02"}
     assert {carrier for _, carrier in orders} == {"carrier_01", "carrier_02"}
 
@@ -136,9 +133,6 @@ def test_a_policy_whose_package_is_missing_says_how_to_install_it(monkeypatch):
         check_plugins(lay_out(empty_orchard(dispatch="assignment")))
 
 
-# -- whole harvests
-
-
 def small(name: str, **changes) -> Scenario:
     return empty_orchard(**{"rows": 4, "pickers": 2, "carriers": 2, "dispatch": name, **changes})
 
@@ -175,9 +169,6 @@ def test_agents_started_afresh_and_asked_at_every_tick_give_the_same_harvest(nam
 def test_no_agent_of_an_early_harvest_holds_too_long(caplog):
     local_hash(small("predictive", rows=3, picking_speed=0.7), 2500, holds=CheckedHolds)
     assert "holds wrongly" not in caplog.text
-
-
-# -- early bins and carriers
 
 
 def too_early() -> Stage:
@@ -235,8 +226,6 @@ def test_a_forecast_comes_true():
         stage.run_until(lambda: not stage.bin_of("picker_01"))
     assert rows == [{(1, "east")}, {(2, "west")}]
 
-
-# -- policies that make mistakes
 
 MISTAKES = {
     "Raising": r"LookupError: no such bin here \(.*own_policies.py, line \d+\)",

@@ -11,8 +11,6 @@ from orchard.contract.messages import BinState, Claim, StateRequest
 from orchard.field.geometry import Twist
 from orchard.field.scenario import NEAREST, People, Scenario
 
-# -- pickers
-
 
 def test_pickers_begin_at_the_head_of_their_lane_and_pick_it_to_the_end():
     stage = Stage(empty_orchard(dispatch=NEAREST))  # no carrier passes the lane before the row is picked
@@ -56,9 +54,6 @@ def wanted(request: tuple[str, object]) -> list[str]:
     return request[1].want if isinstance(request[1], Claim) else []
 
 
-# -- carriers
-
-
 def test_carriers_line_up_in_a_queue_at_the_top_right():
     stage = Stage(empty_orchard(rows=5, pickers=5))
     xs = [stage.pose(f"carrier_0{i}")[0] for i in (1, 2, 3, 4)]
@@ -84,9 +79,6 @@ def test_a_carrier_at_work_stops_for_a_person_beside_the_bin_that_it_ignores():
     assert stage.is_full("bin_01")
     stage.assert_at("bin_01", x=32.25)
     stage.assert_no_collisions()
-
-
-# -- bins
 
 
 class Asker:
@@ -119,9 +111,6 @@ def test_a_bin_that_begins_without_a_memory_on_a_picker_that_has_begun_forecasts
     local.engine.wake(["bin_01"])
     local.tick()
     assert local.answers["bin_01"].state == "picking"
-
-
-# -- the tractor
 
 
 def test_the_tractor_drives_twenty_metres_waits_and_turns_about():

@@ -26,7 +26,6 @@ EXAMPLES = {
     },
 }
 TICKS = 700  # in which bins call, and carriers are under way
-MOST_TICKS = 12_000
 
 
 def scenario(**named) -> Scenario:
@@ -34,7 +33,7 @@ def scenario(**named) -> Scenario:
     return Scenario(rows=4, pickers=2, carriers=2, row_length=40.0, **alone, **named)
 
 
-def run(local: Local, ticks: int = MOST_TICKS) -> Local:
+def run(local: Local, ticks: int = 12_000) -> Local:
     while not local.engine.over and local.engine.tick < ticks:
         local.tick()
     return local

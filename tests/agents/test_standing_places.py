@@ -56,7 +56,6 @@ def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> n
 
 
 def gap(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the least distance between two sets of points, m."""
     most = least(one[::20], other[::20])
     return least(facing(one, other, most), facing(other, one, most))
 
@@ -97,9 +96,6 @@ def test_a_carrier_that_leaves_with_the_full_bin_stays_off_the_road_of_deliverie
     turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
     assert turn[:, 1].max() < 2.8, "no robot waits nearer than that"
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1
-
-
-# -- standing places
 
 
 LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
@@ -292,7 +288,6 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
 
 @st.composite
 def surveyed(draw: st.DrawFn) -> Scenario:
-    """Any legal orchard with unequal rows on either route."""
     drawn, route = draw(rows(most=5)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     ends = draw(st.sampled_from([*RULES, FROM_THE_EAST]))
     pickers, carriers = draw(st.integers(2, len(drawn))), draw(st.integers(1, 8))
@@ -301,7 +296,6 @@ def surveyed(draw: st.DrawFn) -> Scenario:
 
 @st.composite
 def orchards(draw: st.DrawFn) -> Scenario:
-    """Any legal orchard on either route."""
     rows, route = draw(st.integers(3, 20)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     length, bay = draw(st.just(70.0) | st.floats(20.0, 200.0)), draw(st.just(0.0) | st.floats(0.0, 100.0))
     most = [number for number in range(1, 41) if queue_of(route, length, bay, number)]

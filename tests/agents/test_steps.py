@@ -10,8 +10,6 @@ from orchard.contract.agent import IN_TURN
 from orchard.field.geometry import HEADINGS, Pose, Twist, from_frame
 from orchard.field.kinds import KINDS, kind_of
 
-# -- sensing
-
 
 def test_sensing_a_robot_stops_for_what_its_laser_sees():
     stage = one_guest("worker", 0.0, 18.0)
@@ -22,9 +20,6 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
     front = stage.pose("carrier_01")[0] + 0.9
     assert 0.6 < (0.0 - 0.275) - front <= 0.8, "stops 0.8 m before the worker, less at most one step"
     stage.assert_no_collisions()
-
-
-# -- turning
 
 
 @pytest.mark.parametrize(("heading", "seconds"), [("NORTH", 4.0), ("SOUTH", 4.0), ("WEST", 8.0)])
@@ -44,9 +39,6 @@ def test_turning_waits_while_something_stands_in_what_the_bin_will_sweep():
     stage.assert_at("carrier_01", 0.0, 20.0, "EAST")
     stage.assert_no_collisions()
     assert stage.local.actions["carrier_01"].waits_for == "an obstacle in its turn"
-
-
-# -- directed movement
 
 
 @pytest.mark.parametrize("metres", [3.0, 2.55, 0.04])
@@ -85,9 +77,6 @@ def test_directed_movement_ends_right_although_something_was_in_the_way():
     stage.assert_at("carrier_01", 4.3, 18.0, "EAST")
 
 
-# -- awareness
-
-
 @pytest.mark.parametrize("off", [0.3, -0.3, 0.02, -1e-5])
 def test_awareness_realigns_to_the_nearest_heading_exactly(off):
     stage = meadow()
@@ -98,9 +87,6 @@ def test_awareness_realigns_to_the_nearest_heading_exactly(off):
     stage.world.pose[i, 2] = HEADINGS["NORTH"] + off
     stage.follow("carrier_01", [Realign()], 20)
     stage.assert_at("carrier_01", 0.0, 20.0, "NORTH")
-
-
-# -- following
 
 
 @pytest.mark.parametrize("robot", ["picker_01", "carrier_01"])
@@ -126,9 +112,6 @@ def off_its_place(stage: Stage, robot: str, fruit: str) -> float:
     return ((here[0] - x) ** 2 + (here[1] - y) ** 2) ** 0.5
 
 
-# -- safety
-
-
 def test_a_robot_stands_for_a_second_after_a_step_that_physics_refused():
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
@@ -140,9 +123,6 @@ def test_a_robot_stands_for_a_second_after_a_step_that_physics_refused():
     assert stage.local.actions["carrier_01"].waits_for == "what it collided with"
     stage.run(1.0)
     assert stage.pose("carrier_01")[0] > 0.0
-
-
-# -- holding while it turns
 
 
 def test_a_robot_with_a_bin_that_turns_is_asked_at_every_tick():

@@ -66,9 +66,6 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
     assert table.holds == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
 
 
-# -- whole harvests, without people and animals, and with them
-
-
 ORCHARDS = [
     (3, 2, None, 5.0, {}),
     (5, 2, None, 5.0, {}),
@@ -169,9 +166,6 @@ def random_scenario(number: int) -> Scenario:
     )
 
 
-# -- meetings
-
-
 def test_a_full_queue_closes_up_and_serves_from_its_head():
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=40, dispatch=NEAREST))
     stage.run_until(lambda: len(stage.happened("row picked")) == 3, 80)
@@ -196,9 +190,6 @@ def test_an_animal_that_crosses_in_front_of_a_carrier_is_not_run_over():
     stage.put("dog_01", 20.0, 10.9, "EAST")
     stage.run_until(lambda: stage.world.delivered == 1, 600)
     stage.assert_no_collisions()
-
-
-# -- what the plan rests on
 
 
 def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:

@@ -84,9 +84,6 @@ def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
             assert len(track) < 60 or np.hypot(*(lately - middle).T).max() > 3.0, f"{name} stays near {middle} until {stage.seconds} s"
 
 
-# -- animals
-
-
 @pytest.mark.parametrize("kind", ["dog", "cat"])
 def test_animals_change_their_mind_every_three_seconds_and_keep_it_until_then(kind):
     stage = one_guest(kind, 0.0, 20.0)
@@ -117,9 +114,6 @@ def test_animals_change_their_mind_although_they_do_not_see_every_tick():
         memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
         minds.append(memory.speed)
     assert minds[0] != minds[1] == minds[2] != minds[3]
-
-
-# -- weeds
 
 
 def test_weeds_disappear_when_something_moves_within_a_metre():

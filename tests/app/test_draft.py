@@ -183,9 +183,6 @@ def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
     assert len({fresh_files(tmp_path, "harvest").scenario for _ in range(5)}) == 5
 
 
-# -- links, desks, past runs
-
-
 SUMMARY = {"mode": "local", "finished": True, "rows": 3, "sim_seconds": 60.0, "bins_delivered": 3, "bins_per_hour": 180.0,
            "picker_waiting_seconds": 1.0, "carrier_utilisation": 0.5, "scenario": {"rows": 3, "agents": {"picker": "no.such.Class"}},
            "times_real_time": 8.0, "rows_picked": 3, "row_length": 70.0, "metres_picked": 210.0, "schedule_sim_seconds": 50.0,

@@ -34,9 +34,6 @@ RUN = "5f0c2a9e4b7d4c11"
 TRIALS = [trial(1, number) for number in range(300)]
 
 
-# -- the schedule
-
-
 def test_the_same_seed_and_number_do_the_same_and_others_do_not():
     assert [trial(1, number) for number in range(300)] == TRIALS
     assert len({this.faults for this in TRIALS}) == len(TRIALS)
@@ -77,11 +74,7 @@ def test_in_ten_minutes_there_is_everything():
     assert any(fault.kind == schedule.BYTES for this in few for fault in this.faults)
 
 
-# -- the relay
-
-
 def is_over(end):
-    """Whether the other side has hung up, one way or the other."""
     try:
         return end.recv(1) == b""
     except ConnectionResetError:
@@ -130,17 +123,11 @@ def test_a_relay_whose_router_is_away_hangs_up():
         assert is_over(near)
 
 
-# -- the fuzzer
-
-
 def test_no_nonsense_is_of_the_run():
     said, chance = pack(Clock(RUN, 12, Stamp(1, 2))), Random(1)
     for _ in range(2000):
         with pytest.raises(Refused):
             read_message(mutated(chance, said, RUN), Clock, RUN)
-
-
-# -- the disk and the port
 
 
 def test_a_full_disk_takes_nothing_until_it_is_cleared(tmp_path):
@@ -176,9 +163,6 @@ def test_a_port_that_is_taken_is_free_again_when_it_is_let_go():
             with pytest.raises(BusError):
                 check_free(network.endpoint)
         check_free(network.endpoint)
-
-
-# -- what must come of a run
 
 
 @pytest.fixture(scope="module")
@@ -252,9 +236,6 @@ def test_every_run_has_a_time_limit():
     assert all(0 < time_limit(this) < 900 for this in TRIALS)
 
 
-# -- memory
-
-
 def memory(megabytes, handles):
     return MemorySeries("physics", [MemorySample(5000 * i, float(m), h) for i, (m, h) in enumerate(zip(megabytes, handles, strict=True))])
 
@@ -263,9 +244,6 @@ def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
     assert memory([100, 101, 100, 101], [9, 10, 9, 9]).is_flat
     assert not memory([100, 103, 106, 109], [9, 9, 9, 9]).is_flat
     assert not memory([100, 100, 100, 100], [9, 9, 10, 10]).is_flat
-
-
-# -- the report
 
 
 def test_the_report_has_the_median_and_the_worst_of_each_fault(wanted):

@@ -26,12 +26,9 @@ def running(fleet, tmp_path):
     return someone, lambda: until(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)["summary"], logger
 
 
-def sessions_of(someone):
-    return {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in someone.session.liveliness().get("orchard/alive/**") if reply.ok}
-
-
 def every_key(someone):
-    return sorted({someone.keys.of(what, name, session) for what in TABLE for name in NAMES for session in sessions_of(someone)})
+    sessions = {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in someone.session.liveliness().get("orchard/alive/**") if reply.ok}
+    return sorted({someone.keys.of(what, name, session) for what in TABLE for name in NAMES for session in sessions})
 
 
 def wait_for_the_end(fleet, logger):

@@ -66,9 +66,6 @@ def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tm
     assert re.search(f"broken: picker_01, since tick {tick}", said), said
 
 
-# -- memories
-
-
 class Note(msgspec.Struct):
     text: str = ""
     seen: object = None
@@ -131,8 +128,6 @@ def test_a_memory_with_the_same_bytes_and_another_type_is_refused_too():
 
 
 class Careless:
-    """Changes its memory in place, and then raises an error."""
-
     Memory = dict
 
     def tick(self, observation, mail, memory):

@@ -134,9 +134,6 @@ def test_what_the_users_own_program_sets_changes_no_hash():
         assert local_hash(SMALL, 40) == plain
 
 
-# -- what is printed
-
-
 def test_the_first_lines_are_shown_and_the_rest_is_left_out():
     said = []
     stream = Printed(said.append)

@@ -15,25 +15,11 @@ from msgspec.structs import replace
 from orchard.agents.catalogue import AGENTS, guarded
 from orchard.agents.picker import Picker
 from orchard.agents.policies import Nearest
+from orchard.contract import messages
 from orchard.contract.agent import Action, Heard, Mail, without_body
 from orchard.contract.guard import Guard
 from orchard.contract.mail import digest_of, given_by
-from orchard.contract.messages import (
-    Call,
-    Come,
-    Couple,
-    CustomMessage,
-    Flatten,
-    Here,
-    No,
-    Offer,
-    Places,
-    Uncouple,
-    Where,
-    Written,
-    Yes,
-    pack,
-)
+from orchard.contract.messages import CustomMessage, Uncouple, Where, pack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
@@ -59,8 +45,6 @@ class Doing:
 
 
 class Agreeable:
-    """Equal to everything and of any length."""
-
     __eq__ = lambda self, other: True  # noqa: E731
     __ne__ = lambda self, other: False  # noqa: E731
     __hash__ = lambda self: 0  # noqa: E731
@@ -81,18 +65,12 @@ class Word(StrEnum):
     PICKING = "picking"
 
 
-def with_one(some, more):
-    return [*some, more]
-
-
 def nested(levels, make=lambda inner: [inner]):
     data = make(0)
     for _ in range(levels):
         data = make(data)
     return data
 
-
-# -- anything
 
 TEXTS = ["", "\ud800", "\x1b[2J", "a\nb", "x" * 70, "picker_01\n", Sly("\x07" * 900)]
 NUMBERS = [2**53, 2**60, 2**64, True, math.nan, 101, -0.0]
@@ -106,18 +84,22 @@ anything = st.recursive(
     max_leaves=6,
 )
 names = st.sampled_from([*NAMES, "*", "worker_0$*", "picker_01/mail", "nobody_01", "", "**"]) | texts | anything
-deeds = st.sampled_from([Couple("bin_01"), Uncouple(), Flatten()]) | st.builds(Couple, st.text(max_size=64))
-requests = st.sampled_from([Call(1, "east", 0), Come(1, "west", "picker_01"), Where(), CustomMessage("a", {"b": [1.5, {}]})])
-answers = st.sampled_from([Yes(), No("no"), Offer(1.0, 2.0, 3.0), CustomMessage("a", {})]) | st.builds(No, st.text(max_size=200))
+deeds = st.sampled_from([messages.Couple("bin_01"), Uncouple(), messages.Flatten()]) | st.builds(messages.Couple, st.text(max_size=64))
+requests = st.sampled_from(
+    [messages.Call(1, "east", 0), messages.Come(1, "west", "picker_01"), Where(), CustomMessage("a", {"b": [1.5, {}]})]
+)
+answers = st.sampled_from([messages.Yes(), messages.No("no"), messages.Offer(1.0, 2.0, 3.0), CustomMessage("a", {})]) | st.builds(
+    messages.No, st.text(max_size=200)
+)
 letters = st.lists(st.tuples(st.sampled_from(NAMES), requests), max_size=6)
 heard = st.builds(Heard, st.sampled_from(NAMES), st.integers(0, 9), st.integers(0, 9), requests)
 replies = st.lists(st.tuples(heard, answers), max_size=4)
 odd = (
-    st.builds(Call, anything, names | st.sampled_from(["east", "east\n"]))
-    | st.builds(Come, st.integers(0, 5), st.just("east"), names)
-    | st.builds(Here, names)
-    | st.builds(Offer, numbers, numbers, numbers)
-    | st.builds(Places, st.lists(texts, max_size=3), st.lists(texts, max_size=3), anything)
+    st.builds(messages.Call, anything, names | st.sampled_from(["east", "east\n"]))
+    | st.builds(messages.Come, st.integers(0, 5), st.just("east"), names)
+    | st.builds(messages.Here, names)
+    | st.builds(messages.Offer, numbers, numbers, numbers)
+    | st.builds(messages.Places, st.lists(texts, max_size=3), st.lists(texts, max_size=3), anything)
     | st.builds(CustomMessage, texts | st.just("a"), st.dictionaries(texts, anything, max_size=3) | anything)
     | anything
 )
@@ -134,7 +116,7 @@ slips = {
     "requests": st.builds(lambda some, one: [*some, one], letters, st.tuples(names, requests | odd) | anything)
     | letters.map(tuple)
     | anything,
-    "answers": st.builds(with_one, replies, st.tuples(heard | anything, answers | odd) | anything) | anything,
+    "answers": st.builds(lambda some, more: [*some, more], replies, st.tuples(heard | anything, answers | odd) | anything) | anything,
     "memory": anything,
     "doing": anything,
     "state": anything,
@@ -164,7 +146,7 @@ def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(
     names = ("twist", "deeds", "requests", "doing", "state", "waits_for", "steps_done", "hold")
     assert all(repr(getattr(arrived, name)) == repr(getattr(action, name)) for name in names)
     assert action.doing.isprintable() and action.waits_for.isprintable()
-    read_message(pack(Letters(RUN, 7, {"picker_01": Written(arrived.requests, arrived.answers)})), Letters, RUN)
+    read_message(pack(Letters(RUN, 7, {"picker_01": messages.Written(arrived.requests, arrived.answers)})), Letters, RUN)
     for number, (to, body) in enumerate(action.requests):
         assert to in NAMES
         read_message(pack(Letter(RUN, 7, "picker_01", number, body)), Letter, RUN)
@@ -181,14 +163,14 @@ TOO_MUCH = [
         r"its deeds and messages take 2000\d+ bytes; at most 32768",
     ),
     ({"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]}, "a: lists and maps are nested more than 32 levels deep"),
-    ({"requests": [("carrier_01", Call(1, "east\n", 0))]}, "matching regex"),
+    ({"requests": [("carrier_01", messages.Call(1, "east\n", 0))]}, "matching regex"),
     ({"requests": [("*", Where())]}, r"a request to '\*': no agent has that name"),
     ({"requests": [("worker_0$*", Where())]}, r"a request to 'worker_0\$\*': no agent has that name"),
     ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),
     ({"requests": [("carrier_1", Where())]}, "a request to 'carrier_1': no agent has that name"),
     ({"requests": None}, "requests NoneType: must be a list"),
-    ({"requests": [("carrier_01", Call(1, "north", 0))]}, "matching regex"),
-    ({"requests": [("carrier_01", Here("x" * 40_000))]}, r"messages take \d+ bytes; at most 32768"),
+    ({"requests": [("carrier_01", messages.Call(1, "north", 0))]}, "matching regex"),
+    ({"requests": [("carrier_01", messages.Here("x" * 40_000))]}, r"messages take \d+ bytes; at most 32768"),
     ({"deeds": None}, "deeds NoneType: must be a list"),
     ({"deeds": [Uncouple()] * 17}, "17 deeds in one tick; at most 16"),
     ({"twist": Twist(0.0, 1.0)}, "a picker does not move sideways"),
@@ -248,9 +230,6 @@ def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work(handler):
             Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
     finally:
         signal.signal(signal.SIGINT, old)
-
-
-# -- built-in agents
 
 
 HARVESTS = [

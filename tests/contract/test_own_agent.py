@@ -61,9 +61,6 @@ def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     assert "picker_01: it is taken" in python("-c", code, code=1).stderr
 
 
-# -- agents that local mode is given
-
-
 def test_an_agent_that_local_mode_is_given_drives_as_a_class_of_the_scenario_does():
     given = played(SMALL, 40, picker_01=own_agents.Eastward(None, "picker_01"))
     named = played(driven_by(picker_01="Eastward"), 40)
@@ -91,9 +88,6 @@ def test_an_agent_that_takes_over_gets_no_memory_of_another_class():
 def test_only_an_agent_that_is_there_can_be_replaced():
     with pytest.raises(ValueError, match=r"picker_99: no such agent; there are .*picker_01"):
         Local(SMALL).play("picker_99", own_agents.Eastward(None, "picker_99"))
-
-
-# -- classes that a scenario names
 
 
 def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):

@@ -23,17 +23,13 @@ def arrays_of(seen):
     return [seen.scan] + ([seen.hitch.scan] if seen.hitch is not None and seen.hitch.scan is not None else [])
 
 
-def over_the_wire(run, observations):
+def over_the_wire(observations):
     return codec.observations_of(codec.seen_of("run", observations, list(observations.names), []))
 
 
-def of_all(observations):
-    return observations.of(observations.names)
-
-
-@pytest.mark.parametrize("observed", [lambda run: of_all(run.engine.observe()), lambda run: over_the_wire(run, run.engine.observe())])
+@pytest.mark.parametrize("observed", [lambda observations: observations.of(observations.names), over_the_wire])
 def test_no_observation_can_be_changed_in_place(observed):
-    for seen in observed(Local(SMALL)).values():
+    for seen in observed(Local(SMALL).engine.observe()).values():
         for scan in arrays_of(seen):
             with pytest.raises(ValueError, match="read-only"):
                 scan[np.isinf(scan)] = 30
@@ -58,8 +54,6 @@ def test_the_layout_that_all_agents_share_cannot_be_changed():
 
 @dataclass
 class Meddler(own_agents.Eastward):
-    """Changes what it is given in one way, and then does what `Eastward` does."""
-
     what: str
     Memory = dict
     failed: list = field(default_factory=list)

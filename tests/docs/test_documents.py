@@ -156,9 +156,6 @@ def test_every_dependency_has_a_reason():
     assert {re.split(r"[=<>\[]", line)[0] for line in wanted} <= named
 
 
-# -- the tutorial, done step by step as it stands: its files, its commands, and the output that it shows
-
-
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
 STEPS = {step.splitlines()[0]: blocks(step) for step in TUTORIAL.split("\n## ")[1:]}
 

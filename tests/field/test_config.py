@@ -1,20 +1,19 @@
-"""The scenario: what is shipped, what is fine, and what a change makes of it."""
+"""The scenario: what is shipped, what is fine, what a change makes of it; and whatever is taken for one is one, or an error in words."""
 
 import json
 from pathlib import Path
 
 import pytest
 import yaml
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from docs.generate import schema_text
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import People, Scenario, check, load, parse, with_changes
+from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes
 from orchard.field.shipped import load_or_shipped
 
 CONFIG = Path(__file__).parents[2] / "orchard" / "config"
-
-
-# -- what is shipped
 
 
 def test_the_default_file_says_exactly_the_defaults() -> None:
@@ -62,7 +61,6 @@ def test_a_shipped_scenario_has_a_name_but_a_file_of_the_user_comes_first(tmp_pa
 
 
 def fields(section: dict, schema: dict) -> dict[str, dict]:
-    """All fields that are not sections, by name. A section may be optional, or listed."""
     found = {}
     for name, field in section["properties"].items():
         ref = (field.get("items") or (field.get("anyOf") or [field])[0]).get("$ref", "")
@@ -87,9 +85,6 @@ def test_carriers_follow_the_pickers(pickers: int, carriers: int) -> None:
     assert Scenario(rows=20, pickers=pickers, carriers=9).carrier_count == 9
 
 
-# -- what is fine
-
-
 @pytest.mark.parametrize("text", ["", "# nothing but a comment\n", "---\n", "{}", "\ufeff", "people: {}\n", "null"])
 def test_an_empty_file_is_all_defaults(text: str, tmp_path: Path) -> None:
     file = tmp_path / "empty.yaml"
@@ -110,9 +105,6 @@ def test_an_integer_is_fine_where_a_number_is_wanted() -> None:
 @pytest.mark.parametrize(("text", "speed"), [("1e-1", 0.1), ("5.0E-2", 0.05), (".5", 0.5), ("1.", 1.0), ("+0.25", 0.25), ("1", 1.0)])
 def test_numbers_are_written_in_any_usual_way(text: str, speed: float) -> None:
     assert parse(f"picking_speed: {text}").picking_speed == speed
-
-
-# -- changes and back
 
 
 def test_changes_are_checked_anew() -> None:
@@ -149,3 +141,92 @@ def test_values_from_python_are_as_strict() -> None:
     for value in (True, 5.0, "5", 10**5000, float("nan"), object(), None, b"5"):
         with pytest.raises(ScenarioError, match="rows = "):
             check({"rows": value})
+
+
+SECTIONS = ("people", "animals", "laser", "picking")
+legal = st.builds(
+    Scenario,
+    rows=st.integers(10, 20),
+    pickers=st.integers(2, 10),
+    row_width=st.floats(5.0, 12.0),
+    carriers=st.none() | st.integers(1, 40),
+    picking_speed=st.floats(0.02, 1.0),
+    seed=st.integers(0, 2**63 - 1),
+    people=st.builds(People, workers=st.integers(0, 25), visitors=st.integers(0, 25)),
+    tractor=st.booleans(),
+    laser=st.floats(0.0, 0.02).map(lambda noise: {"noise": noise}),
+)
+
+
+@given(legal)
+def test_a_scenario_survives_yaml(scenario: Scenario) -> None:
+    assert parse(to_yaml(scenario)) == scenario
+
+
+def scenario_or_error(make: object, *arguments: object) -> None:
+    try:
+        assert isinstance(make(*arguments), Scenario)
+    except ScenarioError as error:
+        assert error.problems
+        assert len(str(error).encode("utf-8")) < 20_000
+
+
+names = st.sampled_from([*Scenario.model_fields, "workers", "visitors", "dogs", "cats", "noise", "spread", "failure", "cv", "rowz"])
+keys = names | st.text(st.characters(), max_size=5) | st.integers() | st.none() | st.floats() | st.booleans() | st.tuples(st.integers())
+leaves = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.sampled_from([0, 3, 5, 20, 50, 10**400, -(10**4000)])
+    | st.floats()
+    | st.text(st.characters(), max_size=5)
+    | st.binary(max_size=3)
+    | st.dates()
+)
+anything = st.recursive(leaves, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=4), max_leaves=8)
+nearly = st.fixed_dictionaries(
+    {},
+    optional={name: st.integers(0, 60) | anything for name in Scenario.model_fields if name not in SECTIONS}
+    | {name: st.dictionaries(keys, st.integers(0, 60) | anything, max_size=3) for name in SECTIONS},
+)
+
+
+@given(anything | st.dictionaries(keys, anything, max_size=5) | nearly)
+def test_any_value_is_a_scenario_or_an_error(values: object) -> None:
+    scenario_or_error(check, values)
+
+
+@settings(max_examples=40)
+@given(st.dictionaries(st.text(max_size=3) | st.sampled_from(["rows", "people.workers", "people", "laser.noise.x"]), anything, max_size=3))
+def test_any_change_is_a_scenario_or_an_error(changes: dict) -> None:
+    scenario_or_error(lambda: with_changes(Scenario(), **changes))
+
+
+SCRAPS = [*"\n\n :-?[]{},#&*!|>'\"%@`~=<\t\r\\", ": ", "\n  ", "- ", "---\n", "...\n", "&a ", "*a", "<<: "]
+SCRAPS += ["!!int ", "!!map ", "!!set ", "%TAG ! x\n", '"\\x41"', "\\U00110000", "rows", "people", "workers", "laser", "noise"]
+SCRAPS += ["5", "0x1F", "0o7", "1e3", ".inf", ".nan", "true", "null", "2001-01-01"]
+scraps = st.lists(st.sampled_from(SCRAPS) | st.text(max_size=2), max_size=25).map("".join)
+TEXT = "rows: 4\npeople: {workers: 3, visitors: 0}\nlaser: {noise: 0.01}\nagents: {picker: my.Picker}\n"
+damaged = st.builds(lambda at, scrap, gone: TEXT[:at] + scrap + TEXT[at + gone :], st.integers(0, len(TEXT)), scraps, st.integers(0, 2))
+
+
+@settings(max_examples=200)
+@given(st.text() | scraps | damaged)
+@example("agents: {1: 2}")
+@example("rows: 3\n" * 8000)
+@example("{" + "a," * 30_000 + "}")
+def test_any_text_is_a_scenario_or_an_error(text: str) -> None:
+    scenario_or_error(parse, text)
+
+
+@settings(max_examples=40)
+@given(nearly)
+def test_any_yaml_of_values_is_a_scenario_or_an_error(values: dict) -> None:
+    scenario_or_error(parse, yaml.dump(values))
+
+
+@given(content=st.binary(max_size=200))
+def test_any_file_is_a_scenario_or_an_error(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    file = tmp_path_factory.getbasetemp() / "any.yaml"
+    file.write_bytes(content)
+    scenario_or_error(load, file)

@@ -164,9 +164,6 @@ def test_problems_are_data_too() -> None:
     assert (problem.file, problem.line, problem.path, problem.value) == ("my.yaml", 2, "rows", "99")
 
 
-# -- files that are no scenario: not there, not text, not YAML, or made to do harm
-
-
 def unreadable(path: Path | str) -> str:
     with pytest.raises(ScenarioError) as caught:
         load(path)

@@ -41,9 +41,6 @@ def told(file: Path, crs: str | None = None) -> str:
     return str(raised.value)
 
 
-# -- what fits
-
-
 @settings(max_examples=15)
 @given(drawn=rows(), yaw=st.floats(-1.57, 1.57), data=st.data())
 def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(file: Path, drawn: list[Row], yaw: float, data):
@@ -125,8 +122,6 @@ def test_a_name_that_looks_like_something_else_stays_the_name_in_the_scenario_fi
     assert parse(to_short_yaml(scenario)) == scenario
 
 
-# -- what does not fit
-
 BROKEN = {
     "bent": (lambda points: [*points[:2], points[2] + 0.5j, *points[3:]], "is bent: 0.25 m off a straight line; must be at most 0.2 m"),
     "askew": (lambda points: [points[0] + (point - points[0]) * cmath.exp(0.02j) for point in points], "is not parallel:"),
@@ -177,42 +172,27 @@ def test_all_faults_are_told_at_once(file: Path):
         assert f"feature {words}" in problems
 
 
+def line(coordinates: str) -> str:
+    return f'{{"features": [7, {{"geometry": {{"type": "LineString", "coordinates": {coordinates}}}}}]}}'
+
+
+TEXT = SAMPLE.read_text()
 UNUSABLE = [
     ("{", None, "is not JSON"),
     ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),
     ('{"features": []}', None, "has 0 rows; must be 3 to 20 LineStrings"),
-    (
-        '{"features": [7, {"geometry": {"type": "LineString", "coordinates": [["a", 1]]}}]}',
-        None,
-        'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]',
-    ),
-    (
-        '{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": [[1, 2], [NaN, 1]]}}]}',
-        None,
-        "feature r1: its point 2 is [NaN, 1]; each",
-    ),
-    (
-        '{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": [[1, 2], null]}}]}',
-        None,
-        "feature r1: its point 2 is null; each",
-    ),
-    ('{"features": [{"id": "r1", "geometry": {"type": "LineString", "coordinates": 3}}]}', None, "at least two different points"),
+    (line('[["a", 1]]'), None, 'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]'),
+    (line("[[1, 2], [NaN, 1]]"), None, "feature number 2: its point 2 is [NaN, 1]; each"),
+    (line("[[1, 2], null]"), None, "feature number 2: its point 2 is null; each"),
+    (line("3"), None, "at least two different points"),
     ('{"features": [7]}', None, "feature number 1: is null; each feature must be one LineString, the centre line of a row"),
-    (SAMPLE.read_text(), "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
-    (
-        SAMPLE.read_text(),
-        "nonsense",
-        "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of",
-    ),
-    (
-        SAMPLE.read_text(),
-        "EPSG:999999",
-        "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or",
-    ),
-    (SAMPLE.read_text(), "", "the coordinate system '' cannot be used"),
-    (SAMPLE.read_text(), "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),
-    (SAMPLE.read_text(), WKT, "survey.origin.crs = 'PROJCRS["),
-    (SAMPLE.read_text(), "EPSG:5773", "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file"),
+    (TEXT, "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
+    (TEXT, "nonsense", "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of"),
+    (TEXT, "EPSG:999999", "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or"),
+    (TEXT, "", "the coordinate system '' cannot be used"),
+    (TEXT, "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),
+    (TEXT, WKT, "survey.origin.crs = 'PROJCRS["),
+    (TEXT, "EPSG:5773", "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file"),
 ]
 
 

@@ -30,7 +30,6 @@ def box_of(x, y, yaw, half_length, half_width) -> np.ndarray:
 
 
 def edge_points(x, y, yaw, half_length, half_width) -> np.ndarray:
-    """Points all along a box's edge, its corners among them."""
     t = np.linspace(-1.0, 1.0, 41)
     one = np.ones_like(t)
     along = half_length * np.concatenate([t, t, one, -one])
@@ -115,9 +114,6 @@ def test_the_grid_forgets_no_wall_within_reach(walls, x, y, reach):
     away = np.maximum(np.abs(walls[:, :2] - [x, y]) - walls[:, 2:], 0.0)
     near = np.flatnonzero((away**2).sum(axis=1) <= reach**2)
     assert set(near) <= set(grid.members[grid.begin[cell] : grid.begin[cell + 1]])
-
-
-# -- functions whose bits are the same on every machine
 
 
 ROOT = Path(__file__).parents[2]

@@ -17,15 +17,8 @@ from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
 from orchard.field.layout import BAY, DRIVEWAY, ROW_WEST, Layout, Start, lay_out
 from orchard.field.scenario import Animals, People, Scenario
 
-BIGGEST = Scenario(
-    rows=20,
-    pickers=20,
-    row_width=12.0,
-    carriers=40,
-    people=People(workers=25, visitors=25),
-    animals=Animals(dogs=25, cats=25),
-    weeds=50,
-)
+CROWD = {"people": People(workers=25, visitors=25), "animals": Animals(dogs=25, cats=25), "weeds": 50}
+BIGGEST = Scenario(rows=20, pickers=20, row_width=12.0, carriers=40, **CROWD)
 FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})  # all of it on the smallest ground
 
 
@@ -59,9 +52,6 @@ def strictly_in(points: np.ndarray, west: float, south: float, east: float, nort
     """Whether a box's middle or a corner is in there; good enough for bodies that are smaller than it is."""
     x, y = np.vstack([points, points.mean(axis=0)]).T
     return bool(np.any((west < x) & (x < east) & (south < y) & (y < north)))
-
-
-# --- every legal scenario ---
 
 
 @settings(max_examples=40)
@@ -165,9 +155,6 @@ def test_a_big_orchard_is_laid_out_in_well_under_a_second(scenario: Scenario) ->
     assert min(took) < 0.5
 
 
-# --- the given places ---
-
-
 def places(scenario: Scenario) -> dict[str, tuple[float, float]]:
     return {start.name: (start.pose.x, start.pose.y) for start in lay_out(scenario).starts}
 
@@ -212,9 +199,6 @@ def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
     assert {name: many[name] for name in few if kind_of(name) in (*PEOPLE, *ANIMALS)} == {
         name: place for name, place in few.items() if kind_of(name) in (*PEOPLE, *ANIMALS)
     }
-
-
-# --- the figures of the reference ---
 
 
 @settings(max_examples=30)

@@ -15,9 +15,6 @@ from orchard.field.queue import CLOSED_UP, MOST_CARRIERS, QUEUES, TWO_WAY, queue
 from orchard.field.rows import RULES, Block, rows_to_pickers
 from orchard.field.scenario import LEAST_CV, WIDEST, Scenario, check, parse
 
-# -- rows
-
-
 sizes = st.integers(3, 20).flatmap(lambda rows: st.tuples(st.just(rows), st.integers(2, rows)))
 
 
@@ -56,9 +53,6 @@ def test_rows_are_balanced_unless_the_scenario_says_otherwise() -> None:
     assert rows_to_pickers(Scenario(rows=20, pickers=11)) == rows_to_pickers(Scenario(rows=20, pickers=11, rows_to_pickers="balanced"))
 
 
-# -- paces of rows and failures of pickers: their distributions are those that the scenario names
-
-
 SEEDS = range(500)  # of 20 rows each: 10,000 draws
 N = 20 * len(SEEDS)
 
@@ -69,7 +63,6 @@ def scenario(distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int =
 
 
 def times(distribution: str, cv: float, speed: float) -> list[float]:
-    """Return the picking times of 10,000 rows, in units of their mean."""
     return [speed / picking_speed_of(scenario(distribution, cv, speed, seed), row) for seed in SEEDS for row in range(1, 21)]
 
 
@@ -161,9 +154,6 @@ def test_times_between_failures_and_of_repairs_are_exponential() -> None:
         assert fmean(values) == pytest.approx(mean, rel=0.04)
         for share in (0.1, 0.5, 1.0, 3.0):
             assert sum(value > share * mean for value in values) / len(values) == pytest.approx(math.exp(-share), abs=0.02)
-
-
-# -- the queue holds the carriers of every legal orchard
 
 
 NAMES = sorted(QUEUES)

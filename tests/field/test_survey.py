@@ -62,9 +62,6 @@ def test_the_plan_shows_each_row_at_its_place():
     assert "of 104 m picked" in present_plan(stage.world)
 
 
-# -- what is refused
-
-
 def problem(change: dict) -> str:
     scenario = orchard_of(UNEQUAL).model_dump()
     with pytest.raises(ScenarioError) as raised:

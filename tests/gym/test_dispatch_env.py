@@ -113,30 +113,32 @@ def test_a_fault_of_an_own_policy_is_told_with_its_place(policy, fault, line):
     assert words.endswith(f"({own_policies.__file__}, line {number})")
 
 
-class TestDispatching:
-    view = Dispatching(lay_out(SMALL))
-    carriers = [CarrierReport("carrier_01", "", True, 0.0), CarrierReport("carrier_02", "bin_01", False, 70.0)]  # noqa: RUF012
+VIEW = Dispatching(lay_out(SMALL))
+CARRIERS = [CarrierReport("carrier_01", "", True, 0.0), CarrierReport("carrier_02", "bin_01", False, 70.0)]
 
-    def test_what_a_policy_is_told_becomes_arrays(self):
-        observation = self.view.observation(120, [BIN], self.carriers)
-        assert self.view.observation_space.contains(observation)
-        assert observation["bins"].reshape(4, 6).tolist() == [[0.0] * 6, [1.0, 3.0, 10.0, 4.0, 60.0, 50.0], [0.0] * 6, [0.0] * 6]
-        assert observation["carriers"].tolist() == [1.0, 0.0, 0.0, 70.0] and observation["seconds"].tolist() == [12.0]
 
-    def test_actions_are_orders(self):
-        actions = range(self.view.action_space.n)
-        assert [self.view.action(self.view.order(action)) for action in actions] == list(actions)
-        free = np.flatnonzero(self.view.mask([BIN], self.carriers)).tolist()
-        assert [self.view.order(action) for action in free] == [None, ("bin_02", "carrier_01")]
+def test_what_a_policy_is_told_becomes_arrays():
+    observation = VIEW.observation(120, [BIN], CARRIERS)
+    assert VIEW.observation_space.contains(observation)
+    assert observation["bins"].reshape(4, 6).tolist() == [[0.0] * 6, [1.0, 3.0, 10.0, 4.0, 60.0, 50.0], [0.0] * 6, [0.0] * 6]
+    assert observation["carriers"].tolist() == [1.0, 0.0, 0.0, 70.0] and observation["seconds"].tolist() == [12.0]
 
-    def test_what_has_learned_is_the_policy_of_the_simulator(self):
-        """Here a policy has learned what `predictive` does."""
-        own = Predictive(lay_out(SMALL))
-        told = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 0.0, 60.0)
 
-        def choose(observation, mask):
-            return max(np.flatnonzero(mask))
+def test_actions_are_orders():
+    actions = range(VIEW.action_space.n)
+    assert [VIEW.action(VIEW.order(action)) for action in actions] == list(actions)
+    free = np.flatnonzero(VIEW.mask([BIN], CARRIERS)).tolist()
+    assert [VIEW.order(action) for action in free] == [None, ("bin_02", "carrier_01")]
 
-        assert self.view.orders(choose, 120, [told], self.carriers) == own.assign(120, [told], self.carriers, own.Memory())
-        assert self.view.orders(lambda observation, mask: 0, 120, [told], self.carriers) == []
-        assert self.view.orders(choose, 120, [], self.carriers) == []
+
+def test_what_has_learned_is_the_policy_of_the_simulator():
+    """Here a policy has learned what `predictive` does."""
+    own = Predictive(lay_out(SMALL))
+    told = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 0.0, 60.0)
+
+    def choose(observation, mask):
+        return max(np.flatnonzero(mask))
+
+    assert VIEW.orders(choose, 120, [told], CARRIERS) == own.assign(120, [told], CARRIERS, own.Memory())
+    assert VIEW.orders(lambda observation, mask: 0, 120, [told], CARRIERS) == []
+    assert VIEW.orders(choose, 120, [], CARRIERS) == []

@@ -26,79 +26,82 @@ LEARNED = ["carrier_01", "picker_02"]
 MAKERS = [lambda: single_env(SMALL, "carrier_01"), lambda: parallel_env(SMALL, LEARNED), lambda: dispatch_env(SMALL)]
 
 
-class TestInterfaces:
-    """Warnings are errors here."""
-
-    @pytest.mark.parametrize("deeds", [False, True])
-    def test_pettingzoo(self, deeds):
-        parallel_api_test(parallel_env(SMALL, LEARNED, deeds=deeds), num_cycles=60)
-
-    def test_pettingzoo_to_the_end_of_episodes(self):
-        parallel_api_test(parallel_env(SMALL, LEARNED, longest=15), num_cycles=40)
-
-    def test_seeds_by_pettingzoo(self):
-        parallel_seed_test(lambda: parallel_env(SMALL, LEARNED, deeds=True), num_cycles=40)
-
-    @pytest.mark.filterwarnings("ignore:.*normalized space")  # a dog's 3 m/s; velocities are SI
-    @pytest.mark.parametrize("name", ["carrier_01", "picker_01", "dog_01"])
-    def test_gymnasium(self, name):
-        check_env(single_env(SMALL, name), skip_render_check=True)
-
-    def test_observations_are_in_the_space_while_a_harvest_goes_on(self):
-        env = parallel_env(TINY, [*LEARNED, "tractor_01"])
-        observations, infos = env.reset()
-        for _ in range(250):
-            for name, observation in observations.items():
-                assert env.observation_space(name).contains(observation), (name, observation)
-                assert env.action_space(name).contains(infos[name]["scripted"].astype(np.float32))
-            observations, *_, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
+@pytest.mark.parametrize("deeds", [False, True])
+def test_pettingzoo(deeds):
+    parallel_api_test(parallel_env(SMALL, LEARNED, deeds=deeds), num_cycles=60)
 
 
-class TestSameAsLocal:
-    def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash(self):
-        """A whole harvest, and what it earns."""
-        earned = []
-        env = parallel_env(TINY, ["carrier_01", "picker_02", "cat_01"], reward=lambda moment: earned.append(moment) or 0.0, is_hashed=True)
-        local, (_, infos) = Local(TINY), env.reset()
-        while env.agents:
-            assert not local.engine.over
-            *_, terminated, truncated, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
-            local.tick()
-        assert local.engine.over and all(terminated.values()) and not any(truncated.values())
-        assert env.local.engine.hash == local.engine.hash
-        of = {name: [moment for moment in earned if moment.after.name == name] for name in env.possible_agents}
-        assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
-        assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(20.0)
-        assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
+def test_pettingzoo_to_the_end_of_episodes():
+    parallel_api_test(parallel_env(SMALL, LEARNED, longest=15), num_cycles=40)
 
-    def test_bodies_without_an_action_follow_their_agents(self):
-        env, local = parallel_env(SMALL, LEARNED, is_hashed=True), Local(SMALL)
-        env.reset()
-        for _ in range(100):
-            env.step({})
-            local.tick()
-        assert env.local.engine.hash == local.engine.hash
 
-    @pytest.mark.parametrize("name", ["carrier_01", "picker_02"])
-    def test_other_velocities_give_the_motion_that_they_give_in_local_mode(self, name):
-        """In local mode an agent that is asked at every tick gives them."""
-        env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
-        _, info = env.reset()
-        local.play(name, Driven(local.agents[name]))
-        for tick in range(600):
-            *_, info = env.step(command(tick, *info["scripted"].tolist()))
-            local.tick()
-        assert np.array_equal(env.local.engine.world.pose, local.engine.world.pose)
-        assert env.local.engine.hash == local.engine.hash
+def test_seeds_by_pettingzoo():
+    parallel_seed_test(lambda: parallel_env(SMALL, LEARNED, deeds=True), num_cycles=40)
 
-    def test_a_run_that_is_not_hashed_moves_alike(self):
-        envs = [single_env(SMALL, "carrier_01", is_hashed=hashed) for hashed in (True, False)]
-        for env in envs:
-            env.reset(seed=5)
-            for velocity in np.random.default_rng(4).uniform(-0.4, 0.4, (100, 2)):
-                env.step(velocity)
-        assert np.array_equal(envs[0].local.engine.world.pose, envs[1].local.engine.world.pose)
-        assert (len(envs[0].local.engine.hash), envs[1].local.engine.hash) == (64, "")
+
+@pytest.mark.filterwarnings("ignore:.*normalized space")  # a dog's 3 m/s; velocities are SI
+@pytest.mark.parametrize("name", ["carrier_01", "picker_01", "dog_01"])
+def test_gymnasium(name):
+    check_env(single_env(SMALL, name), skip_render_check=True)
+
+
+def test_observations_are_in_the_space_while_a_harvest_goes_on():
+    env = parallel_env(TINY, [*LEARNED, "tractor_01"])
+    observations, infos = env.reset()
+    for _ in range(250):
+        for name, observation in observations.items():
+            assert env.observation_space(name).contains(observation), (name, observation)
+            assert env.action_space(name).contains(infos[name]["scripted"].astype(np.float32))
+        observations, *_, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
+
+
+def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash():
+    """A whole harvest, and what it earns."""
+    earned = []
+    env = parallel_env(TINY, ["carrier_01", "picker_02", "cat_01"], reward=lambda moment: earned.append(moment) or 0.0, is_hashed=True)
+    local, (_, infos) = Local(TINY), env.reset()
+    while env.agents:
+        assert not local.engine.over
+        *_, terminated, truncated, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
+        local.tick()
+    assert local.engine.over and all(terminated.values()) and not any(truncated.values())
+    assert env.local.engine.hash == local.engine.hash
+    of = {name: [moment for moment in earned if moment.after.name == name] for name in env.possible_agents}
+    assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
+    assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(20.0)
+    assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
+
+
+def test_bodies_without_an_action_follow_their_agents():
+    env, local = parallel_env(SMALL, LEARNED, is_hashed=True), Local(SMALL)
+    env.reset()
+    for _ in range(100):
+        env.step({})
+        local.tick()
+    assert env.local.engine.hash == local.engine.hash
+
+
+@pytest.mark.parametrize("name", ["carrier_01", "picker_02"])
+def test_other_velocities_give_the_motion_that_they_give_in_local_mode(name):
+    """In local mode an agent that is asked at every tick gives them."""
+    env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
+    _, info = env.reset()
+    local.play(name, Driven(local.agents[name]))
+    for tick in range(600):
+        *_, info = env.step(command(tick, *info["scripted"].tolist()))
+        local.tick()
+    assert np.array_equal(env.local.engine.world.pose, local.engine.world.pose)
+    assert env.local.engine.hash == local.engine.hash
+
+
+def test_a_run_that_is_not_hashed_moves_alike():
+    envs = [single_env(SMALL, "carrier_01", is_hashed=hashed) for hashed in (True, False)]
+    for env in envs:
+        env.reset(seed=5)
+        for velocity in np.random.default_rng(4).uniform(-0.4, 0.4, (100, 2)):
+            env.step(velocity)
+    assert np.array_equal(envs[0].local.engine.world.pose, envs[1].local.engine.world.pose)
+    assert (len(envs[0].local.engine.hash), envs[1].local.engine.hash) == (64, "")
 
 
 def command(tick, forward, turn):
@@ -122,108 +125,115 @@ class Driven:
         return replace(action, twist=Twist(forward, 0.0, turn))
 
 
-class TestEpisodes:
-    def test_a_seed_begins_the_episode_of_that_scenario(self):
-        env = single_env(SMALL, "carrier_01")
-        env.reset(seed=9)
-        assert env.local.engine.layout.scenario == Scenario(**SMALL.model_dump() | {"seed": 9})
-
-    def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed(self):
-        def seeds(env):
-            found = []
-            for seed in (None, None, 7, None, None):
-                env.reset(seed=seed)
-                found.append(env.local.engine.layout.scenario.seed)
-            return found
-
-        first = seeds(single_env(SMALL, "carrier_01"))
-        assert first == seeds(single_env(SMALL, "carrier_01")) and len(set(first)) == 5
-        assert (first[0], first[2]) == (SMALL.seed, 7)
-
-    @pytest.mark.parametrize("make", MAKERS)
-    def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_numbers(self, make):
-        def seed_of(env):
-            return (env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout).scenario.seed
-
-        env, other = make(), make()
-        for wrong in (-1, 2**70, 2.5, "7"):
-            with pytest.raises((ScenarioError, gymnasium.error.Error)):
-                env.reset(seed=wrong)
-        env.reset()
-        assert seed_of(env) == SMALL.seed
-        for one, seed in ((env, np.int64(7)), (other, 7)):
-            one.reset(seed=seed)
-            one.reset()
-        assert seed_of(env) == seed_of(other)
-
-    def test_a_curriculum_changes_the_scenario(self):
-        env = single_env(SMALL, "carrier_01")
-        observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
-        assert env.local.engine.layout.scenario.rows == 4 and env.observation_space.contains(observation)
-        env.reset(seed=3)
-        assert env.local.engine.layout.scenario.rows == SMALL.rows
-
-    def test_an_episode_is_truncated_and_has_to_be_reset(self):
-        env = parallel_env(SMALL, LEARNED, longest=3)
-        env.reset()
-        ends = [env.step({})[2:4] for _ in range(3)]
-        assert [any(terminated.values()) for terminated, _ in ends] == [False, False, False]
-        assert [all(truncated.values()) for _, truncated in ends] == [False, False, True]
-        assert env.agents == []
-        with pytest.raises(ResetNeeded):
-            env.step({})
+def test_a_seed_begins_the_episode_of_that_scenario():
+    env = single_env(SMALL, "carrier_01")
+    env.reset(seed=9)
+    assert env.local.engine.layout.scenario == Scenario(**SMALL.model_dump() | {"seed": 9})
 
 
-class TestDeeds:
-    def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows(self):
-        env = single_env(SMALL, "carrier_01", deeds=True)
-        _, info = env.reset()
-        bars, masks = [], []
-        for deed in (0, 2, 0, 1, 0):
-            observation, *_, after = env.step({"velocity": np.zeros(2), "deed": deed})
-            bars.append(float(observation["bar"][0]))
-            masks.append(info["action_mask"]["deed"].tolist())
-            info = after
-        assert bars == [1.0, 0.0, 0.0, 1.0, 1.0]
-        assert masks == [[1, 0, 1], [1, 0, 1], [1, 1, 0], [1, 1, 0], [1, 0, 1]]
+def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed():
+    def seeds(env):
+        found = []
+        for seed in (None, None, 7, None, None):
+            env.reset(seed=seed)
+            found.append(env.local.engine.layout.scenario.seed)
+        return found
 
-    def test_a_mask_fits_the_action_space_and_what_it_forbids_does_nothing(self):
-        env = single_env(SMALL, "carrier_01", deeds=True)
-        _, info = env.reset()
-        assert all(env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20))
-        observation, *_ = env.step({"velocity": np.zeros(2), "deed": 1})
-        assert observation["bar"][0] == 1.0
+    first = seeds(single_env(SMALL, "carrier_01"))
+    assert first == seeds(single_env(SMALL, "carrier_01")) and len(set(first)) == 5
+    assert (first[0], first[2]) == (SMALL.seed, 7)
 
 
-class TestRewards:
-    def follow(self, reward, name, ticks, command=lambda info: info["scripted"], scenario=SMALL):
-        env = single_env(scenario, name, reward=reward)
-        _, info = env.reset()
-        rewards = []
-        for _ in range(ticks):
-            _, reward_, *_, info = env.step(command(info))
-            rewards.append(reward_)
-        return rewards, env.local.engine.world
+@pytest.mark.parametrize("make", MAKERS)
+def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_numbers(make):
+    def seed_of(env):
+        return (env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout).scenario.seed
 
-    def test_picking_counts_the_metres_in_the_own_bin(self):
-        rewards, world = self.follow("picking", "picker_01", 300)
-        assert sum(rewards) == pytest.approx(world.fill[world.coupled[world.index["picker_01"]]]) and sum(rewards) > 20.0
+    env, other = make(), make()
+    for wrong in (-1, 2**70, 2.5, "7"):
+        with pytest.raises((ScenarioError, gymnasium.error.Error)):
+            env.reset(seed=wrong)
+    env.reset()
+    assert seed_of(env) == SMALL.seed
+    for one, seed in ((env, np.int64(7)), (other, 7)):
+        one.reset(seed=seed)
+        one.reset()
+    assert seed_of(env) == seed_of(other)
 
-    def test_goal_counts_metres_on_the_way(self):
-        rewards, world = self.follow("goal", "tractor_01", 100)
-        assert sum(rewards) == pytest.approx(world.distance[world.index["tractor_01"]]) and sum(rewards) > 5.0
 
-    def test_imitation_is_best_for_our_agent(self):
-        assert set(self.follow("imitation", "picker_01", 20)[0]) == {0.0}
-        assert max(self.follow("imitation", "picker_01", 20, lambda info: np.array([-1.0, 0.0]))[0]) < 0.0
+def test_a_curriculum_changes_the_scenario():
+    env = single_env(SMALL, "carrier_01")
+    observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
+    assert env.local.engine.layout.scenario.rows == 4 and env.observation_space.contains(observation)
+    env.reset(seed=3)
+    assert env.local.engine.layout.scenario.rows == SMALL.rows
 
-    def test_care_counts_collisions(self):
-        rewards, world = self.follow("care", "picker_01", 200, lambda info: np.array([1.0, 0.3]))
-        assert sum(rewards) == -world.collisions[world.index["picker_01"]] < 0
 
-    def test_a_function_of_ones_own(self):
-        rewards, _ = self.follow(lambda moment: moment.after.x - moment.before.x, "picker_01", 10, lambda info: np.array([1.0, 0.0]))
-        assert rewards == pytest.approx([0.1] * 10)
+def test_an_episode_is_truncated_and_has_to_be_reset():
+    env = parallel_env(SMALL, LEARNED, longest=3)
+    env.reset()
+    ends = [env.step({})[2:4] for _ in range(3)]
+    assert [any(terminated.values()) for terminated, _ in ends] == [False, False, False]
+    assert [all(truncated.values()) for _, truncated in ends] == [False, False, True]
+    assert env.agents == []
+    with pytest.raises(ResetNeeded):
+        env.step({})
+
+
+def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows():
+    env = single_env(SMALL, "carrier_01", deeds=True)
+    _, info = env.reset()
+    bars, masks = [], []
+    for deed in (0, 2, 0, 1, 0):
+        observation, *_, after = env.step({"velocity": np.zeros(2), "deed": deed})
+        bars.append(float(observation["bar"][0]))
+        masks.append(info["action_mask"]["deed"].tolist())
+        info = after
+    assert bars == [1.0, 0.0, 0.0, 1.0, 1.0]
+    assert masks == [[1, 0, 1], [1, 0, 1], [1, 1, 0], [1, 1, 0], [1, 0, 1]]
+
+
+def test_a_mask_fits_the_action_space_and_what_it_forbids_does_nothing():
+    env = single_env(SMALL, "carrier_01", deeds=True)
+    _, info = env.reset()
+    assert all(env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20))
+    observation, *_ = env.step({"velocity": np.zeros(2), "deed": 1})
+    assert observation["bar"][0] == 1.0
+
+
+def follow(reward, name, ticks, command=lambda info: info["scripted"], scenario=SMALL):
+    env = single_env(scenario, name, reward=reward)
+    _, info = env.reset()
+    rewards = []
+    for _ in range(ticks):
+        _, reward_, *_, info = env.step(command(info))
+        rewards.append(reward_)
+    return rewards, env.local.engine.world
+
+
+def test_picking_counts_the_metres_in_the_own_bin():
+    rewards, world = follow("picking", "picker_01", 300)
+    assert sum(rewards) == pytest.approx(world.fill[world.coupled[world.index["picker_01"]]]) and sum(rewards) > 20.0
+
+
+def test_goal_counts_metres_on_the_way():
+    rewards, world = follow("goal", "tractor_01", 100)
+    assert sum(rewards) == pytest.approx(world.distance[world.index["tractor_01"]]) and sum(rewards) > 5.0
+
+
+def test_imitation_is_best_for_our_agent():
+    assert set(follow("imitation", "picker_01", 20)[0]) == {0.0}
+    assert max(follow("imitation", "picker_01", 20, lambda info: np.array([-1.0, 0.0]))[0]) < 0.0
+
+
+def test_care_counts_collisions():
+    rewards, world = follow("care", "picker_01", 200, lambda info: np.array([1.0, 0.3]))
+    assert sum(rewards) == -world.collisions[world.index["picker_01"]] < 0
+
+
+def test_a_function_of_ones_own():
+    rewards, _ = follow(lambda moment: moment.after.x - moment.before.x, "picker_01", 10, lambda info: np.array([1.0, 0.0]))
+    assert rewards == pytest.approx([0.1] * 10)
 
 
 def test_odometry_that_measures_too_much_is_within_the_space():
@@ -242,79 +252,86 @@ NO_DEEDS = (3, -1, 0.5, 1.0, 1j, True, "x", None)
 NO_VELOCITIES = [[np.nan, 0.0], [0.0, np.inf], [1.0], [1.0, 2.0, 3.0], [1.0, [2.0]], "ab", None, [True, False], ["1", "0"], [1j, 0.0]]
 
 
-class TestMistakes:
-    @pytest.mark.parametrize(
-        ("make", "words"),
-        [
-            (
-                lambda: parallel_env(SMALL, ["carrier_9", "bin_01"]),
-                "carrier_9: no such .*; bin_01: no such .*; there are carrier_01",
-            ),
-            (lambda: parallel_env(SMALL, ["picker_01", "picker_01"]), "picker_01: given twice"),
-            (lambda: parallel_env(SMALL, []), "learned: empty"),
-            *((partial(parallel_env, SMALL, learned), "learned = .*: must be a list") for learned in ("picker_01", {"picker_01"}, None)),
-            (lambda: parallel_env(SMALL, LEARNED, longest=0), "longest = 0: must be at least 1 tick"),
-            (lambda: parallel_env("my.yaml", LEARNED), r"scenario = 'my\.yaml': must be a Scenario"),
-            (lambda: single_env(SMALL, "carrier_01", reward="speed"), f"reward 'speed': there is none .*; there are {', '.join(REWARDS)}"),
-        ],
-    )
-    def test_what_is_no_environment(self, make, words):
-        with pytest.raises((ValueError, TypeError), match=words):
-            make()
+NO_ENVIRONMENTS = [
+    (
+        lambda: parallel_env(SMALL, ["carrier_9", "bin_01"]),
+        "carrier_9: no such .*; bin_01: no such .*; there are carrier_01",
+    ),
+    (lambda: parallel_env(SMALL, ["picker_01", "picker_01"]), "picker_01: given twice"),
+    (lambda: parallel_env(SMALL, []), "learned: empty"),
+    *((partial(parallel_env, SMALL, learned), "learned = .*: must be a list") for learned in ("picker_01", {"picker_01"}, None)),
+    (lambda: parallel_env(SMALL, LEARNED, longest=0), "longest = 0: must be at least 1 tick"),
+    (lambda: parallel_env("my.yaml", LEARNED), r"scenario = 'my\.yaml': must be a Scenario"),
+    (lambda: single_env(SMALL, "carrier_01", reward="speed"), f"reward 'speed': there is none .*; there are {', '.join(REWARDS)}"),
+]
 
-    @pytest.mark.parametrize("action", [*NO_VELOCITIES, *(np.array(action) for action in NO_VELOCITIES[-2:])])
-    def test_an_action_that_is_no_velocity(self, action):
-        env = single_env(SMALL, "carrier_01")
+
+@pytest.mark.parametrize(("make", "words"), NO_ENVIRONMENTS)
+def test_what_is_no_environment(make, words):
+    with pytest.raises((ValueError, TypeError), match=words):
+        make()
+
+
+@pytest.mark.parametrize("action", [*NO_VELOCITIES, *(np.array(action) for action in NO_VELOCITIES[-2:])])
+def test_an_action_that_is_no_velocity(action):
+    env = single_env(SMALL, "carrier_01")
+    env.reset()
+    with pytest.raises(ValueError, match="carrier_01: action"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in NO_DEEDS)])
+def test_an_action_that_is_no_deed(action):
+    env = single_env(TINY, "carrier_01", deeds=True)
+    env.reset()
+    with pytest.raises(ValueError, match=r"carrier_01: action .*; it must be {'velocity': two numbers, 'deed': 0, 1 to couple"):
+        env.step(action)
+
+
+def test_a_step_that_is_refused_leaves_the_run_as_it_was():
+    """The first action is one; the second is not."""
+    envs = [parallel_env(SMALL, LEARNED, is_hashed=True) for _ in range(2)]
+    for env in envs:
         env.reset()
-        with pytest.raises(ValueError, match="carrier_01: action"):
-            env.step(action)
+    for wrong in ({"carrier_01": [0.4, 0.1], "picker_02": [np.nan, 0.0]}, {"carrier_01": [0.4, 0.1], "picker_01": [0.0, 0.0]}):
+        with pytest.raises(ValueError):
+            envs[0].step(wrong)
+    for env in envs:
+        for _ in range(20):
+            env.step({})
+    assert envs[0].local.engine.hash == envs[1].local.engine.hash
 
-    @pytest.mark.parametrize("action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in NO_DEEDS)])
-    def test_an_action_that_is_no_deed(self, action):
-        env = single_env(TINY, "carrier_01", deeds=True)
-        env.reset()
-        with pytest.raises(ValueError, match=r"carrier_01: action .*; it must be {'velocity': two numbers, 'deed': 0, 1 to couple"):
-            env.step(action)
 
-    def test_a_step_that_is_refused_leaves_the_run_as_it_was(self):
-        """The first action is one; the second is not."""
-        envs = [parallel_env(SMALL, LEARNED, is_hashed=True) for _ in range(2)]
-        for env in envs:
-            env.reset()
-        for wrong in ({"carrier_01": [0.4, 0.1], "picker_02": [np.nan, 0.0]}, {"carrier_01": [0.4, 0.1], "picker_01": [0.0, 0.0]}):
-            with pytest.raises(ValueError):
-                envs[0].step(wrong)
-        for env in envs:
-            for _ in range(20):
-                env.step({})
-        assert envs[0].local.engine.hash == envs[1].local.engine.hash
+def test_an_action_for_another_body():
+    env = parallel_env(SMALL, LEARNED)
+    env.reset()
+    with pytest.raises(ValueError, match="actions for picker_01, which do not learn here; carrier_01, picker_02 do"):
+        env.step({"picker_01": np.zeros(2)})
 
-    def test_an_action_for_another_body(self):
-        env = parallel_env(SMALL, LEARNED)
-        env.reset()
-        with pytest.raises(ValueError, match="actions for picker_01, which do not learn here; carrier_01, picker_02 do"):
-            env.step({"picker_01": np.zeros(2)})
 
-    @pytest.mark.parametrize(
-        ("changes", "words"), [({"carriers": 1}, "carrier_02"), ({"rows": 400}, "rows = 400"), (3, "options: scenario = 3: must be a map")]
-    )
-    def test_what_is_no_curriculum(self, changes, words):
-        with pytest.raises((ValueError, ScenarioError), match=words):
-            single_env(SMALL, "carrier_02").reset(options={"scenario": changes})
+NO_CURRICULA = [({"carriers": 1}, "carrier_02"), ({"rows": 400}, "rows = 400"), (3, "options: scenario = 3: must be a map")]
 
-    @pytest.mark.parametrize(
-        ("program", "words"),
-        [
-            ("sys.modules['pettingzoo'] = None; import orchard.gym", "orchard.gym needs the extra gym: pip install 'orchard-sim[gym]'"),
-            ("import orchard.gym; sys.exit(str({'zenoh', 'rerun'} & set(sys.modules)))", "set()"),
-        ],
-    )
-    def test_the_import_says_what_to_install_and_loads_neither_zenoh_nor_rerun(self, program, words):
-        assert words in python("-c", f"import sys; {program}", code=1).stderr
 
-    def test_no_step_before_a_reset(self):
-        with pytest.raises(ResetNeeded):
-            single_env(SMALL, "carrier_01").step(np.zeros(2))
+@pytest.mark.parametrize(("changes", "words"), NO_CURRICULA)
+def test_what_is_no_curriculum(changes, words):
+    with pytest.raises((ValueError, ScenarioError), match=words):
+        single_env(SMALL, "carrier_02").reset(options={"scenario": changes})
+
+
+IMPORTS = [
+    ("sys.modules['pettingzoo'] = None; import orchard.gym", "orchard.gym needs the extra gym: pip install 'orchard-sim[gym]'"),
+    ("import orchard.gym; sys.exit(str({'zenoh', 'rerun'} & set(sys.modules)))", "set()"),
+]
+
+
+@pytest.mark.parametrize(("program", "words"), IMPORTS)
+def test_the_import_says_what_to_install_and_loads_neither_zenoh_nor_rerun(program, words):
+    assert words in python("-c", f"import sys; {program}", code=1).stderr
+
+
+def test_no_step_before_a_reset():
+    with pytest.raises(ResetNeeded):
+        single_env(SMALL, "carrier_01").step(np.zeros(2))
 
 
 @settings(max_examples=15)

@@ -110,9 +110,6 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
         run.communicate(timeout=SECONDS)
 
 
-# -- local mode, where its next tick is far off, or an agent never ends the present one
-
-
 def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
     naps = []
 

@@ -73,9 +73,6 @@ def test_the_program_tells_how_it_is_called_again(started, typed, tmp_path, monk
     assert terminal.program() == typed
 
 
-# -- without the extras
-
-
 def test_the_page_tells_how_to_get_what_it_needs(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "nicegui", None)
     monkeypatch.delitem(sys.modules, "orchard.app.serve", raising=False)

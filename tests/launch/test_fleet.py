@@ -6,6 +6,7 @@ import subprocess
 import sys
 from queue import SimpleQueue
 from time import monotonic
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -29,8 +30,6 @@ pytestmark = pytest.mark.processes
 
 
 class Child:
-    """A process that runs until it is told to die."""
-
     def __init__(self, order):
         self.order, self.returncode, self.code = order, None, None
 
@@ -41,7 +40,6 @@ class Child:
         self.returncode = code
 
     def end(self, code=0):
-        """By itself: it says so on its line."""
         self.returncode = self.code = code
 
     def let_go(self):
@@ -220,43 +218,27 @@ def test_processes_take_turns():
     take_turns(child.pid)  # a process that has ended takes no turn, and that is no mistake
 
 
-# -- a process that is frozen is ended, one that starts is not
-
-
-class OneProcess:
-    def __init__(self) -> None:
-        self.number, self.killed, self.now = 1, [], 0.0
-
-    def clock(self) -> float:
-        return self.now
-
-    def pid(self, name: str) -> int:
-        return self.number
-
-    def kill(self, name: str) -> None:
-        self.killed.append(self.number)
-
-
-def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts():
-    fleet = OneProcess()
+def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts(clock):
+    fleet = SimpleNamespace(
+        clock=clock, number=1, killed=[], pid=lambda name: fleet.number, kill=lambda name: fleet.killed.append(fleet.number)
+    )
     watchdog = Watchdog(fleet, "logger")
-    fleet.now = 100.0
     watchdog.look()
     assert fleet.killed == [], "it has not been there yet"
     watchdog.hear(True)
     watchdog.hear(False)
-    fleet.now += FROZEN_SECONDS - 0.1
+    clock.now += FROZEN_SECONDS - 0.1
     watchdog.look()
     watchdog.hear(True)
-    fleet.now += FROZEN_SECONDS
+    clock.now += FROZEN_SECONDS
     watchdog.look()
     assert fleet.killed == [], "it came back"
     watchdog.hear(False)
-    fleet.now += FROZEN_SECONDS
+    clock.now += FROZEN_SECONDS
     watchdog.look()
     assert fleet.killed == [1]
     fleet.number = 2
-    fleet.now += 10 * FROZEN_SECONDS
+    clock.now += 10 * FROZEN_SECONDS
     watchdog.look()
     assert fleet.killed == [1], "the next one starts"
     watchdog.end()

@@ -25,7 +25,6 @@ DURATION = 30.0  # s, simulated
 
 
 def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
-    """A run.py of its own, whose notes, snapshots and recordings are in a folder of its own."""
     command = [sys.executable, "-u", ROOT / "run.py", *arguments]
     there = os.environ | {"ORCHARD_RUNS": str(folder / "runs")}
     return subprocess.Popen(list(map(str, command)), cwd=folder, env=there, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

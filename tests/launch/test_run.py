@@ -26,7 +26,6 @@ def few(tmp_path_factory):
 
 
 def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
-    """The processes that a run has started, by the last word of their modules; of several the last."""
     children = psutil.Process(run.pid).children(recursive=True)
     return {
         word.removeprefix("orchard.processes."): child
@@ -34,9 +33,6 @@ def processes_of(run: subprocess.Popen) -> dict[str, psutil.Process]:
         for word in child.cmdline()
         if word.startswith("orchard.processes.")
     }
-
-
-# -- whole harvests
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +44,6 @@ def local(tmp_path_factory, few):
 
 @pytest.fixture(scope="module")
 def lockstep(tmp_path_factory, few):
-    """The same harvest in lockstep, recorded; its summary, its recording and what it printed."""
     folder = tmp_path_factory.mktemp("lockstep")
     done = orchard(few, "--record", folder / "run.rrd", "--summary", folder / "summary.json")
     return summary_of(folder / "summary.json"), folder / "run.rrd", done.stdout
@@ -98,9 +93,6 @@ def test_progress_is_json_for_programs_in_every_mode():
         assert lines and all(json.loads(line)["progress"]["rows"] == 3 for line in lines), done.stdout
 
 
-# -- the hash of lockstep is that of local mode, for any number of agent processes
-
-
 def test_the_hash_does_not_depend_on_processes(tmp_path, few):
     """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a recording."""
     summary = summary_as_in_local_mode(tmp_path, FEW.model_copy(update={"seed": 2}), FIRST_CALLS, few, "--seed", 2, "--hosts", "each")
@@ -124,9 +116,6 @@ def summary_as_in_local_mode(folder, scenario, seconds, *arguments):
     summary = summary_of(path)
     assert summary["hash"] == local_hash(scenario, seconds * 10)
     return summary
-
-
-# -- stopping, killing, jams
 
 
 def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(tmp_path):

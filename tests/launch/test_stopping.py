@@ -109,7 +109,6 @@ def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
 
 @contextmanager
 def two_runs(folder: Path):
-    """Two runs on this machine, noted in a folder: their routers, which answer for physics."""
     with router() as one, router() as other, ExitStack() as stack:
         for physics, name in ((one, "a"), (other, "b")):
             physics.answer("orchard/stop")

@@ -68,7 +68,6 @@ def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_h
 
 @pytest.fixture
 def deaf(tmp_path, monkeypatch):
-    """A fleet with a host whose agent hears of nothing, and what the fleet says."""
     (tmp_path / "deaf.py").write_text(DEAF)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     said, begun = [], []
@@ -95,9 +94,6 @@ def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch)
     distributed._await_exits(fleet, ["agents 1"], inbox, 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
     assert said == []
-
-
-# -- Ctrl-C before the first tick
 
 
 class Loading:
@@ -153,9 +149,6 @@ def test_a_run_that_is_stopped_before_physics_listens_is_stopped_when_it_does(si
         inbox.put(Signal(signal.SIGINT))
     assert loading(connect)._reach(inbox, ExitStack()) == ("a session" if is_reached else None)
     assert len(inbox) == is_reached, "it is told to physics next"
-
-
-# -- snapshots
 
 
 def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):

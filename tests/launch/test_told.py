@@ -64,9 +64,6 @@ def test_ten_figures_are_shown_and_what_is_unusual():
     assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == ["64 % of the time, outside the queue"]
 
 
-# -- the emergency stop, and the command for another machine
-
-
 HERE = "tcp/127.0.0.1:7447"
 
 

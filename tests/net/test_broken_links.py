@@ -15,12 +15,8 @@ from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.wire.messages import Left
 
-# -- the end
-
 
 class LosesTheEnd(Net):
-    """Loses the first end that is told. The link to the host breaks: for physics its tokens are gone."""
-
     def put(self, sender, key, payload) -> None:
         if key != KEYS.of("end") or any(key == told for told, _ in self.sent):
             super().put(sender, key, payload)

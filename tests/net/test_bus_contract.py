@@ -19,8 +19,6 @@ SHORT = 0.5  # s in which nothing arrives
 
 
 class OverZenoh:
-    """A router, and clients that reach it through a relay."""
-
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         self.router = stack.enter_context(router())
@@ -38,8 +36,6 @@ class OverZenoh:
 
 
 class Simulated:
-    """The same on a simulated network, where one task plays all processes."""
-
     def __init__(self, stack: ExitStack, network: Network, task) -> None:
         self._stack, self._network, self._task, self._names = stack, network, task, itertools.count()
         self.router = self._opened(network.router_session)
@@ -291,9 +287,6 @@ def test_a_cut_ends_a_query_that_is_under_way(net):
     query.reply(b"late")
     query.drop()
     assert is_silent(asker)
-
-
-# -- the inbox: no thread waits longer than it said
 
 
 SECONDS = 60.0  # that any of this may take on a busy machine

@@ -20,16 +20,12 @@ from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Animals, People, Scenario
 
-# -- the carrier
-
-
 pytestmark = pytest.mark.processes
 
 HARVEST_SECONDS = 240.0  # of wall time, on a busy machine
 
 
 def harvest(fleet, scenario, name="carrier_01", seconds=HARVEST_SECONDS) -> dict:
-    """The last message of a harvest in which the foreign carrier owns an agent, and how many bins it took."""
     fleet.physics(scenario, "--duration", "20000")
     ends = fleet.client().hear("orchard/end")
     fleet.host("--without", name)
@@ -125,9 +121,6 @@ def test_its_bodies_are_ours():
     assert {name: (kind.length, kind.width, kind.speed) for name, kind in others.items()} == foreign_carrier.BYSTANDERS
     sizes = (foreign_carrier.LENGTH, foreign_carrier.WIDTH, foreign_carrier.TOWS, foreign_carrier.BIN)
     assert sizes == (own.length, own.width, own.tows, KINDS["bin"].length)
-
-
-# -- the holder
 
 
 TICKS = 400

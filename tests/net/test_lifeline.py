@@ -78,9 +78,6 @@ sys.exit(run_process("child", RouterOptions, None, body))
         assert supervisor.has_refused() == (code == 2)
 
 
-# -- agents that think for too long
-
-
 @pytest.fixture
 def told():
     ear = SimpleNamespace(words=[], there=threading.Event())

@@ -20,8 +20,6 @@ from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
 
-# -- the same as local mode
-
 
 @pytest.mark.parametrize("hosts", [1, 2, AGENTS])
 def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hosts):
@@ -46,9 +44,6 @@ def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     assert fleet.end() == undisturbed
     missing = {client.keys.of(what, name) for name in lay_out(SMALL).names for what in ("pose", "scan", "velocity")}
     until(heard, lambda key: missing.discard(key) or not missing)
-
-
-# -- which session drives
 
 
 def test_a_robot_stands_until_someone_drives_it(fleet):
@@ -136,11 +131,7 @@ def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
     assert "calling_agents.py" in err
 
 
-# -- comings and goings
-
-
 def memory_in(velocities):
-    """The memory of picker_01 in the velocities of a session; None if they hold none."""
     memory = velocities["velocities"].get("picker_01", {}).get("memory")
     return memory and msgpack.unpackb(memory)
 
@@ -183,9 +174,6 @@ def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
     assert time.monotonic() - begun < 3.0
 
 
-# -- questions
-
-
 def test_bins_and_physics_answer_questions(fleet):
     fleet.physics(SMALL, "--speed", "10")
     someone = fleet.client()
@@ -200,9 +188,6 @@ def test_bins_and_physics_answer_questions(fleet):
     assert Scenario.model_validate(answer["scenario"]) == SMALL
     assert someone.quit()["state"] == "quitting"
     fleet.end()
-
-
-# -- the network itself
 
 
 def test_a_get_that_nobody_answers_ends_without_a_reply():

@@ -78,9 +78,6 @@ def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tm
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 600)
 
 
-# -- on one machine
-
-
 def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     path = tmp_path / "summary.json"
     left = ["--without", "carrier", "--without", "picker_01"]

@@ -261,16 +261,6 @@ def loose(ticks):
     return one, clock
 
 
-def test_the_newest_velocity_drives_for_half_a_second_of_the_slower_clock():
-    one, clock = loose(4)
-    one.take("picker_01", velocity(3))
-    assert one.actions(3)["picker_01"].twist == Twist(1.0)
-    assert "picker_01" in one.actions(100), "no wall time has passed"
-    clock.now += 0.5
-    assert "picker_01" in one.actions(7), "4 ticks have passed"
-    assert one.actions(8) == {}
-
-
 def test_what_is_older_than_half_a_second_or_than_the_last_is_past():
     one, clock = loose(20)
     one.take("picker_01", velocity(10))

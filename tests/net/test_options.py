@@ -45,9 +45,6 @@ def test_what_is_wrong_in_a_command_line_is_told_with_what_would_be_right(kind, 
     assert told in capsys.readouterr().err
 
 
-# -- endpoints
-
-
 @pytest.mark.parametrize(("host", "family"), [("127.0.0.1", socket.AF_INET), ("[::1]", socket.AF_INET6)])
 def test_port_0_becomes_a_port_that_is_free(host, family):
     try:

@@ -18,8 +18,6 @@ from orchard.net.requests import ask, fetch_run
 from orchard.net.zenoh_bus import client, router
 from orchard.wire.messages import Answered, Joined, Recalled, Received, SimulationState, Stopped
 
-# -- replies
-
 
 def test_replies_to_requests_are_refused_unless_they_are_answers(other):
     host, asked, thrown = Run(SMALL, RUN, 1).host, SentRequest("bin_01", 7, 0, "picker_01", StateRequest()), 0
@@ -36,8 +34,6 @@ def test_replies_to_requests_are_refused_unless_they_are_answers(other):
 
 
 class Crowd(StandIn):
-    """Of all sessions that reply to a get the last is physics."""
-
     def __init__(self, replies) -> None:
         super().__init__(Net(), "crowd")
         self._replies = replies
@@ -65,9 +61,6 @@ def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
 def test_a_newcomer_hears_physics_among_others(other):
     good = next(p for _, p in other["scenario"])
     assert fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), good]), KEYS).run == "other"
-
-
-# -- log lines, counts of refusals, liveliness tokens
 
 
 def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):

@@ -95,7 +95,6 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
 
 
 TICKS = 2000
-SPEED = 10
 
 
 def wait_for(what, seconds: float = 60.0):
@@ -128,7 +127,7 @@ def battered(tmp_path_factory):
     """A run whose logger is killed, killed while it starts, and frozen; its recording, its summary, and what it printed."""
     folder = tmp_path_factory.mktemp("battered")
     file = folder / "run.rrd"
-    pace = ["--hosts", 1, "--speed", SPEED, "--duration", TICKS / 10]
+    pace = ["--hosts", 1, "--speed", 10, "--duration", TICKS / 10]
     with running("--rows", 3, *pace, "--record", file, "--summary", folder / "summary.json") as run:
         wait_for(lambda: has_begun(file))
         (first,) = loggers_of(run)
@@ -146,7 +145,6 @@ def battered(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def unharmed(tmp_path_factory):
-    """The same run, whole: what was recorded, and its summary."""
     folder = tmp_path_factory.mktemp("unharmed")
     where = ("--record", folder / "run.rrd", "--summary", folder / "summary.json")
     orchard("--rows", 3, "--mode", "local", "--duration", TICKS / 10, *where)
@@ -197,12 +195,7 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
         assert {key: (seen.get(key), meant.get(key)) for key in seen.keys() | meant.keys() if seen.get(key) != meant.get(key)} == {}
 
 
-# -- what waits between the logger and its recorder
-
-
 class Notebook:
-    """Writes down what a recorder is told."""
-
     def __init__(self) -> None:
         self.frames: list[Frame] = []
         self.told: list[Event] = []
@@ -223,7 +216,6 @@ class Notebook:
 
 
 def picture(tick: int, **news: object) -> Frame:
-    """A picture that tells little, and one event."""
     return Frame(tick, np.zeros((1, 3)), events=[Event(tick - 1, "call", "bin_01", "", f"of tick {tick - 1}")], **news)
 
 

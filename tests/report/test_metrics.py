@@ -166,9 +166,6 @@ def test_what_a_harvest_with_a_users_agent_lost_is_not_told():
     assert lost_seconds(lay_out(empty_orchard(agents={"picker_01": "own_agents.Eastward"})), 700.0) == {}
 
 
-# -- the course
-
-
 @pytest.fixture
 def harvested():
     stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))

@@ -132,9 +132,6 @@ def test_a_program_reads_progress_as_json():
     assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6}).fraction == 0.5
 
 
-# -- the sentence
-
-
 WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"
 HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}
 HALVED = "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their metres picked, 0 of 5 bins delivered"
@@ -166,9 +163,6 @@ def test_a_run_that_is_stopped_before_its_first_tick_has_a_sentence():
 @pytest.mark.parametrize(("seconds", "told"), [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")])
 def test_a_time_is_told_in_minutes_or_hours(seconds, told):
     assert clock(seconds) == told
-
-
-# -- the plan
 
 
 def drawn(svg):

@@ -41,14 +41,10 @@ def farm(folder, tmp_path):
 
 @pytest.fixture
 def meeting(folder):
-    """A router with physics' rules, and no session yet."""
     with ExitStack() as stack, router("tls/127.0.0.1:0", identity=Keyring.load(folder).of("physics")) as bus:
         farm = Farm(folder, bus.endpoint, "", stack)
         farm.bus = bus
         yield farm
-
-
-# -- an agent, and what is another's
 
 
 def test_an_agent_moves_its_own_robot_and_no_other(farm):
@@ -171,9 +167,6 @@ def test_another_session_with_a_roles_certificate_may_nothing(meeting):
     assert Somebody(meeting.bus, "").wait(Sample).payload == b"amy"
 
 
-# -- the logger, and the operator
-
-
 def test_the_logger_moves_nothing_and_stops_nothing(farm):
     """What it may put is how much it refused: that is counted, and is what comes last here."""
     logger, operator = farm.come("logger"), farm.come("operator")
@@ -210,9 +203,6 @@ def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
     witness.bus.subscribe(KEYS.of("pose", MINE))
     assert operator.asks("reset_simulation", wire.ResetSimulation(farm.run)) == []
     assert witness.pose(MINE)
-
-
-# -- strangers
 
 
 def test_who_has_no_certificate_is_not_let_in(meeting):
@@ -281,9 +271,6 @@ def test_a_role_is_at_work_once(meeting):
     meeting.come("amy")
     with pytest.raises(BusError, match="use this role already"), client(meeting.endpoint, seconds=1.0, identity=meeting.keyring.of("amy")):
         pass
-
-
-# -- the rules
 
 
 def test_every_key_has_somebody_who_may():

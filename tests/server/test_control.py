@@ -25,8 +25,6 @@ from orchard.wire.messages import Angular, Linear, Odometry, Velocity, read
 
 ERRING = with_changes(SMALL, **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01})
 
-# -- the clock of a run
-
 
 def test_the_clock_stands_while_the_run_is_paused():
     wall = Clock()
@@ -66,9 +64,6 @@ def test_a_pause_makes_no_agent_late_and_no_tick():
     assert pacer.wait() == pytest.approx(0.1)
 
 
-# -- what arrives within a tick
-
-
 class Late(Inbox):
     """In it a velocity arrives while physics waits for the next tick to be due."""
 
@@ -101,9 +96,6 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
     physics.play(lambda: None)
     assert poses[bus.inbox.at] == 0.0
     assert poses[bus.inbox.at + 1] == 0.5
-
-
-# -- a run
 
 
 def asked(someone, what: str, **fields):
@@ -211,7 +203,6 @@ def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, tm
 
 
 def leave_tables(scenario, folder) -> str:
-    """Leave the tables of a run in local mode. Return its hash."""
     local = Local(scenario, calling_agents.cast(lay_out(scenario)))
     tables = Tables(folder, local.engine)
     while local.engine.tick < TICKS:

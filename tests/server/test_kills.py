@@ -107,9 +107,6 @@ def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
         assert not physics.is_running()
 
 
-# -- processes that cannot live
-
-
 def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path):
     done = orchard(scenario_file(tmp_path, driven_by(picker_01="Stillborn")), "--hosts", 2, "--record", "none", code=1)
     assert re.search(r"agents \d ended with code 7, 5 times in a row; giving up on it; these stand: .*picker_01", done.stdout)

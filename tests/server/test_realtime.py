@@ -22,9 +22,6 @@ STEP = 0.125  # s of wall time to a tick
 COUPLE = Couple("bin_01")
 
 
-# -- whose velocity counts
-
-
 def live(*held):
     clock = Clock()
     return RealtimeBarrier(roster(*held or [("picker_01", "a")]), STEP, clock), clock
@@ -180,9 +177,6 @@ def test_the_robot_of_one_who_is_gone_stands_at_once():
     assert one.actions() == {}
 
 
-# -- mail, and ticks that are left out
-
-
 def test_mail_is_heard_at_the_next_tick_whichever_that_is():
     box, query = RealtimeMailbox(RUN), Query(letter(tick=7))
     box.join(5)
@@ -240,9 +234,6 @@ def test_delays_are_told_by_the_share_that_is_below():
 
 def nothing_at(tick):
     return Seen(RUN, tick, ["traffic"], [], b"", b"", {}, {}, [])
-
-
-# -- real processes
 
 
 def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):

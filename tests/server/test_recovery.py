@@ -30,9 +30,6 @@ def end(process):
     process.end()
 
 
-# -- agents
-
-
 @pytest.mark.parametrize(
     "dispatch", ["predictive", *(pytest.param(name, marks=pytest.mark.soak) for name in ("farthest-first", "nearest"))]
 )
@@ -85,11 +82,7 @@ def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fle
     fleet.stop()
 
 
-# -- physics
-
-
 def killed_with_snapshots(fleet, tmp_path) -> tuple[str, ...]:
-    """Kill physics at tick 30. Return its arguments to go on."""
     keeping = (*PACE, "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "0.2")
     fleet.physics(SMALL, *keeping)
     fleet.share(2, TOY)
@@ -122,9 +115,6 @@ def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, un
     assert "the run begins anew" in fleet.world.complaints
 
 
-# -- what comes back
-
-
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
 def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(fleet, tmp_path, seconds, is_there):
     keeping = killed_with_snapshots(fleet, tmp_path)
@@ -137,9 +127,6 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(f
         fleet.host("--share", f"{number}/4")
     fleet.world.end()
     assert ("no longer waited for" not in fleet.world.complaints) == is_there, fleet.world.complaints
-
-
-# -- what was refused
 
 
 def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards(tmp_path):

@@ -13,8 +13,6 @@ from orchard.field.kinds import kind_of
 from orchard.field.scenario import Scenario
 from orchard.sim.engine import Engine
 
-# -- coupling
-
 
 def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: float = 0.0) -> Yard:
     distance = {"picker": 2.25, "carrier": 1.9, "tractor": 5.0}[kind]
@@ -71,9 +69,6 @@ def test_a_bin_is_coupled_to_one_robot_and_a_robot_to_one_bin():
     assert "no bin" in pair.do("carrier_03", Uncouple())[0].detail
     assert "no such bin" in pair.do("carrier_03", Couple("carrier_03"))[0].detail
     assert "no such bin" in pair.do("carrier_03", Couple("bin_99"))[0].detail
-
-
-# -- flattening
 
 
 def weed_and_worker(distance: float) -> Yard:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from command_line import PATH, python
+from drawn_scenarios import SCENARIOS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stage import empty_orchard
@@ -10,7 +11,7 @@ from stage import empty_orchard
 from orchard.contract.events import Event
 from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out
-from orchard.field.scenario import Animals, People, Scenario
+from orchard.field.scenario import People, Scenario
 from orchard.local import Local
 from orchard.sim.invariants import Invariants
 from orchard.sim.physics import step
@@ -30,7 +31,6 @@ def checker(world) -> Invariants:
 
 
 def after(checker: Invariants, world: World, *events: Event) -> list[str]:
-    """Return the violations after one more tick in which no body moves and these events happen."""
     checker.update(world, step(world, np.zeros_like(world.twist), []) + list(events))
     return checker.violations
 
@@ -47,8 +47,6 @@ def test_an_orchard_in_order_violates_nothing(checker, world):
     assert after(checker, world) == []
     assert checker.end(world, finished=True) == []
 
-
-# -- bins = at pickers + on carriers + standing + unloading
 
 WRONG = {  # what is set in a new world -> what is said of it
     "a bin that its robot does not have": (
@@ -94,9 +92,6 @@ def test_a_bin_that_is_unloaded_without_a_carrier_is_named(checker, world):
     assert checker.end(world, finished=False) == ["tick 0: bin_01 is being unloaded, but is on no carrier"]
 
 
-# -- metres and rows
-
-
 @pytest.mark.parametrize("metres", [-0.5, 70.5])
 def test_a_bin_that_holds_what_no_bin_can_is_named(checker, world, metres):
     world.fill[world.index["bin_01"]] = metres
@@ -119,11 +114,8 @@ def test_a_row_that_is_picked_twice_is_named(checker, world):
     ]
 
 
-# -- every call ends in one exchange
-
 FULL = happens("bin full", "bin_01", "picker_01")
 TAKEN = happens("coupled", "carrier_01", "bin_01")
-EMPTY_ONE = happens("coupled", "picker_01", "bin_03")
 
 
 TWICE = [FULL, TAKEN, happens("uncoupled", "carrier_01", "bin_01"), happens("coupled", "carrier_02", "bin_01")]
@@ -145,7 +137,7 @@ def test_a_call_that_does_not_end_in_one_exchange_is_named(checker, world, event
 
 
 def test_a_call_that_is_open_when_the_harvest_is_over_is_named_and_one_that_is_open_when_the_time_is_over_is_not(checker, world):
-    after(checker, world, FULL, EMPTY_ONE)
+    after(checker, world, FULL, happens("coupled", "picker_01", "bin_03"))
     assert checker.end(world, finished=False) == []
     assert checker.end(world, finished=True) == ["tick 1: the harvest is over, but bin_01's call did not end in an exchange"]
 
@@ -155,9 +147,6 @@ def test_a_picker_that_got_no_empty_bin_is_named(checker, world):
     world.delivered = 1
     after(checker, world, happens("unloaded", "bin_01", "carrier_01"))
     assert "the harvest is over, but picker_01 got no empty bin for bin_01" in checker.end(world, finished=True)[-1]
-
-
-# -- bodies
 
 
 @pytest.mark.parametrize("other", ["picker_02", "worker_01", "bin_03"])
@@ -185,18 +174,12 @@ def test_what_stays_wrong_is_told_once(checker, world):
     assert len([after(checker, world) for _ in range(30)][-1]) == 1
 
 
-# -- stops
-
-
 def test_a_stopped_robot_that_moves_and_a_pair_that_is_stopped_by_half_are_named(checker, world):
     i = world.index["picker_01"]
     world.stopped[i], world.twist[i, 0] = True, 0.5
     checker.update(world, [])
     assert "tick 0: picker_01 moves, but is stopped" in checker.violations
     assert "tick 0: picker_01 is stopped, but bin_01, which is coupled to it, is not" in checker.violations
-
-
-# -- states
 
 
 def test_states_that_do_not_add_up_to_the_run_are_named(world):
@@ -220,24 +203,11 @@ def test_states_go_on_from_data(world):
     assert resumed.faults(world) == []
 
 
-# -- runs
-
 WORDS = st.lists(st.sampled_from(["picker_01", "bin_01", "bin_03", "carrier", "carrier_01", "tractor"]), max_size=2)
 SWITCHES = st.lists(st.tuples(st.integers(0, 1400), st.booleans(), WORDS), max_size=8)
-SCENARIOS = st.builds(
-    Scenario,
-    rows=st.integers(3, 4),
-    pickers=st.integers(2, 3),
-    carriers=st.integers(1, 4),
-    seed=st.integers(1, 10**6),
-    row_width=st.sampled_from([5.0, 6.3, 9.0]),
-    picking_speed=st.sampled_from([0.5, 1.0]),
-    people=st.builds(People, workers=st.integers(0, 3), visitors=st.integers(0, 3)),
-    animals=st.builds(Animals, dogs=st.integers(0, 2), cats=st.integers(0, 1)),
-)
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
 @given(SCENARIOS, SWITCHES, st.integers(0, 1400))
 def test_no_run_violates_anything_whoever_is_stopped_and_wherever_the_checker_begins(scenario, switches, begins):
     local = Local(scenario)
@@ -263,8 +233,6 @@ def test_a_call_of_before_a_snapshot_is_known_after_it():
     assert resumed.engine.invariants.known == local.engine.invariants.known
     assert resumed.engine.invariants.known.calls
 
-
-# -- a violation is exit code 1, in every mode
 
 SABOTAGE = """
 import sys

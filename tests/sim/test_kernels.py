@@ -161,9 +161,6 @@ def test_all_kernels_torn_are_compiled_anew(kept):
     assert simulated(kept.parent).stderr == ""
 
 
-# -- before the first tick
-
-
 HARVEST = """
 import sys
 from numba.core.dispatcher import Dispatcher

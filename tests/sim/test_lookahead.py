@@ -4,6 +4,7 @@ import logging
 
 import numpy as np
 import pytest
+from drawn_scenarios import SCENARIOS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -19,12 +20,11 @@ from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observa
 from orchard.contract.messages import LAST_TICK, Call, No, StateRequest, Uncouple
 from orchard.contract.zone import Zone, is_left_freer
 from orchard.field.geometry import STILL, Twist
-from orchard.field.scenario import Animals, LaserSettings, People, Scenario
+from orchard.field.scenario import LaserSettings, People, Scenario
 from orchard.local import Local
 from orchard.sim.kernels.holds import begin_holds
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 
-FOREVER = 10**9
 AHEAD = Zone(0.0, 2.0, -0.5, 0.5)
 
 
@@ -34,7 +34,7 @@ class Holder:
     Memory = dict
     holds = True
 
-    def __init__(self, twist=STILL, until=FOREVER, acts=None, **zones):
+    def __init__(self, twist=STILL, until=10**9, acts=None, **zones):
         self.twist, self.until, self.zones, self.acts, self.asked = twist, until, zones, acts or {}, []
 
     def tick(self, seen, mail, memory):
@@ -45,7 +45,6 @@ class Holder:
 
 
 def stage_of(scenario=None, **agents):
-    """An orchard in which all agents but these stand without a word."""
     stage = Stage(scenario or empty_orchard())
     stage.local.agents = {name: Holder() for name in stage.local.agents} | agents
     return stage
@@ -55,9 +54,6 @@ def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
     stage = stage_of(scenario, **{name: agent}, **others)
     stage.run(ticks / 10)
     return agent.asked
-
-
-# -- holds change no result
 
 
 def same_run(scenario, ticks):
@@ -72,21 +68,7 @@ def same_run(scenario, ticks):
     return on.local.engine.asked_share
 
 
-scenarios = st.builds(
-    Scenario,
-    rows=st.integers(3, 7),
-    pickers=st.integers(2, 3),
-    carriers=st.integers(1, 12),
-    seed=st.integers(0, 2**31),
-    people=st.builds(People, workers=st.integers(0, 5), visitors=st.integers(0, 3)),
-    animals=st.builds(Animals, dogs=st.integers(0, 3), cats=st.integers(0, 3)),
-    weeds=st.integers(0, 20),
-    laser=st.builds(LaserSettings, noise=st.sampled_from([0.0, 0.01])),
-    picking_speed=st.floats(0.2, 1.0),
-)
-
-
-@given(scenarios, st.integers(50, 400))
+@given(SCENARIOS, st.integers(50, 400))
 @settings(max_examples=8)
 def test_holds_change_no_result(scenario, ticks):
     same_run(scenario, ticks)
@@ -98,7 +80,7 @@ def test_holds_change_no_result_of_a_whole_harvest_and_few_are_asked(dispatch):
     assert same_run(scenario, 1700) <= 0.15
 
 
-@given(scenarios, st.data())
+@given(SCENARIOS, st.data())
 @settings(max_examples=4)
 def test_a_run_that_is_stopped_reset_and_handed_over_is_the_same_with_holds(scenario, data):
     at = sorted(data.draw(st.lists(st.integers(1, 200), min_size=4, max_size=4)))
@@ -130,9 +112,6 @@ def test_a_walker_that_turns_at_the_edge_of_the_place_where_it_lingers_holds_for
     seen = Observation("dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32))
     assert ticks_within(seen, WalkerMemory(0.0, 0.0, 0), Twist(yaw=1.0)) == MOST_HOLD
     assert ticks_within(seen, WalkerMemory(0.0, 0.0, 0), Twist(1.0)) == 0
-
-
-# -- when a hold ends
 
 
 class Silent(Holder):
@@ -202,7 +181,6 @@ def test_another_velocity_at_the_other_end_of_the_bar_ends_a_hold():
 
 
 def passed_by(x, y, **zones):
-    """A worker that holds, and a visitor that walks north before it from (x, y)."""
     scenario, watcher = empty_orchard(people=People(workers=1, visitors=1)), Holder(**zones)
     stage = stage_of(scenario, worker_01=watcher, visitor_01=Holder(Twist(0.5)))
     stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", x, y, "NORTH")
@@ -268,9 +246,6 @@ def test_who_takes_over_is_asked_at_once():
     assert (first.asked, second.asked) == ([0], [2])
 
 
-# -- whose holds count
-
-
 class SlowPicker(Picker):
     """A picker that does something more at each tick."""
 
@@ -311,12 +286,7 @@ def test_a_hold_that_is_none_breaks_the_agent(hold, caplog):
     assert "worker_01 raised an error at tick 0" in caplog.text
 
 
-# -- wrong holds
-
-
 class Impatient:
-    """Says that it holds for a minute, and would turn at tick 9."""
-
     Memory, holds = dict, True
 
     def tick(self, seen, mail, memory):

@@ -93,9 +93,6 @@ def test_nothing_moves_that_is_not_driven():
     assert np.array_equal(quiet.world.pose, before)
 
 
-# -- obstacles
-
-
 CROWD = [
     ("bin", Pose(-2.25, 0, 0)), ("picker", Pose(0, 0, 0)), ("carrier", Pose(0, 2, 0)), ("tractor", Pose(0, -3, 0.3)),
     ("worker", Pose(2, 0, 3)), ("visitor", Pose(2, 1.5, -2)), ("dog", Pose(-2, 2, 1)), ("cat", Pose(3.3, 1.0, 0)), ("weed", Pose(0, 0, 0)),
@@ -161,9 +158,6 @@ def test_a_weed_stops_nobody():
     over = yard(("picker", Pose(0, 0, EAST)), ("weed", Pose(1.5, 0, EAST)))
     over.drive(30, picker_01=AHEAD)
     assert over.pose("picker_01").x == pytest.approx(3.0)
-
-
-# -- the bar
 
 
 def test_a_robot_cannot_leave_its_bin_behind():

@@ -13,8 +13,6 @@ from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.layout import BAY, ROW_WEST
 from orchard.sim.physics import harvest_is_over, is_full
 
-# -- picking
-
 
 def test_a_row_from_end_to_end_fills_a_bin():
     row = picker_with_bin(x=ROW_WEST - 0.55)
@@ -125,9 +123,6 @@ def test_the_fruit_is_kept(course):
     assert last <= max(row.of("distance", "picker_01"), 0.0) + 0.2
 
 
-# -- unloading
-
-
 BAY_X, BAY_Y = (BAY.west + BAY.east) / 2, (BAY.south + BAY.north) / 2
 
 
@@ -196,9 +191,6 @@ def test_one_bin_at_a_time_is_unloaded_and_who_began_goes_on():
     assert bay.drive(49) == []
     assert [event.who for event in bay.drive(1)] == ["bin_02"]
     assert bay.world.delivered == 2
-
-
-# -- the end
 
 
 def finished() -> Yard:

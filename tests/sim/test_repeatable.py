@@ -97,9 +97,6 @@ def test_the_hash_is_the_same_on_another_processor(processor, request):
     assert python("-c", program, **environment).stdout.strip() == harvest_hash()
 
 
-# -- the hash
-
-
 NONE_SEEN = np.zeros(0, dtype=np.float32)
 
 

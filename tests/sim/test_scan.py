@@ -155,9 +155,6 @@ def test_a_range_that_noise_pushes_beyond_ten_metres_is_no_return():
     assert not (ahead == LASER_RANGE).any()
 
 
-# -- observations
-
-
 def test_everybody_is_told_its_place_and_its_hitch():
     told = picker_with_bin(yaw=NORTH)
     told.world.fill[1] = 70.0

@@ -40,7 +40,6 @@ def erring(seed: int = 1, **changes: float) -> Scenario:
 
 
 def world_of(scenario: Scenario) -> tuple[World, Scans]:
-    """A world, and empty scans of its bodies."""
     world = World(lay_out(scenario))
     return world, Scans(np.zeros(0, dtype=np.float32), [0] * (len(world.pose) + 1))
 
@@ -63,9 +62,6 @@ def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
     return np.array([errors(erring(seed, **changes), ticks) for seed in SEEDS])
 
 
-# -- without errors
-
-
 @given(st.integers(0, 2**31), st.floats(1.0, 86400.0))
 @settings(max_examples=3)
 def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_time):
@@ -75,9 +71,6 @@ def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_tim
     seen, truth, reckoned = exact.engine.observe(), exact.engine.truth(), exact.engine.odometry()
     assert seen.states.tobytes() == truth.states.tobytes() == reckoned.states.tobytes()
     assert seen["picker_01"].accuracy == 0.0
-
-
-# -- GNSS
 
 
 @pytest.mark.parametrize("white, bias", [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
@@ -124,9 +117,6 @@ def test_a_bar_measures_without_errors():
     assert seen.hitches[bin_.name] == truth.hitches[bin_.name]
 
 
-# -- odometry
-
-
 def test_odometry_drifts_by_its_constants_and_stands_while_the_robot_stands():
     """A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends by an angle for each metre."""
     world, scans = world_of(erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001}))
@@ -159,9 +149,6 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
     assert bend.std() == pytest.approx(0.01, rel=0.2)
 
 
-# -- the same run, however it is run
-
-
 def test_the_same_errors_with_holds_without_them_and_after_a_resume(caplog):
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
     wanted, before = local_hash(scenario, 200), played(Local(scenario, holds=IgnoredHolds), 133)
@@ -184,9 +171,6 @@ def test_on_the_wire_pose_is_what_is_measured_and_truth_what_is_so():
     pictures = [read(payload, Picture) for key, payload in run.net.sent if key == KEYS.of("picture")]
     (picture,) = [picture for picture in pictures if picture.tick == 30]
     assert np.frombuffer(picture.poses).reshape(-1, 3)[views["truth"].names["picker_01"], 0] == xs["truth"]
-
-
-# -- agents
 
 
 def test_a_robot_that_drives_filters_white_errors_and_follows_its_odometry():

@@ -52,7 +52,6 @@ def test_two_forks_of_one_snapshot_go_their_own_ways():
 
 @pytest.fixture
 def written(tmp_path):
-    """A folder in which three snapshots were written, and two are kept."""
     local = local_at(10)
     for _ in range(3):
         store(*as_file(local.snapshot()), tmp_path)
@@ -128,9 +127,6 @@ def test_a_false_payload_with_a_right_checksum_is_a_snapshot_or_refused(tmp_path
     assert_usable_or_refused(tmp_path_factory.getbasetemp() / "false.snapshot", head + payload)
 
 
-# -- false or damaged snapshots
-
-
 @pytest.fixture(scope="module")
 def snapshot():
     local = local_at(12)
@@ -140,14 +136,12 @@ def snapshot():
 
 
 def filed(path, tree):
-    """Write a snapshot's file with a right checksum, and return its path."""
     payload = tree if isinstance(tree, bytes) else msgpack.packb(tree)
     path.write_bytes(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
     return path
 
 
 def resumed(path, tree) -> Local:
-    """Return the run that a snapshot gives. Raises SnapshotError."""
     found = read(filed(path, tree))
     examine(found)
     return Local.resume(found)

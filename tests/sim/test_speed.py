@@ -40,7 +40,6 @@ def robot_step(robots: int) -> float:
 
 
 def plain_ranges(world: World, i: int) -> np.ndarray:
-    """Return one body's scan in plain numpy, a box at a time, for boxes within its range only."""
     laser = KINDS[world.layout.starts[i].kind].laser
     x, y, yaw = world.pose[i].tolist()
     x, y = x + laser.ahead * np.cos(yaw), y + laser.ahead * np.sin(yaw)

@@ -23,9 +23,6 @@ MOVERS = (*ROBOTS, "worker", "visitor", "dog", "cat")
 FORWARD = Twist(x=0.5)
 
 
-# -- the latch
-
-
 @pytest.fixture
 def driven() -> Stage:
     stage = Stage(empty_orchard(), picker_01=Driven(FORWARD))
@@ -158,9 +155,6 @@ def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
             local.engine.reset()
         local.tick()
     assert local.engine.hash == harvest_hash()
-
-
-# -- over the bus
 
 
 def ask(someone: Client, stop: bool, *names: str, **changes) -> object:

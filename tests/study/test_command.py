@@ -47,7 +47,6 @@ def found(path: Path) -> dict:
 
 @pytest.fixture(scope="module")
 def undisturbed(folder) -> dict:
-    """The answer of the study to which nothing happens."""
     run = orchard(*words(folder, "quiet.db"), "--summary", folder / "quiet.json", "--csv", folder / "quiet.csv")
     summary = found(folder / "quiet.json")
     assert summary["answer"] in run.stdout
@@ -127,8 +126,6 @@ def test_mistakes_are_told_with_exit_code_2(options, told, mistakes):
 
 @pytest.fixture
 def mistakes(capfd, monkeypatch, tmp_path):
-    """What the command says to words that are wrong."""
-
     def said(*words):
         monkeypatch.setattr("sys.argv", ["orchard", "study", *map(str, words)])
         with pytest.raises(SystemExit) as ended:

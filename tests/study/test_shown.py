@@ -21,9 +21,6 @@ from orchard.study import picture, report, table
 from orchard.study.result import StudyResult
 from orchard.study.words import orchard_words, sentence
 
-# -- the sentence
-
-
 NINE, TEN, ELEVEN = (a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2)))
 PRICED = replace(NINE, cost_per_bin=interval(7.7, 0.05))
 LONE = replace(NINE, bins_per_hour=interval(84.1))
@@ -126,7 +123,6 @@ HOSTILE = 'mine.<script>alert("1")</script>&[bold]'
 
 @cache
 def whole():
-    """By carriers, with the best two checked, one of which jammed once."""
     result = by_carriers(notes=["The budget allowed 3 seeds"])
     checks = {9: checked(71.9, 0.9, 0.021), 10: checked(71.9, 0.5, -0.011, jammed=1)}
     return replace(result, table=[replace(row, check=checks.get(row.setting["carriers"])) for row in result.table])
@@ -135,9 +131,6 @@ def whole():
 def hostile():
     rows = [a_row(80.0 + n, 0.5, setting={"dispatch": name}) for n, name in enumerate(("nearest", HOSTILE))]
     return a_result(rows, {"dispatch": HOSTILE}, notes=[HOSTILE], answer=HOSTILE)
-
-
-# -- the table
 
 
 def printed(result, width):
@@ -193,9 +186,6 @@ def test_the_csv_has_every_figure_with_its_unit(tmp_path):
     )
     assert (twenty["jammed"], twenty["bins_per_hour_mean"], twenty["check_jammed"]) == ("5", "", "")
     assert lines["9"]["is_indistinguishable"] == "True" and float(lines["9"]["p_value"]) == 0.01
-
-
-# -- the picture
 
 
 def words_of(axes):
@@ -266,12 +256,7 @@ def test_two_pages_that_draw_at_once_get_the_same_picture():
         assert set(pages.map(picture.inline_svg, [whole()] * 12)) == {alone}
 
 
-# -- the report
-
-
 class Structure(HTMLParser):
-    """The tags of a document, whether each is closed, and its words."""
-
     VOID = ("meta", "br", "link")
 
     def __init__(self, text):
@@ -313,9 +298,6 @@ def test_the_report_escapes_what_others_have_named():
     read = Structure(text)
     assert "script" not in read.tags
     assert read.open == [] and HOSTILE in "".join(read.words)
-
-
-# -- the whole
 
 
 def test_the_orchard_is_named_without_what_varies():

@@ -145,9 +145,6 @@ def test_a_setting_alone_is_replicated_until_its_interval_is_narrow() -> None:
     assert race.why == "within"
 
 
-# -- two examples whose answers are published: machines and their repairman, and a choice among five designs
-
-
 # Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As published: P0 0.4845, waiting 0.3297,
 # down 0.8451, wait for the repairman 1.279. So 0.3297 / 1.279 are repaired in a unit of time (Little), and all run for 0.4845 of it.
 MACHINES, RUNS, REPAIR = 6, 20.0, 2.0

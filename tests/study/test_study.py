@@ -1,18 +1,143 @@
-"""Whole studies of small orchards: the same table whatever the workers and whatever was known before, jams, budgets, and the check."""
+"""Whole studies of small orchards: what may vary; the same table whatever the workers and whatever was known; jams, budgets, the check."""
 
 import time
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import pytest
 
+from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
+from orchard.field.shipped import load_or_shipped
+from orchard.study import settings
 from orchard.study import study as module
 from orchard.study.replications import Replications
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
-from orchard.study.settings import settings_of
+from orchard.study.settings import Setting, varied_of
 from orchard.study.store import Store
-from orchard.study.study import StudyOptions, study
+from orchard.study.study import StudyOptions, checked_settings, study
+
+
+def problems(*words: str, scenario: Scenario | None = None, options: StudyOptions | None = None) -> list[str]:
+    varied, faults = varied_of(words)
+    return [*map(str, faults), *map(str, checked_settings(scenario or Scenario(), varied, options or StudyOptions())[1])]
+
+
+def settings_of(scenario: Scenario, varied: dict) -> list[Setting]:
+    found, wrong = settings.settings_of(scenario, varied)
+    assert not wrong
+    return found
+
+
+def test_values_are_numbers_words_and_ranges() -> None:
+    varied, faults = varied_of(
+        ["carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"]
+    )
+    assert not faults
+    assert varied == {
+        "carriers": [1, 2, 3, None],
+        "rows": [10, 15, 20],
+        "picking_speed": [0.03, 1],
+        "dispatch": ["nearest", "my.Own"],
+        "tractor": [False, True],
+    }
+
+
+def test_each_combination_is_a_setting_and_a_scenario() -> None:
+    found = settings_of(Scenario(rows=10), {"people.workers": [0, 4], "carriers": [3, 4]})
+    assert [setting.words for setting in found] == [f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)]
+    assert found[1].scenario == with_changes(Scenario(rows=10), carriers=4, **{"people.workers": 0})
+
+
+def test_without_anything_that_varies_there_is_one_setting() -> None:
+    assert [setting.values for setting in settings_of(Scenario(), {})] == [{}]
+
+
+MISTAKES = [
+    (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 40"]),
+    (["carrier=1..3"], ["--vary carrier=1..3: carrier: unknown key; did you mean carriers?"]),
+    (["carriers=5..1"], ["--vary carriers=5..1: 5..1: this range is empty"]),
+    (["carriers=1..9..0"], ["--vary carriers=1..9..0: 1..9..0: this range is empty"]),
+    (["carriers"], ["--vary carriers: must be KEY=VALUE"]),
+    (["carriers=1,,2"], ["--vary carriers=1,,2: must be KEY=VALUE"]),
+    (["=1"], ["--vary =1: must be KEY=VALUE"]),
+    (["carriers=1..3,2"], ["--vary carriers=1..3,2: 2: given twice"]),
+    (["carriers=1,2", "carriers=3"], ["--vary carriers=3: carriers: this key varies already"]),
+    (["rows=1..999999999"], ["--vary rows=1..999999999: 1..999999999: more than 10,000 values"]),
+    (["rows=3..20", "pickers=2..20", "carriers=1..40"], ["--vary rows, pickers, carriers: 13,680 settings; at most 10,000"]),
+    (["seed=1..5"], ["--vary seed=1..5: seed: each replication has its own seed"]),
+    (["prices.per_bin=-1,2"], ["--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"]),
+    (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be a number from 0.02 to 1.0"]),
+    (
+        ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
+        ["the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "told"), MISTAKES)
+def test_mistakes_are_told_with_their_place(words: list[str], told: list[str]) -> None:
+    found = problems(*words)
+    assert len(found) == len(told)
+    assert all(line.startswith(start) for line, start in zip(found, told, strict=True)), found
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    assert len(problems("carriers=0..2", "rows=2,3", "dispach=nearest")) == 3
+    assert len(problems("carriers", "rows=3..2", "pickers=2", "pickers=3")) == 3
+    of_each_kind = problems("carriers", "rows=2,3", "dispatch=no_such.Policy", options=StudyOptions(goal="cost_per_bin"))
+    assert [line.split(":")[0] for line in of_each_kind] == [
+        "--vary carriers",
+        "--vary rows=2,3",
+        "--goal cost_per_bin",
+        "rows=3, dispatch=no_such.Policy",
+    ]
+
+
+def test_a_bin_costs_its_share_of_the_hour_and_its_own_price() -> None:
+    prices = {"picker_per_hour": 15.0, "carrier_per_hour": 6.0, "overhead_per_hour": 10.0, "per_bin": 2.0}
+    (setting,) = settings_of(Scenario(pickers=4, rows=8, carriers=5, prices=prices), {})
+    assert setting.cost_per_bin(50.0) == pytest.approx((4 * 15 + 5 * 6 + 10) / 50 + 2)
+    assert settings_of(Scenario(), {})[0].cost_per_bin(50.0) is None
+
+
+def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
+    own = Scenario(agents={"picker": "own_agents.Eastward"})
+    assert problems(scenario=own, options=StudyOptions(goal="cost_per_bin", horizon="long", model="fast")) == [
+        "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin",
+        "--model fast: agents: only the full model knows agents of your own (picker); choose --model full",
+    ]
+    (no_errors,) = problems(scenario=Scenario(sensors={"odometry": {"distance": 0.01}}))
+    assert no_errors == "--model both: sensors: only the full model knows errors of sensors; choose --model full"
+    own_step = problems(scenario=Scenario(route="examples.seams.signalled_route.SignalledRoute"))
+    assert own_step == [
+        "--model both: route = examples.seams.signalled_route.SignalledRoute: only the full model knows steps of your own (Signal); "
+        "choose --model full"
+    ]
+    (no_end,) = problems(options=StudyOptions(goal="harvest_seconds", horizon="long"))
+    assert "a long run has no end" in no_end
+    (no_long_run,) = problems(options=StudyOptions(horizon="long", model="full"))
+    assert "only the fast model can tell the long run" in no_long_run
+
+
+def test_a_study_with_problems_does_not_begin() -> None:
+    with pytest.raises(ScenarioError, match=r"dispatch = no_such\.Policy: cannot be used"):
+        study(Scenario(), {"dispatch": ["nearest", "no_such.Policy"]}, StudyOptions())
+
+
+def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
+    quiet = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
+    changes = [{}, {"people.visitors": 1}, {"animals.cats": 1}, {"picking_speed": 0.5, "picking.spread.distribution": "gamma"},
+               {"picking.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
+    random = [settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random for change in changes]
+    assert random == [False, True, True, True, True, True]
+
+
+def test_a_policy_of_the_users_own_may_draw_by_the_seed() -> None:
+    undisturbed = load_or_shipped(Path("undisturbed"))
+    assert [setting.is_random for setting in settings_of(undisturbed, {"dispatch": ["nearest", "my.Own"]})] == [False, True]
+
 
 QUIET = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
 CHANCE = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}}, **QUIET)
@@ -21,7 +146,6 @@ AMPLE = StudyOptions(model="fast", budget_seconds=10_000.0, within=0.05, workers
 
 
 def table(result: StudyResult) -> dict:
-    """All that a study says, without the time that it took."""
     return asdict(replace(result, wall_seconds=0.0))
 
 
@@ -37,7 +161,6 @@ def told() -> list[StudyResult]:
 
 @pytest.fixture(scope="module")
 def result(folder, told) -> StudyResult:
-    """A study with one worker and a new store. `told` gets the partial results."""
     return study(CHANCE, VARIED, replace(AMPLE, store=folder / "first.db"), told.append)
 
 
@@ -109,8 +232,8 @@ class Watched:
 def test_what_a_store_knows_takes_no_time_of_the_budget(result, folder, monkeypatch):
     """The race plans its next look by the runs that are left to do: with a store that knows all of them, by none."""
     with Store(folder / "first.db") as store:
-        settings, _ = settings_of(CHANCE, VARIED)
-        runs = Replications(settings, "bins_per_hour", "harvest", store, Watched(), lambda: None, lambda: False)
+        varied = settings_of(CHANCE, VARIED)
+        runs = Replications(varied, "bins_per_hour", "harvest", store, Watched(), lambda: None, lambda: False)
         runs.do([0], "fast", 1, time.time())
         (known,) = runs.records
         runs.records[known] = replace(runs.records[known], wall_seconds=3600.0)

@@ -99,9 +99,6 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     eventually(lambda: is_gone(int(told.read_text())))
 
 
-# -- a scheduler of dask.distributed, in processes of its own
-
-
 def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) -> subprocess.Popen:
     """One of dask's programs, on one machine of the test."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE), str(HERE.parent / "support")])}
@@ -159,9 +156,6 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
     silent = r"tcp://127\.0\.0\.1:1: no scheduler of dask\.distributed answers"
     with pytest.raises(WorkersError, match=silent), scheduled("tcp://127.0.0.1:1"):
         pass
-
-
-# -- two machines
 
 
 QUESTION = ("--vary", "carriers=1,2", "--model", "fast", "--budget", "2h", "--within", "10%")

@@ -47,7 +47,6 @@ class Yard:
         self.world.pose[self.world.index[name]] = pose
 
     def couple(self, robot: str, bin_: str) -> None:
-        """Couple a robot and a bin without a deed, wherever they are."""
         i, j = self.world.index[robot], self.world.index[bin_]
         self.world.coupled[i], self.world.coupled[j] = j, i
 

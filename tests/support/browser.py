@@ -51,8 +51,6 @@ def fresh(look: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Browser:
-    """The page as its user sees it."""
-
     def __init__(self, driver: webdriver.Chrome) -> None:
         self.driver = driver
 
@@ -95,7 +93,6 @@ class Browser:
 
     @fresh
     def click(self, css: str) -> None:
-        """As soon as one can."""
         self.until(lambda: self._clicked(css), f"{css} can be clicked")
 
     def _clicked(self, css: str) -> bool:
@@ -120,7 +117,6 @@ class Browser:
 
     @fresh
     def choose(self, path: str, words: str) -> None:
-        """One of several buttons, as soon as one can."""
         self.until(lambda: self._pressed(self._button(path, words)), f"{words} can be chosen")
 
     def _button(self, path: str, words: str) -> WebElement:
@@ -128,7 +124,6 @@ class Browser:
 
     @fresh
     def pick(self, path: str, words: str) -> None:
-        """One of the names that a field offers when it is opened."""
         self.field(path).find_element(By.XPATH, "./ancestor-or-self::label").click()
         self.until(lambda: self._picked(words), f"{words} can be picked")
 
@@ -137,18 +132,15 @@ class Browser:
         return any(self._pressed(name) for name in offered if name.text == words)
 
     def escape(self) -> None:
-        """Close what lies above the page, such as a list of names."""
         self.one("body").send_keys(Keys.ESCAPE)
 
     def turn_to(self, view: str) -> None:
-        """Choose what is on the stage."""
         self.choose("stage", view)
 
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")
 
     def saved(self, downloads: Path) -> Path:
-        """The file that comes of saving."""
         before = set(downloads.iterdir())
         self.press("save")
         return self.until(lambda: next((path for path in downloads.glob("*.yaml") if path not in before), None), "a file is saved")
@@ -162,7 +154,6 @@ class Browser:
 
     @fresh
     def problem(self, path: str) -> str:
-        """What the page says at a field."""
         return self.one(f"[data-problem='{path}']").text
 
     @fresh

@@ -54,8 +54,6 @@ def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
 
 
 class Slow:
-    """An agent that sleeps for a random time at each tick."""
-
     def __init__(self, agent, seconds: float) -> None:
         self._agent, self._seconds = agent, seconds
         self.Memory = agent.Memory

@@ -52,7 +52,6 @@ def line_with(words: str, process: subprocess.Popen | Forked) -> str:
 
 @contextmanager
 def running(*arguments: object):
-    """Run it, until its first line of progress; nothing is left behind."""
     with starting(*arguments) as process:
         line_with("real time", process)
         yield process
@@ -60,7 +59,6 @@ def running(*arguments: object):
 
 @contextmanager
 def starting(*arguments: object):
-    """Run it; nothing is left behind."""
     process = Forked("run", [*map(str, arguments)], os.environ | {"PYTHONPATH": PATH}, leads=True)
     try:
         yield process

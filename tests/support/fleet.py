@@ -135,7 +135,6 @@ class Fleet:
         return process
 
     def hear(self, key: str, endpoint: str, before: Sequence[str] = ()) -> queue.Queue:
-        """As `Client.hear`, from another machine."""
         process = self.start("listener", endpoint, key, before=before)
         return process.messages()
 
@@ -162,8 +161,6 @@ class AnyClient:
 
 
 class Client(AnyClient):
-    """One with Zenoh."""
-
     def __init__(self, session: zenoh.Session, run: str) -> None:
         self.session, self.run = session, run
 
@@ -178,7 +175,6 @@ class Client(AnyClient):
             yield cls(session, run)
 
     def hear(self, key: str) -> queue.Queue:
-        """Everything that is put on a key from now on, unpacked."""
         heard = queue.Queue()
 
         def put(sample) -> None:

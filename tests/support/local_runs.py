@@ -50,5 +50,4 @@ def local_at(tick: int) -> Local:
 
 @cache
 def harvest_hash():
-    """Return the hash of a run of 3 rows after HARVEST_TICKS."""
     return local_hash(Scenario(rows=3), HARVEST_TICKS)

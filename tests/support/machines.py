@@ -49,7 +49,6 @@ def _plug(host: str, guest: str, n: int) -> None:
 
 
 def within(name: str) -> list[str]:
-    """What comes before a command, so that it runs on that machine."""
     return ["ip", "netns", "exec", name]
 
 

@@ -43,7 +43,6 @@ def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str
 
 
 def run_race(race: Race, value: Callable[[int, int], float]) -> dict[int, list[float]]:
-    """Run a race of settings with these values by setting and seed to its end. Return what it has seen of each."""
     seen: dict[int, list[float]] = {i: [] for i in race.left}
     for look in LOOKS:
         for i in race.left:

@@ -37,7 +37,6 @@ def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
 
 
 def orchard_of(rows: list[Row] | tuple[Row, ...], **changes: Any) -> Scenario:
-    """The scenario of rows, without people, animals, weeds and tractor."""
     listed = [{"id": f"r{number}", **row._asdict()} for number, row in enumerate(rows, start=1)]
     return empty_orchard(
         rows=len(rows), row_length=round(max(row.start + row.length for row in rows), 6), survey={"rows": listed}, **changes
@@ -45,7 +44,6 @@ def orchard_of(rows: list[Row] | tuple[Row, ...], **changes: Any) -> Scenario:
 
 
 def points_of(row: Row) -> list[complex]:
-    """Five points of a row, from west to east, in the frame of the rows."""
     return [complex(row.start + row.length * share / 4, -row.south) for share in range(5)]
 
 

@@ -15,8 +15,6 @@ from orchard.field.geometry import Twist
 
 
 class Eastward:
-    """Drives on at 0.25 m/s."""
-
     Memory = dict
 
     def __init__(self, layout, name):
@@ -41,8 +39,6 @@ class Unmakeable:
 
 
 class Wrong(Eastward):
-    """Returns an invalid velocity from tick 3 on."""
-
     def tick(self, observation, mail, memory):
         good = super().tick(observation, mail, memory)
         return Action(twist=Twist(x=math.nan), memory=memory) if observation.tick >= 3 else good
@@ -73,8 +69,6 @@ class Stillborn(Eastward):
 
 
 class Mortal(Eastward):
-    """Ends its process at tick 20."""
-
     def tick(self, observation, mail, memory):
         if observation.tick >= 20:
             os._exit(7)
@@ -113,8 +107,6 @@ def nobody(layout, names):
 
 
 class Speechless(Eastward):
-    """Forgot the comma of a tuple."""
-
     Messages = Here
 
 
@@ -152,8 +144,6 @@ ESCAPE = "Injected\x1b[2J\x1b]0;owned\x07\u202e\r\nphysics: all is well"
 
 
 class Injector(Eastward):
-    """Sends escape sequences in every text."""
-
     def tick(self, observation, mail, memory):
         if observation.tick == 5:
             raise ValueError(ESCAPE)

@@ -57,8 +57,6 @@ class Silent(Bad):
 
 
 class Idle(Bad):
-    """It never sends a carrier: all pickers wait for ever."""
-
     def assign(self, now, bins, carriers, memory):
         return []
 

@@ -45,7 +45,6 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> 
 
 @contextmanager
 def served(runs: Path):
-    """A page whose runs go to a folder; its address."""
     port = free_port()
     plain = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # or NiceGUI thinks it is the test
     process = subprocess.Popen(page("--port", port, "--runs", runs), cwd=ROOT, stdout=subprocess.DEVNULL, env=plain)

@@ -29,12 +29,7 @@ HOST = "host1"
 RUN = "run1"
 
 
-# -- a run without a network
-
-
 class Query(AnyQuery):
-    """A query as a queryable gets it, and what it gets back."""
-
     def __init__(self, key: str, payload: bytes, replied: Callable[[Replied], None] = lambda reply: None, ticket: object = None) -> None:
         self.key, self.payload = key, payload
         self.replies, self.errors, self.dropped = [], [], False
@@ -189,9 +184,6 @@ def heard_at(box, tick, name="picker_01"):
     return [] if mail is None else mail.requests
 
 
-# -- the corpus
-
-
 def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]]]:
     """What -> (key, payload) of some real messages of each kind of key, replies among them."""
     of_run = Run(scenario, run, ticks)
@@ -222,9 +214,6 @@ def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]
 
 def rewritten(payload: bytes, **fields) -> bytes:
     return msgpack.packb(msgpack.unpackb(payload, strict_map_key=False) | fields)
-
-
-# -- what becomes of them
 
 
 def nested(levels: int) -> bytes:
@@ -293,6 +282,5 @@ def doubled(tree: dict) -> bytes:
 
 
 def oversized() -> list[bytes]:
-    """Up to the most that is read, and over it."""
     packed = [msgpack.packb(tree) for tree in ({"run": "x" * (MAX_PAYLOAD - 20)}, [[]] * (MAX_PAYLOAD // 2))]
     return [bytes(MAX_PAYLOAD + 1), *packed, bytes(1 << 22)]

@@ -22,7 +22,6 @@ def starts(layout: Layout) -> np.ndarray:
 
 
 def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
-    """Every tick of a harvest in local mode."""
     local = Local(layout.scenario)
     builder, engine = FrameBuilder(local.engine.world), local.engine
     while engine.tick < round(seconds * 10):
@@ -33,7 +32,6 @@ def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
 
 
 def recording_of(path: Path, layout: Layout, frames: Iterable[Frame], run: str = "a run") -> Path:
-    """Record these frames as a file."""
     recorder = Recorder(layout, run, path)
     for frame in frames:
         recorder.tick(frame)
@@ -85,7 +83,6 @@ def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]
 
 
 def rows_of(file: Path) -> History:
-    """What was recorded in all parts together."""
     found: History = {}
     for path in parts_of(file):
         for chunk in RrdReader(path).stream():
@@ -124,7 +121,6 @@ def seconds_of(recording: Path) -> float:
 
 
 def texts_in(path: Path) -> list[str]:
-    """All texts of the event log and of the robots' states."""
     found: list[str] = []
     for chunk in chunks(path):
         for row in chunk.to_record_batch().to_pylist():

@@ -29,8 +29,6 @@ def make_roles(path: Path, *addresses: str) -> Path:
 
 
 class Somebody:
-    """A session with one role's certificate, and what it does with it."""
-
     def __init__(self, bus: Bus, run: str) -> None:
         self.bus, self.run = bus, run
 
@@ -38,12 +36,10 @@ class Somebody:
         self.bus.publish(KEYS.of("velocity", name), pack(Velocity(self.run, tick, Linear(1.0), Angular(0.0))))
 
     def drive_as(self, session: str, owner: str, name: str, tick: int) -> None:
-        """By a message for all that a session owns."""
         velocities = Velocities(self.run, tick, owner, {name: Report(Twist(1.0))})
         self.bus.publish(KEYS.of("velocities", session=session), pack(velocities))
 
     def join(self, name: str) -> str:
-        """Why it may not own an agent; '' if it may."""
         [reply] = self.asks("join", Join(self.run, self.bus.id, [name]), self.bus.id)
         return read(reply.payload, Joined).refused.get(name, "")
 
@@ -76,8 +72,6 @@ class Somebody:
 
 
 class Farm:
-    """A secured run in which no session owns an agent, and the sessions that join it."""
-
     def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
         self.keyring, self.endpoint, self.run, self._stack = Keyring.load(folder), endpoint, run, stack
 

@@ -40,7 +40,6 @@ class SimulatedFleet(Fleet):
         return Client(self)
 
     def start(self, module: str, *arguments: str, before: Sequence[str] = ()) -> "Process":
-        """Start a process. `before`: nothing, for there is one machine."""
         assert not before
         self._count += 1
         name = f"{module.rpartition('.')[2]}_{self._count}"
@@ -112,8 +111,6 @@ class Heard:
 
 
 class Token:
-    """A liveliness token of a client."""
-
     def __init__(self, bus: SimulatedBus, key: str) -> None:
         self._bus, self._key = bus, key
         bus.declare_alive(key)
@@ -123,8 +120,6 @@ class Token:
 
 
 class Client(AnyClient):
-    """One with a session on the simulated network."""
-
     def __init__(self, fleet: SimulatedFleet) -> None:
         self._fleet, self.run = fleet, fleet.run
         self.bus = self._session(self._hear_reply)

@@ -29,8 +29,6 @@ class Standing:
 
 
 class Acting:
-    """An agent that acts as a function of what it sees, its mail and its memory says."""
-
     Memory = dict
 
     def __init__(self, tick: Callable[[Observation, Mail, object], Action]) -> None:
@@ -65,7 +63,6 @@ class Stage:
         return self.world.tick / 10
 
     def put(self, name: str, x: float, y: float, heading: str = "EAST") -> None:
-        """Move a body, and its bin, to a place before the first tick."""
         assert self.world.tick == 0, "put bodies before the first tick"
         i = self.world.index[name]
         dx, dy = x - self.world.pose[i, 0], y - self.world.pose[i, 1]
@@ -80,7 +77,6 @@ class Stage:
         self.local.memories[name] = agent.Memory(plan=list(steps), **memory)
 
     def follow(self, name: str, steps: list, seconds: float = 60.0) -> float:
-        """Set a robot's plan, run until it is done, and return the seconds that it took."""
         self.give(name, steps)
         return self.run_until(lambda: not self.local.memories[name].plan, seconds)
 
@@ -144,9 +140,6 @@ class Stage:
 
     def assert_no_collisions(self) -> None:
         assert collisions(self.world) == 0, self.happened("collision")
-
-
-# -- orchards in which one thing at a time happens
 
 
 def meadow(**changes) -> Stage:

@@ -26,19 +26,13 @@ class Driver:
         return 0.25
 
 
-class Clockwork(Driver):
-    def speed(self, observation):
-        return time.perf_counter_ns() % 1_000_000 * 1e-7
+def drives(speed) -> type[Driver]:
+    return type("Drives", (Driver,), {"speed": speed})
 
 
-class Chancy(Driver):
-    def speed(self, observation):
-        return random.uniform(0.1, 0.3)
-
-
-class Unseeded(Driver):
-    def speed(self, observation):
-        return float(np.random.default_rng().uniform(0.1, 0.3))
+Clockwork = drives(lambda self, observation: time.perf_counter_ns() % 1_000_000 * 1e-7)
+Chancy = drives(lambda self, observation: random.uniform(0.1, 0.3))
+Unseeded = drives(lambda self, observation: float(np.random.default_rng().uniform(0.1, 0.3)))
 
 
 class Counting(Driver):

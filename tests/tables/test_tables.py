@@ -45,7 +45,6 @@ def tick(local: Local, tables: Tables) -> None:
 
 
 def run(local: Local, folder, ticks: int) -> Tables:
-    """Run until a tick, with tables that are not closed yet."""
     tables = Tables(folder, local.engine)
     while local.engine.tick < ticks:
         tick(local, tables)
@@ -182,9 +181,6 @@ def test_the_page_names_each_column():
         assert told >= {*schema.names}, name
 
 
-# -- runs that are resumed
-
-
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
@@ -243,9 +239,6 @@ def test_a_run_that_ends_before_its_first_tick_leaves_empty_tables(tmp_path):
     run(Local(SMALL), tmp_path, 0).close()
     assert [len(table) for table in read(tmp_path).values()] == [0] * len(ALL)
     assert complete(tmp_path, {"ticks": 0, "scenario": {}}) == []
-
-
-# -- what goes wrong
 
 
 def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
@@ -317,9 +310,6 @@ def test_a_disk_that_becomes_full_is_logged_once_and_told_at_the_end(tmp_path, m
     assert told == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on without them"
     assert complete(tmp_path, {"ticks": 7, "scenario": {}}) == [f"{tmp_path}: the tables end at tick 5, and the run at tick 7"]
     assert last_tick(tmp_path) == 5
-
-
-# -- the summary, the calls and the exchanges
 
 
 def test_a_summary_becomes_one_row():

@@ -63,9 +63,6 @@ def test_a_page_gets_the_spaces_and_the_plan_alone_the_work_first(rows: int) -> 
     assert (spaces.contents[0].name, plan.name) == ("At work", "Plan")
 
 
-# -- what is said, as lines that a person reads
-
-
 def test_events_read_like_sentences() -> None:
     assert line_of(Event(0, "call", "bin_01", "carrier_02", "lane 3 east")) == "bin_01 > carrier_02: call, lane 3 east"
     assert line_of(Event(0, "row picked", "picker_01", "", "row picked: 3")) == "picker_01: row picked: 3"
@@ -91,9 +88,6 @@ def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
     assert {level_of(what) for what in ("Where", "Position", "State", "BinState", "Places")} == {"DEBUG"}
     assert {level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")} == {"INFO"}
     assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == ("WARN", "WARN", "ERROR")
-
-
-# -- bodies and trees are drawn in the manual's sizes and their colours
 
 
 HATS = {"worker": 0.2}  # m above the height of the kind

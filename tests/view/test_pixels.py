@@ -26,14 +26,13 @@ from orchard.view.scenery import plan_size
 from orchard.view.web import free_pair
 
 WINDOW = (1000, 640)  # pixels
-LIBRARIES = ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr")
 
 
 def why_no_renderer() -> str:
     """What the headless viewer lacks here, or ''."""
     if not glob.glob("/usr/share/vulkan/icd.d/*.json") + glob.glob("/etc/vulkan/icd.d/*.json"):
         return "no Vulkan driver: apt-get install the list in .ci/apt-packages.txt"
-    missing = [library for library in LIBRARIES if find_library(library) is None]
+    missing = [library for library in ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr") if find_library(library) is None]
     return f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)" if missing else ""
 
 
@@ -81,9 +80,6 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
     scale = min(rows / high, columns / wide)
     middle = (34.0 + layout.bottom) / 2
     return round(columns / 2 + x * scale), round(rows / 2 - (y - middle) * scale)
-
-
-# -- in a browser
 
 
 SOFTWARE = "--enable-unsafe-swiftshader"  # WebGL without a graphics card

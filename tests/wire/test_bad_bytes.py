@@ -36,8 +36,6 @@ MOST_MEMORY = 64 << 20  # bytes, that all these messages may leave behind
 CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
 TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", *CONTROL, "layout", "advice")
 TO_HOST = ("seen", "lost", "end", "mail", "state")
-TO_LOGGER = ("picture", "events", "letters", "lost", "end")
-TO_RUN_PY = ("figures", "end")
 ASKED = ("scenario", "join", "recall", "stop", "mail", "state", "layout", *CONTROL)
 
 
@@ -141,7 +139,7 @@ def logger():
 
 def test_the_logger_refuses_them_and_writes_nothing(other, logger):
     thrown = 0
-    for what in TO_LOGGER:
+    for what in ("picture", "events", "letters", "lost", "end"):
         for key, payload in [*bad(other, what, 3000, 0), *((KEYS.of(what), p) for p in oversized())]:
             logger._handle(Sample(key, payload))
             thrown += 1
@@ -182,7 +180,7 @@ def test_run_py_refuses_them_and_shows_nothing(other):
     shown = []
     progress = SimpleNamespace(show=lambda *what: shown.append(what))
     half = {"run": RUN, "tick": 1, "figures": {"sim_seconds": "x"}, "doing": {}, "waits_for": {}, "messages_refused": {}}
-    thrown = [item for what in TO_RUN_PY for item in bad(other, what, 3000, 1)] + [("orchard/figures", msgpack.packb(half))]
+    thrown = [item for what in ("figures", "end") for item in bad(other, what, 3000, 1)] + [("orchard/figures", msgpack.packb(half))]
     for key, payload in thrown:
         with pytest.raises(Refused):
             follow(Sample(key, payload), RUN, progress)
@@ -193,9 +191,6 @@ def test_keys_that_only_others_hear_are_read_by_the_same_rules(other):
     for what in ("pose", "scan", "clock", "state"):
         for _, payload in bad(other, what, 1500, 2):
             assert refusal_of(payload, TABLE[what].message, RUN)
-
-
-# -- over Zenoh
 
 
 def test_a_query_with_wildcards_moves_nothing(fleet):

@@ -38,7 +38,6 @@ def test_the_contract_is_asyncapi_by_the_official_schema():
 
 
 def as_json(value):
-    """A message as its schema describes it: bytes are base64."""
     if isinstance(value, dict):
         return {key: as_json(part) for key, part in value.items()}
     if isinstance(value, list):
@@ -59,7 +58,6 @@ def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, what):
 
 
 def maps_in(type_):
-    """The maps of a message, at any depth."""
     found, waiting = {}, [type_]
     while waiting:
         part = waiting.pop()

@@ -56,7 +56,6 @@ def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
 
 
 def watched(host: Host) -> None:
-    """Settle the memory of the process, and watch for agents that are too slow."""
     settle()
     monitor(host)
 

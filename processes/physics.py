@@ -43,7 +43,6 @@ def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManag
 
 
 def rehearsed(loop: "RunLoop") -> None:
-    """Compile what the first tick needs, and settle the memory of the process."""
     loop.run.engine.rehearse()
     settle()
 

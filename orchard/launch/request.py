@@ -32,7 +32,6 @@ class RunRequest:
 
     @cached_property
     def run_id(self) -> str:
-        """The run's id: a new one, or that of the run that is resumed."""
         return (self.resumed.run if self.resumed else "") or uuid.uuid4().hex[:16]
 
     @property
@@ -64,7 +63,6 @@ class Credentials:
         return self.keyring.of(roles[0])
 
     def folder(self, role: str) -> str | None:
-        """Return the directory of a role; None for an open run."""
         identity = self.identity(role)
         return None if identity is None else str(identity.folder)
 

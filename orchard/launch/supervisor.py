@@ -234,7 +234,6 @@ class Watchdog:
         self._is_known = True  # whether physics is there: without it all tokens are gone
 
     def hear(self, up: bool) -> None:
-        """Record that the token appeared (`up`) or disappeared."""
         self._gone = None if up else self._clock()
         if up:
             self._known = self._supervisor.pid(self._name)

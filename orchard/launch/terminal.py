@@ -113,7 +113,6 @@ def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def handled(handlers: Mapping[int, Callable[[int, FrameType | None], Any]]) -> Iterator[None]:
-    """In this context signals, by number, have these handlers."""
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield

@@ -29,7 +29,6 @@ class Ending:
         self._said, self._said_at = end, self._clock()
 
     def track(self, up: bool) -> None:
-        """Hear that physics' liveliness token appeared (`up`) or disappeared."""
         self.gone_at = math.inf if up else self._clock()
 
     @property

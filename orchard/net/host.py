@@ -179,7 +179,6 @@ class Host:
                 log.warning("joining again after tick %d", self.mailbox.last)
 
     def tick(self) -> None:
-        """Wait for the next tick, tick the agents and send their velocities."""
         self._wait(lambda: self.latest.tick > self.mailbox.last)
         tick = self.latest.tick
         if not self.mailbox.is_settled(tick, self.latest.asked):

@@ -46,7 +46,6 @@ class Line:
 
 
 def environment(run: str) -> dict[str, str]:
-    """Return the environment variables of a process on a line."""
     return {STARTED_BY: f"{os.getpid()} {run}"}
 
 

@@ -51,7 +51,6 @@ class RunAccount:
         self.snapshot_writer.keep(snapshot)
 
     def close(self) -> None:
-        """Wait until the last snapshot is written, and finish the tables."""
         self.snapshot_writer.finish()
         if self._tables is not None:
             self._tables.close()

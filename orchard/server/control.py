@@ -90,7 +90,6 @@ class SimulationControl:
         self.publish()
 
     def end(self) -> None:
-        """Record that the run is over. Steps that are left are not done."""
         self._ended = True
         self.publish()
         self.finish_steps()

@@ -66,7 +66,6 @@ class Drivers:
         self._engine.wake(names)
 
     def release(self, names: set[str]) -> None:
-        """Remove the owners of these agents, and publish that they are lost."""
         for name in names:
             self.answers.release(name)
         self._engine.wake(names)
@@ -83,7 +82,6 @@ class Drivers:
         self.release(missing.union(*(owned.get(owner, []) for owner in silent)))  # another session may have taken over
 
     def miss(self, names: Collection[str]) -> None:
-        """Record that the run goes on without these agents."""
         if not self.answers.releases_at_once:
             self.lost = dict.fromkeys(sorted(names), self._engine.tick) | self.lost
 

@@ -94,7 +94,6 @@ class Run:
         self.publisher.publish("figures", self.account.figures.message(self.id, self.refusal_totals.total()))
 
     def keep_at_once(self) -> bool:
-        """Keep a snapshot, and wait for the disk. Return whether it is there."""
         self.keep()
         return self.is_kept()
 

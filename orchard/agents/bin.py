@@ -8,22 +8,8 @@ import msgspec
 from orchard.agents.dispatch import BinReport, CarrierReport, is_early
 from orchard.agents.forecast import LEAST_SPEED, Forecast
 from orchard.agents.policies import dispatch_of
+from orchard.contract import messages
 from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
-from orchard.contract.messages import (
-    LAST_TICK,
-    Answer,
-    BinState,
-    Call,
-    CarrierComing,
-    Come,
-    Confirm,
-    EmptyBin,
-    Fetch,
-    No,
-    Offer,
-    StateRequest,
-    Yes,
-)
 from orchard.field import repeatable
 from orchard.field.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
@@ -66,7 +52,7 @@ class Bin:
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
         memory = memory or self.Memory()
         action = Action(memory=memory, answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests])
-        action.hold = Hold(LAST_TICK)
+        action.hold = Hold(messages.LAST_TICK)
         if seen.hitch is not None:
             self.follow(seen, seen.hitch, memory, action)
             if self.forecast is not None and kind_of(seen.hitch.name) == "picker":
@@ -81,14 +67,14 @@ class Bin:
         action.steps_done = memory.done
         return action
 
-    def answer(self, seen: Observation, memory: BinMemory, heard: Heard) -> Answer:
-        if isinstance(heard.body, StateRequest):
-            return BinState(full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else "")
-        if isinstance(heard.body, EmptyBin):
-            return CarrierComing(memory.carrier if memory.coming else "")
-        if isinstance(heard.body, Confirm):
-            return Yes() if memory.carrier == heard.sender else No("another carrier comes")
-        return No("a bin knows nothing of that")
+    def answer(self, seen: Observation, memory: BinMemory, heard: Heard) -> messages.Answer:
+        if isinstance(heard.body, messages.StateRequest):
+            return messages.BinState(full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else "")
+        if isinstance(heard.body, messages.EmptyBin):
+            return messages.CarrierComing(memory.carrier if memory.coming else "")
+        if isinstance(heard.body, messages.Confirm):
+            return messages.Yes() if memory.carrier == heard.sender else messages.No("another carrier comes")
+        return messages.No("a bin knows nothing of that")
 
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
         """Move to the place behind the robot where the bin belongs after this tick, if the robot keeps its velocity."""
@@ -141,12 +127,12 @@ class Bin:
     def ask(self, lane: int, side: str, seconds_to_full: float, memory: BinMemory, action: Action) -> None:
         """Ask the carrier that was chosen whether it comes; without one the dispatcher, or all carriers."""
         if memory.carrier:
-            action.requests.append((memory.carrier, Come(lane, side, memory.picker)))
+            action.requests.append((memory.carrier, messages.Come(lane, side, memory.picker)))
             memory.silent += 1
         elif self.policy is None:
-            action.requests.append((DISPATCH, Fetch(lane, side, memory.picker, memory.since, seconds_to_full)))
+            action.requests.append((DISPATCH, messages.Fetch(lane, side, memory.picker, memory.since, seconds_to_full)))
         else:
-            action.requests += [(carrier, Call(lane, side, memory.since)) for carrier in self.carriers]
+            action.requests += [(carrier, messages.Call(lane, side, memory.since)) for carrier in self.carriers]
 
     def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, lane: int, side: str) -> str:
         """Return the carrier that the dispatcher names, or that the policy chooses among those that offer to come; '' if there is none.
@@ -154,9 +140,9 @@ class Bin:
         A carrier that was silent during this call is chosen only if no other carrier offers.
         """
         if self.policy is None:
-            named = [reply.body.carrier for reply in mail.replies if isinstance(reply.body, CarrierComing)]
+            named = [reply.body.carrier for reply in mail.replies if isinstance(reply.body, messages.CarrierComing)]
             return named[0] if named else ""
-        offers = [CarrierReport(r.sender, "", True, r.body.distance) for r in mail.replies if isinstance(r.body, Offer)]
+        offers = [CarrierReport(r.sender, "", True, r.body.distance) for r in mail.replies if isinstance(r.body, messages.Offer)]
         willing = [offer for offer in offers if offer.name not in memory.shunned] or offers
         report = BinReport(seen.name, lane, side, memory.picker, memory.since, 0.0)
         assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory()) if willing else []
@@ -165,9 +151,9 @@ class Bin:
     def hear(self, mail: Mail, memory: BinMemory, tick: int) -> None:
         """Read the answer of the carrier that was sent for. A carrier that refuses, or stays silent, is given up."""
         for reply in mail.replies:
-            if not isinstance(reply.request, Come) or reply.sender != memory.carrier:
+            if not isinstance(reply.request, messages.Come) or reply.sender != memory.carrier:
                 continue
-            if isinstance(reply.body, Yes):
+            if isinstance(reply.body, messages.Yes):
                 memory.coming, memory.silent = True, 0
             elif reply.body is not None or memory.silent >= GIVE_UP:
                 memory.shunned += [memory.carrier] if reply.body is None and memory.carrier not in memory.shunned else []

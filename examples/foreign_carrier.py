@@ -97,7 +97,7 @@ class Carrier:
         self.name, self.field = name, Field(info["scenario"], name)
         self.people = [other for other in info["agents"] if other.rsplit("_", 1)[0] in BYSTANDERS]
         self.job, self.jobs, self.steps, self.calls = None, 0, 0, {}
-        self.held, self.agreed, self.claimed = [], [], -5
+        self.reserved, self.agreed, self.claimed = [], [], -5
         self.sighted, self.moved, self.bumped = {}, False, -10
         self.doing, self.state = "waiting in the queue", "waiting"
         self.working = self.work()
@@ -130,7 +130,7 @@ class Carrier:
         for request in self.answered:
             if request["answer"]["type"] == "places":
                 self.agreed = request["answer"]["held"]
-                self.held += [place for place in self.agreed if place in request["body"]["want"] and place not in self.held]
+                self.reserved += [place for place in self.agreed if place in request["body"]["want"] and place not in self.reserved]
         for request in mine:
             if request["body"]["type"] == "where":
                 is_told = request["answer"] and request["answer"]["type"] == "position"
@@ -279,7 +279,7 @@ class Carrier:
         while True:
             here = getattr(self, axis)
             self.free(*(place for place, at in frees if ahead * (here - at) > -EXACT))
-            missing = [(p, at) for p, at in needs if p not in self.held and -EXACT <= ahead * (at - here) <= ahead * (target - here)]
+            missing = [(p, at) for p, at in needs if p not in self.reserved and -EXACT <= ahead * (at - here) <= ahead * (target - here)]
             limit = missing[0][1] if missing else target
             if missing and ahead * (limit - here) < 3.0 and self.may_ask_for(missing[0][0]):
                 self.want(missing[0][0])
@@ -311,7 +311,7 @@ class Carrier:
         self.steps += 1
 
     def need(self, place):
-        while place not in self.held:
+        while place not in self.reserved:
             self.want(place)
             yield
 
@@ -319,7 +319,7 @@ class Carrier:
         self.wanted, self.waits_for = [place], place
 
     def free(self, *places):
-        self.held = [place for place in self.held if place not in places]
+        self.reserved = [place for place in self.reserved if place not in places]
 
     def deed(self, deed):
         """When both stand."""
@@ -343,9 +343,9 @@ class Carrier:
 
     def claim(self):
         since = self.tick - self.claimed
-        if (self.wanted and since >= 5) or (sorted(self.agreed) != sorted(self.held) and since >= 2):
+        if (self.wanted and since >= 5) or (sorted(self.agreed) != sorted(self.reserved) and since >= 2):
             self.claimed = self.tick
-            self.requests.append(["traffic", {"type": "claim", "keep": list(self.held), "want": self.wanted, "beside": ""}])
+            self.requests.append(["traffic", {"type": "claim", "keep": list(self.reserved), "want": self.wanted, "beside": ""}])
 
     # obstacles
 

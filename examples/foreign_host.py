@@ -57,7 +57,7 @@ class Host:
         else:
             raise SystemExit(joined["refused"][self.name])
         self.joined, self.last, self.seen = joined["tick"], joined["tick"] - 1, None
-        self.held, self.asked = {}, {}  # (sender, tick, number) -> [query, letter]; tick -> the requests of mine
+        self.waiting, self.asked = {}, {}  # (sender, tick, number) -> [query, letter]; tick -> the requests of mine
 
     def ticks(self, decide):
         """Answer ticks until the run ends. `decide`: of seen, the requests heard and my requests with their answers; returns a drive,
@@ -117,9 +117,9 @@ class Host:
             query.drop()
             return
         key = letter["sender"], letter["tick"], letter["number"]
-        if key in self.held:
-            self.held[key][0].drop()
-        self.held[key] = query, letter["body"]
+        if key in self.waiting:
+            self.waiting[key][0].drop()
+        self.waiting[key] = query, letter["body"]
         query.reply(f"orchard/{self.name}/mail", msgpack.packb({"type": "received", "run": self.run, "tick": letter["tick"]}))
 
     # the mail of a tick
@@ -129,12 +129,12 @@ class Host:
         tick, wanted = seen["tick"], [(sender, seen["tick"] - 1, number) for _, sender, number in seen["asked"]]
         mine, deadline = self.asked.pop(tick - 2, []), time.monotonic() + 1.0
         is_new = tick <= self.joined + 1
-        while not is_new and not (all(k in self.held for k in wanted) and all(r["final"] for r in mine)) and time.monotonic() < deadline:
+        while not is_new and not (all(k in self.waiting for k in wanted) and all(r["final"] for r in mine)) and time.monotonic() < deadline:
             with suppress(queue.Empty):
                 self.take(self.inbox.get(timeout=0.1))
-        if is_new or not (all(k in self.held for k in wanted) and all(r["answered"] for r in mine)):
+        if is_new or not (all(k in self.waiting for k in wanted) and all(r["answered"] for r in mine)):
             return self.recalled(tick)
-        requests = [[*key, body] for key, (_, body) in self.held.items() if key[1] == tick - 1]
+        requests = [[*key, body] for key, (_, body) in self.waiting.items() if key[1] == tick - 1]
         return in_order(requests), mine
 
     def recalled(self, tick):
@@ -178,8 +178,8 @@ class Host:
 
     def close(self, answers):
         """Answer the requests that were heard in this tick, and drop all that are older."""
-        for key in [key for key in self.held if key[1] < self.last]:
-            query, _ = self.held.pop(key)
+        for key in [key for key in self.waiting if key[1] < self.last]:
+            query, _ = self.waiting.pop(key)
             reply = {"type": "answered", "run": self.run, "tick": self.last, "body": answers.get(key)}
             query.reply(f"orchard/{self.name}/mail", msgpack.packb(reply))
             query.drop()

@@ -49,10 +49,10 @@ class RobotMemory(msgspec.Struct):
     since: int = 0  # tick at which the present step began
     doing: str = ""
     state: State = "resting"
-    held: list[str] = []  # places that traffic granted and the robot still keeps
-    agreed: list[str] = []  # places that the robot holds by traffic's last answer
+    reserved: list[str] = []  # places that traffic granted and the robot still keeps
+    agreed: list[str] = []  # places that are reserved for the robot by traffic's last answer
     alone: list[str] = []  # of those, places that it shared with no other robot
-    blockers: list[str] = []  # robots that hold the places it wants, by traffic's last answer
+    blockers: list[str] = []  # robots for which the places that it wants are reserved, by traffic's last answer
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
     bumped: int = -2 * RECOVERY  # tick at which it last found that it had collided
@@ -239,9 +239,9 @@ class PlanExecutor:
         self._timers.append(self.memory.asked.get(question, self.seen.tick) + every)
         return answers[0] if answers else None
 
-    def holds(self, places: list[str]) -> bool:
-        """Whether the robot holds all these places."""
-        return all(place in self.memory.held for place in places)
+    def has(self, places: list[str]) -> bool:
+        """Whether all these places are reserved for the robot."""
+        return all(place in self.memory.reserved for place in places)
 
     def want(self, places: list[str], beside: str = "") -> None:
         """Ask traffic for places, all of them or none. `beside`: a partner with which the robot may share them."""
@@ -250,7 +250,7 @@ class PlanExecutor:
 
     def free(self, places: list[str]) -> None:
         """Give places back."""
-        self.memory.held = [place for place in self.memory.held if place not in places]
+        self.memory.reserved = [place for place in self.memory.reserved if place not in places]
 
     def is_left(self, bin_name: str) -> bool:
         """Whether a full bin stands by itself in its lane. While it does not, ask it again and again."""
@@ -346,8 +346,8 @@ class PlanExecutor:
     def _hear(self) -> None:
         for reply in self.mail.replies:
             if isinstance(reply.body, Places) and isinstance(reply.request, Claim):
-                granted = [p for p in reply.body.held if p in reply.request.want and p not in self.memory.held]
-                self.memory.held = self.memory.held + granted
+                granted = [p for p in reply.body.held if p in reply.request.want and p not in self.memory.reserved]
+                self.memory.reserved = self.memory.reserved + granted
                 self.memory.agreed, self.memory.alone = reply.body.held, reply.body.alone
                 self.memory.blockers = reply.body.blockers
             elif isinstance(reply.request, Where):
@@ -368,9 +368,9 @@ class PlanExecutor:
     def _claim(self) -> None:
         """Send traffic the places that are kept and wanted: when one was given back, and again while one is wanted."""
         memory, since = self.memory, self.seen.tick - self.memory.claimed
-        given_back = sorted(memory.agreed) != sorted(memory.held)
+        given_back = sorted(memory.agreed) != sorted(memory.reserved)
         if (self.wanting and since >= PATIENCE) or (given_back and since >= GIVEN_BACK):
-            self.action.requests.append((TRAFFIC, Claim(keep=list(memory.held), want=list(self.wanting), beside=self._beside)))
+            self.action.requests.append((TRAFFIC, Claim(keep=list(memory.reserved), want=list(self.wanting), beside=self._beside)))
             memory.claimed = self.seen.tick
         if self.wanting or given_back:
             self._timers.append(memory.claimed + (PATIENCE if self.wanting and not given_back else GIVEN_BACK))

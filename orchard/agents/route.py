@@ -64,8 +64,8 @@ class OneWay:
     """All carriers drive one way: south on the east side, west along the bottom, north on the west side, east along the top.
 
     From the rows outwards lie the full bins in the lanes' mouths, the full-bin road F, the delivery road D, and the pickers' waiting places
-    and their way to the next row. Each road is cut into one place a lane (`east/D/3`). A carrier holds a place while any part of it or of
-    its bin is in it. A picker that crosses holds both roads' places at its lane.
+    and their way to the next row. Each road is cut into one place a lane (`east/D/3`). A carrier has a place while any part of it or of
+    its bin is in it. A picker that crosses has both roads' places at its lane.
 
     To change the route, derive a class, change figures or replace methods, and name it in the scenario: `route: my_package.MyRoute`.
     The class is called with the layout. Figures are metres on the east side, x with rows of the usual 70 m. docs/traffic.md derives them.

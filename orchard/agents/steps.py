@@ -93,15 +93,15 @@ class DriveTo(Step, frozen=True):
     def _ticks(self, robot: PlanExecutor, here: float, ahead: float, left: float) -> int:
         if self.speed <= 0.0:
             return 1
-        frees = [ahead * (gate.at - here) for gate in self.frees if any(place in robot.memory.held for place in gate.places)]
-        needs = [ahead * (gate.at - here) - self.asks_before for gate in self.needs if not robot.holds(gate.places)]
+        frees = [ahead * (gate.at - here) for gate in self.frees if any(place in robot.memory.reserved for place in gate.places)]
+        needs = [ahead * (gate.at - here) - self.asks_before for gate in self.needs if not robot.has(gate.places)]
         rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
     def _limit(self, robot: PlanExecutor, here: float, past: float, ahead: float, target: float) -> float:
-        """The target, or the first gate before it with places that it does not hold. `past`: to where it has passed gates."""
+        """The target, or the first gate before it with places that are not reserved. `past`: to where it has passed gates."""
         for gate in self.needs:
-            if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.holds(gate.places):
+            if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.has(gate.places):
                 if ahead * (gate.at - here) < self.asks_before and (not gate.bin or robot.is_left(gate.bin)):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
@@ -201,7 +201,7 @@ class Need(Step, frozen=True):
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
-        if robot.holds(self.places):
+        if robot.has(self.places):
             return True
         robot.want(self.places)
         robot.hold()
@@ -219,7 +219,7 @@ class Free(Step, frozen=True):
 
 
 class Alone(Step, frozen=True):
-    """Stand until no other robot shares a place that the robot holds."""
+    """Stand until no other robot shares a place that is reserved for the robot."""
 
     place: str
 
@@ -346,7 +346,7 @@ class FetchEmpty(Coupling, frozen=True):
             return False
         if robot.seen.hitch is None:
             return self.couple(robot, robot.memory.offered)
-        if not robot.holds([self.place]):
+        if not robot.has([self.place]):
             robot.want([self.place], beside=robot.memory.carrier)
             robot.hold()
             return False

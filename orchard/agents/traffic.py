@@ -18,15 +18,15 @@ class PendingClaim(msgspec.Struct):
     """The places for which a robot waits."""
 
     places: list[str]
-    beside: str  # the partner that may hold some of them
+    beside: str  # the partner that may have some of them
     since: int  # tick at which it was first heard
     heard: int  # tick at which it was last heard
 
 
 class ReservationTable(msgspec.Struct):
-    """The places that each robot holds, and the claims that wait, by robot."""
+    """The places that are reserved for each robot, and the claims that wait, by robot."""
 
-    holds: dict[str, list[str]] = {}
+    reserved: dict[str, list[str]] = {}
     wishes: dict[str, PendingClaim] = {}
 
 
@@ -46,13 +46,13 @@ class Traffic:
             table.wishes = {name: wish for name, wish in table.wishes.items() if seen.tick - wish.heard <= FORGET}
             grant(table)
         answers: list[tuple[Heard, Answer]] = [(heard, answer(table, heard.sender)) for heard, _ in claims]
-        doing = f"{sum(map(len, table.holds.values()))} places held"
+        doing = f"{sum(map(len, table.reserved.values()))} places reserved"
         return Action(answers=answers, memory=table, doing=doing, state="resting", hold=Hold(LAST_TICK))
 
 
 def note(table: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     """Enter a robot's claim: places that it neither keeps nor wants become free; it waits for those that it wants."""
-    table.holds[name] = [place for place in table.holds.get(name, []) if place in claim.keep or place in claim.want]
+    table.reserved[name] = [place for place in table.reserved.get(name, []) if place in claim.keep or place in claim.want]
     if not claim.want:
         table.wishes.pop(name, None)
         return
@@ -62,19 +62,19 @@ def note(table: ReservationTable, name: str, claim: Claim, tick: int) -> None:
 
 
 def owners_of(table: ReservationTable, place: str) -> list[str]:
-    return [name for name, places in table.holds.items() if place in places]
+    return [name for name, places in table.reserved.items() if place in places]
 
 
 def grant(table: ReservationTable) -> None:
     """Grant the waiting claims that can be granted, in the order in which they were made."""
     waited_for: set[str] = set()
-    taken = set().union(*table.holds.values())
+    taken = set().union(*table.reserved.values())
     for name, wish in sorted(table.wishes.items(), key=lambda item: (item[1].since, item[0])):
-        missing = [place for place in wish.places if place not in table.holds[name]]
+        missing = [place for place in wish.places if place not in table.reserved[name]]
         is_free = taken.isdisjoint(missing) or (wish.beside != "" and not blockers(table, name, wish))
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
         if is_free and (waited_for.isdisjoint(missing) or all(wish.beside in owners_of(table, place) for place in missing)):
-            table.holds[name] = table.holds[name] + missing
+            table.reserved[name] = table.reserved[name] + missing
             taken.update(missing)
             del table.wishes[name]
         else:
@@ -82,7 +82,7 @@ def grant(table: ReservationTable) -> None:
 
 
 def blockers(table: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
-    """Return the robots that hold places for which a robot waits."""
+    """Return the robots that have places for which a robot waits."""
     wanted = [owners_of(table, place) for place in wish.places]
     return sorted({owner for names in wanted if name not in names for owner in names} - {wish.beside})
 
@@ -93,6 +93,6 @@ def is_alone(table: ReservationTable, name: str, place: str) -> bool:
 
 def answer(table: ReservationTable, name: str) -> Places:
     """Return the answer to a robot: its places, and the robots that are in the way of its claim."""
-    held, wish = table.holds[name], table.wishes.get(name)
+    reserved, wish = table.reserved[name], table.wishes.get(name)
     in_the_way = (blockers(table, name, wish) or sorted(set(table.wishes) - {name})) if wish else []
-    return Places(held=held, blockers=in_the_way, alone=[place for place in held if is_alone(table, name, place)])
+    return Places(held=reserved, blockers=in_the_way, alone=[place for place in reserved if is_alone(table, name, place)])

@@ -81,7 +81,7 @@ class TwoWay(OneWay):
     # -- pickers
 
     def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
-        """The places that a picker needs to drive over both roads. It waits for the second one while it holds the first."""
+        """The places that a picker needs to drive over both roads. It waits for the second one while it has the first."""
         return [Gate([side.place("D", lane)], at), Gate([side.place("F", lane)], at)]
 
     def turn_in(self, row: int, side: Side) -> list[Step]:
@@ -154,7 +154,7 @@ class TwoWay(OneWay):
         return [(f"{where}/{lines.index(line) + 1}", line) for line in sorted(lines, reverse=True) if line <= y] if len(lines) > 1 else []
 
     def _deliver(self, lane: int, side: Side, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()) -> Step:
-        """Drive south past lanes to the stop at this one. The first lane's place is among `needs`, or is held already."""
+        """Drive south past lanes to the stop at this one. The first lane's place is among `needs`, or is reserved already."""
         lanes, stop = range(1, lane + 1), side.y(self.layout.lane(lane).y, self.STOP)
         enter = [Gate([side.place("D", n)], self.layout.lane(n).y + self.HOLD) for n in lanes[1:]]
         leave = [Gate([side.place("D", n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes]

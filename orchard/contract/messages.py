@@ -156,7 +156,7 @@ class CarrierComing(AgentMessage, tag="carrier"):
 
 
 class Places(AgentMessage):
-    """From `traffic`: the places that the robot holds now, and the robots that are in the way of the rest."""
+    """From `traffic`: the places that are reserved for the robot now, and the robots that are in the way of the rest."""
 
     held: list[Word]
     blockers: list[Word]

@@ -16,11 +16,11 @@ ANSWERS = 0.75  # ticks before a robot acts, it hears answers of traffic: before
 
 
 class Claimant:
-    """The places of one robot: what it holds and wants, and when it claims."""
+    """The places of one robot: what is reserved for it, what it wants, and when it claims."""
 
     def __init__(self, env: simpy.Environment, reservations: "Reservations", name: str) -> None:
         self.env, self.reservations, self.name = env, reservations, name
-        self.held: list[str] = []
+        self.reserved: list[str] = []
         self.wanted: list[str] = []
         self.beside = ""
         self.claimed = -PATIENCE
@@ -30,8 +30,8 @@ class Claimant:
         self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
         reservations.claimants[name] = self
 
-    def holds(self, places: list[str]) -> bool:
-        return places is not self.wanted and set(places).issubset(self.held)
+    def has(self, places: list[str]) -> bool:
+        return places is not self.wanted and set(places).issubset(self.reserved)
 
     def want(self, places: list[str], beside: str = "") -> None:
         """Claim places, unless this claim is on its way."""
@@ -41,13 +41,13 @@ class Claimant:
             self._plan()
 
     def free(self, places: list[str]) -> None:
-        kept = [place for place in self.held if place not in places]
-        if len(kept) != len(self.held):
-            self.claimed, self.held = self._repeated(), kept
+        kept = [place for place in self.reserved if place not in places]
+        if len(kept) != len(self.reserved):
+            self.claimed, self.reserved = self._repeated(), kept
             self._plan()
 
     def _plan(self) -> None:
-        given_back = set(self.seen.holds[self.name]) != set(self.held)
+        given_back = set(self.seen.reserved[self.name]) != set(self.reserved)
         if not (self.wanted or given_back) or self._told == self._claim():
             return
         due = max(ceil(self.env.now), self.claimed + (GIVEN_BACK if given_back else PATIENCE))
@@ -63,7 +63,7 @@ class Claimant:
         return self._told
 
     def _claim(self) -> Claim:
-        return Claim(keep=self.held, want=self.wanted, beside=self.beside)
+        return Claim(keep=self.reserved, want=self.wanted, beside=self.beside)
 
     def _repeated(self) -> int:
         """The tick of its last claim. While it waits it claims the same every PATIENCE ticks. That changes nothing, so it is no event."""
@@ -86,11 +86,11 @@ class Claimant:
         self._answers.append((heard, table))
 
     def is_granted(self, places: list[str]) -> None:
-        self.claimed, held = self._repeated(), self.reservations.table.holds
-        self.is_answered(self.env.now, ReservationTable(dict(held)))
-        granted = [place for place in held[self.name] if place in places and place not in self.held]
-        self.held = self.held + granted
-        if set(self.wanted).issubset(self.held):
+        self.claimed, reserved = self._repeated(), self.reservations.table.reserved
+        self.is_answered(self.env.now, ReservationTable(dict(reserved)))
+        granted = [place for place in reserved[self.name] if place in places and place not in self.reserved]
+        self.reserved = self.reserved + granted
+        if set(self.wanted).issubset(self.reserved):
             self.wanted = []
         self._plan()
         if granted and self._pause is not None and self._pause.callbacks:
@@ -123,7 +123,7 @@ class Reservations:
         wanted = {name: wish.places for name, wish in self.table.wishes.items()}
         if wanted:
             grant(self.table)
-        table = ReservationTable(dict(self.table.holds))
+        table = ReservationTable(dict(self.table.reserved))
         for name in claims:
             self.claimants[name].is_answered(tick + 2 - ANSWERS, table)
         for name in sorted(wanted.keys() - self.table.wishes.keys()):

@@ -156,7 +156,7 @@ class Robot(Follower):
                     break
                 yield from self._stand(shut, before if free_to <= here + NEAR else None, called)
                 continue
-            next_freed = next((gate_at for gate_at, places in frees if not set(places).isdisjoint(self.places.held)), inf)
+            next_freed = next((gate_at for gate_at, places in frees if not set(places).isdisjoint(self.places.reserved)), inf)
             next_at = min(limit, next_freed, inf if arrived else left_at + CLEAR)
             ticks = min(ceil((next_at - here) / stride - NEAR), ask)
             begun, was = self.tick, here
@@ -196,11 +196,11 @@ class Robot(Follower):
         return self.model.bystanders.metres_to(self.name, self.meetings)
 
     def _next_gate(self, needs: list[tuple[float, Gate]], here: float, step: st.DriveTo) -> tuple[float, float, simpy.Event | None]:
-        """Drop the gates that it has passed, and those of places that it holds.
+        """Drop the gates that it has passed, and those of places that it has.
 
         Return where the next one is, m, in how many ticks the robot asks for its places, and what happens when a bin is left before that.
         """
-        while needs and (here > needs[0][0] + NEAR or self.places.holds(needs[0][1].places)):
+        while needs and (here > needs[0][0] + NEAR or self.places.has(needs[0][1].places)):
             del needs[0]
         if not needs:
             return inf, inf, None
@@ -297,7 +297,7 @@ class Robot(Follower):
 
     @do.register
     def _(self, step: st.Need) -> Events:
-        while not self.places.holds(step.places):
+        while not self.places.has(step.places):
             self.places.want(step.places)
             yield self.places.granted_or(self.env.event())
 
@@ -348,7 +348,7 @@ class Robot(Follower):
         yield from self._handle(step)
         self.bin = self.offered
         self.model.couple(self)
-        while not self.places.holds([step.place]):
+        while not self.places.has([step.place]):
             self.places.want([step.place], beside=self.carrier)
             yield self.places.granted_or(self.env.event())
         self.taken[self.offered] = self.tick

@@ -80,13 +80,13 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
     if not isinstance(step, DriveTo):
         return seen.x, seen.y, 0.0
     if step.x is not None:
-        return _way_end(seen.x, step.x, step.needs, memory.held), seen.y, 0.0
-    return seen.x, _way_end(seen.y, step.y or 0.0, step.needs, memory.held), 0.0
+        return _way_end(seen.x, step.x, step.needs, memory.reserved), seen.y, 0.0
+    return seen.x, _way_end(seen.y, step.y or 0.0, step.needs, memory.reserved), 0.0
 
 
-def _way_end(here: float, end: float, gates: Sequence[Gate], held: Sequence[str]) -> float:
+def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[str]) -> float:
     for gate in gates:
-        if (here <= gate.at <= end or end <= gate.at <= here) and any(place not in held for place in gate.places):
+        if (here <= gate.at <= end or end <= gate.at <= here) and any(place not in reserved for place in gate.places):
             end = gate.at
     return end
 

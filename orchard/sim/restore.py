@@ -70,7 +70,7 @@ def _faults(world: World) -> Iterator[str]:
         "collisions": (world.collisions, 0, LAST_TICK),
         "bias": (world.bias, -FURTHEST, FURTHEST),
         "reckoned": (world.reckoned, -FURTHEST, FURTHEST),
-        "held": (world.held, 0, LAST_TICK),
+        "refused": (world.refused, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():
         if not (np.greater_equal(value, least) & np.less_equal(value, most)).all():  # refuses NaN too

@@ -114,7 +114,7 @@ class World:
         self.delivered = 0  # bins unloaded
         self.distance = np.zeros(n)  # metres driven
         self.collisions = np.zeros(n, dtype=np.int64)  # that this body began; a collision lasts while its steps meet an obstacle
-        self.held = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
+        self.refused = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
         self.blocked = np.zeros(n, dtype=bool)  # in a collision: the last step met an obstacle, and was refused
         self.stopped = np.zeros(n, dtype=bool)  # latched by an emergency stop; see stops.py
         self.bias = np.zeros((n, 2))  # m: the slow error of each receiver in x and y; see sensors.py

@@ -62,7 +62,7 @@ def test_a_picker_that_fails_before_the_roads_asks_for_no_place_on_them():
     stage.run_until(lambda: stage.world.tick > 1300 and stage.local.actions["picker_01"].state == "failed", 140)
     stage.run(2)
     assert 31.7 < stage.pose("picker_01")[0] < 33.3
-    assert stage.local.memories["picker_01"].held == []
+    assert stage.local.memories["picker_01"].reserved == []
 
 
 def test_with_spread_and_failures_the_seed_matters():

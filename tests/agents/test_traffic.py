@@ -24,13 +24,13 @@ CLAIMS = st.lists(st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.in
 
 
 @given(CLAIMS)
-def test_no_place_is_ever_held_by_two_that_are_not_partners(claims):
+def test_no_place_is_ever_reserved_for_two_that_are_not_partners(claims):
     table = ReservationTable()
     for tick, (name, kept, want) in enumerate(claims):
-        held = table.holds.get(name, [])
-        note(table, name, Claim(keep=[p for i, p in enumerate(held) if i in kept], want=want, beside=""), tick)
+        reserved = table.reserved.get(name, [])
+        note(table, name, Claim(keep=[p for i, p in enumerate(reserved) if i in kept], want=want, beside=""), tick)
         grant(table)
-        everything = [place for places in table.holds.values() for place in places]
+        everything = [place for places in table.reserved.values() for place in places]
         assert len(everything) == len(set(everything))
 
 
@@ -40,7 +40,7 @@ def test_places_are_given_all_together_or_not_at_all():
     grant(table)
     note(table, "b", Claim([], ["F/1", "D/1"], ""), 1)
     grant(table)
-    assert table.holds == {"a": ["D/1"], "b": []}
+    assert table.reserved == {"a": ["D/1"], "b": []}
 
 
 def test_who_asked_first_is_served_first_and_ties_go_by_name():
@@ -52,7 +52,7 @@ def test_who_asked_first_is_served_first_and_ties_go_by_name():
     while table.wishes:
         note(table, served[-1], Claim([], [], ""), 3)
         grant(table)
-        served += [name for name, places in table.holds.items() if places]
+        served += [name for name, places in table.reserved.items() if places]
     assert served == ["a", "b", "c", "d"]
 
 
@@ -63,7 +63,7 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
     note(table, "other", Claim([], ["D/1"], ""), 1)
     note(table, "picker", Claim([], ["D/1"], "carrier"), 2)
     grant(table)
-    assert table.holds == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
+    assert table.reserved == {"carrier": ["D/1"], "other": [], "picker": ["D/1"]}
 
 
 ORCHARDS = [

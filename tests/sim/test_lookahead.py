@@ -148,7 +148,7 @@ def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
 def test_a_refused_step_ends_a_hold():
     stage = stage_of(picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder())  # its bin stays, and soon holds it back
     stage.run(0.6)
-    refused = int(stage.world.held[stage.world.index["picker_01"]])
+    refused = int(stage.world.refused[stage.world.index["picker_01"]])
     assert refused > 0
     assert picker.asked[:2] == [0, 6 - refused + 1]
 

@@ -164,7 +164,7 @@ def test_a_robot_cannot_leave_its_bin_behind():
     held = picker_with_bin()
     held.drive(10, picker_01=AHEAD)
     assert held.pose("picker_01").x == pytest.approx(ROW_WEST + 0.3)
-    assert held.of("held", "picker_01") == 7
+    assert held.of("refused", "picker_01") == 7
     assert held.of("collisions", "picker_01") == 0
     held.drive(1, bin_02=AHEAD)
     held.drive(4, **train(x=1.0))

@@ -176,7 +176,7 @@ FALSE = {
     "unloaded backwards": lambda t: array(t, "bay_ticks", "<i8", 0, -5),
     "driven backwards": lambda t: array(t, "distance", "<f8", 0, -1.0),
     "collisions backwards": lambda t: array(t, "collisions", "<i8", 0, -1),
-    "held back backwards": lambda t: array(t, "held", "<i8", 0, -1),
+    "refused backwards": lambda t: array(t, "refused", "<i8", 0, -1),
     "delivered backwards": lambda t: t | {"world": t["world"] | {"delivered": -1}},
     "half a delivery": lambda t: t | {"world": t["world"] | {"delivered": 0.5}},
     "coupled to a weed": on_a_weed,

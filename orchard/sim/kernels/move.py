@@ -56,8 +56,8 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 @jit
 def advance(
     wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
-    wall_members, body_frame, bin_full, row_west, row_length, row_y, row_speed, row_picked, row_from, distance, collisions, held, blocked,
-    boxes, cells, cell_begin, cell_members, met, picked_from, before,
+    wall_members, body_frame, bin_full, row_west, row_length, row_y, row_speed, row_picked, row_from, distance, collisions, refused,
+    blocked, boxes, cells, cell_begin, cell_members, met, picked_from, before,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick. It is one kernel to save calls.
 
@@ -72,7 +72,7 @@ def advance(
         before[k] = pose[pickers[k], 0]
     place(pose, boxes)
     bodies_near = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
-    is_eventful = move_all(twist, pose, coupled, tows, walls, walls_near, boxes, bodies_near, distance, collisions, held, blocked, met)
+    is_eventful = move_all(twist, pose, coupled, tows, walls, walls_near, boxes, bodies_near, distance, collisions, refused, blocked, met)
     is_eventful |= pick(pickers, before, pose, coupled, rows, fill, picked_from)
     for filled in fill:
         is_eventful |= filled >= rows.full
@@ -80,7 +80,7 @@ def advance(
 
 
 @inlined
-def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, collisions, held, blocked, met):
+def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, collisions, refused, blocked, met):
     """Move each body with its twist for one time step, one after another, if nothing solid is in the way: else its twist becomes 0.
 
     boxes (n, 7) and walls (w, 7): the bodies at their poses, and the walls; body_grid, wall_grid: their Grids. Return whether a collision
@@ -88,7 +88,7 @@ def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, dis
     """
     begins = False
     for i in range(len(pose)):
-        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held)
+        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused)
         met[i] = NONE if blocked[i] else obstacle
         collisions[i] += met[i] != NONE
         begins |= met[i] != NONE
@@ -97,7 +97,7 @@ def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, dis
 
 
 @inlined
-def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, held):
+def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused):
     """Move one body, if it can; return its obstacle, or NONE."""
     forward, left, turn = twist[i, 0], twist[i, 1], twist[i, 2]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
@@ -105,7 +105,7 @@ def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid,
     x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
     moved = _put(boxes[i], x, y, yaw)
     if _leaves_its_bin(moved, i, coupled, tows, boxes):
-        held[i] += 1
+        refused[i] += 1
         twist[i, :] = 0.0
         return NONE
     obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)

@@ -48,7 +48,7 @@ def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
     with ExitStack() as stack:
         own = [os.fdopen(os.dup(number), "w") for number in (1, 2)]
         stack.callback(_close, own)
-        written = stack.enter_context(open(os.memfd_create("printed"), "wb"))  # no pipe: nobody must wait until it is read
+        written = stack.enter_context(open(os.memfd_create("printed"), "wb"))  # no pipe: a writer must not wait until it is read
         for number in (1, 2):
             os.dup2(written.fileno(), number)
         reader = Thread(target=_follow, args=(written.fileno(), stream, is_over), daemon=True)
@@ -76,4 +76,4 @@ def _follow(written: int, stream: Printed, is_over: Event) -> None:
         if part := os.pread(written, MOST_BYTES, at):
             stream.write(part.decode(errors="replace"))
             at = os.fstat(written).st_size
-            os.ftruncate(written, 0)  # who writes goes on at the same place
+            os.ftruncate(written, 0)  # the writer goes on at the same place

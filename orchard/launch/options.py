@@ -22,7 +22,7 @@ from orchard.field.shipped import DEFAULT, names
 
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
-LEAST_PATIENCE = 3.0  # s; over twice mailbox.DOUBT_SECONDS, or who writes to a silent agent goes with it
+LEAST_PATIENCE = 3.0  # s; over twice mailbox.DOUBT_SECONDS, or a host that writes to a silent agent goes with it
 Mode = Literal["local", "lockstep", "realtime"]
 
 # -- the other commands, and the groups of options in --help

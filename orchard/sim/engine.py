@@ -133,7 +133,7 @@ class Engine:
         return self.sensors.reckoned(self.truth())
 
     def due(self, mail: Collection[str]) -> list[str]:
-        """Return who is asked at this tick, in the layout's order; once a tick, after `observe()`. `mail`: who hears something."""
+        """Return the agents that are asked at this tick, in the layout's order; once a tick, after `observe()`. `mail`: those that hear."""
         return self.lookahead.due(self.world, self.scans.ranges, mail)
 
     @property

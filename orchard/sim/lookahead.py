@@ -50,7 +50,7 @@ class Lookahead:
         self._due: list[str] = list(self._agents)  # the agents that are asked at this tick
 
     def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
-        """End the holds that are over, and return the agents that are asked now, in the layout's order. `mail`: who hears something."""
+        """End the holds that are over, and return the agents that are asked now, in the layout's order. `mail`: those that hear."""
         end_holds(
             ranges, self._before, world.tick, self._until, self.wanted, world.twist, world.coupled, self._partner, self._partner_twist,
             world.full, self._was_full, self._watched, self._was_occupied, self._still,

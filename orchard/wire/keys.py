@@ -19,7 +19,7 @@ _PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
 class Key(NamedTuple):
-    """A kind of key, and the messages on it. docs/key_words.py says who sends them, when, and what they mean."""
+    """A kind of key, and the messages on it. docs/key_words.py says which program sends them, when, and what they mean."""
 
     template: str
     message: type | None  # the message that is published, or the query

@@ -103,7 +103,7 @@ def test_following_a_bin_keeps_its_place_behind_its_robot(robot):
     stage.run(0.2)
     assert 0.05 < worst <= 0.15
     assert off_its_place(stage, robot, fruit) < 1e-9, "exactly on its place at rest"
-    assert stage.world.held.sum() == 0
+    assert stage.world.refused.sum() == 0
 
 
 def off_its_place(stage: Stage, robot: str, fruit: str) -> float:

@@ -88,7 +88,7 @@ def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, 
     stage.run_to_the_end()
     assert stage.world.delivered == rows
     stage.assert_no_collisions()
-    assert stage.world.held.sum() == 0
+    assert stage.world.refused.sum() == 0
 
 
 @pytest.mark.parametrize("pickers", [8, *(pytest.param(many, marks=pytest.mark.soak) for many in (12, 20))])
@@ -215,16 +215,16 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
 
 
 @pytest.mark.parametrize(("rows", "pickers", "row_width", "route"), [(5, 3, 5.0, ONE_WAY), (4, 2, 9.0, ONE_WAY), (5, 3, 5.0, TWO_WAY)])
-def test_a_carrier_on_a_road_holds_every_place_that_it_or_its_bin_is_in(rows, pickers, row_width, route):
+def test_a_carrier_on_a_road_has_every_place_that_it_or_its_bin_is_in(rows, pickers, row_width, route):
     stage = Stage(empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4, route=route))
     carriers = [f"carrier_{i + 1:02d}" for i in range(4)]
     while not stage.local.engine.over:
         stage.tick()
         for carrier in carriers:
-            held = stage.local.memories[carrier].held
+            reserved = stage.local.memories[carrier].reserved
             for side, road, lane in lanes_touched(stage, carrier):
                 place = f"{side}/{road}/{lane}"
-                assert place in held, f"{carrier} at {stage.pose(carrier)} is in {place} and holds {held}"
+                assert place in reserved, f"{carrier} at {stage.pose(carrier)} is in {place} and holds {reserved}"
 
 
 def test_a_two_way_carrier_asks_for_one_place_after_the_other():

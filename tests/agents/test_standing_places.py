@@ -49,7 +49,7 @@ def train(kind: str) -> np.ndarray:
 
 def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
     """Return all points that a shape passes while it turns on the spot, in steps of a degree at most."""
-    angles = start + np.linspace(0.0, turn, 181 if abs(turn) > 1.6 else 91)
+    angles = start + np.linspace(0.0, turn, 181)
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     px, py = shape[:, 0], shape[:, 1]
     return np.stack([x + c * px - s * py, y + s * px + c * py], axis=-1).reshape(-1, 2)

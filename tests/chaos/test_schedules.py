@@ -167,11 +167,10 @@ def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(del
     assert verdict.seconds < 60.0
 
 
-def test_hosts_that_know_of_a_reset_that_physics_has_forgotten_build_their_agents_again():
-    """Physics dies before the first snapshot with the new seed: agents of two scenarios would drive in one run."""
-    faults = Fault("reset", CLIENT, 250, 0.03964025815747367, 0.05), Fault("kill", PHYSICS, 250, 0.3332953679211321, 0.0, 10)
-    others = {"delays": Delays(0.00428700489224657, 0.3, 0.1), "is_elsewhere": True, "has_bare_client": True}
-    assert carry_out(replace(plan(*faults, ticks=300, **others), seed=195)).complaints == []
+def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
+    """The disk is full, so physics begins with the old seed again: agents of two scenarios would drive in one run."""
+    faults = Fault("full disk", PHYSICS, 50, 0.0, 500.0), Fault("reset", CLIENT, 100, 0.04), Fault("kill", PHYSICS, 100, 0.4)
+    assert carry_out(replace(plan(*faults, ticks=150, scenario=SCENARIOS[0], delays=Delays(4e-3)), seed=2)).complaints == []
 
 
 @pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])

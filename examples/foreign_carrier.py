@@ -52,7 +52,7 @@ class Field:
     D, F, COUPLES, FULL, PICKER = 38.75, 36.25, 34.15, 32.25, 41.0
     STOP, HOLD, CLEAR = 1.9, 3.75, 5.7
     TOP_ROAD, BAY_STOP, TURN_OFF, HEAD = 24.5, -30.0, -18.6, 35.4
-    LINES = (24.5, 21.5, 18.5, 27.5)
+    LINES = (24.5, 21.5, 18.5, 27.5, 30.5, 33.5, 36.5, 39.5, 42.5, 45.5)
 
     def __init__(self, scenario, name):
         self.rows, self.pitch = scenario["rows"], scenario["row_width"] + 0.5

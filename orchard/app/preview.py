@@ -5,7 +5,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.elements import heading
 from orchard.field.kinds import KINDS
-from orchard.field.layout import TOP, X_WEST, Layout
+from orchard.field.layout import X_WEST, Layout
 from orchard.report.bounds import WORTH, Bounds, enough_carriers, schedule_seconds
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
@@ -25,7 +25,7 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
         ("Enough carriers", str(enough_carriers(layout)), more),
         ("Bins", str(bins), f"one for each robot; the harvest fills {scenario.rows}"),
         ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
-        ("Harvest field", f"{layout.east - X_WEST:g} x {TOP - layout.bottom:.1f} m", "from fence to fence"),
+        ("Harvest field", f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m", "from fence to fence"),
     ]
 
 

@@ -5,7 +5,7 @@ from math import inf, pi
 from orchard.agents.robot import ASK
 from orchard.agents.sense import MARGIN, bystanders_of, sweep_radius
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.layout import TOP, X_WEST, Layout
+from orchard.field.layout import X_WEST, Layout
 from orchard.field.repeatable import draw, exponential
 from orchard.field.scenario import TIME_STEP
 
@@ -18,7 +18,7 @@ class Bystanders:
     """The people and animals of one orchard."""
 
     def __init__(self, layout: Layout) -> None:
-        bystanders, area = bystanders_of(layout), (layout.east - X_WEST) * (TOP - layout.bottom)
+        bystanders, area = bystanders_of(layout), (layout.east - X_WEST) * (layout.top - layout.bottom)
         self.seed, self.density = layout.scenario.seed, len(bystanders) / area  # per m2
         self.radius = sum(one.radius for one in bystanders) / len(bystanders) if bystanders else 0.0  # m, mean
 

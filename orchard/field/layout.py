@@ -26,7 +26,8 @@ KEPT_LAYOUTS = 8  # in the cache
 
 # metres, in the frame `map`
 X_WEST, X_EAST = -50.0, 50.0  # x of the fences' centre lines; the eastern one with rows of the usual length
-TOP = 34.0  # y of the top fence's centre line
+TOP = 34.0  # y of the top fence's centre line, unless the queue reaches further north
+ABOVE_QUEUE = 3.5  # m from the northernmost line of the queue to the top fence's centre line
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
 TREE_TOP_LINE = 13.5  # y of the northernmost line of trees
@@ -112,6 +113,11 @@ class Layout:
     def east(self) -> float:
         """x of the east fence's centre line, m."""
         return X_EAST + self.shift
+
+    @cached_property
+    def top(self) -> float:
+        """y of the top fence's centre line, m."""
+        return max(TOP, max(self.queue.lines) + ABOVE_QUEUE)
 
     @property
     def middle(self) -> float:
@@ -200,7 +206,7 @@ def _laid_out(text: str) -> Layout:
     lanes, lines = _alike(scenario) if scenario.survey is None else _surveyed(scenario, scenario.survey)
     bare = Layout(scenario, lanes, lines, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
-    inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, TOP - half)
+    inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
     starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(scenario.carrier_count))
     starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
@@ -240,9 +246,9 @@ def _lane(scenario: Scenario, number: int, row: SurveyedRow, south: float, lines
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
     low, half = layout.bottom, FENCE_THICKNESS / 2
-    middle, half_height = (TOP + low) / 2, (TOP - low) / 2 + half
+    middle, half_height = (layout.top + low) / 2, (layout.top - low) / 2 + half
     across, half_width = (X_WEST + layout.east) / 2, (layout.east - X_WEST) / 2 + half
-    return [(across, y, half_width, half) for y in (TOP, low)] + [(x, middle, half, half_height) for x in (X_WEST, layout.east)]
+    return [(across, y, half_width, half) for y in (layout.top, low)] + [(x, middle, half, half_height) for x in (X_WEST, layout.east)]
 
 
 def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:

@@ -20,7 +20,7 @@ TURN = 0.3  # m by which a turn off the top road must be further from the bay, t
 AREA = 0.8  # m from the last place of a single line to where the queue begins
 OFF_THE_TRACK = -18.6  # x from which a turn off the top road is clear of the tractor and of the driveway
 NEAREST_HEAD = -23.5  # x of the first head whose carrier turns south, 2.5 m further east, 0.65 m clear of what the tractor sweeps
-MOST_CARRIERS = 40
+MOST_CARRIERS = 120
 SHORTEST_ROW, LONGEST_ROW = 20.0, 200.0  # m
 
 
@@ -66,8 +66,9 @@ def long_lines(row_length: float, bay: float, carriers: int) -> Iterator[Queue]:
     head = 35.4 + (row_length - USUAL_ROW)
     after_bay = BAY_STOP + bay + OFF_THE_BAY
     turn_off = max(OFF_THE_TRACK, after_bay + TURN)
-    several = [(lines, turn_off, turn_off + BEHIND) for lines in (_LINES, (*_LINES, 30.5))]
-    for lines, west, last in (*several, (_LINES[:1], after_bay - AREA, after_bay)):  # in a single line no carrier turns
+    several = [(_LINES[:number], turn_off, turn_off + BEHIND) for number in range(4, len(_LINES) + 1)]
+    single = _LINES[:1], after_bay - AREA, after_bay  # in it no carrier turns
+    for lines, west, last in (*several[:2], single, *several[2:]):
         if head >= last:
             yield Queue(lines, head, min(12, int((head - last) / CLOSED_UP + 1.0)), west)
 
@@ -78,16 +79,20 @@ def short_lines(row_length: float, bay: float, carriers: int) -> Iterator[Queue]
     after_bay = BAY_STOP + bay + OFF_THE_BAY
     turn_off = max(OFF_THE_TRACK, after_bay + TURN)
     queues = []
-    for lines, west, last in ((_SHORT[:1], after_bay - AREA, after_bay), (_SHORT, turn_off, turn_off + BEHIND)):
+    several = [(_SHORT[:number], turn_off, turn_off + BEHIND) for number in range(4, len(_SHORT) + 1)]
+    for lines, west, last in ((_SHORT[:1], after_bay - AREA, after_bay), *several):
         most = int((furthest - last) / CLOSED_UP + 1.0) if furthest >= last else 0
         if places := min(most, -(-carriers // len(lines))):
             head = max(last + CLOSED_UP * (places - 1), NEAREST_HEAD)
             queues.append(Queue(lines, round(head, 3), places, west))
-    yield from sorted(queues, key=lambda queue: (queue.room < carriers, math.floor(queue.head), len(queue.lines)))
+    usual, more = queues[:2], queues[2:]
+    yield from sorted(usual, key=lambda queue: (queue.room < carriers, math.floor(queue.head), len(queue.lines)))
+    yield from more
 
 
-_LINES = (24.5, 21.5, 18.5, 27.5)
-_SHORT = (24.5, 21.5, 27.5, 30.5)
+_NORTH = (27.5, 30.5, 33.5, 36.5, 39.5, 42.5, 45.5)
+_LINES = (24.5, 21.5, 18.5, *_NORTH)
+_SHORT = (24.5, 21.5, *_NORTH, 48.5)
 ONE_WAY, TWO_WAY = "one-way", "two-way"  # the built-in routes
 QUEUES: Mapping[str, Plan] = MappingProxyType({ONE_WAY: long_lines, TWO_WAY: short_lines})
 

@@ -167,7 +167,7 @@ class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5
-    pickers: Annotated[int, Field(ge=2, le=20, description="number of picking robots; at most one for each row")] = 2
+    pickers: Annotated[int, Field(ge=2, le=60, description="number of picking robots; at most one for each row")] = 2
     row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
     row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None

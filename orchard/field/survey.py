@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from orchard.field.problems import Section
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
 
-FEWEST_ROWS, MOST_ROWS = 3, 20
+FEWEST_ROWS, MOST_ROWS = 3, 100
 TRUNK = 0.5  # m square; posts too
 NARROWEST_ROW, WIDEST_ROW = 5.0, 12.0  # m between the trees of a row
 CLOSEST = 5.3  # m from a row's centre line to the next one's: turns and exchanges at neighbouring rows stay 1 cm and more apart

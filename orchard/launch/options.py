@@ -145,7 +145,7 @@ File = Annotated[
         callback=_scenario,
     ),
 ]
-Rows = Annotated[int | None, Option(help="Rows, 3 to 20.", rich_help_panel=ORCHARD)]
+Rows = Annotated[int | None, Option(help="Rows, 3 to 100.", rich_help_panel=ORCHARD)]
 Pickers = Annotated[int | None, Option(help="Pickers, 2 to rows.", rich_help_panel=ORCHARD)]
 Hosts = Annotated[
     int | None, Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one per core, at most 4.", rich_help_panel=RUN)
@@ -168,7 +168,7 @@ class HarvestOptions:
     rows: Rows = None
     pickers: Pickers = None
     row_width: float | None = option(ORCHARD, "Width of a row, 5 to 12 m.")
-    carriers: int | None = option(ORCHARD, "Carriers, 1 to 40. Default: 7 for every 10 pickers.")
+    carriers: int | None = option(ORCHARD, "Carriers, 1 to 120. Default: 7 for every 10 pickers.")
     seed: int | None = option(ORCHARD, "The same seed gives the same run.")
     dispatch: str | None = _rule("Which carrier fetches which bin, and when", DISPATCH_POLICIES)
     rows_to_pickers: str | None = _rule("Which picker picks which rows", ROW_RULES)
@@ -345,7 +345,7 @@ class SecureOptions:
     scenario: File = None
     rows: Rows = None
     pickers: Pickers = None
-    carriers: int | None = option(None, "Carriers, 1 to 40.")
+    carriers: int | None = option(None, "Carriers, 1 to 120.")
     hosts: Hosts = None
     role: list[str] | None = option(None, "One host for exactly these agents (repeatable).", "NAME=KIND|AGENT,...")
     bridge: list[str] | None = option(None, SIMULATION, "NAME[=KIND|AGENT|simulation,...]")

@@ -6,7 +6,7 @@ import math
 from orchard.agents.routes import route_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
-from orchard.field.layout import DRIVEWAY, TOP, X_WEST, Layout
+from orchard.field.layout import DRIVEWAY, X_WEST, Layout
 from orchard.report.summary import clock
 from orchard.sim.world import World
 
@@ -59,7 +59,7 @@ class Drawing:
 
 def orchard_plan(layout: Layout) -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts."""
-    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, TOP + 1)
+    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 1)
     for start in layout.starts:
         drawing.box(start.pose.x, start.pose.y, *_half_sizes(start.kind), _paint(start.kind), start.name)
     return drawing.svg()
@@ -68,7 +68,7 @@ def orchard_plan(layout: Layout) -> str:
 def present_plan(world: World) -> str:
     """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
     layout = world.layout
-    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, TOP + 5)
+    drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
     for lane, metres, end in zip(layout.lanes, world.row_picked.tolist(), world.row_from.tolist(), strict=True):
         middle = (lane.west + metres / 2) if end < 0 else (lane.east - metres / 2)
         drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", f"row {lane.number}: {metres:.1f} m picked")
@@ -77,7 +77,7 @@ def present_plan(world: World) -> str:
             _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.row_length)
     picked = f"{world.row_picked.sum():.0f} of {layout.mean_length * len(layout.lanes):.0f} m picked"
     told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
-    drawing.label(X_WEST, TOP + 1.7, told, 2.4)
+    drawing.label(X_WEST, layout.top + 1.7, told, 2.4)
     return drawing.svg()
 
 
@@ -100,7 +100,7 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:
-    middle, half = (TOP + layout.bottom) / 2, (TOP - layout.bottom) / 2
+    middle, half = (layout.top + layout.bottom) / 2, (layout.top - layout.bottom) / 2
     width = layout.east - X_WEST
     drawing.box(X_WEST + width / 2, middle, width / 2, half, f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}")
     for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (layout.bay, COLOURS["bay"])):

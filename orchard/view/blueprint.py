@@ -4,7 +4,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from orchard.field.kinds import VEHICLES
-from orchard.field.layout import ROW_WEST, TOP, Layout
+from orchard.field.layout import ROW_WEST, Layout
 from orchard.view import legend, palette
 from orchard.view.names import FOCUS
 from orchard.view.scenery import PLAN_CAMERA, plan_size
@@ -98,7 +98,7 @@ def _outside(layout: Layout) -> rrb.EyeControls3D:
     south = layout.tree_lines[-1]
     if _is_high(layout):
         return _eye((48.0, south - 12.0, 13.0), (10.0, south + 26.0, -3.0))
-    return _eye((44.5, south - 7.0, 8.0 + 0.05 * (TOP - south)), (13.0, south + 12.0, -3.0))
+    return _eye((44.5, south - 7.0, 8.0 + 0.05 * (layout.top - south)), (13.0, south + 12.0, -3.0))
 
 
 def _eye(position: tuple[float, float, float], target: tuple[float, float, float], follow: str | None = None) -> rrb.EyeControls3D:

@@ -126,7 +126,7 @@ def _any(draw: np.random.Generator) -> palette.Colour:
 
 
 def _lawn(layout: Layout) -> list[Part]:
-    edges = np.linspace(layout.bottom, field.TOP, round((field.TOP - layout.bottom) / MOWER) + 1)
+    edges = np.linspace(layout.bottom, layout.top, round((layout.top - layout.bottom) / MOWER) + 1)
     colours = (palette.GRASS, palette.MOWN)
     return [_slab(field.X_WEST, s, layout.east, n, GRASS_Z, colours[i % 2]) for i, (s, n) in enumerate(pairwise(edges))]
 
@@ -146,7 +146,7 @@ def _queue(layout: Layout) -> list[Part]:
 
 
 def _fences(layout: Layout) -> list[Part]:
-    x, y = (field.X_WEST, layout.east), (layout.bottom, field.TOP)
+    x, y = (field.X_WEST, layout.east), (layout.bottom, layout.top)
     width, length = x[1] - x[0], y[1] - y[0]
     middle_x, middle_y = sum(x) / 2, sum(y) / 2
     along_x, along_y = np.linspace(*x, round(width / 5.0) + 1), np.linspace(*y, round(length / 5.0) + 1)
@@ -185,7 +185,7 @@ def trees_over(lane: Lane) -> tuple[float, ...]:
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
-    middle = (layout.shift / 2, (field.TOP + layout.bottom) / 2, CAMERA_UP)
+    middle = (layout.shift / 2, (layout.top + layout.bottom) / 2, CAMERA_UP)
     about = rr.Quaternion(xyzw=(1.0, 0.0, 0.0, 0.0))
     down = rr.Transform3D(translation=middle, quaternion=about, child_frame="plan_eye", parent_frame=WORLD_FRAME)
     image = rr.Pinhole(focal_length=FOCAL, width=width * scale, height=height * scale, child_frame="plan_image", parent_frame="plan_eye")
@@ -195,4 +195,4 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
 
 def plan_size(layout: Layout) -> tuple[float, float]:
     """Return the height and width of the area on the plan, m."""
-    return field.TOP - layout.bottom + 2 * MARGIN, layout.east - field.X_WEST + 2 * MARGIN
+    return layout.top - layout.bottom + 2 * MARGIN, layout.east - field.X_WEST + 2 * MARGIN

@@ -21,7 +21,7 @@ from orchard.agents.tractor import EAST_END, WEST_END
 from orchard.field.geometry import EAST, HEADINGS, SOUTH, WEST, angle_between
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
+from orchard.field.queue import MOST_CARRIERS, ONE_WAY, TWO_WAY, queue_of
 from orchard.field.rows import RULES
 from orchard.field.scenario import NEAREST, Scenario
 from orchard.field.survey import CLOSEST
@@ -298,7 +298,7 @@ def surveyed(draw: st.DrawFn) -> Scenario:
 def orchards(draw: st.DrawFn) -> Scenario:
     rows, route = draw(st.integers(3, 20)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     length, bay = draw(st.just(70.0) | st.floats(20.0, 200.0)), draw(st.just(0.0) | st.floats(0.0, 100.0))
-    most = [number for number in range(1, 41) if queue_of(route, length, bay, number)]
+    most = [number for number in range(1, MOST_CARRIERS + 1) if queue_of(route, length, bay, number)]
     assume(most)
     return empty_orchard(
         rows=rows,
@@ -325,6 +325,8 @@ LARGEST = {"rows": 20, "pickers": 20, "carriers": 40}
 @example(empty_orchard(rows=20, pickers=10, carriers=40, rows_to_pickers="balanced-ends"))
 @example(empty_orchard(**LARGEST, rows_to_pickers=FROM_THE_EAST))
 @example(empty_orchard(**LARGEST, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
+@example(empty_orchard(rows=3, pickers=3, carriers=120))
+@example(empty_orchard(rows=3, pickers=3, carriers=120, route=TWO_WAY))
 @example(empty_orchard(carriers=2, row_length=20.0, route=TWO_WAY))
 @example(empty_orchard(carriers=3, route=TWO_WAY, bay=50.75))
 def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario) -> None:
@@ -355,6 +357,8 @@ def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn
 @given(orchards())
 @example(empty_orchard(rows=6, pickers=6, carriers=10, route=TWO_WAY))
 @example(empty_orchard(rows=6, pickers=6, carriers=16))
+@example(empty_orchard(rows=3, pickers=3, carriers=120))
+@example(empty_orchard(rows=3, pickers=3, carriers=120, route=TWO_WAY))
 def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> None:
     assert in_a_turn(lay_out(scenario)) == []
 
@@ -394,8 +398,8 @@ def clear_of_the_tractor(route: str, numbers: Iterable[int], lengths: Iterable[f
     return found
 
 
-SOME = (1, 2, 3, 9, 40), (20.0, 28.0, 70.0), (0.0, 0.5, 1.0, 2.3, 4.3)
-MANY = range(1, 41), range(20, 201, 20), np.arange(0.0, 60.0, 0.7)
+SOME = (1, 2, 3, 9, 40, 120), (20.0, 28.0, 70.0), (0.0, 0.5, 1.0, 2.3, 4.3)
+MANY = (*range(1, 41), *range(45, 121, 5)), range(20, 201, 20), np.arange(0.0, 60.0, 0.7)
 
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])

@@ -76,6 +76,8 @@ ORCHARDS = [
     (4, 3, 3, 5.0, {"row_length": 20.0, "route": TWO_WAY}),
     (5, 5, 10, 5.0, {"route": TWO_WAY}),
     (6, 4, 6, 6.3, {"row_length": 40.0, "bay": 5.0, "route": TWO_WAY, "dispatch": FARTHEST}),
+    pytest.param(12, 12, 120, 5.0, {}, marks=pytest.mark.soak),  # all ten lines of the queue are left and come back to
+    pytest.param(12, 12, 120, 5.0, {"route": TWO_WAY}, marks=pytest.mark.soak),
     pytest.param(6, 2, 14, 12.0, {}, marks=pytest.mark.soak),
     pytest.param(6, 2, 40, 12.0, {"row_length": 200.0, "bay": 60.0, "route": TWO_WAY}, marks=pytest.mark.soak),
 ]

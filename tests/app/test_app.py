@@ -100,13 +100,13 @@ def test_the_plan_and_the_figures_follow_every_change(browser):
 def test_a_slider_moves_its_field(browser):
     browser.one(".field .q-slider").click()
     rows = browser.field("rows")
-    browser.until(lambda: rows.get_attribute("value") in ("11", "12"), "rows in the middle")
+    browser.until(lambda: rows.get_attribute("value") in ("51", "52"), "rows in the middle")
     browser.until(lambda: browser.tree_lines() == int(rows.get_attribute("value")) + 1, "a plan of as many")
 
 
 def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
-    browser.fill("rows", 21)
-    browser.until(lambda: "from 3 to 20" in browser.problem("rows"), "the limits at the field")
+    browser.fill("rows", 101)
+    browser.until(lambda: "from 3 to 100" in browser.problem("rows"), "the limits at the field")
     browser.fill("people.workers", 48)
     browser.until(lambda: "at most 50 together" in browser.problem("people.visitors"), "people are too many together")
     assert "48" in browser.problem("people.workers")
@@ -121,10 +121,10 @@ def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
 
 def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
     file = tmp_path / "bad.yaml"
-    file.write_text("rows: 99\npikers: 3\n")
+    file.write_text("rows: 999\npikers: 3\n")
     browser.one("input[type=file]").send_keys(str(file))
     told = browser.until(lambda: browser.view("complaint").text, "a complaint")
-    assert "bad.yaml:1: rows = 99" in told
+    assert "bad.yaml:1: rows = 999" in told
     assert "did you mean pickers" in told
     assert browser.field("rows").get_attribute("value") == "5"
 

@@ -173,7 +173,7 @@ def test_axe_finds_no_violation(listed):
     for view in ("Messages", "Summary", "Plan"):
         listed.turn_to(view)
         assert violations(listed) == []
-    listed.fill("rows", 99)
+    listed.fill("rows", 999)
     listed.until(lambda: listed.problem("rows"), "a problem")
     assert violations(listed) == []
     with as_phone(listed):
@@ -224,7 +224,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.press("how-many")
     page.until(lambda: page.field("study-first").is_displayed(), "the study is on the stage")
     page.fill("study-last", 0)
-    page.until(lambda: "Carriers to: must be a whole number from 1 to 40" in page.problem("study"), "what is wrong")
+    page.until(lambda: "Carriers to: must be a whole number from 1 to 120" in page.problem("study"), "what is wrong")
     assert not page.one("[data-action=study-start]").is_enabled()
     assert violations(page) == []
     page.fill("study-last", 3)

@@ -27,7 +27,7 @@ def test_the_page_asks_for_every_value_of_a_scenario():
 
 def test_limits_and_steps_come_from_the_model():
     rows, noise, seed = (entries()[path] for path in ("rows", "laser.noise", "seed"))
-    assert (rows.low, rows.high, rows.step, rows.limits) == (3, 20, 1, "3 to 20")
+    assert (rows.low, rows.high, rows.step, rows.limits) == (3, 100, 1, "3 to 100")
     assert (noise.step, noise.limits, noise.label) == (0.0002, "0 to 0.02 m", "Laser noise")
     assert not seed.has_slider, "a browser's numbers do not hold it"
 
@@ -39,7 +39,7 @@ def test_labels_are_words_of_a_reader():
 
 
 WRONG_FIELDS = [
-    ({"rows": 21.0}, {"rows": "from 3 to 20"}),
+    ({"rows": 101.0}, {"rows": "from 3 to 100"}),
     ({"rows": 5.5}, {"rows": "a whole number"}),
     ({"rows": None}, {"rows": "a whole number"}),
     ({"pickers": 6.0}, {"pickers": "one picker a row", "rows": "one picker a row"}),
@@ -201,7 +201,7 @@ def test_a_link_brings_back_its_scenario(changes):
 
 
 def test_what_is_wrong_in_a_link_is_told():
-    draft, unknown = draft_of([("rows", "99"), ("pikers", "3"), ("agents", "os.system"), ("tractor", "perhaps")])
+    draft, unknown = draft_of([("rows", "999"), ("pikers", "3"), ("agents", "os.system"), ("tractor", "perhaps")])
     assert unknown == ["pikers: no such setting; did you mean pickers?", "agents: no such setting"]
     assert draft.problems.keys() == {"rows", "tractor"}
 
@@ -231,7 +231,7 @@ def test_a_scenario_has_a_title_and_a_draft_its_own_values():
 
 
 STRANGE = {
-    "broken": ({"scenario": {"rows": 99}}, "rows = 99: must be a whole number from 3 to 20"),
+    "broken": ({"scenario": {"rows": 999}}, "rows = 999: must be a whole number from 3 to 100"),
     "empty": ({"history": {"seconds": []}}, "history: each sample needs all its values"),
     "uneven": ({"history": SUMMARY["history"] | {"seconds": [1.0]}}, "history: each sample needs all its values"),
     "text": ({"sim_seconds": "many"}, "Expected `float`, got `str` - at `$.sim_seconds`"),

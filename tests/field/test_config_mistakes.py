@@ -12,14 +12,14 @@ from orchard.field.scenario import People, Scenario, load, parse
 from orchard.field.yaml_file import LARGEST_FILE
 
 OUT_OF_RANGE = [
-    ("rows: 2", "rows = 2: must be a whole number from 3 to 20"),
-    ("rows: 21", "rows = 21: must be a whole number from 3 to 20"),
-    ("rows: 26", "of a larger orchard, simulate each block by itself)"),
-    ("pickers: 1", "pickers = 1: must be a whole number from 2 to 20"),
+    ("rows: 2", "rows = 2: must be a whole number from 3 to 100"),
+    ("rows: 101", "rows = 101: must be a whole number from 3 to 100"),
+    ("rows: 126", "of a larger orchard, simulate each block by itself)"),
+    ("pickers: 1", "pickers = 1: must be a whole number from 2 to 60"),
     ("row_width: 4.99", "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)"),
     ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
-    ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 40"),
-    ("carriers: 41", "carriers = 41: must be null or a whole number from 1 to 40"),
+    ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 120"),
+    ("carriers: 121", "carriers = 121: must be null or a whole number from 1 to 120"),
     ("picking_speed: 0.01", "picking_speed = 0.01: must be a number from 0.02 to 1.0"),
     ("picking_speed: -1", "picking_speed = -1: must be"),
     ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
@@ -153,15 +153,15 @@ def test_all_broken_rules_are_told_at_once() -> None:
 
 
 def test_no_rule_is_blamed_on_a_field_that_is_wrong_by_itself() -> None:
-    assert "rows = 99: must be" in refusal("rows: 99\npickers: 20")
+    assert "rows = 999: must be" in refusal("rows: 999\npickers: 20")
     assert "people.visitors = -1: must be" in refusal("people: {workers: 50, visitors: -1}")
 
 
 def test_problems_are_data_too() -> None:
     with pytest.raises(ScenarioError) as caught:
-        parse("seed: 1\nrows: 99", "my.yaml")
+        parse("seed: 1\nrows: 999", "my.yaml")
     (problem,) = caught.value.problems
-    assert (problem.file, problem.line, problem.path, problem.value) == ("my.yaml", 2, "rows", "99")
+    assert (problem.file, problem.line, problem.path, problem.value) == ("my.yaml", 2, "rows", "999")
 
 
 def unreadable(path: Path | str) -> str:

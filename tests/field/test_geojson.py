@@ -180,7 +180,7 @@ TEXT = SAMPLE.read_text()
 UNUSABLE = [
     ("{", None, "is not JSON"),
     ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),
-    ('{"features": []}', None, "has 0 rows; must be 3 to 20 LineStrings"),
+    ('{"features": []}', None, "has 0 rows; must be 3 to 100 LineStrings"),
     (line('[["a", 1]]'), None, 'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]'),
     (line("[[1, 2], [NaN, 1]]"), None, "feature number 2: its point 2 is [NaN, 1]; each"),
     (line("[[1, 2], null]"), None, "feature number 2: its point 2 is null; each"),

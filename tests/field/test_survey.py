@@ -87,7 +87,7 @@ NO_SURVEYS = [
     (changed(2, length=19.9), "survey.rows.1.length = 19.9: must be a number from 20.0 to 200.0"),
     (changed(2, start=30.1), "survey.rows.1.start = 30.1: must be a number from 0.0 to 30.0"),
     (changed(2, lenght=25.0), "survey.rows.1.lenght = 25.0: unknown key; did you mean length?"),
-    ({"survey": {}}, "survey.rows: is missing: a list of 3 to 20 maps"),
+    ({"survey": {}}, "survey.rows: is missing: a list of 3 to 100 maps"),
     ({"survey": {"rows": [1, 2, 3]}}, "survey.rows.0 = 1: must be a map with some of the keys id, south, start, length"),
 ]
 

@@ -19,7 +19,7 @@ RAW = ("\x1b", "Traceback", "Input should be", "Value error", "Invalid value", "
 FILES = {
     "agents.yaml": "agents: {piker: my_package.MyPicker}\n",
     "nobody.yaml": "agents: {picker_99: my_package.MyPicker}\n",
-    "bad.yaml": "rows: 99\npikers: 3\npeople:\n  workers: many\n",
+    "bad.yaml": "rows: 999\npikers: 3\npeople:\n  workers: many\n",
 }
 NOWHERE = ("--connect", "tcp/127.0.0.1:9")
 SHORT = ("--mode", "local", "--rows", "3", "--duration", "0.1", "--record", "none")
@@ -72,10 +72,10 @@ MISTAKES = [
     (["app", "--port", "x"], "--port: x: expected a whole number"),
     (["app", "--port", "65536"], "--port: 65536: expected a number up to 65535"),
     (
-        ["study", "--vary", "carriers=50..70"],
-        "--vary carriers=50..70: carriers = 50, 51, 52 and 18 more: must be null or a whole number",
+        ["study", "--vary", "carriers=130..150"],
+        "--vary carriers=130..150: carriers = 130, 131, 132 and 18 more: must be null or a whole number",
     ),
-    (["--rows", "21"], "command line: --rows = 21"),
+    (["--rows", "101"], "command line: --rows = 101"),
     (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
     (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
     (["nothing.yaml"], "nothing.yaml: no such file"),
@@ -106,7 +106,7 @@ MISTAKES = [
     (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
     (["agents.yaml"], "agents.yaml:1: agents.piker: not a kind (picker"),
     (["nobody.yaml"], "agents.picker_99: no such agent or kind"),
-    (["bad.yaml"], "bad.yaml:1: rows = 99: "),
+    (["bad.yaml"], "bad.yaml:1: rows = 999: "),
     (["bad.yaml"], "did you mean pickers"),
     (["bad.yaml"], "bad.yaml:4: people.workers = 'many'"),
     ([*SHORT, "--table", b"\xff"], "?: this name is no text in UTF-8, which a run needs; expected another folder or file"),

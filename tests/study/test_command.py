@@ -140,7 +140,7 @@ def mistakes(capfd, monkeypatch, tmp_path):
 
 def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes, tmp_path):
     """Nothing is told that may follow from a fault of the file: here a price, and the number of rows."""
-    (tmp_path / "bad.yaml").write_text("rows: 99\nprices: {per_bin: -1}\n")
+    (tmp_path / "bad.yaml").write_text("rows: 999\nprices: {per_bin: -1}\n")
     options = "--goal cost_per_bin --model slow --within 3 --workers 0 --csv /no/such/folder/file.csv --out README.md"
     said = mistakes(tmp_path / "bad.yaml", "--vary", "carriers=0..5", "--vary", "pickers=20", *options.split())
     assert [line.removeprefix(str(tmp_path))[:22] for line in said.splitlines()] == [

@@ -55,7 +55,7 @@ def test_without_anything_that_varies_there_is_one_setting() -> None:
 
 
 MISTAKES = [
-    (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 40"]),
+    (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 120"]),
     (["carrier=1..3"], ["--vary carrier=1..3: carrier: unknown key; did you mean carriers?"]),
     (["carriers=5..1"], ["--vary carriers=5..1: 5..1: this range is empty"]),
     (["carriers=1..9..0"], ["--vary carriers=1..9..0: 1..9..0: this range is empty"]),

@@ -107,7 +107,7 @@ def _field(layout: Layout) -> str:
         ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
         ("trunks and posts", f"{TRUNK:g} x {TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
         ("row, or lane", "between two tree lines, with its centre line halfway; rows count from 1 at the top"),
-        ("picked part of a row", f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m, which fill one bin"),
+        ("picked part of a row", f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m"),
         ("driveway", f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences"),
         ("bay", f"{_area(field.BAY)}: the south edge of the driveway"),
         ("queue", _area(layout.queue.area)),
@@ -230,8 +230,8 @@ def _work() -> str:
    so on.
 2. The bin fills with the metres that its picker drives in the unpicked part of a row, within {move.LANE_REACH:g} m of the lane's centre
    line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m. There physics limits the
-   picker's speed to the row's picking speed: the scenario's `picking_speed`, or what `picking.spread` draws. After `row_length` the row is
-   picked and the bin full.
+   picker's speed to the row's picking speed: the scenario's `picking_speed`, or what `picking.spread` draws. A row fills one bin, or
+   `metres_per_bin` do ([several bins a row](bounds.md#several-bins-a-row)).
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
    it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
 4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the letters below. The carrier

@@ -1,4 +1,4 @@
-"""The bin: holds the fruit of one row, follows its robot, and calls a carrier when it stands full in the mouth of a lane.
+"""The bin: holds fruit, follows its robot, and calls a carrier when it stands full in the mouth of a lane.
 
 If the scenario's dispatch policy is `early`, the bin calls before that, while its picker still fills it.
 """
@@ -36,6 +36,8 @@ class BinMemory(msgspec.Struct):
     done: int = 0  # calls that ended in an exchange
     picking_speed: float = 0.0  # m/s, in the present row
     speed: float = 0.0  # m/s at which the picker drove when the bin last looked
+    fill: float = 0.0  # m in it when it last looked
+    left_at: messages.LeftAt | None = None  # where its picker will leave it next
 
 
 class Bin:
@@ -72,6 +74,9 @@ class Bin:
             return messages.BinState(full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else "")
         if isinstance(heard.body, messages.EmptyBin):
             return messages.CarrierComing(memory.carrier if memory.coming else "")
+        if isinstance(heard.body, messages.LeftAt):
+            memory.left_at = heard.body
+            return messages.Yes()
         if isinstance(heard.body, messages.Confirm):
             return messages.Yes() if memory.carrier == heard.sender else messages.No("another carrier comes")
         return messages.No("a bin knows nothing of that")
@@ -88,7 +93,7 @@ class Bin:
             memory.picker, action.state = hitch.name, "waiting" if seen.full else "picking"
             return
         action.state = "hauling" if seen.full else "driving"
-        memory.since = -1
+        memory.since, memory.left_at = -1, None
         if memory.carrier:
             memory.carrier, memory.coming, memory.shunned, memory.done = "", False, [], memory.done + 1
 
@@ -99,11 +104,12 @@ class Bin:
             action.hold = None  # the last step before a picker stands is shorter, and tells nothing: the next tick tells
         if not seen.fill:
             memory.picking_speed = self.layout.scenario.picking_speed
-        elif is_steady and memory.speed >= LEAST_SPEED:
+        elif is_steady and memory.speed >= LEAST_SPEED and seen.fill > memory.fill:
             memory.picking_speed = memory.speed
         elif not memory.picking_speed:  # it begins without a memory, on a picker that has begun
             memory.picking_speed = self.layout.scenario.picking_speed
-        ripening = forecast.of(seen, picker, memory.picking_speed)
+        memory.fill = seen.fill
+        ripening = forecast.of(seen, picker, memory.picking_speed, memory.left_at)
         is_time = ripening is not None and ripening.seconds < forecast.horizon
         if ripening is not None and (is_time or memory.carrier):
             self.call(seen, mail, memory, action, ripening.lane, ripening.side, ripening.seconds)

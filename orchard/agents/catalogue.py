@@ -76,10 +76,8 @@ def _check_route(layout: Layout) -> None:
         unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
         for block in layout.blocks.values():
             of_known_steps(route.harvest(block), route.Steps)
-            for count, row in enumerate(block.rows):
-                side = route.side(count, block.start)
-                of_known_steps(route.fetch(1, row, side, "picker_01", "bin_01"), route.Steps)
-                of_known_steps(route.crossing(row, row + 1, side) if row < layout.scenario.rows else [], route.Steps)
+            for one in layout.passes(block):
+                of_known_steps(route.fetch(1, one.row, route.sides[one.end], "picker_01", "bin_01"), route.Steps)
         route.roads(), route.holds(), route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
         raise unusable("route", path, error, place=place_of_class(type(route))) from error

@@ -6,12 +6,13 @@ from typing import NamedTuple
 from orchard.agents.routes import route_of, way_to
 from orchard.agents.steps import CRUISE
 from orchard.contract.agent import Hitch, Observation
+from orchard.contract.messages import LeftAt
 from orchard.field.geometry import EAST, WEST, angle_between
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 
 ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
-LEAST_SPEED = 0.01  # m/s: a picker that is slower does not pick, but stands, or is about to
+LEAST_SPEED = 0.001  # m/s: a picker that is slower does not pick, but stands, or is about to
 EARLIER = 30.0  # s before a carrier would have to leave for the farthest lane
 
 
@@ -21,24 +22,30 @@ class Ripening(NamedTuple):
     lane: int
     side: str  # end of the lane
     seconds: float  # until it is full, and at the furthest end of a row there; 0 once it is
-    before: float  # m that its picker still has to drive before it picks
+    before: float  # m that its picker still has to drive, and does not pick
 
 
 class Forecast:
     def __init__(self, layout: Layout) -> None:
         self.layout, self.horizon = layout, horizon(layout)
 
-    def of(self, seen: Observation, picker: Hitch, picking_speed: float) -> Ripening | None:
+    def of(self, seen: Observation, picker: Hitch, picking_speed: float, left_at: LeftAt | None = None) -> Ripening | None:
         """Return the forecast for a bin on a picker; None unless the picker is in a row that is not picked, or drives into one.
 
-        `picking_speed`: m/s in this row. A picker that stands before a row may have to wait for roads that early carriers block.
+        `picking_speed`: m/s in this row. `left_at`: where the bin will be left, unless each row fills one.
+        A picker that stands before a row may have to wait for roads that early carriers block.
         """
         side = next((name for name, yaw in (("east", EAST), ("west", WEST)) if abs(angle_between(yaw, picker.pose.yaw)) < ALONG), "")
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
         ahead = lane.east - picker.x if side == "east" else picker.x - lane.west
         if not side or ahead < -ALONG:
             return None
-        left = max(0.0, self.layout.row_length - seen.fill) * (lane.length / self.layout.row_length)
+        if self.layout.scenario.metres_per_bin is None:
+            left = max(0.0, self.layout.row_length - seen.fill) * (lane.length / self.layout.row_length)
+        elif left_at is None or (left_at.lane, left_at.side) != (lane.number, side):
+            return None
+        else:
+            left = max(0.0, left_at.fill - seen.fill)
         before = max(0.0, ahead - left)
         if before > ALONG and picker.twist.x <= 0.0:
             return None

@@ -1,4 +1,4 @@
-"""The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty bin for the next row."""
+"""The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty one."""
 
 from orchard.agents.robot import PlanExecutor
 from orchard.agents.routes import route_of
@@ -8,6 +8,8 @@ from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Here, No, Yes
 from orchard.field.layout import Layout
 
+FORESEEN = 50  # steps: more than a picker does in a tick, and few, because the memory is sent with each action
+
 
 class PickerMemory(Plan):
     """A picker's plan, and the state of the present exchange of bins."""
@@ -16,6 +18,7 @@ class PickerMemory(Plan):
     carrier: str = ""  # the carrier that brings, or brought, an empty bin
     offered: str = ""  # the empty bin that was brought
     taken: str = ""  # the empty bin that it took, with the place where it stood
+    planned: int = -1  # steps of its harvest that were put into its plan so far; -1: it has another plan
     failures: int = 0  # so far
     picked: float = 0.0  # s for which it picked since the last one
 
@@ -29,10 +32,14 @@ class Picker:
     def __init__(self, layout: Layout, name: str) -> None:
         self.block, self.route, self.bystanders = layout.blocks[name], route_of(layout), bystanders_of(layout)
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
+        self.steps = of_known_steps(self.route.harvest(self.block), self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
         if memory is None:
-            memory = self.Memory(plan=[Realign(), *of_known_steps(self.route.harvest(self.block), self.route.Steps)])
+            memory = self.Memory(plan=[Realign()], planned=0)
+        if len(memory.plan) < FORESEEN and 0 <= memory.planned < len(self.steps):
+            memory.plan += self.steps[memory.planned : memory.planned + FORESEEN]
+            memory.planned += FORESEEN
         robot = PlanExecutor(seen, mail, memory, self.bystanders)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import ClassVar, NamedTuple
 
 from msgspec.structs import replace
@@ -11,8 +12,9 @@ from orchard.agents.robot import Gate, Step
 from orchard.agents.sense import STOP_DISTANCE, Box
 from orchard.field.kinds import KINDS
 from orchard.field.layout import EAST_START, Layout
+from orchard.field.passes import Pass
 from orchard.field.queue import ONE_WAY, TOP_ROAD
-from orchard.field.rows import Block, End
+from orchard.field.rows import Block
 
 TOP = "top"  # the place where the queue's lines meet the delivery road
 _OPPOSITE = {"EAST": "WEST", "WEST": "EAST", "NORTH": "SOUTH", "SOUTH": "NORTH"}
@@ -101,22 +103,23 @@ class OneWay:
 
     # -- what plans, bounds and dispatch ask for
 
-    def side(self, count: int, start: End = "west") -> Side:
-        """Return the side at which a picker leaves its row number `count`, from 0 in its order. `start`: where it begins its first row."""
-        return self.east if (count % 2 == 0) == (start == "west") else self.west
-
     def harvest(self, block: Block) -> list[Step]:
-        """A picker's whole work: pick row after row, and at the end of each leave the full bin and fetch an empty one."""
-        rows, steps = block.rows, self.come_in(block)
-        for count, row in enumerate(rows):
-            side = self.side(count, block.start)
-            steps += self.pick(row, side, came_over=count > 0 or block.start == "east") + self.swap_bins(row, side)
-            steps += self.go_to_next_row(row, rows[count + 1], side) if count + 1 < len(rows) else self.park(row, side)
+        """A picker's whole work: pass after pass through its rows. Where its bin is full it leaves it, and fetches an empty one."""
+        passes = self.layout.passes(block)
+        steps = self.foresee(passes[0]) + self.come_in(block)
+        for count, (one, after) in enumerate(zip_longest(passes, passes[1:])):
+            steps += self.pick(one, came_over=count > 0 or block.start == "east") + self.go_on(one, after)
         return steps
 
-    def crossing(self, row: int, next_row: int, side: Side) -> list[Step]:
-        """A picker's way from the end of one row to the head of the next."""
-        return self.pick(row, side, came_over=False) + self.swap_bins(row, side) + self.go_to_next_row(row, next_row, side)
+    def go_on(self, one: Pass, after: Pass | None) -> list[Step]:
+        """A picker's way from the end of one pass to the head of the next; None: to where it parks."""
+        side = self.sides[one.end]
+        steps = self.swap_bins(one.row, side) if one.leaves_bin else self.drive_out(one.row, side)
+        return steps + (self.foresee(after) + self.go_to_next_row(one.row, after.row, side) if after else self.park(one.row, side))
+
+    def foresee(self, one: Pass) -> list[Step]:
+        """The step in which a picker announces to its bin where it will be left. If each row fills one, the bin knows."""
+        return [st.Announce(one.row, one.end, one.fill)] if self.layout.scenario.metres_per_bin and one.leaves_bin else []
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
         """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: its number, from 1."""
@@ -187,30 +190,45 @@ class OneWay:
         row = block.rows[0]
         return [] if block.start == "west" else [st.Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
 
-    def pick(self, row: int, side: Side, came_over: bool) -> list[Step]:
-        """Drive a row to its end on this side at the picking speed, and leave the full bin in the lane's mouth."""
+    def pick(self, one: Pass, came_over: bool) -> list[Step]:
+        """Drive through a row, over a part of it at the picking speed, and leave a full bin in the lane's mouth."""
+        row, side, end = one.row, self.sides[one.end], self.end(one.row, self.sides[one.end])
         other = self.west if side is self.east else self.east
         frees = self.cleared(row, other) if came_over else []
         cross = self.cross(side, row, self.hold(row, side))
+        through = st.Say(f"driving through row {row}", "driving")
         return [
+            *([] if one.begin == self.end(row, other) else [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]),
             st.Say(f"picking row {row}", "picking"),
             *self.may_fail(),
-            st.DriveTo(x=self.end(row, side), speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
-            st.Say(f"leaving the full bin of row {row}", "handling a bin"),
+            st.DriveTo(x=one.stop, speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
+            *([] if one.stop == end else [through, st.DriveTo(x=end, needs=cross, frees=frees)]),
+            *(self.leave(one, side, cross) if one.leaves_bin else []),
+        ]
+
+    def leave(self, one: Pass, side: Side, cross: list[Gate]) -> list[Step]:
+        """Drive to the lane's mouth, and leave the bin there."""
+        return [
+            st.Say(f"leaving the {'full' if one.is_full else 'last'} bin of row {one.row}", "handling a bin"),
             st.DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
-            *self.fill(),
+            *self.fill(self.layout.metres_per_bin if one.is_full else one.fill),
             st.LeaveBin(),
         ]
+
+    def drive_out(self, row: int, side: Side) -> list[Step]:
+        """Drive out of the lane and over the roads with a bin that goes on with the next row."""
+        out = st.DriveTo(x=side.x(self.WAITING), needs=self.cross(side, row, self.hold(row, side)))
+        return [st.Say(f"driving out of row {row}", "driving"), out, st.Free([side.place("F", row)])]
 
     def may_fail(self) -> list[Step]:
         """The step before the drive along a row, if pickers fail in this scenario."""
         scenario, failure = self.layout.scenario, self.layout.scenario.picking.failure
         return [st.MayFail(scenario.seed, failure.mean_between, failure.mean_repair)] if failure.mean_between is not None else []
 
-    def fill(self) -> list[Step]:
-        """The step before a picker leaves its bin, if pickers do not know exactly where the row ends."""
+    def fill(self, metres: float) -> list[Step]:
+        """The step before a picker leaves its bin with so many metres, if pickers do not know exactly where the row ends."""
         gnss = self.layout.scenario.sensors.gnss
-        return [st.Fill(3.0 * (gnss.white + gnss.bias))] if gnss.white or gnss.bias else []
+        return [st.Fill(3.0 * (gnss.white + gnss.bias), metres)] if gnss.white or gnss.bias else []
 
     def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
         """The places that a picker needs to drive over both roads, from x = `at` on."""
@@ -228,11 +246,12 @@ class OneWay:
     def go_to_next_row(self, row: int, next_row: int, side: Side) -> list[Step]:
         """Turn south, drive over to the next row, and turn in once both roads are free there.
 
-        Where carriers drive north the turn swings the bin over the place of the one that delivered, so that one must have left it.
+        Where carriers drive north the turn swings the bin over the place of the one that delivered, so that one must have left it. Before
+        a picker comes back to the same row, that carrier must hold road F there: it then takes the full bin out of the lane's mouth first.
         """
         return [
             st.Say(f"driving to row {next_row}", "driving"),
-            *([st.Alone(side.place("D", row))] if side.south < 0 else []),
+            *([st.Alone(side.place("D", row))] if side.south < 0 or next_row == row else []),
             st.Face("SOUTH" if next_row >= row else "NORTH"),
             st.Free([side.place("D", row)]),
             st.DriveTo(y=self.layout.lane(next_row).y),

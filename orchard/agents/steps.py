@@ -15,11 +15,12 @@ from msgspec.structs import replace
 from orchard.agents.robot import ASK, EXACT, LITTLE, PATIENCE, SHIFT, SLACK, Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
 from orchard.contract.agent import MOST_HOLD, State
-from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, No, StateRequest, Yes
+from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, LeftAt, No, StateRequest, Yes
 from orchard.field import repeatable
 from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
 from orchard.field.kinds import EIGHTH
 from orchard.field.layout import UNLOADING_SECONDS
+from orchard.field.passes import FULL_WITHIN
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
 
@@ -305,17 +306,33 @@ class TakeBin(Coupling, frozen=True):
         return self.couple(robot, self.bin)
 
 
+class Announce(Step, frozen=True):
+    """For pickers: announce to the bin at which end of which row it will be left next, and with how many metres in it."""
+
+    ticks = ASK
+    row: int
+    end: str
+    fill: float
+
+    def act(self, robot: PlanExecutor) -> bool:
+        bin_ = robot.seen.hitch
+        if bin_ is None or robot.seen.tick - robot.memory.since > 2 * PATIENCE:  # a bin that was not told calls when it is left
+            return True
+        return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
+
+
 class Fill(Step, frozen=True):
-    """For pickers that are not sure of their place: at a row's end, drive on little by little until the bin is full."""
+    """For pickers that are not sure of their place: at a row's end, drive on little by little until the bin holds so much."""
 
     most: float  #: m
+    fill: float  #: m
 
     def act(self, robot: PlanExecutor) -> bool:
         if robot.seen.hitch is None or self.most <= 0.0:
             return True
         answer = robot.ask(robot.seen.hitch.name, StateRequest())
-        if isinstance(answer, BinState) and not answer.full:
-            robot.next([Ahead(LITTLE), Fill(self.most - LITTLE)])
+        if isinstance(answer, BinState) and answer.fill < self.fill - FULL_WITHIN:
+            robot.next([Ahead(LITTLE), Fill(self.most - LITTLE, self.fill)])
         return isinstance(answer, BinState)
 
 
@@ -438,7 +455,7 @@ if TYPE_CHECKING:
 else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
-        | FetchEmpty | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed | Home | Again
+        | FetchEmpty | Announce | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed | Home | Again
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ class Control:
 
 
 GROUPS = {
-    "Orchard": ("rows", "row_width", "seed"),
+    "Orchard": ("rows", "metres_per_bin", "row_width", "seed"),
     "Robots": ("pickers", "carriers", "picking_speed", "laser.noise", "dispatch", "dispatch_errors", "rows_to_pickers", "route"),
     "Picking": ("picking.spread.distribution", "picking.spread.cv", "picking.failure.mean_between", "picking.failure.mean_repair"),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),

@@ -23,7 +23,7 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
         ("Enough carriers", str(enough_carriers(layout)), more),
-        ("Bins", str(bins), f"one for each robot; the harvest fills {scenario.rows}"),
+        ("Bins", str(bins), f"one for each robot; the harvest fills {layout.bins}"),
         ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
         ("Harvest field", f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m", "from fence to fence"),
     ]

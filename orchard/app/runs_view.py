@@ -56,7 +56,7 @@ class PastRun:
         known = self.record
         minutes, seconds = divmod(round(known.sim_seconds), 60)  # not hours: the list sorts by the first number
         return {
-            "Bins": f"{known.bins_delivered} of {known.rows}",
+            "Bins": f"{known.bins_delivered} of {known.bins}",
             "Simulated": f"{minutes}:{seconds:02d} min",
             "Bins per hour": f"{known.bins_per_hour:.1f}",
             "Mean wait": f"{known.picker_waiting_seconds:.0f} s",

@@ -59,7 +59,7 @@ def _progress(known: Headline, state: RunState) -> str:
     parts = [
         f"simulated {clock(known.sim_seconds)} at {known.times_real_time:g} x real time",
         f"{share_picked(known.metres_picked, known.rows * known.row_length)} picked",
-        f"bins delivered {known.bins_delivered}/{known.rows}",
+        f"bins delivered {known.bins_delivered}/{known.bins}",
         *([f"{clock(left)} left"] if left < math.inf else []),
     ]
     return ", ".join(parts)

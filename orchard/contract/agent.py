@@ -71,8 +71,8 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
     twist: Twist  #: its velocity in the last step, in its own frame
     scan: np.ndarray  #: ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
     hitch: Hitch | None = None
-    fill: float = 0.0  #: of a bin: metres of row in it, 0 to the length of a row
-    full: bool = False  #: of a bin
+    fill: float = 0.0  #: of a bin: metres of row in it, 0 to what fills it
+    full: bool = False  #: of a bin: full, or left by its picker part full, the last of a harvest
     accuracy: float = 0.0  #: m, the standard deviation of x and of y, as its receiver tells; 0: exact
 
     @cached_property

@@ -29,7 +29,7 @@ class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     detail: Annotated[str, Meta(max_length=1000)] = ""
 
 
-SELDOM = ("coupled", "fill", "alive", "row_picked")  # fields that a frame may leave out while they are unchanged
+SELDOM = ("coupled", "fill", "alive", "row_ends")  # fields that a frame may leave out while they are unchanged
 
 
 Velocities = tuple[float, float, float, float, float, float]  # forward, left (m/s), turn (rad/s): done in the step, then those wanted
@@ -44,9 +44,9 @@ class Frame:
     doing: Mapping[str, str] = field(default_factory=dict)  # name -> "picking row 3"; may hold changes only
     scans: Sequence[np.ndarray | None] | None = None  # for each body its ranges, m, float32, +inf without a return
     coupled: np.ndarray | None = None  # (n,) int: index of the body at the other end of the bar, or -1; None: unchanged
-    fill: np.ndarray | None = None  # (n,) float: of bins, metres of row in the bin, 0 to the length of a row; None: unchanged
+    fill: np.ndarray | None = None  # (n,) float: of bins, metres of row in the bin, 0 to what fills it; None: unchanged
     alive: np.ndarray | None = None  # (n,) bool: False for a flattened weed; None: unchanged
-    row_picked: np.ndarray | None = None  # (r,) float: picked metres of each row; None: unchanged
+    row_ends: np.ndarray | None = None  # (r, 2) float: metres picked from each row's west end and from its east end; None: unchanged
     delivered: int = 0  # bins unloaded so far
     events: Sequence[Event] = ()
     states: Mapping[str, State] = field(default_factory=dict)  # name -> state, for the names in `doing`

@@ -97,6 +97,14 @@ class StateRequest(AgentMessage, tag="state"):
     """From any agent to a bin: is it full, and which robot is it coupled to?"""
 
 
+class LeftAt(AgentMessage, tag="left_at"):
+    """From a picker to its bin: the end of the row at which it will leave the bin next, and the metres of row in it then."""
+
+    lane: int
+    side: End
+    fill: Metres
+
+
 class Where(AgentMessage):
     """From a robot, before and during a turn, to a person or an animal that its lasers may not see: where is it?"""
 
@@ -126,7 +134,7 @@ class CustomMessage(AgentMessage, tag="custom"):
     fields: dict[str, Any]
 
 
-Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | Where | Fetch | CarrierQuery | CustomMessage
+Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | LeftAt | Where | Fetch | CarrierQuery | CustomMessage
 
 # -- answers
 

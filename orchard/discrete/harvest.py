@@ -15,7 +15,7 @@ from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
-LONGEST = 2_000_000  # ticks for each row of a picker; a harvest in which robots wait for each other ends then
+LONGEST = 2_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is measured: without its beginning and its end
 
@@ -43,8 +43,8 @@ class DiscreteHarvest:
         self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
         rows = {name: islice(cycle(block.rows), rows_each or len(block.rows)) for name, block in layout.blocks.items()}
         self.blocks = {name: replace(block, rows=tuple(rows[name])) for name, block in layout.blocks.items()}
-        sides = self.route.side
-        self._rows = {name: [(row, sides(n, block.start)) for n, row in enumerate(block.rows)] for name, block in self.blocks.items()}
+        self._passes = {name: layout.passes(block) for name, block in self.blocks.items()}
+        self.bins = sum(one.leaves_bin for passes in self._passes.values() for one in passes)
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
         roads = [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
         self.robots = {one.name: Robot(self, one.name, one.pose, one.bin, way) for one, way in zip(starts, roads, strict=True)}
@@ -60,7 +60,7 @@ class DiscreteHarvest:
 
     def run(self) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, and return it."""
-        before, longest = -1, LONGEST * max(len(block.rows) for block in self.blocks.values())
+        before, longest = -1, LONGEST * self.bins
         while self.env.peek() < longest and (self.done > before or any(robot.is_on_the_way for robot in self.robots.values())):
             before = self.done
             self.env.run(until=min(longest, self.env.now + JAM))
@@ -71,13 +71,16 @@ class DiscreteHarvest:
         return sum(robot.done for robot in self.robots.values())
 
     def begin_row(self, picker: Robot, before: float = 0.0) -> None:
-        """Hear that a picker begins its next row, or begins to drive into it from so many metres before it."""
-        row, side = self._rows[picker.name][0]
+        """Hear that a picker begins its next pass through a row, or begins to drive into the row from so many metres before it picks."""
+        one = self._passes[picker.name][0]
+        row, side, lane = one.row, self.route.sides[one.end], self.layout.lane(one.row)
+        if not one.leaves_bin:
+            return
         if picker.bin not in self.left or self.left[picker.bin].triggered:
             self.left[picker.bin] = self.env.event()
-        lane = self.layout.lane(row)
         speed = self.layout.scenario.picking_speed if before else lane.picking_speed  # a bin sees how fast its row is picked only there
-        seconds = until_full(self.layout, row, side.name, lane.length / speed, before)
+        after = abs(self.route.end(row, side) - one.stop)
+        seconds = until_full(self.layout, row, side.name, one.metres / speed, before + after)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
     def go_on(self, picker: Robot) -> None:
@@ -88,14 +91,18 @@ class DiscreteHarvest:
 
     def end_row(self, picker: Robot) -> None:
         self._full_since[picker.name] = picker.tick
+        if not self._passes[picker.name][0].leaves_bin:
+            del self._passes[picker.name][0]
 
     def couple(self, picker: Robot) -> None:
         self._waits.append(picker.tick - self._full_since[picker.name])
 
     def leave(self, picker: Robot) -> None:
-        row, side = self._rows[picker.name].pop(0)
+        one = self._passes[picker.name].pop(0)
+        if not one.is_full:
+            self._full_since[picker.name] = picker.tick
         self.left[picker.full_bin].succeed()
-        self.calls.left(picker, row, side)
+        self.calls.left(picker, one.row, self.route.sides[one.end])
 
     def deliver(self) -> None:
         self.deliveries.append(self.env.now * TIME_STEP)
@@ -127,7 +134,7 @@ class DiscreteHarvest:
     @property
     def is_over(self) -> bool:
         """Whether all bins were delivered; if not, robots wait for each other."""
-        return self.delivered == sum(len(block.rows) for block in self.blocks.values())
+        return self.delivered == self.bins
 
     @property
     def delivered(self) -> int:

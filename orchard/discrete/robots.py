@@ -358,14 +358,15 @@ class Robot(Follower):
         yield from self._handle(step)
         self.bin = step.bin
 
+    @do.register(st.Announce)
+    @do.register(st.Confirmed)
+    def _(self, step: st.Announce | st.Confirmed) -> Events:
+        yield self.env.timeout(step.ticks)
+
     @do.register
     def _(self, step: st.Unload) -> Events:
         yield self.env.timeout(step.ticks)
         self.model.deliver()
-
-    @do.register
-    def _(self, step: st.Confirmed) -> Events:
-        yield self.env.timeout(step.ticks)
 
     @do.register
     def _(self, step: st.Home) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
+from orchard.field.passes import Pass, passes_of
 from orchard.field.picking import picking_speed_of
 from orchard.field.placement import Start, guests
 from orchard.field.plugins import load_plugin
@@ -91,8 +92,22 @@ class Layout:
 
     @property
     def row_length(self) -> float:
-        """Length of the rows, m; in a surveyed orchard from the westernmost end of a row to the easternmost one. A row fills one bin."""
+        """Length of the rows, m; in a surveyed orchard from the westernmost end of a row to the easternmost one."""
         return self.scenario.row_length
+
+    @property
+    def metres_per_bin(self) -> float:
+        """Metres of row that fill a bin. If each row fills one, they are metres of a row of the full length."""
+        return self.scenario.metres_per_bin or self.row_length
+
+    def passes(self, block: Block) -> list[Pass]:
+        """Return the passes of a picker through its rows."""
+        return passes_of([(lane.west, lane.east) for lane in self.lanes], block, self.scenario.metres_per_bin)
+
+    @cached_property
+    def bins(self) -> int:
+        """The number of bins that a harvest fills; of each picker's the last one may be part full."""
+        return sum(one.leaves_bin for block in self.blocks.values() for one in self.passes(block))
 
     @property
     def mean_length(self) -> float:
@@ -185,11 +200,11 @@ class Layout:
         lane = self.lane(row)
         return self.row_east - lane.east if side == "east" else lane.west - ROW_WEST
 
-    def picking_seconds(self, row: int) -> float:
-        """Return the time for which a picker works at a row, with the mean time for which it stands because it failed, s."""
+    def picking_seconds(self, row: int, metres: float) -> float:
+        """Return the time for which a picker works at some metres of a row, with the mean time for which it stands because it failed, s."""
         failure = self.scenario.picking.failure
         share = 0.0 if failure.mean_between is None else failure.mean_repair / failure.mean_between
-        return self.lane(row).length / self.lane(row).picking_speed * (1.0 + share)
+        return metres / self.lane(row).picking_speed * (1.0 + share)
 
 
 def lay_out(scenario: Scenario) -> Layout:

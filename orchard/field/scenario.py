@@ -156,7 +156,8 @@ def _plugin(builtin: Sequence[str], what: str) -> Any:
     return Field(pattern=pattern, max_length=200, examples=list(builtin), description=f"{what}: {names}, or module.Class")
 
 
-ROWS = "number of rows to pick; each fills one bin; of a larger orchard, simulate each block by itself"
+ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
+METRES_PER_BIN = "length of row that fills a bin, m; null: each row fills one"
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 
 
@@ -169,9 +170,10 @@ class Scenario(Section):
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5
     pickers: Annotated[int, Field(ge=2, le=60, description="number of picking robots; at most one for each row")] = 2
     row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
+    metres_per_bin: Annotated[float | None, Field(ge=5.0, le=200.0, description=METRES_PER_BIN)] = None
     row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
-    picking_speed: Annotated[float, Field(ge=0.02, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
+    picking_speed: Annotated[float, Field(ge=0.002, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
     people: Annotated[People, Field(description="workers and visitors")] = People()

@@ -6,20 +6,21 @@ with steps of its own. It is no proof: another policy may be faster.
 """
 
 from bisect import bisect_left
-from collections.abc import Iterator
+from dataclasses import replace
 from statistics import fmean
 
 from orchard.agents.dispatch import is_early
 from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.robot import ASK, Step
-from orchard.agents.route import OneWay, Side
+from orchard.agents.route import OneWay
 from orchard.agents.routes import ROUTES, duration, route_of, timetable, way_to
-from orchard.agents.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
+from orchard.agents.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import PITCH, queue_of
+from orchard.field.passes import Pass
+from orchard.field.queue import MOST_CARRIERS, PITCH, queue_of
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP, Scenario
 
@@ -33,19 +34,25 @@ class Bounds:
 
     def __init__(self, layout: Layout) -> None:
         scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
-        pickers = [[_seconds(route, early, *row) for row in _rows(route, block)] for block in layout.blocks.values()]
-        of_each = [map(fmean, zip(*rows, strict=True)) for rows in pickers]  # each picker delivers as many bins as another
-        row, crossing, wait, cycle = map(fmean, zip(*of_each, strict=True))
-        self.row_seconds = row  # T, to pick one row
+        of_each = [_of_a_bin(route, early, block) for block in layout.blocks.values()]  # each picker delivers as many bins as another
+        picking, crossing, wait, cycle, row_end = map(fmean, zip(*of_each, strict=True))
+        self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
+        self.row_end_seconds = row_end  # of t_x, what a bin costs because it fills inside a row: exchanged there it would cost nothing
         self.wait_seconds = wait  # w, from the full bin to an empty one, if a carrier is free at once
+        self.bin_seconds = picking + crossing + wait  # of a picker's time
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
         self.bay_seconds = handling([Unload()]) + TRAIN  # t_bay, for which one carrier occupies the bay
         self.terms = {
-            "pickers": scenario.pickers / (row + crossing + wait),
+            "pickers": scenario.pickers / self.bin_seconds,
             "carriers": scenario.carrier_count / cycle,
             "unloading": 1.0 / self.bay_seconds,
         }
+
+    @property
+    def row_end_share(self) -> float:
+        """The share of a picker's time that bins cost because they fill inside rows, 0 to 1."""
+        return self.row_end_seconds / self.bin_seconds
 
     @property
     def bottleneck(self) -> str:
@@ -58,27 +65,37 @@ class Bounds:
         return 3600.0 * min(self.terms.values())
 
 
-def _rows(route: OneWay, block: Block) -> Iterator[tuple[int, int, Side]]:
-    rows = block.rows * ROUNDS
-    for count, (row, after) in enumerate(zip(rows, (*rows[1:], rows[0]), strict=True)):
-        yield row, after, route.side(count, block.start)
+def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
+    """The mean times of a picker's bin without traffic, s: to pick it, to leave it and go on, to wait for an empty one, of the carrier's
+    job, and what is lost because it fills inside a row. The picker picks its rows in `ROUNDS` rounds."""
+    passes = route.layout.passes(replace(block, rows=block.rows * ROUNDS))
+    each = [_seconds(route, early, one, after) for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)]
+    share = len(passes) / sum(one.leaves_bin for one in passes)
+    picking, going_on, wait, cycle, row_end = zip(*each, strict=True)
+    cycles = [seconds for one, seconds in zip(passes, cycle, strict=True) if one.leaves_bin]
+    return [share * fmean(picking), share * fmean(going_on), share * fmean(wait), fmean(cycles), share * fmean(row_end)]
 
 
-def _seconds(route: OneWay, early: bool, row: int, after: int, side: Side) -> tuple[float, float, float, float]:
-    """The time of a row without traffic: to pick, to leave the bin and go on, to wait for an empty one; and a carrier's job."""
-    layout, head = route.layout, route.queue.place(0)
-    job, way = route.fetch(1, row, side, "", ""), route.crossing(row, after, side)
-    start = Pose(route.end(row, side), layout.lane(row).y, HEADINGS[side.heading("EAST")])
+def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float, float, float, float, float]:
+    """The same times of one pass through a row."""
+    layout, head, side, lane = route.layout, route.queue.place(0), route.sides[one.end], route.layout.lane(one.row)
+    way = route.pick(one, came_over=False) + route.go_on(one, after)
+    driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
+    start = Pose(lane.west if side is route.east else lane.east, lane.y, HEADINGS[side.heading("EAST")])
+    all_of_it = duration(way, start) - driving
+    row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it
+    if not one.leaves_bin:
+        return picking, all_of_it + handling(way), 0.0, 0.0, row_end
+    job = route.fetch(1, one.row, side, "", "")
     before, out = _until(LeaveBin, way), _until(FetchEmpty, way)
-    left, came_out, approach = duration(before, start), duration(out, start), way_to(route, row, side)[1]
-    picking = layout.picking_seconds(row)
+    left, came_out, approach = duration(before, start) - driving, duration(out, start) - driving, way_to(route, one.row, side)[1]
     leaving = left + handling([*before, LeaveBin()])
-    going_on = duration(way, start) - came_out + handling(way[len(out) :])
-    # an early carrier leaves when the picker is in the row, and holds before the lane's place until the picker is out
+    going_on = all_of_it - came_out + handling(way[len(out) :])
+    # an early carrier leaves when the picker is in the row, or later, and then holds before the lane's place until the picker has come out
     coming = approach - (picking + leaving if early else 0.0)
-    from_hold = approach - _needs(side.place("D", row), job, head, approach)
+    from_hold = approach - _needs(side.place("D", one.row), job, head, approach)
     wait = max(coming, came_out - left + from_hold) + HANDOVER
-    return picking, leaving + going_on, wait, duration(job, head) + handling(job)
+    return picking, leaving + going_on, wait, duration(job, head) + handling(job), row_end
 
 
 def _until(kind: type[Step], steps: list[Step]) -> list[Step]:
@@ -130,7 +147,8 @@ def schedule_seconds(layout: Layout, carriers: int | None = None) -> float:
 def enough_carriers(layout: Layout) -> int:
     """Return the number of carriers beyond which more shorten this harvest by at most 1 % (`WORTH`)."""
     scenario, queue = layout.scenario, route_of(layout).QUEUE
-    numbers = [number for number in range(1, scenario.rows + 1) if queue_of(queue, scenario.row_length, scenario.bay, number)]
+    most = min(layout.bins, MOST_CARRIERS)
+    numbers = [number for number in range(1, most + 1) if queue_of(queue, scenario.row_length, scenario.bay, number)]
     best = schedule_seconds(layout, numbers[-1])
     return numbers[bisect_left(numbers, True, key=lambda number: schedule_seconds(layout, number) * (1.0 - WORTH) <= best)]
 
@@ -150,7 +168,7 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
         return {}
     alone = undisturbed(scenario)
     reference = lay_out(undisturbed(scenario, dispatch=REFERENCE))
-    limit = 3600.0 * scenario.rows / Bounds(reference).bins_per_hour
+    limit = 3600.0 * layout.bins / Bounds(reference).bins_per_hour
     schedule = schedule_seconds(reference)
     best = DiscreteHarvest(reference).run().seconds
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)

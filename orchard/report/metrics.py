@@ -45,13 +45,13 @@ class HarvestFigures:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
-        progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
+        progress = sum(self.steps.values()) + float(world.row_ends.sum())
         if progress != self.progress or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
 
     def _count(self, event: Event) -> None:
-        if event.what == "row picked":
-            self.waiting_since[event.who] = event.tick
+        if event.what == "bin full":
+            self.waiting_since[event.whom] = event.tick
         elif event.what == "coupled" and event.who in self.waiting_since:
             self.waits.append((event.tick - self.waiting_since.pop(event.who)) * TIME_STEP)
         elif event.what == "weed flattened":
@@ -103,6 +103,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "row_length": world.layout.mean_length,
         "rows_picked": int(world.rows_done.sum()),
         "metres_picked": float(sum(world.row_picked.tolist())),
+        "bins": world.layout.bins,
         "bins_delivered": world.delivered,
         "bins_per_hour": world.delivered / hours if hours else 0.0,
         "limit_bins_per_hour": bounds.bins_per_hour,
@@ -111,6 +112,8 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "collisions": collisions(world),
         "collisions_of_people_and_animals": collisions(world, PEOPLE + ANIMALS),
         "weeds_flattened": figures.weeds_flattened,
+        "row_end_seconds": bounds.row_end_seconds,
+        "row_end_share": bounds.row_end_share,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
         "carrier_utilisation": figures.busy_ticks / (world.tick * scenario.carrier_count) if world.tick else 0.0,
         "orders_refused": figures.orders_refused,

@@ -69,12 +69,13 @@ def present_plan(world: World) -> str:
     """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
     layout = world.layout
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
-    for lane, metres, end in zip(layout.lanes, world.row_picked.tolist(), world.row_from.tolist(), strict=True):
-        middle = (lane.west + metres / 2) if end < 0 else (lane.east - metres / 2)
-        drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", f"row {lane.number}: {metres:.1f} m picked")
+    for lane, (west, east) in zip(layout.lanes, world.row_ends.tolist(), strict=True):
+        words = f"row {lane.number}: {west + east:.1f} m picked"
+        for middle, metres in ((lane.west + west / 2, west), (lane.east - east / 2, east)):
+            drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", words)
     for name, i in layout.index.items():
         if world.alive[i]:
-            _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.row_length)
+            _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.metres_per_bin)
     picked = f"{world.row_picked.sum():.0f} of {layout.mean_length * len(layout.lanes):.0f} m picked"
     told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
     drawing.label(X_WEST, layout.top + 1.7, told, 2.4)

@@ -33,6 +33,7 @@ class Headline(msgspec.Struct, kw_only=True):
     times_real_time: float
     rows_picked: int
     rows: Annotated[int, Meta(ge=1)]
+    bins: Annotated[int, Meta(ge=1)]
     row_length: Annotated[float, Meta(gt=0.0)]
     metres_picked: float
     bins_delivered: int
@@ -50,7 +51,7 @@ class Headline(msgspec.Struct, kw_only=True):
     @property
     def fraction(self) -> float:
         """Progress from 0 to 1: half for metres picked, half for bins delivered."""
-        return (self.metres_picked / self.row_length + self.bins_delivered) / (2 * self.rows)
+        return (self.metres_picked / (self.rows * self.row_length) + self.bins_delivered / self.bins) / 2
 
     def seconds_left(self, until: float | None = None) -> float:
         """Return the estimated rest of the harvest, s of wall time. `until`: simulated time at which the run ends, s."""
@@ -73,7 +74,7 @@ class Headline(msgspec.Struct, kw_only=True):
                 f"{self.sim_seconds:7.1f} s",
                 f"{self.times_real_time:6.1f} x real time",
                 f"{picked:>5} picked",
-                f"{self.bins_delivered}/{self.rows} bins",
+                f"{self.bins_delivered}/{self.bins} bins",
                 *ends,
             ]
         )

@@ -16,6 +16,8 @@ UNITS = {
     "limit_bins_per_hour": "bins/h, of this policy in a long harvest without traffic",
     "schedule_sim_seconds": "s, this harvest without traffic",
     "lost_seconds": "s, which add up to the harvest's length",
+    "row_end_seconds": "s a bin, of driving to the ends of rows, which exchanges inside the rows would save at most",
+    "row_end_share": "of a picker's time for a bin",
     "picker_waiting_seconds": "s, from a full bin to an empty one, mean",
     "carrier_utilisation": "of the time, outside the queue",
     "collisions": "(of robots)",
@@ -29,6 +31,8 @@ MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", 
         "lost_seconds", "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
 UNUSUAL = (
     "stopped_seconds",
+    "row_end_seconds",
+    "row_end_share",
     "orders_refused",
     "ticks_late",
     "velocities_missed",
@@ -50,6 +54,7 @@ class Outcome(msgspec.Struct):
     finished: bool
     ended: str  # 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'
     rows: Annotated[int, Meta(ge=1)]
+    bins: Annotated[int, Meta(ge=1)]
     row_length: Annotated[float, Meta(gt=0.0)]
     rows_picked: int
     metres_picked: float
@@ -91,7 +96,7 @@ def _words(key: str, value: Any) -> str:
         return ", ".join(f"{since} to {until}" for since, until in value) + unit
     if isinstance(value, list):
         return "\n".join(map(str, value)) or "none"
-    if key == "carrier_utilisation":
+    if key in ("carrier_utilisation", "row_end_share"):
         return f"{100.0 * value:.0f} %{unit}"
     if isinstance(value, float):
         return f"{value:,.2f}{unit}"
@@ -140,7 +145,7 @@ def _unfinished(outcome: Outcome) -> str:
     return (
         f"{end} after {clock(outcome.sim_seconds)}, simulated, before the harvest was finished: "
         f"{outcome.rows_picked} of {outcome.rows} rows and {picked} of their metres picked, "
-        f"{outcome.bins_delivered} of {outcome.rows} bins delivered"
+        f"{outcome.bins_delivered} of {outcome.bins} bins delivered"
     )
 
 

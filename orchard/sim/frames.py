@@ -39,7 +39,7 @@ class FrameBuilder:
             coupled=self._if_changed("coupled", world.coupled),
             fill=self._if_changed("fill", world.fill),
             alive=self._if_changed("alive", world.alive),
-            row_picked=self._if_changed("row_picked", world.row_picked),
+            row_ends=self._if_changed("row_ends", world.row_ends),
             delivered=world.delivered,
             events=events,
             is_whole=is_whole,

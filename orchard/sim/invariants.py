@@ -12,8 +12,9 @@ import msgspec
 
 from orchard.contract.events import Event
 from orchard.field.kinds import kind_of
+from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.move import FULL_WITHIN, overlaps
+from orchard.sim.kernels.move import overlaps
 from orchard.sim.world import NONE, World
 
 LOOK_TICKS = round(1.0 / TIME_STEP)  # between two checks of the places of all bodies
@@ -36,9 +37,9 @@ class Invariants:
     def __init__(self, world: World, data: dict[str, Any] | None = None) -> None:
         """`data`: `known` as plain data; without it, the earlier ticks are inferred from the world. Raises ValueError for wrong data."""
         self.known = _known_of(world) if data is None else msgspec.convert(data, Known)
-        self._rows = world.row_picked.tolist()
+        self._rows = world.row_ends.tolist()
         self._coupled: list[int] = []
-        self._shares = (world.layout.row_length / world.fixed.row_length).tolist()  # of a bin, in a metre of each row
+        self._shares = world.fixed.row_share.tolist()
         self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # m: full rows and bins are rounded up
         self._tolerance *= max(self._shares)
 
@@ -82,14 +83,14 @@ class Invariants:
     # -- each row is picked once, and the picked metres are in bins or delivered
 
     def _check_metres(self, world: World) -> Iterator[tuple[str, str]]:
-        rows, fills, length = world.row_picked.tolist(), world.fill.tolist(), world.layout.row_length
+        rows, fills, length = world.row_ends.tolist(), world.fill.tolist(), world.fixed.bin_full
         if rows != self._rows:
             yield from _row_faults(self._rows, rows, world.fixed.row_length.tolist())
             self._rows = rows
         if min(fills) < 0.0 or max(fills) > length:
             wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= length]
             yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m") for name, fill in wrong)
-        picked, kept = sum(map(mul, rows, self._shares)), sum(fills) + world.delivered * length
+        picked, kept = sum(map(mul, map(sum, rows), self._shares)), sum(fills) + world.delivered_metres
         if abs(picked - kept) > self._tolerance:
             yield "metres", f"{picked:.3f} m are picked, but {kept:.3f} m are in bins or delivered"
         if world.delivered != self.known.delivered:
@@ -135,10 +136,12 @@ def _known_of(world: World) -> Known:
     return Known(world.delivered, [f"row {r + 1}" for r in world.rows_done.nonzero()[0].tolist()], calls, lacking)
 
 
-def _row_faults(before: list[float], rows: list[float], lengths: list[float]) -> Iterator[tuple[str, str]]:
+def _row_faults(before: list[list[float]], rows: list[list[float]], lengths: list[float]) -> Iterator[tuple[str, str]]:
+    """`before`, `rows`: what is picked of each row from its west end, and from its east end, m."""
     for r, (old, new, length) in enumerate(zip(before, rows, lengths, strict=True)):
-        if not old <= new <= length:
-            yield f"row {r + 1}", f"row {r + 1} was picked for {old:g} m, and now for {new:g} m; this may only grow, to {length:g} m"
+        if not (old[0] <= new[0] and old[1] <= new[1] and sum(new) <= length + FULL_WITHIN):
+            was, now = sum(old), sum(new)
+            yield f"row {r + 1}", f"row {r + 1} was picked for {was:g} m, and now for {now:g} m; this may only grow, to {length:g} m"
 
 
 # -- bins = at pickers + on carriers + standing + unloading

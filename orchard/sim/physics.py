@@ -10,6 +10,7 @@ import numpy as np
 from orchard.contract.events import Event
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, angle_between
+from orchard.field.kinds import kind_of
 from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.deeds import do_deeds
@@ -21,7 +22,7 @@ UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 
 
-_CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_picked", "row_from"
+_CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends"
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
     *in_order(
@@ -40,6 +41,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     twists: (n, 3) float64, as wanted, in each body's frame, m/s and rad/s. deeds: (body index, deed), in body order.
     """
     events = do_deeds(world, np.where(world.stopped[:, None], 0.0, twists), deeds) if deeds else []
+    events = _left_part_full(world, events) + events
     if advance(twists, *_ARGUMENTS(world)):
         events += [_collision(world, i, obstacle) for i, obstacle in enumerate(world.space.met.tolist()) if obstacle != NONE]
         events += _picked(world, world.space.picked_from)
@@ -57,6 +59,20 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
     return Event(world.tick, "collision", names[i], "", f"{what} at ({x:g}, {y:g})")
 
 
+def _left_part_full(world: World, events: list[Event]) -> list[Event]:
+    """The events for bins that a picker has left though they are not full: the last ones of a harvest."""
+    left = [(event, world.index[event.whom]) for event in events if event.what == "uncoupled" and kind_of(event.who) == "picker"]
+    return [
+        Event(world.tick, "bin full", event.whom, event.who, f"row {_row_of(world, bin_)}, {world.fill[bin_]:.1f} m")
+        for event, bin_ in left
+        if world.fixed.bin_least <= world.fill[bin_] < world.fixed.bin_full
+    ]
+
+
+def _row_of(world: World, body: int) -> int:
+    return int(np.argmin(np.abs(world.fixed.row_y - world.pose[body, 1]))) + 1
+
+
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
     events, names = [], world.layout.names
     for i, r in zip(world.fixed.pickers.tolist(), picked_from.tolist(), strict=True):
@@ -65,7 +81,7 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
         bin_ = int(world.coupled[i])
         if world.rows_done[r]:
             events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
-        if is_full(world, bin_):
+        if world.fill[bin_] >= world.fixed.bin_full:
             events.append(Event(world.tick, "bin full", names[bin_], names[i], f"row {r + 1}"))
     return events
 
@@ -81,6 +97,7 @@ def _unload(world: World) -> list[Event]:
     world.bay_ticks[bin_] = ticks + 1
     if ticks + 1 < UNLOADING_TICKS:
         return []
+    world.delivered_metres += float(world.fill[bin_])
     world.fill[bin_] = 0.0
     world.bay_ticks[bin_] = 0
     world.delivered += 1
@@ -100,7 +117,8 @@ def _rests_in_bay(world: World, bin_: int) -> bool:
 
 
 def is_full(world: World, i: int) -> bool:
-    return bool(world.fill[i] >= world.fixed.bin_full)
+    """Whether body `i` is a bin to be delivered."""
+    return bool(world.full[i])
 
 
 def is_at_rest(world: World, i: int) -> bool:
@@ -108,7 +126,7 @@ def is_at_rest(world: World, i: int) -> bool:
 
 
 def harvest_is_over(world: World) -> bool:
-    if not world.rows_done.all() or world.full.any():
+    if not world.rows_done.all() or (world.fill >= world.fixed.bin_least).any():
         return False
     robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]
     return all(is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i)) for i, kind in robots)

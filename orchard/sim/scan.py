@@ -90,7 +90,7 @@ def observe(world: World, scans: Scans) -> Observations:
     states = np.empty((len(names), STATE))
     states[:, :2], states[:, 2:4], states[:, 4:] = world.pose[:, :2], quaternions(world.pose), world.twist
     fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
-    full = {name for name, fill in fills.items() if fill >= world.fixed.bin_full}
+    full = {names[i] for i in world.full.nonzero()[0].tolist()}
     return Observations(world.tick, world.layout.index, states, scans, Hitches(world, states, scans), fills, full)
 
 

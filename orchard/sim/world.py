@@ -8,10 +8,11 @@ import numpy as np
 
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
-from orchard.sim.kernels.move import NONE
+from orchard.sim.kernels.move import NONE, full_bins
 
 CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
 
@@ -28,7 +29,9 @@ class Fixed(NamedTuple):
     sideways: np.ndarray  # (n,) bool: bins, which move only while they are coupled
     shapes: np.ndarray  # (n, 7) boxes: half sizes and radius; `place` writes the other columns
     pickers: np.ndarray  # int64: their indices
-    bin_full: float  # m: what fills a bin, in rows of the full length
+    bin_full: float  # m: what fills a bin
+    bin_least: float  # m: what is in a bin that is to be delivered, once its picker has left it
+    row_share: np.ndarray  # (r,) m in a bin for each metre of the row: 1, unless each row fills one bin, however long it is
     row_west: np.ndarray  # (r,) m: x of the rows' west ends
     row_length: np.ndarray  # (r,) m
     row_y: np.ndarray  # (r,) m: the lanes' centre lines
@@ -52,12 +55,13 @@ class Space(NamedTuple):
     met: np.ndarray  # (n,) int64: the obstacle with which each body's collision begins: a body's index, n + a wall's, or NONE
     picked_from: np.ndarray  # of each picker, int64: the row from which it picked, or NONE
     before: np.ndarray  # of each picker, m: its x before the step
+    full: np.ndarray  # (n,) bool
 
 
 def _space_of(fixed: Fixed) -> Space:
     n, pickers = len(fixed.shapes), len(fixed.pickers)
     numbers = np.empty(n, dtype=np.int64), np.empty(pickers, dtype=np.int64)
-    return Space(fixed.shapes.copy(), *space_for(n, fixed.body_frame), *numbers, np.empty(pickers))
+    return Space(fixed.shapes.copy(), *space_for(n, fixed.body_frame), *numbers, np.empty(pickers), np.empty(n, dtype=bool))
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
@@ -75,7 +79,9 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([kind.sideways for kind in kinds], dtype=bool),
         shapes,
         np.array([i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64),
-        layout.row_length,
+        layout.metres_per_bin,
+        FULL_WITHIN if layout.scenario.metres_per_bin else layout.metres_per_bin,
+        np.array([1.0 if layout.scenario.metres_per_bin else layout.row_length / lane.length for lane in layout.lanes]),
         np.array([lane.west for lane in layout.lanes]),
         np.array([lane.length for lane in layout.lanes]),
         np.array([lane.y for lane in layout.lanes]),
@@ -106,12 +112,11 @@ class World:
         self.pose = np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(n, 3)  # x, y, yaw
         self.twist = np.zeros((n, 3))  # forward, left, yaw rate of the last step; 0 if the step was refused
         self.coupled = np.full(n, NONE, dtype=np.int64)  # index of the body at the other end of the bar, or NONE
-        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to the full length of the rows: a shorter row fills one too
+        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to what fills it
         self.alive = np.ones(n, dtype=bool)  # False for a flattened weed
-        self.row_picked = np.zeros(rows)  # picked metres of each row, 0 to its length
-        self.row_from = np.zeros(rows, dtype=np.int64)  # the end at which picking began: 0 not yet, -1 west, +1 east
+        self.row_ends = np.zeros((rows, 2))  # metres of each row that are picked from its west end, and from its east end
         self.bay_ticks = np.zeros(n, dtype=np.int64)  # of bins, ticks at rest in the bay since it last moved
-        self.delivered = 0  # bins unloaded
+        self.delivered, self.delivered_metres = 0, 0.0  # bins unloaded, and what was in them
         self.distance = np.zeros(n)  # metres driven
         self.collisions = np.zeros(n, dtype=np.int64)  # that this body began; a collision lasts while its steps meet an obstacle
         self.refused = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
@@ -131,13 +136,20 @@ class World:
 
     @property
     def full(self) -> np.ndarray:
-        """Which bodies are full bins, (n,) bool."""
-        return np.asarray(self.fill >= self.fixed.bin_full)
+        """Which bodies are bins to be delivered, (n,) bool: full ones, and those that a picker has left part full."""
+        full = np.empty(len(self.fill), dtype=bool)
+        full_bins(self.fill, self.coupled, self.fixed.pickers, self.fixed.bin_full, self.fixed.bin_least, full)
+        return full
+
+    @property
+    def row_picked(self) -> np.ndarray:
+        """Picked metres of each row, (r,)."""
+        return np.asarray(self.row_ends[:, 0] + self.row_ends[:, 1])
 
     @property
     def rows_done(self) -> np.ndarray:
         """Which rows are picked to the end, (r,) bool."""
-        return np.asarray(self.row_picked >= self.fixed.row_length)
+        return np.asarray(self.row_picked >= self.fixed.row_length - FULL_WITHIN)
 
     @property
     def index(self) -> Mapping[str, int]:

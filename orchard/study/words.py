@@ -30,13 +30,15 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers, one-way, predictive dispatch'."""
     rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
     length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
+    each = scenario.metres_per_bin
+    bins = f", a bin every {each:g} m" if each and "metres_per_bin" not in varied else ""
     words = {
         "pickers": counted("pickers", scenario.pickers),
         "carriers": counted("carriers", scenario.carrier_count),
         "route": scenario.route,
         "dispatch": f"{scenario.dispatch} dispatch",
     }
-    return ", ".join([rows + length, *(said for key, said in words.items() if key not in varied)])
+    return ", ".join([rows + length + bins, *(said for key, said in words.items() if key not in varied)])
 
 
 def counted(key: str, number: object) -> str:

@@ -82,12 +82,12 @@ CALLS = pa.schema(
 )
 EXCHANGES = pa.schema(
     [
-        _column("row", WHOLE, "", "that was picked"),
-        _text("picker", "that picked the row"),
+        _column("row", WHOLE, "", "in which the bin was filled"),
+        _text("picker", "that filled it"),
         _text("full_bin", "that the picker left"),
         _text("empty_bin", "that the picker got; null: not yet"),
         _text("carrier", "that brought the empty bin; null: none yet"),
-        _tick("full", "at which the row was picked and the bin full"),
+        _tick("full", "at which the bin was full, or left as the last one"),
         _tick("left", "at which the picker uncoupled the full bin"),
         _tick("brought", "at which the carrier uncoupled the empty bin"),
         _tick("supplied", "at which the picker coupled the empty bin"),

@@ -42,17 +42,17 @@ def _calls(said: Row, made: list[NewRow], open_: dict[str, NewRow]) -> None:
 
 
 def exchanges(events: Iterable[Row]) -> list[NewRow]:
-    """Return the exchanges of bins, in the order in which the rows were picked."""
+    """Return the exchanges of bins, in the order in which the bins were full."""
     made: list[NewRow] = []
     waiting: dict[str, NewRow] = {}  # picker -> its exchange until it has an empty bin
     filled: dict[str, NewRow] = {}  # full bin -> its exchange until it is unloaded
     brought: dict[str, NewRow] = {}  # empty bin -> the carrier that left it, and when
     for event in events:
         what, who, whom, tick = event["what"], event["who"], event["whom"], event["tick"]
-        if what == "row picked" and whom is not None:
-            known = {"row": int(event["detail"].removeprefix("row ")), "picker": who, "full_bin": whom, "full": tick}
+        if what == "bin full" and whom is not None:
+            known = {"row": int(event["detail"].partition(",")[0].removeprefix("row ")), "picker": whom, "full_bin": who, "full": tick}
             made.append(dict.fromkeys(EXCHANGES.names) | known)
-            waiting[who] = filled[whom] = made[-1]
+            waiting[whom] = filled[who] = made[-1]
         elif what == "uncoupled" and kind_of(who) == "picker" and (one := filled.get(whom)):
             one["left"] = tick
         elif what == "uncoupled" and kind_of(who) == "carrier":

@@ -31,7 +31,7 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
         pictures: rrb.Container = rrb.Horizontal(left, plan, column_shares=[12, 10])
     else:
         pictures = rrb.Vertical(spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[11, 10])
-    plots = _plot("Bins", "metrics/bins", layout.scenario.rows), _plot("Robots", "metrics/robots", max(pickers, carriers))
+    plots = _plot("Bins", "metrics/bins", layout.bins), _plot("Robots", "metrics/robots", max(pickers, carriers))
     figures = rrb.Vertical(*plots, _events(), row_shares=[3, 3, 4])
     views = rrb.Horizontal(rrb.Vertical(pictures, _legend(), row_shares=[15, 1]), figures, column_shares=[11, 4])
     return _of(views, rrb.PanelState.Collapsed)

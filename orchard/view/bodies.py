@@ -76,7 +76,7 @@ class BodyView:
     def fills(self, fill: np.ndarray) -> None:
         """Log the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
         for i in self._bins:
-            path, level = self.path[self.layout.names[i]], int(np.ceil(FILL_STEPS * fill[i] / self.layout.row_length - 1e-9))
+            path, level = self.path[self.layout.names[i]], int(np.ceil(FILL_STEPS * fill[i] / self.layout.metres_per_bin - 1e-9))
             if self._is_new(path, level):
                 z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
                 scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
@@ -120,34 +120,25 @@ class RowView:
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
-        self._done = [-1] * len(layout.lanes)
-        self._from_west: dict[int, bool] = {}
+        self._done = [(-1, -1)] * len(layout.lanes)  # of each row, the pieces picked from the west end, and from the east end
         self._fruit = [_fruit(lane) for lane in layout.lanes]
-        self._pickers = indices(layout, {"picker"})
         for lane in layout.lanes:
             points, triangles = _strip(lane)
             strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
             rec.log(f"world/rows/row_{lane.number:02d}", strip, static=True)
             rec.log(f"canopy/fruit/row_{lane.number:02d}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
 
-    def show(self, picked: np.ndarray, poses: np.ndarray) -> None:
-        """Log the rows that changed. `picked`: (r,) m of each; `poses`: (n, 3), which show from which end a row is picked."""
-        for row, metres in enumerate(picked):
-            done = int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9)
-            if metres > 0.0 and row not in self._from_west:
-                self._from_west[row] = self._begun_in_the_west(row, float(metres), poses)
-            if done != self._done[row]:
-                self._done[row] = done
-                self._paint(row, done, self._from_west.get(row, True))
+    def show(self, row_ends: np.ndarray) -> None:
+        """Log the rows that changed. `row_ends`: (r, 2) metres of each row that are picked from its west end, and from its east end."""
+        for row, ends in enumerate(row_ends.tolist()):
+            west, east = (int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9) for metres in ends)
+            if (west, east) != self._done[row]:
+                self._done[row] = west, east
+                self._paint(row, west, east)
 
-    def _begun_in_the_west(self, row: int, metres: float, poses: np.ndarray) -> bool:
-        lane = self.layout.lanes[row]
-        away = np.abs(poses[self._pickers, 1] - lane.y)
-        x = float(poses[self._pickers[int(np.argmin(away))], 0])
-        return abs(x - (lane.west + metres)) <= abs(x - (lane.east - metres))
-
-    def _paint(self, row: int, done: int, from_west: bool) -> None:
-        picked = np.arange(CHUNKS) < done if from_west else np.arange(CHUNKS) >= CHUNKS - done
+    def _paint(self, row: int, west: int, east: int) -> None:
+        pieces = np.arange(CHUNKS)
+        picked = (pieces < west) | (pieces >= CHUNKS - east)
         colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
         number = self.layout.lanes[row].number
         self.rec.log(f"world/rows/row_{number:02d}", rr.Mesh3D.from_fields(vertex_colors=np.repeat(colours, 4, axis=0)))

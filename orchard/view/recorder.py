@@ -11,6 +11,7 @@ from orchard.contract.agent import WAITING_STATES, State
 from orchard.contract.events import SCAN_TICKS, Event, Frame, Velocities
 from orchard.field.kinds import KINDS, LASER_RANGE, MOVERS, Laser, kind_of
 from orchard.field.layout import Layout
+from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
@@ -201,8 +202,8 @@ class Recorder:
             self.bodies.bars(frame.coupled)
         if frame.alive is not None:
             self.bodies.weeds(frame.alive)
-        if frame.row_picked is not None:
-            self.rows.show(frame.row_picked, frame.poses)
+        if frame.row_ends is not None:
+            self.rows.show(frame.row_ends)
 
     def _words(self, frame: Frame) -> None:
         for name, text in frame.doing.items():
@@ -233,8 +234,9 @@ class Recorder:
         return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
-        rows = {} if frame.row_picked is None else {"metrics/bins/rows_picked": float((frame.row_picked >= self._lengths).sum())}
-        return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= self.layout.row_length).sum())}
+        ends = frame.row_ends
+        rows = {} if ends is None else {"metrics/bins/rows_picked": float((ends.sum(axis=1) >= self._lengths - FULL_WITHIN).sum())}
+        return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= self.layout.metres_per_bin).sum())}
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:

@@ -138,7 +138,7 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     bodies, rows = len(layout.names), layout.scenario.rows
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
     arrays: dict[str, Any] = {name: np.array(values) for name in SELDOM if (values := getattr(picture, name)) is not None}
-    fit = all(len(array) == (rows if name == "row_picked" else bodies) for name, array in arrays.items())
+    fit = all(len(array) == (rows if name == "row_ends" else bodies) for name, array in arrays.items())
     if picture.scans is not None:
         fit &= [*map(len, picture.scans)] == [RANGE * _beams_of(name) for name in layout.names]
     if not fit or len(poses) != bodies:

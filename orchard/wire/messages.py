@@ -134,7 +134,7 @@ class Odometry(Message):
     pose: PoseMessage
     twist: TwistMessage
     hitch: Annotated[OtherEnd | None, Meta(description="the body at the other end of the bar; nil if none is coupled")] = None
-    fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to the length of a row")] = 0.0
+    fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to what fills it")] = 0.0
     full: Annotated[bool, Meta(description="for a bin: whether it is full")] = False
     accuracy: Annotated[Metres, Meta(description="m, standard deviation of the measured x and y; 0: exact")] = 0.0
 
@@ -461,9 +461,12 @@ class Events(Message):
 class BinStatus(Message):
     """The state of a bin, published when `full` or `coupled_to` changes."""
 
-    full: Annotated[bool, Meta(description="whether it holds a whole row")]
-    fill: Annotated[Fill, Meta(description="metres of row in it, 0 to the length of a row")]
+    full: Annotated[bool, Meta(description="whether it is full, or the last of a harvest, left part full")]
+    fill: Annotated[Fill, Meta(description="metres of row in it, 0 to what fills it")]
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' if none")]
+
+
+ROW_ENDS = "for each row, the metres that are picked from its west end and from its east end, together 0 to its length"
 
 
 class Picture(Message):
@@ -476,7 +479,7 @@ class Picture(Message):
     coupled: Annotated[list[Body] | None, Meta(description="for each body, the index of the body at the other end of its bar, or -1")]
     fill: Annotated[list[Fill] | None, Meta(description="for each bin, metres of row in it; 0 for other bodies")]
     alive: Annotated[list[bool] | None, Meta(description="for each body; false for a weed that is flattened")]
-    row_picked: Annotated[list[Fill] | None, Meta(description="for each row, the metres that are picked, 0 to its length")]
+    row_ends: Annotated[list[tuple[Fill, Fill]] | None, Meta(description=ROW_ENDS)]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
     whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False

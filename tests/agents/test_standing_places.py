@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from functools import cache
-from itertools import product
+from itertools import product, zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -218,13 +218,13 @@ def walks_of(layout: Layout) -> Iterator[Walk]:
         start = layout.starts[layout.index[name]].pose
         walk = Walk(name, name, start.x, start.y, heading="EAST" if block.start == "west" else "WEST")
         walk.follow(route.come_in(block))
-        for count, row in enumerate(block.rows):
-            side = route.side(count, block.start)
+        passes = layout.passes(block)
+        for count, (one, after) in enumerate(zip_longest(passes, passes[1:])):
+            row, side = one.row, route.sides[one.end]
             walk.stage = 2 * row
-            walk.follow(route.pick(row, side, came_over=count > 0 or block.start == "east"))
+            walk.follow(route.pick(one, came_over=count > 0 or block.start == "east"))
             walk.stage = 2 * row + 1
-            leave = route.go_to_next_row(row, row + 1, side) if row != block.rows[-1] else route.park(row, side)
-            walk.follow([*route.swap_bins(row, side), *leave])
+            walk.follow(route.go_on(one, after))
             for carrier in heads if row == 1 else [heads[row % len(heads)]]:
                 start = layout.queue.place(carrier - 1)
                 job = Walk(f"carrier for row {row}", name, start.x, start.y, 2 * row + 1)

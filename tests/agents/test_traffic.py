@@ -15,6 +15,7 @@ from orchard.contract.messages import Claim
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
+from orchard.field.rows import Block
 from orchard.field.scenario import DISPATCH_POLICIES, NEAREST, ROW_RULES, Animals, LaserSettings, People, Scenario
 from orchard.report.bounds import Bounds
 
@@ -233,11 +234,10 @@ def test_a_two_way_carrier_asks_for_one_place_after_the_other():
     """So a place that a robot only waits for keeps no robot from another place: the proof in docs/traffic.md rests on it."""
     layout = lay_out(empty_orchard(rows=6, pickers=3, carriers=40, route=TWO_WAY))
     route, claims = route_of(layout), []
-    for count, row in enumerate(range(1, 6)):
-        side = route.side(count)
+    for one in layout.passes(Block(tuple(range(1, 6)))):
         for carrier in (1, 11, 21, 31):
-            claims += places_asked(route.fetch(carrier, row, side, "picker_01", "bin_01"))
-        claims += places_asked([*route.crossing(row, row + 1, side), *route.pick(row, side, came_over=True)])
+            claims += places_asked(route.fetch(carrier, one.row, route.sides[one.end], "picker_01", "bin_01"))
+    claims += places_asked(route.harvest(Block(tuple(range(1, 7)))))
     assert len(claims) > 200
     assert all(len(places) == 1 for places in claims)
 

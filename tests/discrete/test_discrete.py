@@ -32,6 +32,11 @@ HARVESTS: dict[str, dict[str, Any]] = {
     },
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
     "an early policy, and failures": {**SHORT, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
+    "bins that go on with the next row": {**SHORT, "rows": 4, "metres_per_bin": 15.0},
+    "bins that fill inside rows that are picked slowly": {
+        **{"rows": 4, "pickers": 4, "carriers": 3, "row_length": 40.0, "metres_per_bin": 16.0, "picking_speed": 0.3},
+        **{"dispatch": "predictive", "route": "two-way", "rows_to_pickers": "balanced-ends"},
+    },
     "nearest, two-way": {"rows": 5, "pickers": 5, "carriers": 5, "route": "two-way", "row_length": 30.0},
     "pickers that drive into their rows": {
         **{"rows": 3, "pickers": 3, "carriers": 1, "row_length": 40.0},

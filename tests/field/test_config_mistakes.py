@@ -20,7 +20,7 @@ OUT_OF_RANGE = [
     ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
     ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 120"),
     ("carriers: 121", "carriers = 121: must be null or a whole number from 1 to 120"),
-    ("picking_speed: 0.01", "picking_speed = 0.01: must be a number from 0.02 to 1.0"),
+    ("picking_speed: 0.001", "picking_speed = 0.001: must be a number from 0.002 to 1.0"),
     ("picking_speed: -1", "picking_speed = -1: must be"),
     ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
     ("seed: 9223372036854775808", "must be a whole number from 0 to 9223372036854775807"),
@@ -79,8 +79,9 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
 
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
-        "unknown key; known here: rows, pickers, row_length, row_width, carriers, picking_speed, picking, seed, people, animals, weeds, "
-        "tractor, laser, sensors, agents, agents_without_body, dispatch, dispatch_errors, rows_to_pickers, route, bay, prices, survey"
+        "unknown key; known here: rows, pickers, row_length, metres_per_bin, row_width, carriers, picking_speed, picking, seed, people, "
+        "animals, weeds, tractor, laser, sensors, agents, agents_without_body, dispatch, dispatch_errors, rows_to_pickers, route, bay, "
+        "prices, survey"
     )
 
 

@@ -51,8 +51,8 @@ def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
 
 def test_a_short_row_fills_its_bin_and_takes_its_own_time():
     layout = lay_out(orchard_of(UNEQUAL, picking_speed=0.5))
-    assert [layout.picking_seconds(row) for row in (1, 2, 3, 4)] == pytest.approx([2 * row.length for row in UNEQUAL])
-    assert Bounds(layout).row_seconds == pytest.approx(2 * sum(row.length for row in UNEQUAL) / 4)
+    assert [layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes] == pytest.approx([2 * row.length for row in UNEQUAL])
+    assert Bounds(layout).picking_seconds == pytest.approx(2 * sum(row.length for row in UNEQUAL) / 4)
 
 
 def test_the_plan_shows_each_row_at_its_place():

@@ -37,9 +37,9 @@ def test_gymnasium():
 
 
 @pytest.mark.parametrize("policy", ["predictive", "farthest-first", "longest-waiting"])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, seed):
-    scenario = Scenario(rows=9, pickers=5, dispatch=policy, seed=seed, picking={"failure": {"mean_between": 300.0}})
+@pytest.mark.parametrize("metres_per_bin", [None, 30.0])
+def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_bin):
+    scenario = Scenario(rows=9, pickers=5, dispatch=policy, metres_per_bin=metres_per_bin, picking={"failure": {"mean_between": 300.0}})
     model, env = DiscreteHarvest(lay_out(scenario)).run(), dispatch_env(scenario)
     total, terminated = played(env, scripted)
     assert terminated and env.harvest.deliveries == model.deliveries and env.harvest.seconds == model.seconds

@@ -42,7 +42,7 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     token = someone.declare(someone.keys.of("alive", "logger", "me"))
     whole = until(pictures, lambda told: told["alive"] is not None)
     assert whole["tick"] % 50 != 0
-    assert None not in (whole["coupled"], whole["fill"], whole["row_picked"])
+    assert None not in (whole["coupled"], whole["fill"], whole["row_ends"])
     assert {"picker_01", "carrier_01"} <= whole["doing"].keys()
     token.undeclare()
 
@@ -254,13 +254,13 @@ def test_a_recorder_that_never_comes_back_costs_no_more_than_so_many_pictures():
 
 def test_what_is_left_out_leaves_its_news_to_the_next():
     pages = FrameQueue(most=1)
-    pages.put(picture(1, doing={"picker_01": "picking row 1", "bin_01": "empty"}, row_picked=np.array([1.0]), alive=np.array([True])))
+    pages.put(picture(1, doing={"picker_01": "picking row 1", "bin_01": "empty"}, row_ends=np.array([[1.0, 0.0]]), alive=np.array([True])))
     pages.put(picture(2, doing={"bin_01": "full"}, alive=np.array([False])))
     pages.put(picture(3))
     (frame,) = written(pages).frames
     assert (frame.tick, frame.left_out) == (3, 2)
     assert frame.doing == {"picker_01": "picking row 1", "bin_01": "full"}
-    assert frame.row_picked == [1.0] and frame.alive == [False]
+    assert frame.row_ends.tolist() == [[1.0, 0.0]] and frame.alive == [False]
 
 
 def test_ticks_that_never_came_are_a_gap():

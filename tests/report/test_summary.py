@@ -16,7 +16,7 @@ from orchard.report.progress import Headline, Progress, headline_of, robots
 from orchard.report.summary import clock, sentence
 
 FIGURES = {
-    "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "row_length": 70.0,
+    "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "bins": 20, "row_length": 70.0,
     "metres_picked": 525.0, "bins_delivered": 1,
     "schedule_sim_seconds": 1411.5, "carrier_utilisation": 0.5, "broken_agents": [],
     "state_seconds": {"picker": {"picking": 100.0, "waiting": 12.0, "calling": 3.5}, "carrier": {"waiting": 9.0}},
@@ -129,7 +129,7 @@ def test_a_program_reads_progress_as_json():
     (line,) = out.getvalue().splitlines()
     assert json.loads(line) == {"progress": {name: FIGURES[name] for name in Headline.__struct_fields__}}
     assert headline_of(FIGURES).pickers_waited_seconds == 15.5
-    assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6}).fraction == 0.5
+    assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6, "bins": 6}).fraction == 0.5
 
 
 WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"

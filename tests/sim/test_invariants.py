@@ -57,9 +57,9 @@ WRONG = {  # what is set in a new world -> what is said of it
         {"coupled": {"bin_01": "nobody", "picker_01": "picker_02"}},
         "picker_01 is coupled to picker_02; a coupling needs a picker or carrier and a bin",
     ),
-    "a metre that is picked into no bin": ({"row_picked": {1: 1.0}}, "1.000 m are picked, but 0.000 m are in bins or delivered"),
+    "a metre that is picked into no bin": ({"row_ends": {(1, 0): 1.0}}, "1.000 m are picked, but 0.000 m are in bins or delivered"),
     "a row that is longer than a row": (
-        {"row_picked": {0: 71.0}, "fill": {"bin_01": 70.0, "bin_02": 1.0}},
+        {"row_ends": {(0, 0): 71.0}, "fill": {"bin_01": 70.0, "bin_02": 1.0}},
         "row 1 was picked for 0 m, and now for 71 m; this may only grow, to 70 m",
     ),
 }
@@ -101,9 +101,9 @@ def test_a_bin_that_holds_what_no_bin_can_is_named(checker, world, metres):
 
 
 def test_a_row_that_grows_back_is_named(checker, world):
-    world.row_picked[1] = world.fill[world.index["bin_01"]] = 1.0
+    world.row_ends[1, 0] = world.fill[world.index["bin_01"]] = 1.0
     assert after(checker, world) == []
-    world.row_picked[1] = world.fill[world.index["bin_01"]] = 0.5
+    world.row_ends[1, 0] = world.fill[world.index["bin_01"]] = 0.5
     assert after(checker, world) == ["tick 2: row 2 was picked for 1 m, and now for 0.5 m; this may only grow, to 70 m"]
 
 
@@ -170,7 +170,7 @@ def test_bodies_are_looked_at_once_a_second(checker, world):
 
 
 def test_what_stays_wrong_is_told_once(checker, world):
-    world.row_picked[1] = 1.0
+    world.row_ends[1, 0] = 1.0
     assert len([after(checker, world) for _ in range(30)][-1]) == 1
 
 
@@ -239,7 +239,7 @@ import sys
 import orchard.sim.engine, orchard.sim.physics
 def step(world, twists, deeds):
     events = orchard.sim.physics.step(world, twists, deeds)
-    world.row_picked[2] += 0.01
+    world.row_ends[2, 0] += 0.01
     return events
 orchard.sim.engine.step = step
 """

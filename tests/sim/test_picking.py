@@ -28,8 +28,8 @@ def test_a_row_from_end_to_end_fills_a_bin():
 def test_a_row_is_picked_westward_as_well():
     row = picker_with_bin(x=34.55, yaw=math.pi)
     row.drive(300, **train(x=1.0))
-    assert row.world.row_from[0] == 1
-    assert row.world.row_picked[0] == row.of("fill", "bin_02") == pytest.approx(29.95)
+    assert row.world.row_ends[0, 0] == 0.0
+    assert row.world.row_ends[0, 1] == row.of("fill", "bin_02") == pytest.approx(29.95)
 
 
 def test_what_grows_in_the_row_goes_into_the_bin_and_driving_back_and_forth_adds_nothing():
@@ -70,12 +70,12 @@ def test_nothing_is_picked(case):
     row = NOTHING_IS_PICKED[case]()
     row.drive(100, **dict.fromkeys(row.world.layout.names, AHEAD))
     assert row.of("distance", row.world.layout.names[0]) > 9.9
-    assert not row.world.row_picked.any() and not row.world.row_from.any()
+    assert not row.world.row_ends.any()
 
 
 def test_a_second_bin_goes_on_where_the_first_one_ended_and_not_beyond_a_gap():
     row = picker_with_bin(x=-20.0)
-    row.world.row_picked[0], row.world.row_from[0] = 10.0, -1  # picked up to x = -25.5
+    row.world.row_ends[0, 0] = 10.0  # picked up to x = -25.5
     row.drive(10, **train(x=1.0))
     assert row.world.row_picked[0] == 10.0
     row.drive(70, **train(x=-1.0))
@@ -195,7 +195,7 @@ def test_one_bin_at_a_time_is_unloaded_and_who_began_goes_on():
 
 def finished() -> Yard:
     end = everybody()
-    end.world.row_picked[:] = 70.0
+    end.world.row_ends[:, 0] = 70.0
     end.drive(1)
     return end
 
@@ -205,7 +205,7 @@ def test_the_harvest_is_over_when_all_is_picked_unloaded_and_back():
 
 
 MISSING = {
-    "row": lambda end, carrier: end.world.row_picked.__setitem__(-1, 69.9),
+    "row": lambda end, carrier: end.world.row_ends.__setitem__((-1, 0), 69.9),
     "bin": lambda end, carrier: end.world.fill.__setitem__(end.world.index["bin_01"], 70.0),
     "place": lambda end, carrier: end.put(carrier, 40.0, 24.5, 0.0),
     "heading": lambda end, carrier: end.put(carrier, *end.pose(carrier)[:2], 1e-5),

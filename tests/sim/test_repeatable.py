@@ -109,7 +109,7 @@ def _nudge(array: np.ndarray) -> None:
     flat[0] = ~flat[0] if array.dtype == bool else flat[0] + 1 if array.dtype.kind == "i" else np.nextafter(flat[0], np.inf)
 
 
-@pytest.mark.parametrize("part", ["pose", "coupled", "fill", "row_picked", "alive"])
+@pytest.mark.parametrize("part", ["pose", "coupled", "fill", "row_ends", "alive"])
 def test_the_last_bit_of_every_part_counts(part):
     world = World(lay_out(Scenario()))
     ranges, other = Scanner(world).scan(world).ranges, copy.deepcopy(world)

@@ -233,9 +233,9 @@ def test_our_agents_finish_harvests_with_rtk_on_each_route_with_many_policies_an
 def test_a_picker_that_stops_short_of_the_end_of_a_row_drives_on_until_its_bin_is_full():
     stage = Stage(with_changes(erring(**RTK), dispatch="nearest"))
     stage.put("picker_01", 33.0, 10.75)
-    stage.world.row_picked[0], stage.world.row_from[0] = 68.5, -1
+    stage.world.row_ends[0, 0] = 68.5
     stage.world.fill[stage.world.index["bin_01"]] = 68.5
-    stage.give("picker_01", [DriveTo(x=34.42), Fill(0.3), LeaveBin()])
+    stage.give("picker_01", [DriveTo(x=34.42), Fill(0.3, 70.0), LeaveBin()])
     stage.run_until(lambda: stage.bin_of("picker_01") == "", 30.0)
     assert stage.is_full("bin_01")
 

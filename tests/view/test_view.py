@@ -101,9 +101,7 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
 
 
 def test_a_row_that_is_picked_from_the_east_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    poses = starts(layout)
-    poses[layout.index["picker_01"]] = 24.5, layout.lane(1).y, np.pi
-    path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, poses, row_picked=np.array([10.0, 0.0, 0.0]))])
+    path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, starts(layout), row_ends=np.array([[0.0, 10.0], [0.0, 0.0], [0.0, 0.0]]))])
     (_, colours), = Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
     assert colours[0] != colours[-1] and colours[-1] == colours[-20]
 
@@ -124,8 +122,8 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
-    layout = lay_out(orchard_of(UNEQUAL))
-    return layout, recording_of(tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_picked=np.array([29.0, 10.0, 0.0, 0.0]))])
+    layout, picked = lay_out(orchard_of(UNEQUAL)), np.array([[29.0, 0.0], [10.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    return layout, recording_of(tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
 
 
 def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(surveyed: tuple[Layout, Path]) -> None:

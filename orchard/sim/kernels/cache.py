@@ -16,7 +16,7 @@ DIGEST = 32  # bytes of the SHA-256 of name and code, with which each file begin
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
-_SOURCES = [*sorted(_HERE.glob("*.py")), *(_FIELD / f"{module}.py" for module in ("kinds", "layout", "repeatable", "scenario"))]
+_SOURCES = [*sorted(_HERE.glob("*.py")), *(_FIELD / f"{module}.py" for module in ("kinds", "layout", "passes", "repeatable", "scenario"))]
 
 log = logging.getLogger("orchard")
 

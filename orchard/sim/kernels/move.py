@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, overlap, place
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
@@ -13,20 +14,19 @@ NONE = -1  # as an index: none
 BAR = 0.3  # m; a robot cannot move to a pose where its coupled bin would be further than this from the coupling point
 LANE_REACH = 1.0  # m; a picker is in a row if it is this near to the lane's centre line
 PICK_REACH = 0.2  # m; picking begins within this of a row's end, and continues within this of its last point; a step is at most half of it
-FULL_WITHIN = 1e-6  # m; a row or a bin that lacks at most this is full
 _FRONTIER = 1e-9  # m
 
 
 class Rows(NamedTuple):
     """The r rows, and how far each is picked."""
 
-    full: float  # m: what fills a bin, in rows of the full length; a shorter row fills one too
+    full: float  # m: what fills a bin
+    share: np.ndarray  # (r,) m in a bin for each metre of the row
     west: np.ndarray  # (r,) m: x of the rows' west ends
     length: np.ndarray  # (r,) m
     y: np.ndarray  # (r,) m: the lanes' centre lines
     picking_speed: np.ndarray  # (r,) m/s
-    picked: np.ndarray  # (r,) m
-    begun: np.ndarray  # (r,) int64: the end at which picking began: -1 west, +1 east, 0 not yet
+    picked: np.ndarray  # (r, 2) m: from the west end, and from the east end
 
 
 @inlined
@@ -56,15 +56,15 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 @jit
 def advance(
     wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
-    wall_members, body_frame, bin_full, row_west, row_length, row_y, row_speed, row_picked, row_from, distance, collisions, refused,
-    blocked, boxes, cells, cell_begin, cell_members, met, picked_from, before,
+    wall_members, body_frame, bin_full, bin_least, row_share, row_west, row_length, row_y, row_speed, row_ends, distance, collisions,
+    refused, blocked, boxes, cells, cell_begin, cell_members, met, picked_from, before, full,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick. It is one kernel to save calls.
 
-    boxes, cells, cell_..., before: space to work in; `met` and `picked_from` are written by `move_all` and `pick`. Returns whether
+    boxes, cells, cell_..., before, full: space to work in; `met` and `picked_from` are written by `move_all` and `pick`. Returns whether
     anything happened of which there may be an event: a collision began, a row is picked, a bin is full.
     """
-    rows = Rows(bin_full, row_west, row_length, row_y, row_speed, row_picked, row_from)
+    rows = Rows(bin_full, row_share, row_west, row_length, row_y, row_speed, row_ends)
     walls_near = Grid(wall_frame, wall_begin, wall_members)
     limit(wanted, stopped, speed, coupled, turn, sideways, twist)
     keep_pace(pickers, twist, pose, coupled, fill, rows)
@@ -74,9 +74,20 @@ def advance(
     bodies_near = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
     is_eventful = move_all(twist, pose, coupled, tows, walls, walls_near, boxes, bodies_near, distance, collisions, refused, blocked, met)
     is_eventful |= pick(pickers, before, pose, coupled, rows, fill, picked_from)
-    for filled in fill:
-        is_eventful |= filled >= rows.full
+    full_bins(fill, coupled, pickers, bin_full, bin_least, full)
+    for is_full in full:
+        is_eventful |= is_full
     return is_eventful
+
+
+@jit
+def full_bins(fill, coupled, pickers, bin_full, bin_least, full):
+    """Write into `full`, (n,) bool, which bins are full: they hold `bin_full` m, or `bin_least` if no picker has them any more."""
+    for i in range(len(fill)):
+        full[i] = fill[i] >= bin_least
+    for i in pickers:
+        if coupled[i] != NONE:
+            full[coupled[i]] = fill[coupled[i]] >= bin_full
 
 
 @inlined
@@ -196,11 +207,12 @@ def keep_pace(pickers, twist, pose, coupled, fill, rows):
         if coupled[i] == NONE or fill[coupled[i]] >= rows.full:
             continue
         r = row_at(pose[i, 1], rows)
-        if r == NONE or rows.picked[r] >= rows.length[r]:
+        if r == NONE or is_done(r, rows):
             continue
         from_west, from_east = pose[i, 0] - rows.west[r], rows.west[r] + rows.length[r] - pose[i, 0]
-        done = from_west if rows.begun[r] < 0 else from_east
-        if min(from_west, from_east) >= 0.0 and (rows.begun[r] == 0 or done >= rows.picked[r] - _FRONTIER):
+        west, east = rows.picked[r]
+        is_inside = min(from_west, from_east) >= 0.0
+        if is_inside and from_west >= west - _FRONTIER and from_east >= east - _FRONTIER:
             twist[i, 0] = min(max(twist[i, 0], -rows.picking_speed[r]), rows.picking_speed[r])
 
 
@@ -216,29 +228,38 @@ def pick(pickers, before, pose, coupled, rows, fill, picked_from):
         west, east = rows.west[r], rows.west[r] + rows.length[r]
         if max(start, end) < west or min(start, end) > east:
             continue
-        if _pick_row(r, min(max(end, west), east), coupled[i], rows, fill):
+        done = min(max(end, west), east) - west if end > start else east - min(max(end, west), east)
+        if end != start and _pick_row(r, 0 if end > start else 1, done, coupled[i], rows, fill):
             picked_from[k] = r
-            is_any_done |= rows.picked[r] >= rows.length[r]
+            is_any_done |= is_done(r, rows)
     return is_any_done
 
 
 @inlined
-def _pick_row(r, x, a_bin, rows, fill):
-    """Pick a row up to x into a bin, if that continues the picked part of the row. Return whether anything was picked."""
-    from_west, from_east = x - rows.west[r], rows.west[r] + rows.length[r] - x
-    if rows.begun[r] == 0 and min(from_west, from_east) <= PICK_REACH and fill[a_bin] < rows.full:
-        rows.begun[r] = -1 if from_west <= from_east else 1
-    done = from_west if rows.begun[r] < 0 else from_east
-    share = rows.full / rows.length[r]  # of what a metre of this row fills to what a metre of a row of the full length does
-    grows = min(done - rows.picked[r], (rows.full - fill[a_bin]) / share)
-    if rows.begun[r] == 0 or grows <= 0.0 or done - rows.picked[r] > PICK_REACH:
+def is_done(r, rows):
+    """Whether a row is picked to the end."""
+    return rows.picked[r, 0] + rows.picked[r, 1] >= rows.length[r] - FULL_WITHIN
+
+
+@inlined
+def _pick_row(r, end, done, a_bin, rows, fill):
+    """Pick a row up to `done` m from an end (0 west, 1 east) into a bin, if that continues the part that is picked from there.
+
+    Return whether anything was picked. What a row or a bin lacks at most in the end is picked too, so each metre picked is in a bin.
+    """
+    ripe, room = rows.length[r] - rows.picked[r, 1 - end], (rows.full - fill[a_bin]) / rows.share[r]
+    left = min(ripe - rows.picked[r, end], room)
+    grows = min(done - rows.picked[r, end], left)
+    if grows <= 0.0 or done - rows.picked[r, end] > PICK_REACH:
         return False
-    rows.picked[r] = _or_full(min(rows.picked[r] + grows, done), rows.length[r], FULL_WITHIN)
-    fill[a_bin] = _or_full(fill[a_bin] + grows * share, rows.full, FULL_WITHIN * share)
+    if left - grows <= FULL_WITHIN:
+        grows, done = left, rows.picked[r, end] + left
+    rows.picked[r, end] = _or_full(min(rows.picked[r, end] + grows, done), ripe, FULL_WITHIN)
+    fill[a_bin] = _or_full(fill[a_bin] + grows * rows.share[r], rows.full, FULL_WITHIN * rows.share[r])
     return True
 
 
-@jit
+@inlined
 def _or_full(metres, length, within):
     return length if metres >= length - within else metres
 

@@ -1,0 +1,140 @@
+"""Several bins a row: a bin that fills inside a row is left at its end, and one that is part full there goes on with the next row."""
+
+from itertools import pairwise
+from math import ceil
+from typing import Any
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from local_runs import start_afresh
+from made_surveys import UNEQUAL, orchard_of
+from stage import Stage, empty_orchard
+
+from orchard.agents.routes import route_of
+from orchard.contract.messages import pack
+from orchard.field.passes import FULL_WITHIN, passes_of
+from orchard.field.rows import Block
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
+from orchard.local import Local
+from orchard.sim.lookahead import CheckedHolds, Lookahead
+from orchard.tables.exchanges import exchanges
+
+# -- the passes of a picker
+
+
+@given(
+    st.lists(st.tuples(st.floats(-35.5, -20.0), st.floats(-10.0, 100.0)), min_size=1, max_size=6),
+    st.floats(5.0, 200.0),
+    st.sampled_from(["west", "east"]),
+)
+def test_each_metre_is_picked_once_and_each_bin_but_the_last_is_full(rows, metres_per_bin, start):
+    passes = passes_of(rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin)
+    assert [one.end for one in passes] == [["east", "west"][(count + (start == "east")) % 2] for count in range(len(passes))]
+    for number, (west, east) in enumerate(rows, start=1):
+        parts = sorted(sorted((one.begin, one.stop)) for one in passes if one.row == number)
+        assert (parts[0][0], parts[-1][1]) == (west, east)
+        assert all(one[1] == after[0] for one, after in pairwise(parts))
+    fills = [one.fill for one in passes if one.leaves_bin]
+    assert passes[-1].leaves_bin and all(one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes)
+    assert fills[:-1] == pytest.approx([metres_per_bin] * (len(fills) - 1))
+    assert sum(fills) == pytest.approx(sum(east - west for west, east in rows), abs=1e-4)
+
+
+# -- harvests
+
+
+@st.composite
+def orchards(draw: st.DrawFn) -> dict[str, Any]:
+    rows, length = draw(st.integers(3, 12)), draw(st.sampled_from([30.0, 40.0, 70.0, 100.0]))
+    return {
+        "rows": rows,
+        "pickers": draw(st.integers(2, min(rows, 8))),
+        "carriers": draw(st.integers(1, 6)),
+        "row_length": length,
+        "metres_per_bin": draw(st.one_of(st.integers(1, 5).map(lambda bins: length / bins), st.floats(5.0, 200.0))),
+        "route": draw(st.sampled_from(["one-way", "two-way"])),
+        "dispatch": draw(st.sampled_from(DISPATCH_POLICIES)),
+        "rows_to_pickers": draw(st.sampled_from(ROW_RULES)),
+        "picking_speed": draw(st.sampled_from([1.0, 0.5, 0.2, 0.05])),
+        "seed": draw(st.integers(1, 1000)),
+    }
+
+
+def assert_all_is_picked_into_bins_and_delivered(scenario: Scenario, holds: type[Lookahead] = Lookahead) -> None:
+    stage = Stage(scenario, holds=holds)
+    stage.run_to_the_end(200_000.0)
+    stage.assert_no_collisions()
+    world, layout = stage.world, stage.world.layout
+    of_each = [sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()]
+    bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in of_each)
+    assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
+    assert (layout.bins, world.delivered, world.delivered_metres) == (bins, bins, pytest.approx(sum(of_each)))
+    made = exchanges([{name: getattr(event, name) for name in ("tick", "what", "who", "whom", "detail")} for event in stage.events])
+    assert len(made) == bins and all(one["left"] and one["brought"] and one["fetched"] and one["unloaded"] for one in made)
+
+
+FAILURE = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
+HARVESTS: dict[str, dict[str, Any]] = {
+    "bins that go on with the next row": {"metres_per_bin": 12.0},
+    "bins larger than rows": {"rows": 4, "carriers": 1, "metres_per_bin": 50.0, "dispatch": "nearest"},
+    "two-way, and from both ends": {
+        **{"pickers": 3, "carriers": 2, "metres_per_bin": 16.0, "picking_speed": 0.3},
+        **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
+    },
+    "pickers that fail": {"metres_per_bin": 15.0, "picking_speed": 0.2, "picking": FAILURE, "dispatch": "assignment"},
+    "sensors with errors": {"pickers": 3, "metres_per_bin": 20.0, "sensors": {"gnss": {"white": 0.02, "bias": 0.03}}},
+    "surveyed rows": {"metres_per_bin": 14.0},
+}
+
+
+def harvest_of(name: str) -> Scenario:
+    return orchard_of(UNEQUAL, **HARVESTS[name]) if "surveyed" in name else empty_orchard(row_length=30.0, **HARVESTS[name])
+
+
+@pytest.mark.parametrize("name", HARVESTS)
+def test_all_is_picked_into_bins_and_delivered(name):
+    assert_all_is_picked_into_bins_and_delivered(harvest_of(name))
+
+
+def test_no_hold_is_wrong():
+    assert_all_is_picked_into_bins_and_delivered(harvest_of("two-way, and from both ends"), CheckedHolds)
+
+
+@pytest.mark.soak
+@settings(max_examples=60, phases=[Phase.generate])
+@given(orchards())
+def test_random_harvests_finish_without_a_collision(values):
+    assert_all_is_picked_into_bins_and_delivered(empty_orchard(**values))
+
+
+def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash():
+    local, kept = Local(harvest_of("bins that go on with the next row")), []
+    while not local.engine.over:
+        if local.engine.tick % 1500 == 700:
+            kept.append(local.snapshot())
+        local.tick()
+    for snapshot in kept:
+        again = Local.resume(snapshot)
+        while not again.engine.over:
+            if again.engine.tick % 250 == 0:
+                start_afresh(again)
+            again.tick()
+        assert (again.engine.tick, again.engine.hash, again.engine.violations()) == (local.engine.tick, local.engine.hash, [])
+
+
+def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
+    stage = Stage(empty_orchard(rows=20, row_length=200.0, metres_per_bin=5.0))
+    stage.run(5.0)
+    layout = stage.world.layout
+    assert len(route_of(layout).harvest(layout.blocks["picker_01"])) > 5000
+    assert len(pack(stage.local.memories["picker_01"])) < 8192
+
+
+@pytest.mark.parametrize("metres_per_bin, bins, seconds", [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))])
+def test_what_it_costs_to_drive_to_the_ends_of_rows_is_in_the_summary(metres_per_bin, bins, seconds):
+    """With four bins a row there are three more drives through 70 m, and three more turns."""
+    stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
+    told = stage.account.figures()
+    assert (told["bins"], told["row_end_seconds"]) == (bins, pytest.approx(seconds, abs=0.1))
+    assert (told["row_end_share"] > 0.3) == (seconds > 0.0)

@@ -48,8 +48,8 @@ run: $(VENV)/installed  ## the default orchard, from start to summary
 app: $(VENV)/installed-app  ## the page in the browser
 	$(VENV)/bin/orchard app
 
-study: $(VENV)/installed-study  ## how many carriers for 10 pickers in 20 rows? docs/study.md
-	$(VENV)/bin/orchard study undisturbed --vary carriers=1..20
+study: $(VENV)/installed-study  ## how many carriers for people who pick 20 rows? docs/study.md
+	$(VENV)/bin/orchard study hand_picking
 
 view: $(VENV)/installed  ## open the newest recording
 	$(VENV)/bin/orchard view

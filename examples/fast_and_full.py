@@ -71,7 +71,7 @@ def fast(scenario: Scenario) -> dict[str, float]:
     layout, begun = lay_out(scenario), time.process_time()
     harvest = DiscreteHarvest(layout).run()
     cost = time.process_time() - begun
-    return {"seconds": harvest.seconds, "wait": harvest.picker_waiting_seconds, "busy": harvest.carrier_utilisation, "cost": cost}
+    return {"seconds": harvest.seconds, "wait": harvest.picker_waiting_seconds(), "busy": harvest.carrier_utilisation(), "cost": cost}
 
 
 def both(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:

@@ -6,7 +6,7 @@ The truth of each setting is its mean over many other seeds.
 """
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from statistics import fmean
@@ -16,7 +16,7 @@ from scipy import stats
 from orchard import Scenario
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
-from orchard.study.racing import LOOKS, Race, interval
+from orchard.study.comparing import LOOKS, Comparison, compare, interval
 from orchard.study.result import Interval
 
 NOBODY = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False}
@@ -25,10 +25,8 @@ CARRIERS = (1, 2, 3)
 CONFIDENCE, WITHIN = 0.95, 0.03
 TRUTH = 10**6  # the first of the other seeds
 FIXED = "one setting, 5 replications"
-STOPPED = "one setting, until its interval is within 3 %"
-BEST = "a race, the best setting's own interval"
-DIFFERENCES = "a race, all differences from the best together"
-LEFT = "a race, the truly best setting is left"
+LEADS = "a study, the leads of the best mean together"
+STANDINGS = "a study, what it says of all settings together"
 
 
 @cache
@@ -38,15 +36,14 @@ def rate(carriers: int, seed: int) -> float:
     return 3600.0 * harvest.delivered / harvest.seconds
 
 
-def raced(settings: Sequence[int], study: int) -> tuple[Race, dict[int, list[float]]]:
-    """Return the race of a study, and the rates by setting."""
-    race, seen = Race(len(settings), True, CONFIDENCE, WITHIN), dict[int, list[float]]()
+def compared(study: int) -> Comparison:
+    """Return what a study knows when nothing is undecided, or at its last look."""
     for look in LOOKS:
-        seen |= {i: [rate(settings[i], 1000 * study + n) for n in range(look)] for i in race.left}
-        race.look(seen, look == LOOKS[-1])
-        if race.why is not None:
+        seen = {i: [rate(carriers, 1000 * study + n) for n in range(look)] for i, carriers in enumerate(CARRIERS)}
+        found = compare(seen, dict(enumerate(CARRIERS)), True, CONFIDENCE, WITHIN)
+        if not found.undecided:
             break
-    return race, seen
+    return found
 
 
 def holds(one: Interval, truth: float) -> bool:
@@ -57,14 +54,12 @@ def outcomes(study: int, truth: Mapping[int, float]) -> Iterator[tuple[str, bool
     """Yield what of a study held the truth."""
     for carriers in CARRIERS:
         yield FIXED, holds(interval([rate(carriers, 1000 * study + n) for n in range(LOOKS[0])], CONFIDENCE), truth[carriers])
-        alone, seen = raced([carriers], study)
-        yield STOPPED, holds(interval(seen[0], alone.each), truth[carriers])
-    race, seen = raced(CARRIERS, study)
-    best = race.best or 0
-    yield BEST, holds(interval(seen[best], race.each), truth[CARRIERS[best]])
-    others = {i: truth[CARRIERS[i]] - truth[CARRIERS[best]] for i in seen if i != best}
-    yield DIFFERENCES, all(holds(race.verdict(i, seen).difference, difference) for i, difference in others.items())
-    yield LEFT, CARRIERS.index(max(truth, key=lambda carriers: truth[carriers])) in race.left
+    found, rates = compared(study), [truth[carriers] for carriers in CARRIERS]
+    top = min(found.ahead, key=lambda i: abs(found.ahead[i]))
+    known = {i: lead for i, lead in found.leads.items() if lead is not None}
+    yield LEADS, all(holds(lead, (rates[top] - rates[i]) / rates[i]) for i, lead in known.items())
+    is_worse = [max(rates) / rate - 1.0 >= WITHIN for rate in rates]
+    yield STANDINGS, all(is_worse[i] == (found.standing(i) == "worse") for i in known if found.standing(i) != "unknown")
 
 
 def told(study: int, truth: Mapping[int, float]) -> list[tuple[str, bool]]:
@@ -81,7 +76,7 @@ def main() -> None:
         truth = {carriers: fmean(pool.map(rate, [carriers] * len(seeds), seeds, chunksize=50)) for carriers in CARRIERS}
         studies = pool.map(told, range(1, arguments.studies + 1), [truth] * arguments.studies)
         found = [one for study in studies for one in study]
-    for kind in (FIXED, STOPPED, BEST, DIFFERENCES, LEFT):
+    for kind in (FIXED, LEADS, STANDINGS):
         held = [is_held for name, is_held in found if name == kind]
         low, high = stats.binomtest(sum(held), len(held)).proportion_ci(0.95)
         print(f"{kind}: {100 * fmean(held):.1f} % of {len(held)} (95 %: {100 * low:.1f} to {100 * high:.1f})")

@@ -1,6 +1,6 @@
 """What does traffic cost in the long run? The rate that the parts of a harvest allow without it, beside that of the discrete-event model.
 
-python examples/long_run.py [--rounds 20] [--random 0] [ROWS/PICKERS/CARRIERS ...]
+python examples/long_run.py [--random 0] [ROWS/PICKERS/CARRIERS ...]
 """
 
 import argparse
@@ -14,7 +14,7 @@ from rich.progress import track
 from rich.table import Table
 
 from orchard import Scenario
-from orchard.discrete.harvest import long_run_bins_per_hour
+from orchard.discrete.long_run import long_run
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
 
@@ -57,7 +57,6 @@ def orchard(**values: object) -> Scenario:
 
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("--rounds", type=int, default=20, help="how often each picker picks its rows")
 parser.add_argument("--random", type=int, default=0, metavar="N", help="N orchards drawn at random in place of the cells")
 parser.add_argument("cells", nargs="*", default=CELLS, metavar="ROWS/PICKERS/CARRIERS")
 arguments = parser.parse_args()
@@ -66,7 +65,7 @@ table = Table("rows/pickers/carriers", "picking, m/s", "row, m", "route", "polic
 losses: dict[str, list[float]] = {}
 for one in track(orchards, console=Console(stderr=True), transient=True):
     layout = lay_out(one)
-    bounds, rate = Bounds(layout), long_run_bins_per_hour(layout, arguments.rounds)
+    bounds, rate = Bounds(layout), long_run(layout).bins_per_hour
     lost = 100.0 * (1.0 - rate / bounds.bins_per_hour)
     losses.setdefault(one.dispatch, []).append(lost)
     where = [f"{one.rows}/{one.pickers}/{one.carriers}", f"{one.picking_speed:g}", f"{one.row_length:g}", one.route, one.dispatch]

@@ -55,3 +55,12 @@ def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callabl
 def _cell(tag: str, words: str, props: str = "") -> None:
     with ui.element(tag).props(props if tag == "th" else ""):
         ui.label(words)
+
+
+def tiles(figures: Iterable[tuple[str, str, str]]) -> None:
+    """Show figures: the name, the value, and a note on its meaning."""
+    for name, value, meaning in figures:
+        with ui.element("div").classes("tile").props(f"data-figure='{name}'"):
+            ui.label(name).classes("tile-name")
+            ui.label(value).classes("tile-value")
+            ui.label(meaning).classes("tile-note")

@@ -3,10 +3,10 @@
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
-from orchard.app.elements import heading
+from orchard.app.elements import heading, tiles
 from orchard.field.kinds import KINDS
 from orchard.field.layout import X_WEST, Layout
-from orchard.report.bounds import WORTH, Bounds, enough_carriers, schedule_seconds
+from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
 
@@ -16,13 +16,15 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
     each = "{}" if min(trees) == max(trees) else "{} to {}"
     bins = sum(start.kind == "bin" for start in layout.starts)
-    more = f"for this harvest, without traffic: more shorten it by at most {WORTH:.0%}"
     return [
         ("Limit", f"{bounds.bins_per_hour:.1f} bins/h", "what this policy allows in a long harvest without traffic"),
         ("Bottleneck", bounds.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
-        ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else "7 for every 10 pickers"),
-        ("Enough carriers", str(enough_carriers(layout)), more),
+        (
+            "Carriers",
+            str(scenario.carrier_count),
+            "as set" if scenario.carriers else "7 for every 10 pickers; the study tells how many are worth it",
+        ),
         ("Bins", str(bins), f"one for each robot; the harvest fills {layout.bins}"),
         ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
         ("Harvest field", f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m", "from fence to fence"),
@@ -66,11 +68,7 @@ class FiguresView:
         bounds = Bounds(layout)
         self._tiles.clear()
         with self._tiles:
-            for name, value, note in figures(layout, bounds):
-                with ui.element("div").classes("tile").props(f"data-figure='{name}'"):
-                    ui.label(name).classes("tile-name")
-                    ui.label(value).classes("tile-value")
-                    ui.label(note).classes("tile-note")
+            tiles(figures(layout, bounds))
         self._bars.clear()
         with self._bars:
             heading(2, "What each part allows without traffic, bins/h").classes("bars-title")

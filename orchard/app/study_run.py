@@ -3,54 +3,37 @@
 import contextlib
 import sys
 from dataclasses import dataclass
-from functools import cached_property
 
 import msgspec
 
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.draft import number_problem, shown
-from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario
-from orchard.study.result import Goal, StudyResult
+from orchard.study.result import StudyResult
 
-CARRIERS = (1, MOST_CARRIERS)
 BUDGET = (1, 86_400)  # s of wall time, both included
 
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What a study compares, as a user entered it."""
+    """What a study compares beside numbers of carriers, as a user entered it."""
 
-    first: str = "1"  # number of carriers
-    last: str = "10"
     dispatch: tuple[str, ...] = ()  # policies to compare; none: that of the scenario
     route: tuple[str, ...] = ()
-    goal: Goal = "bins_per_hour"
     budget: str = "60"  # s
-    is_checked: bool = True  # whether the simulator checks the best two
 
-    @cached_property
-    def problems(self) -> dict[str, str]:
-        told = {
-            "first": number_problem(self.first, CARRIERS, is_whole=True),
-            "last": number_problem(self.last, CARRIERS, is_whole=True),
-            "budget": number_problem(self.budget, BUDGET),
-        }
-        if not told["first"] and not told["last"] and int(self.first) > int(self.last):
-            told["last"] = f"must be at least {int(self.first)}, with which it begins"
-        return {name: words for name, words in told.items() if words}
+    @property
+    def problem(self) -> str:
+        return number_problem(self.budget, BUDGET)
 
 
 def study_command(settings: StudySettings, files: Files) -> list[str]:
-    varied = {
-        "carriers": f"{int(settings.first)}..{int(settings.last)}",
-        "dispatch": ",".join(settings.dispatch),
-        "route": ",".join(settings.route),
-    }
-    ranges = [word for key, values in varied.items() if values for word in ("--vary", f"{key}={values}")]
-    how = ["--goal", settings.goal, "--budget", f"{shown(float(settings.budget))}s", "--model", "both" if settings.is_checked else "fast"]
-    program = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario)]
-    return [*program, *ranges, *how, "--progress", "json", "--summary", str(files.summary)]
+    """Return the command that a user would type for it."""
+    compared = {"dispatch": settings.dispatch, "route": settings.route}
+    ranges = ["carriers", *(f"{key}={','.join(values)}" for key, values in compared.items() if values)]
+    varied = [word for one in ranges for word in ("--vary", one)]
+    program = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario), *varied]
+    return [*program, "--budget", f"{shown(float(settings.budget))}s", "--progress", "json", "--summary", str(files.summary)]
 
 
 class StudyRun(PageCommand):

@@ -15,15 +15,14 @@ from orchard.app.own_classes import CHOICES
 from orchard.app.study_run import Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.study.result import StudyResult
-from orchard.study.settings import Setting
 from orchard.study.table import legend, words
-from orchard.study.words import GOALS, sentence, setting_words
+from orchard.study.words import setting_words
 
 REDRAW_SECONDS = 1.0  # s between two pictures
 Take = Callable[[Scenario, str], Awaitable[None]]
 HINT = (
-    "Harvests the orchard of the form with each of these numbers of carriers. Choose policies or routes to compare them, too; all else, "
-    "and the prices, are in the form."
+    "Tries numbers of carriers in the orchard of the form, as many as it takes, and tells how many are worth it in the long run. Choose "
+    "policies or routes to compare them, too; all else, and the prices, are in the form."
 )
 LAST_WORDS = 12  # lines of a study that failed
 
@@ -46,7 +45,6 @@ class StudyView:
                 self._badge = ui.badge().props("data-view=study-state")
             self._trouble = note("data-problem=study role=alert")
             self._answer = ui.label().classes("answer").props("data-view=answer role=status")
-            self._orchard = ui.label().classes("path").props("data-view=study-orchard")
             self._notes = ui.label().classes("classes").props("data-view=study-notes")
             self._picture = ui.html("", sanitize=False).classes("study-picture").props("data-view=study-picture")
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
@@ -57,27 +55,17 @@ class StudyView:
     # -- the fields
 
     def _build_fields(self) -> None:
-        self._text("Carriers from", "first")
-        self._text("to", "last", "Carriers to")
         self._choice("Dispatch policies", "dispatch")
         self._choice("Routes", "route")
-        with self._labelled("Goal"):
-            goal = ui.select(dict(GOALS), value=self._settings.goal, on_change=lambda event: self._enter(goal=event.value))
-            goal.props('dense outlined options-dense data-field=study-goal aria-label="Goal"')
-        self._text("Time to take, s", "budget")
-        check = ui.switch("Check the best two with the simulator", value=self._settings.is_checked)
-        check.props("dense data-field=study-check").on_value_change(lambda event: self._enter(is_checked=bool(event.value)))
+        with self._labelled("Time to take, s"):
+            text = ui.input(value=self._settings.budget, on_change=lambda event: self._enter(budget=event.value or "")).classes("number")
+            text.props('dense outlined autocomplete=off inputmode=decimal data-field=study-budget aria-label="Time to take, s"')
+            text.props("input-class=figure")
 
     def _labelled(self, name: str) -> ui.element:
         with ui.element("div").classes("study-field") as box:
             ui.label(name).classes("field-label")
         return box
-
-    def _text(self, name: str, field: str, label: str = "") -> None:
-        with self._labelled(name):
-            text = ui.input(value=getattr(self._settings, field), on_change=lambda event: self._enter(**{field: event.value or ""}))
-            text.props(f'dense outlined autocomplete=off inputmode=decimal data-field=study-{field} aria-label="{label or name}"')
-            text.props("input-class=figure").classes("number")
 
     def _choice(self, name: str, field: str) -> None:
         names, chosen = CHOICES[field], list(getattr(self._settings, field))
@@ -93,10 +81,9 @@ class StudyView:
 
     def _enter(self, **settings: Any) -> None:
         self._desk.study = self._settings = replace(self._settings, **settings)
-        names = {"first": "Carriers from", "last": "Carriers to", "budget": "Time to take"}
-        told = [f"{names[name]}: {problem}" for name, problem in self._settings.problems.items()]
-        self._trouble.set_text("; ".join(told))
-        self._start_button.set_enabled(not told)
+        problem = self._settings.problem
+        self._trouble.set_text(f"Time to take: {problem}" if problem else "")
+        self._start_button.set_enabled(not problem)
 
     def _start(self) -> None:
         self._trouble.set_text(self._started())
@@ -104,10 +91,8 @@ class StudyView:
 
     def _started(self) -> str:
         scenario, settings = self._drafted(), self._settings
-        if scenario is None or settings.problems:
+        if scenario is None or settings.problem:
             return "The form has an invalid value"
-        if settings.goal == "cost_per_bin" and not Setting({}, scenario).has_prices:
-            return "The least cost needs a price: enter one under Prices in the form"
         try:
             self._studies.start(partial(StudyRun, scenario, settings))
         except (OSError, RuntimeError) as error:
@@ -153,8 +138,7 @@ class StudyView:
         self._shown = study, result, is_over
         last = "\n".join(study.said[1][-LAST_WORDS:])
         without = f"There is no answer. The last messages:\n{last}" if is_over else "The study begins."
-        self._answer.set_text(sentence(result) if result else without)
-        self._orchard.set_text(f"Orchard: {result.orchard}" if result else "")
+        self._answer.set_text(result.answer if result else without)
         self._notes.set_text("\n".join(result.notes) if result else "")
         self._picture.set_content((await run.io_bound(_drawn, result) or "") if result else "")
         self._table.clear()

@@ -5,13 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+import msgspec
 from nicegui import ui
 
 from orchard.app.charts import Charts
 from orchard.app.command import STATE_COLOURS, RunState
 from orchard.app.desks import Desk
 from orchard.app.draft import title_of
-from orchard.app.elements import heading, table
+from orchard.app.elements import heading, table, tiles
 from orchard.app.harvest_run import Run
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
@@ -19,7 +20,7 @@ from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
 from orchard.field.scenario import Scenario
 from orchard.report.progress import Headline
-from orchard.report.summary import as_table, clock, share_picked
+from orchard.report.summary import Outcome, as_table, clock, limit_sentence, sentence, share_picked, six_figures
 
 VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 
@@ -129,12 +130,14 @@ def _without_picture(run: Run, state: RunState) -> str:
 
 
 class SummaryView:
-    """The summary of a run: the title, the charts, and a table of all figures."""
+    """The summary of a run: the result as a headline, what limits it, six figures, the charts, and all figures folded away."""
 
     def __init__(self) -> None:
         with ui.element("div").props("data-view=result") as self._result:
             self._title = heading(3)
+            self._limit = ui.label()
             self._words = ui.label().classes("path")
+            self._tiles = ui.element("div").classes("tiles")
             self._charts = Charts()
         self._result.set_visibility(False)
         self._box = ui.element("div").classes("summary").props("data-view=summary")
@@ -145,16 +148,23 @@ class SummaryView:
     def show(self, run: Run, state: RunState) -> None:
         if not state.is_over or run is self._run:
             return
-        self._run = run
+        self._run, summary = run, run.summary
+        outcome = None if summary is None else msgspec.convert(summary, Outcome)
         self._result.set_visibility(True)
-        self._title.set_text(title_of(run.scenario))
-        self._words.set_text(f"{run.settings.mode}, {state}, {run.files.name}")
+        self._title.set_text(sentence(outcome) if outcome else title_of(run.scenario))
+        self._limit.set_text(limit_sentence(outcome) if outcome else "")
+        self._words.set_text(f"{title_of(run.scenario)}, {run.settings.mode}, {state}, {run.files.name}")
         self._charts.show({"": run.course})
+        self._tiles.clear()
         self._box.clear()
+        if summary is not None:
+            with self._tiles:
+                tiles(six_figures(summary))
         with self._box:
-            if run.summary is not None:
-                names, values = (column.cells for column in as_table(run.summary).columns)
-                table([(str(name), str(value)) for name, value in zip(names, values, strict=True)])
+            if summary is not None:
+                names, values = (column.cells for column in as_table(summary).columns)
+                with ui.expansion("All figures").props("data-action=all-figures"):
+                    table([(str(name), str(value)) for name, value in zip(names, values, strict=True)])
                 if run.files.recording.exists():
                     ui.label(f"Recording: {run.files.recording}").classes("path")
             elif state is RunState.stopped:

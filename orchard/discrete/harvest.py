@@ -1,7 +1,9 @@
 """A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import cycle, islice
+from math import inf
 from statistics import fmean
 
 import simpy
@@ -17,7 +19,6 @@ from orchard.field.scenario import TIME_STEP
 
 LONGEST = 2_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
-MIDDLE = (0.3, 0.8)  # share of the bins before and up to which the long run is measured: without its beginning and its end
 
 
 class DiscreteHarvest:
@@ -38,8 +39,8 @@ class DiscreteHarvest:
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
         self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
-        self._waits: list[int] = []  # ticks from a picker's full bin to its next empty one
-        self._busy = 0.0  # ticks of all carriers outside the queue
+        self._waits: list[tuple[int, int]] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
+        self._trips: list[tuple[float, float]] = []  # of carriers: the ticks between which one was outside the queue
         self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
         rows = {name: islice(cycle(block.rows), rows_each or len(block.rows)) for name, block in layout.blocks.items()}
         self.blocks = {name: replace(block, rows=tuple(rows[name])) for name, block in layout.blocks.items()}
@@ -48,23 +49,27 @@ class DiscreteHarvest:
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
         roads = [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
         self.robots = {one.name: Robot(self, one.name, one.pose, one.bin, way) for one, way in zip(starts, roads, strict=True)}
-        carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
+        self._carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
         has_dispatcher = DISPATCH in scenario.bodiless_agents
-        self.calls = (calls or (Dispatched if has_dispatcher else Calls))(self.env, self.route, carriers)
+        self.calls = (calls or (Dispatched if has_dispatcher else Calls))(self.env, self.route, self._carriers)
         for name, block in self.blocks.items():
             self.robots[name].plan = list(self.route.harvest(block))
-        for robot in carriers:
+        for robot in self._carriers:
             robot.plan = list(self.route.wait_in_queue())
         for robot in sorted(self.robots.values(), key=lambda robot: (-robot.x, robot.name)):
             self.env.process(robot.run())
 
-    def run(self) -> "DiscreteHarvest":
-        """Do the whole harvest, or all until robots wait for each other, and return it."""
+    def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
+        """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`, and return it."""
         before, longest = -1, LONGEST * self.bins
-        while self.env.peek() < longest and (self.done > before or any(robot.is_on_the_way for robot in self.robots.values())):
+        while goes_on() and self.env.peek() < longest and (self.done > before or self._drives):
             before = self.done
             self.env.run(until=min(longest, self.env.now + JAM))
         return self
+
+    @property
+    def _drives(self) -> bool:
+        return any(robot.is_on_the_way for robot in self.robots.values())
 
     @property
     def done(self) -> int:
@@ -95,7 +100,7 @@ class DiscreteHarvest:
             del self._passes[picker.name][0]
 
     def couple(self, picker: Robot) -> None:
-        self._waits.append(picker.tick - self._full_since[picker.name])
+        self._waits.append((picker.tick, picker.tick - self._full_since[picker.name]))
 
     def leave(self, picker: Robot) -> None:
         one = self._passes[picker.name].pop(0)
@@ -108,7 +113,7 @@ class DiscreteHarvest:
         self.deliveries.append(self.env.now * TIME_STEP)
 
     def home(self, carrier: Robot) -> None:
-        self._busy += carrier.tick - carrier.away
+        self._trips.append((carrier.away, carrier.tick))
         self.calls.home(carrier)
 
     @property
@@ -116,20 +121,22 @@ class DiscreteHarvest:
         """The length of the harvest, s."""
         return max(robot.stood for robot in self.robots.values()) * TIME_STEP
 
-    @property
-    def picker_waiting_seconds(self) -> float:
-        """The mean time from a picker's full bin to its next empty one, s; 0 if there was none."""
-        return fmean(self._waits) * TIME_STEP if self._waits else 0.0
+    def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
+        """Return the mean time from a picker's full bin to the empty one that it got between two times, s; 0 if it got none."""
+        waits = [wait for tick, wait in self._waits if since <= tick * TIME_STEP <= until]
+        return fmean(waits) * TIME_STEP if waits else 0.0
 
     @property
     def waited_seconds(self) -> float:
         """The time for which all pickers together have waited for the empty bins that they got, s."""
-        return sum(self._waits) * TIME_STEP
+        return sum(wait for _, wait in self._waits) * TIME_STEP
 
-    @property
-    def carrier_utilisation(self) -> float:
-        """The share of the harvest's time for which a carrier is outside the queue, 0 to 1, mean over the carriers."""
-        return self._busy * TIME_STEP / (self.seconds * self.layout.scenario.carrier_count)
+    def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
+        """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over the carriers; None: to the end."""
+        end = self.seconds if until is None else until
+        away = [(carrier.away, inf) for carrier in self._carriers if carrier not in self.calls.free]
+        busy = sum(max(0.0, min(end, to * TIME_STEP) - max(since, of * TIME_STEP)) for of, to in [*self._trips, *away])
+        return busy / ((end - since) * len(self._carriers))
 
     @property
     def is_over(self) -> bool:
@@ -139,15 +146,3 @@ class DiscreteHarvest:
     @property
     def delivered(self) -> int:
         return len(self.deliveries)
-
-
-def long_run_bins_per_hour(layout: Layout, rounds: int = 20) -> float:
-    """Return the bins per hour of a harvest in which pickers pick their rows again and again, without its beginning and its end.
-
-    `rounds`: how often the pickers with most rows pick theirs. Raises ValueError as `DiscreteHarvest` does, and RuntimeError for a jam.
-    """
-    harvest = DiscreteHarvest(layout, rounds * max(len(block.rows) for block in layout.blocks.values())).run()
-    if not harvest.is_over:
-        raise RuntimeError(f"only {harvest.delivered} bins were delivered: robots wait for each other")
-    first, last = (int(share * harvest.delivered) for share in MIDDLE)
-    return 3600.0 * (last - first) / (harvest.deliveries[last] - harvest.deliveries[first])

@@ -195,7 +195,7 @@ class HarvestOptions:
     replay: Path | None = option(RUN, "Let the velocities in a bag drive its robots: docs/ros2.md.", "FILE.mcap")
     own_code: bool = flag(RUN, "--own-code", "Import the code that the scenario in a bag names: docs/ros2.md.")
     secure: Path | None = option(NETWORK, "Admit only the roles of `orchard secure DIR`; with --only: DIR/<role>.", "DIR")
-    verbose: bool = flag(None, "--verbose", "Print all figures of the summary, not only the main ones.")
+    verbose: bool = flag(None, "--verbose", "Print all figures of the summary.")
     version: bool = flag(None, "--version", "Show the version and exit.", is_eager=True, callback=_print_version)
 
     @property

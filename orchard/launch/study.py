@@ -22,7 +22,7 @@ from orchard.launch.study_options import StudyArguments
 from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, handled, own_classes_run, print_error, print_line
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
-from orchard.study.settings import Varied, varied_of
+from orchard.study.settings import CARRIERS, Varied, varied_of
 from orchard.study.store import StoreError, StoreFailed, fault_of
 from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
@@ -51,7 +51,7 @@ def run_study(chosen: StudyArguments) -> int:
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
-    varied, problems = varied_of(chosen.vary or [])
+    varied, problems = varied_of(chosen.vary or [CARRIERS])
     scenario, faults = _read(chosen.scenario)
     options = _options(chosen)
     of_settings = checked_settings(scenario, varied, options)[1]
@@ -119,9 +119,9 @@ def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
 def _print(result: StudyResult, as_json: bool) -> None:
     if as_json:
         return _tell_json(result)
-    console.print(as_table(result))
-    print_line(f"Orchard: {result.orchard}")
-    print_line(result.answer)
+    console.print(result.answer, markup=False, soft_wrap=not console.is_terminal)
+    if result.table:
+        console.print(as_table(result))
     for note in result.notes:
         print_line(f"- {note}")
     if result.stopped_by == "stopped":

@@ -84,7 +84,7 @@ def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
     return parsed
 
 
-def _choice(panel: str, what: str, words: Any, default: str) -> Any:
+def _choice(panel: str, what: str, words: Any, default: str | None) -> Any:
     known = get_args(words)
 
     def parse(text: str) -> str:
@@ -95,9 +95,11 @@ def _choice(panel: str, what: str, words: Any, default: str) -> Any:
     return option(panel, what, "|".join(known), default=default, parser=_checked(parse))
 
 
-MODELS = "fast: the discrete-event model; full: the simulator; both: it checks the best two."
+MODELS = "Of one harvest: fast: the discrete-event model; full: the simulator; both: it checks the best two. A long run is fast."
+VARY = "What varies: carriers=1..20, dispatch=nearest,predictive (repeatable). Default: carriers, as many as it takes."
+GOALS = "What is best. Default: the least cost if the scenario has prices, else the most bins."
 KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
-WITHIN = "Half an interval, as a share of its mean, that is narrow enough."
+WITHIN = "A difference below this share is worth nothing."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,11 +107,11 @@ class StudyArguments:
     """The options of a study, in the order of --help. Typer parses defaults, too."""
 
     scenario: File = None
-    vary: list[str] | None = option(QUESTION, "What varies: carriers=1..20, dispatch=nearest,predictive (repeatable).", "KEY=VALUES")
-    goal: Goal = _choice(QUESTION, "What is best. Costs need prices in the scenario.", Goal, "bins_per_hour")
-    horizon: Horizon = _choice(QUESTION, "One harvest, or the rate of a long run.", Horizon, "harvest")
+    vary: list[str] | None = option(QUESTION, VARY, "KEY=VALUES")
+    goal: Goal | None = _choice(QUESTION, GOALS, Goal, None)
+    horizon: Horizon = _choice(QUESTION, "The long run, or one harvest with its beginning and its end.", Horizon, "long")
     confidence: float = option(QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence))
-    within: float = option(QUESTION, WITHIN, "SHARE", default="1%", parser=_checked(_share))
+    within: float = option(QUESTION, WITHIN, "SHARE", default="2%", parser=_checked(_share))
     budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="60s", parser=_checked(_budget))
     model: Models = _choice(RUNS, MODELS, Models, "both")
     workers: int | None = option(RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers))

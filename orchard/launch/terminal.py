@@ -24,7 +24,7 @@ from typer.exceptions import TyperException
 from orchard.contract.printed import diverted, printed
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
-from orchard.report.summary import Outcome, as_table, main_figures, sentence, write_summary
+from orchard.report.summary import Outcome, as_table, limit_sentence, sentence, unusual_figures, write_summary
 from orchard.sim.snapshot import SnapshotError, newest
 from orchard.view.files import remove_half_packed
 
@@ -152,6 +152,8 @@ def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
             print_line(f"To go on: {typed('--resume', folder)}")
     if recording is not None and recording.exists():
         print_line(f"To watch it: {typed('view', recording)}")
+    if result is not None:
+        _print_result_lines(f"hash {result['hash']}")
     return code
 
 
@@ -166,7 +168,7 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
         remove_half_packed(recording)
         result |= missing(recording, result["ticks"])
     outcome = msgspec.convert(result, Outcome)
-    _print_result(result, outcome, request.options.verbose)
+    _print_result(request, result, outcome)
     if slow := speed_not_kept(request, outcome):
         print_error(slow)
     troubles = [f"violated: {violation}" for violation in result["violations"]]
@@ -186,15 +188,32 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
     return FAILED if troubles or (console.has_lost and errors.has_lost) else FINISHED
 
 
-def _print_result(result: dict[str, Any], outcome: Outcome, verbose: bool) -> None:
-    """Print the result on stdout; on stderr if stdout has lost something, because its disk is full."""
-    figures = {key: value for key, value in (result if verbose else main_figures(result)).items() if key != "hash"}
+def _print_result(request: RunRequest, result: dict[str, Any], outcome: Outcome) -> None:
+    """Print the result, what limits it and what to try next; all figures if asked for, else those that are unusual."""
+    figures = {key: value for key, value in result.items() if key != "hash"} if request.options.verbose else unusual_figures(result)
+    lines = [sentence(outcome), limit_sentence(outcome), _what_to_try(request)]
+    _print_result_lines(*lines, *([as_table(figures)] if figures else []))
+
+
+def _print_result_lines(*objects: Any) -> None:
+    """Print parts of the result on stdout; on stderr if stdout has lost something, because its disk is full."""
     for output in (console, errors):
-        output.print(sentence(outcome), markup=False, soft_wrap=True)
-        output.print(as_table(figures))
-        output.print(f"hash {outcome.hash}", soft_wrap=True)
+        for one in objects:
+            output.print(one, markup=False, soft_wrap=isinstance(one, str))
         if not output.has_lost:
             return
+
+
+def _what_to_try(request: RunRequest) -> str:
+    """The command that asks how many carriers are worth it, for the orchard of the run as it was typed."""
+    options, scenario = request.options, request.scenario
+    more = "" if options.verbose else "--verbose shows all figures"
+    if (options.scenario is None and (options.resume or options.replay)) or scenario.agents or not scenario.sensors.are_exact:
+        return f"To try next: {more or typed('view')}"
+    changes = {name: value for name, value in options.changes.items() if name not in ("carriers", "seed")}
+    varied = [word for one in ("carriers", *(f"{name}={value}" for name, value in changes.items())) for word in ("--vary", one)]
+    asked = typed("study", *([options.scenario] if options.scenario else []), *(varied if changes else []))
+    return f"To try next: {asked} tells how many carriers are worth it" + (f"; {more}" if more else "")
 
 
 def speed_not_kept(request: RunRequest, outcome: Outcome) -> str:

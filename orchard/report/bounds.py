@@ -5,7 +5,6 @@ roads that each robot has to itself: of `nearest` for a policy of the user's own
 with steps of its own. It is no proof: another policy may be faster.
 """
 
-from bisect import bisect_left
 from dataclasses import replace
 from statistics import fmean
 
@@ -20,7 +19,7 @@ from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.passes import Pass
-from orchard.field.queue import MOST_CARRIERS, PITCH, queue_of
+from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP, Scenario
 
@@ -117,24 +116,20 @@ def handling(steps: list[Step]) -> float:
     return sum(step.ticks for step in steps) * TIME_STEP
 
 
-WORTH = 0.01  # share of the harvest's time by which a number of carriers must shorten it to be worth its cost
-
-
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
     """Return a scenario without people, animals, tractor and errors of sensors, and with other changes."""
     nothing = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False, "sensors": {}}
     return Scenario(**scenario.model_dump() | nothing | changes)
 
 
-def schedule_seconds(layout: Layout, carriers: int | None = None) -> float:
-    """Return the time of the harvest with this number of carriers, s; None: those of the scenario."""
+def schedule_seconds(layout: Layout) -> float:
+    """Return the time of the harvest with roads that each robot has to itself, s."""
     scenario, route = layout.scenario, route_of(layout)
     own = {
         "agents": {},
         "agents_without_body": {},
         "dispatch": scenario.dispatch if scenario.dispatch in POLICIES else "nearest",
         "route": route.QUEUE if route.Steps else scenario.route,
-        "carriers": carriers or scenario.carrier_count,
     }
     ideal = lay_out(undisturbed(scenario, **own))
     stood = {"picker": 0.0, "carrier": 0.0}
@@ -142,15 +137,6 @@ def schedule_seconds(layout: Layout, carriers: int | None = None) -> float:
         stood[kind_of(robot.name)] = max(stood[kind_of(robot.name)], robot.stood * TIME_STEP)
     others = min(ideal.scenario.carrier_count, ideal.queue.places) - 1  # before the last carrier, which stops behind them in its line
     return max(stood["picker"], stood["carrier"] - others * PITCH)
-
-
-def enough_carriers(layout: Layout) -> int:
-    """Return the number of carriers beyond which more shorten this harvest by at most 1 % (`WORTH`)."""
-    scenario, queue = layout.scenario, route_of(layout).QUEUE
-    most = min(layout.bins, MOST_CARRIERS)
-    numbers = [number for number in range(1, most + 1) if queue_of(queue, scenario.row_length, scenario.bay, number)]
-    best = schedule_seconds(layout, numbers[-1])
-    return numbers[bisect_left(numbers, True, key=lambda number: schedule_seconds(layout, number) * (1.0 - WORTH) <= best)]
 
 
 REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/bounds.md

@@ -1,4 +1,4 @@
-"""The summary of a run: the figures that it must have, the main ones, as a file, as a table, and in one sentence."""
+"""The summary of a run: the figures that it must have, as a file and as a table; what it says in sentences."""
 
 import json
 from pathlib import Path
@@ -27,8 +27,6 @@ UNITS = {
     "stopped_seconds": "s",
     "recording_gaps": "s, which no recording shows",
 }
-MAIN = ("rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "limit_bins_per_hour", "bottleneck",
-        "lost_seconds", "picker_waiting_seconds", "carrier_utilisation", "collisions")  # fmt: skip
 UNUSUAL = (
     "stopped_seconds",
     "row_end_seconds",
@@ -62,14 +60,15 @@ class Outcome(msgspec.Struct):
     bins_per_hour: float
     limit_bins_per_hour: Annotated[float, Meta(gt=0.0)]
     bottleneck: str
+    lost_seconds: dict[str, float]
     violations: list[str]
     broken_agents: list[str]
     jam: list[str]
 
 
-def main_figures(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return the figures that matter most, and those that tell of something unusual."""
-    return {key: summary[key] for key in (*MAIN, *UNUSUAL) if key in summary and (summary[key] or key in MAIN)}
+def unusual_figures(summary: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures that tell of something unusual."""
+    return {key: summary[key] for key in UNUSUAL if summary.get(key)}
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
@@ -113,10 +112,40 @@ ENDS = {  # other words come from the processes of the run
 
 
 def sentence(outcome: Outcome) -> str:
-    """Return the first sentence of a summary. Times are simulated, since the start, also of a resumed run."""
+    """Return the first sentence of a summary: the result. Times are simulated, since the start, also of a resumed run."""
     faults = [_count(outcome.violations, "violation"), _count(outcome.broken_agents, "broken agent")]
     told = _finished(outcome) if outcome.finished else _unfinished(outcome)
     return f"{told}{''.join(f'; {fault}' for fault in faults if fault)}."
+
+
+LOSSES = {  # parts of `lost_seconds` beside the limit, in words
+    "structure": "its beginning and its end",
+    "traffic": "traffic",
+    "dispatch": "the dispatch policy",
+    "people_and_animals": "people and animals",
+}
+
+
+def limit_sentence(outcome: Outcome) -> str:
+    """Return the second sentence: what limits the rate, and to what most of the rest was lost, if that is known."""
+    limited_by = outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
+    told = f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"
+    lost = max(LOSSES, key=lambda part: outcome.lost_seconds.get(part, 0.0))
+    seconds = outcome.lost_seconds.get(lost, 0.0)
+    return f"{told}; {clock(seconds)} were lost to {LOSSES[lost]}." if seconds > 0.0 else f"{told}."
+
+
+def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Return the figures that matter most, in words: name, value with its unit, and a note on its meaning."""
+    limit, schedule = summary["limit_bins_per_hour"], clock(summary["schedule_sim_seconds"])
+    return [
+        ("Bins an hour", f"{summary['bins_per_hour']:.1f}", f"at most {limit:.1f} in a long harvest without traffic"),
+        ("Time", clock(summary["sim_seconds"]), f"simulated; the whole harvest takes {schedule} without traffic"),
+        ("Bins", f"{summary['bins_delivered']} of {summary['rows']}", f"delivered; {summary['rows_picked']} rows picked"),
+        ("Pickers wait", f"{summary['picker_waiting_seconds']:.0f} s", "from a full bin to an empty one, mean"),
+        ("Carriers at work", f"{100.0 * summary['carrier_utilisation']:.0f} %", UNITS["carrier_utilisation"]),
+        ("Collisions", str(summary["collisions"]), "of robots"),
+    ]
 
 
 def clock(seconds: float) -> str:
@@ -131,12 +160,8 @@ def share_picked(metres: float, all_metres: float) -> str:
 
 
 def _finished(outcome: Outcome) -> str:
-    rate, limit = outcome.bins_per_hour, outcome.limit_bins_per_hour
-    limited_by = outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
-    return (
-        f"{outcome.rows_picked} of {outcome.rows} rows in {clock(outcome.sim_seconds)}, simulated: {rate:.1f} bins an hour, "
-        f"{100.0 * rate / limit:.0f} % of the {limit:.1f} that {limited_by} would allow without traffic"
-    )
+    rows = f"{outcome.rows_picked} of {outcome.rows} rows"
+    return f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an hour"
 
 
 def _unfinished(outcome: Outcome) -> str:

@@ -1,4 +1,4 @@
-"""The picture of a study: bins an hour with its band under the bound, the knee, and beneath it what a bin costs.
+"""The picture of a study: bins an hour with its band under the bound, and beneath it what a bin costs.
 
 The first key with the most numbers runs along the axis; each combination of other keys is a line with a mark of its own, to be read in
 grey. Values that are no numbers stand side by side, as points with their intervals.
@@ -18,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from orchard.report.bounds import WORTH
 from orchard.study.result import Interval, Row, StudyResult
 from orchard.study.words import axis_words, interval_words, setting_words, value_words
 
@@ -87,14 +86,6 @@ class Content:
         value = row.setting.get(self.key)
         return float(value) if self.is_numeric and value is not None else float(self.values.index(value)) if self.values else 0.0
 
-    @cached_property
-    def knee(self) -> Row | None:
-        """On the line of the best setting, the fewest from which on no more gain over WORTH; None if it is the last one."""
-        known = next((line.known for line in self.lines if self.result.best_row in line.rows), [])
-        rates = [row.bins_per_hour.mean for row in known if row.bins_per_hour is not None]
-        enough = (row for i, row in enumerate(known[:-1]) if rates[i] * (1.0 + WORTH) >= max(rates[i:]))
-        return next(enough, None) if self.is_numeric else None
-
 
 def figure(result: StudyResult) -> Figure:
     """Return the picture of a study, complete or not."""
@@ -130,21 +121,9 @@ def _draw_rates(axes: Axes, content: Content) -> None:
         jammed = [place for place, row in zip(places, line.rows, strict=True) if row.bins_per_hour is None]
         if jammed:
             axes.plot(jammed, [0.0] * len(jammed), color=colour, ls="", marker="x", ms=8, mew=2, clip_on=False, label="all runs jammed")
-    _draw_knee(axes, content)
     axes.set_ylim(bottom=0.0)
     if content.lines:
         axes.legend(frameon=False, fontsize=9, loc="best", labelcolor=INK)
-
-
-def _draw_knee(axes: Axes, content: Content) -> None:
-    if (knee := content.knee) is None:
-        return
-    place = content.place(knee)
-    axes.axvline(place, color=QUIET, lw=1, ls="--", zorder=0)
-    words = f"{setting_words({content.key: knee.setting[content.key]})}:\nmore gain under {100 * WORTH:g} %"
-    is_left = place > (content.values[0] + content.values[-1]) / 2
-    axes.annotate(words, (place, 0.04), xycoords=("data", "axes fraction"), xytext=(-6 if is_left else 6, 0), textcoords="offset points",
-                  ha="right" if is_left else "left", fontsize=9, color=INK)  # fmt: skip
 
 
 def _draw_costs(axes: Axes, content: Content) -> None:

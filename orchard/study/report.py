@@ -11,12 +11,11 @@ from orchard.report.summary import clock
 from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
 from orchard.study.table import legend, words
-from orchard.study.words import GOALS, key_words, sentence, value_words
+from orchard.study.words import GOALS, key_words, value_words
 
 HORIZONS = {"harvest": "one harvest, with its beginning and its end", "long": "a long harvest, without its beginning and its end"}
 ENDS = {
     "certain": "the best setting was certain",
-    "within": "all intervals were as narrow as asked for",
     "budget": "the time that it was given was used",
     "stopped": "it was stopped",
     "seeds": "the most replications were made",
@@ -34,8 +33,7 @@ def document(result: StudyResult) -> str:
     environment = Environment(loader=PackageLoader("orchard.study", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     template = environment.get_template("report.html")
     return template.render(
-        answer=result.answer or sentence(result),
-        orchard=result.orchard,
+        answer=result.answer,
         picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
         heads=heads,
         lines=lines,
@@ -67,5 +65,5 @@ def command(result: StudyResult) -> str:
         f"--vary {key}={','.join('null' if value is None else value_words(value) for value in values)}"
         for key, values in result.varied.items()
     ]
-    options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence:g}"]
+    options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence:g}", f"--within {result.within:g}"]
     return " ".join(["orchard study scenario.yaml", *varied, *options])

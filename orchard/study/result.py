@@ -1,4 +1,4 @@
-"""What a study found, as data: the settings in a table, the best among them, and the answer in one sentence."""
+"""What a study found, as data: the settings in a table, the best among them, and the answer in two sentences."""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -6,7 +6,8 @@ from typing import Any, Literal
 Model = Literal["fast", "full"]
 Models = Literal["fast", "full", "both"]
 Horizon = Literal["harvest", "long"]
-StoppedBy = Literal["certain", "within", "budget", "seeds", "stopped"]
+StoppedBy = Literal["certain", "budget", "seeds", "stopped"]
+Standing = Literal["best", "equal", "worse", "unknown", "jammed"]
 Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 
 
@@ -44,43 +45,30 @@ class Row:
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
     bound_bins_per_hour: float  # what this policy and route allow without traffic: orchard.report.bounds
     bottleneck: str
-    lost_seconds: dict[str, float] = field(default_factory=dict)  # s by cause, mean: report.bounds
+    standing: Standing  # best: the answer. The others beside the best mean; unknown: the runs do not tell
+    lead: Interval | None  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
     check: Check | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Verdict:
-    """A setting against the best, on common seeds, and whether it can be told apart."""
-
-    difference: Interval  # of the goal: this setting's minus the best one's; all such intervals hold together
-    p_value: float  # corrected for the number of comparisons (Holm) and of looks (Bonferroni)
-    is_told_apart: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Comparison(Verdict):
-    """What was found of a setting."""
-
-    setting: dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyResult:
     """The whole answer. `orchard study --summary` writes it as JSON, with these names."""
 
-    answer: str  # one sentence
+    answer: str  # two sentences
     orchard: str  # what of it does not vary, in words
-    best: dict[str, Any] | None  # None: every setting jammed
-    indistinguishable: list[dict[str, Any]]  # settings that cannot be told apart from the best, without it
+    best: dict[str, Any] | None  # of the settings that are as good as the best mean, that with the fewest robots; None: all jammed
     table: list[Row]
-    comparisons: list[Comparison]
     goal: Goal
     horizon: Horizon
     confidence: float  # 0.95
+    within: float  # a difference below this share is worth nothing: 0.02
     scenario: dict[str, Any]
     varied: dict[str, list[Any]]  # what varies -> its values, in the order of the command line
     wall_seconds: float
     stopped_by: StoppedBy  # why no more replications were made
+    undecided: list[dict[str, Any]]  # settings that more runs may show to be the answer
+    seconds_needed: float | None  # about how much longer that takes; None: longer than a study goes on, or nothing is undecided
+    beyond: dict[str, Any]  # values that were not tried, and may be better, because the best is the last one that was
     notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs

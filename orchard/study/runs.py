@@ -19,8 +19,9 @@ from msgspec import Meta
 
 import orchard
 from orchard.agents.dispatcher import PolicyFault
-from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
-from orchard.field.layout import lay_out
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.long_run import long_run
+from orchard.field.layout import Layout, lay_out
 from orchard.field.plugins import MISTAKES, is_own, load_plugin, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.scenario import Scenario
 from orchard.local import Local
@@ -156,21 +157,31 @@ def software() -> str:
 
 
 def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
-    """A harvest by the discrete-event model. Of a long run only the rate is that of the long run."""
+    """A harvest, or a long run, by the discrete-event model."""
     layout = lay_out(scenario)
-    bounds, harvest = Bounds(layout), DiscreteHarvest(layout).run()
-    known: dict[str, Any] = {"bins": harvest.delivered, "bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
-    if not harvest.is_over:
-        return RunResult(ended="jammed", **known)
+    bounds = Bounds(layout)
+    known: dict[str, Any] = {"bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
+    return _long_run(layout, known) if horizon == "long" else _harvest(layout, known)
+
+
+def _long_run(layout: Layout, known: dict[str, Any]) -> RunResult:
     try:
-        rate = 3600.0 * harvest.delivered / harvest.seconds if horizon == "harvest" else long_run_bins_per_hour(layout)
-    except RuntimeError:  # robots wait for each other in a later round
-        return RunResult(ended="jammed", **known)
+        found = vars(long_run(layout))
+    except RuntimeError:  # robots wait for each other
+        return RunResult(bins=0, ended="jammed", **known)
+    return RunResult(sim_seconds=found.pop("seconds"), ended="harvested", **found, **known)
+
+
+def _harvest(layout: Layout, known: dict[str, Any]) -> RunResult:
+    harvest = DiscreteHarvest(layout).run()
+    if not harvest.is_over:
+        return RunResult(bins=harvest.delivered, ended="jammed", **known)
     return RunResult(
+        bins=harvest.delivered,
         sim_seconds=harvest.seconds,
-        bins_per_hour=rate,
-        picker_waiting_seconds=harvest.picker_waiting_seconds,
-        carrier_utilisation=harvest.carrier_utilisation,
+        bins_per_hour=3600.0 * harvest.delivered / harvest.seconds,
+        picker_waiting_seconds=harvest.picker_waiting_seconds(),
+        carrier_utilisation=harvest.carrier_utilisation(),
         ended="harvested",
         **known,
     )

@@ -15,6 +15,7 @@ from orchard.field.scenario import Scenario, with_changes
 MOST_SETTINGS = 10_000
 MOST_NAMED = 3  # values that have one fault
 SEED = "seed"
+CARRIERS = "carriers"
 
 _RANGE = re.compile(r"(-?\d{1,9})\.\.(-?\d{1,9})(?:\.\.(\d{1,9}))?")
 
@@ -55,13 +56,13 @@ class Setting:
 
 
 def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
-    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form."""
+    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form. Carriers alone have no values."""
     varied: Varied = {}
     problems = []
     for word in words:
         key, _, text = word.partition("=")
         key = key.strip()
-        values = _values(text)
+        values = [] if word.strip() == CARRIERS else _values(text)
         if not key or isinstance(values, str):
             problems.append(Problem(f"--vary {word}", values if key and isinstance(values, str) else FORM))
         elif key in varied:
@@ -71,7 +72,7 @@ def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
     return varied, problems
 
 
-FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20"
+FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20; carriers alone: as many as it takes"
 
 
 def _values(text: str) -> list[Any] | str:

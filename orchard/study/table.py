@@ -10,7 +10,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from orchard.study.result import Check, Interval, Row, StudyResult
+from orchard.study.result import Check, Interval, Model, Row, Standing, StudyResult
 from orchard.study.words import interval_words, key_words, number_words, value_words
 
 NONE = "-"  # in place of a figure that there is not
@@ -18,24 +18,24 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "bins/h": lambda row: _interval(row.bins_per_hour) or "jammed",
     "harvest, s": lambda row: _interval(row.harvest_seconds),
     "a bin": lambda row: _interval(row.cost_per_bin),
+    "behind, %": lambda row: _lead(row.lead),
     "wait, s": lambda row: f"{row.picker_waiting_seconds:.0f}",
     "busy": lambda row: f"{100.0 * row.carrier_utilisation:.0f} %",
     "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
     "limit": lambda row: row.bottleneck,
-    "lost to, s": lambda row: _largest_loss(row.lost_seconds),
-    "runs": lambda row: f"{row.replications}" + (f", {row.jammed} jammed" if row.jammed and row.bins_per_hour else ""),
-    "model": lambda row: row.model,
     "checked": lambda row: _check(row.check),
 }
+MARKS: dict[Standing, str] = {"best": "*", "equal": "=", "unknown": "?", "worse": "", "jammed": ""}
 MEANING = (
-    "* best; = cannot be told apart from it; ± interval of {confidence:g} % confidence; wait: of a picker for an empty bin; "
-    "busy: carriers outside the queue; bound: the limit without traffic, bins/h, and what sets it; lost: the largest part; "
-    "runs: by the {models} model; checked: bins/h by the simulator, and the difference"
+    "* the answer; = within {within:g} % of the best, for certain; ? not enough runs to tell. {runs} of each by the {model}, on the same "
+    "seeds; ± interval of {confidence:g} % confidence. behind: the best. wait: of a picker for an empty bin. busy: carriers outside the "
+    "queue. bound: the limit without traffic, and what sets it."
 )
-ONLY_IF_KNOWN = ("a bin", "checked", "lost to, s")  # columns that are left out if they have nothing in any row
-OF_ALL_JAMMED = ("bins/h", "bound", "limit", "runs", "model", "checked")  # known if all runs jammed
-WRAPPED = ("bins/h", "harvest, s", "a bin", "bound", "lost to, s", "runs", "checked")  # where the terminal is narrow
-LOSSES = ("structure", "traffic", "dispatch", "people_and_animals")  # in `lost_seconds`; `limit` is the rest
+CHECKED = " checked: by the simulator."
+MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
+ONLY_IF_KNOWN = ("a bin", "checked")  # columns that are left out if they have nothing in any row
+OF_ALL_JAMMED = ("bins/h", "bound", "limit", "checked")  # known if all runs jammed
+WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "checked")  # where the terminal is narrow
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
@@ -44,12 +44,15 @@ def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
     shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
     columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in result.varied} | shown
     lines = zip(*columns.values(), result.table, strict=True)
-    return list(columns), [[f"{first} {_mark(row, result)}".rstrip(), *rest] for first, *rest, row in lines]
+    return list(columns), [[f"{first} {MARKS[row.standing]}".rstrip(), *rest] for first, *rest, row in lines]
 
 
 def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
-    return MEANING.format(confidence=100.0 * result.confidence, models=" and the ".join(_models(result)))
+    count = max((row.replications for row in result.table), default=0)
+    runs, model = f"{count} run{'s' if count != 1 else ''}", MODELS[result.table[0].model if result.table else "fast"]
+    checked = CHECKED if any(row.check for row in result.table) else ""
+    return MEANING.format(within=100.0 * result.within, confidence=100.0 * result.confidence, runs=runs, model=model) + checked
 
 
 def as_table(result: StudyResult) -> Table:
@@ -63,22 +66,19 @@ def as_table(result: StudyResult) -> Table:
     return table
 
 
-def _mark(row: Row, result: StudyResult) -> str:
-    return "*" if row.setting == result.best else "=" if row.setting in result.indistinguishable else ""
-
-
-def _models(result: StudyResult) -> list[str]:
-    return sorted({row.model for row in result.table})
-
-
 def _unasked(result: StudyResult) -> list[str]:
-    """The columns that tell nothing new: a harvest's length, unless it is the goal, and a model that is one for all."""
+    """The columns that tell nothing new: a harvest's length, unless it is the goal, and how far behind a setting alone is."""
     length = [] if result.goal == "harvest_seconds" else ["harvest, s"]
-    return length if len(_models(result)) > 1 else [*length, "model"]
+    return length if len(result.table) > 1 else [*length, "behind, %"]
 
 
 def _cell(head: str, row: Row) -> str:
     return NONE if row.bins_per_hour is None and head not in OF_ALL_JAMMED else COLUMNS[head](row) or NONE
+
+
+def _lead(lead: Interval | None) -> str:
+    """How far behind the best a setting is, in percent, to a tenth."""
+    return f"{100.0 * lead.mean:.1f} ±{100.0 * (lead.high - lead.mean):.1f}" if lead is not None and lead.mean else ""
 
 
 def _interval(interval: Interval | None) -> str:
@@ -87,12 +87,6 @@ def _interval(interval: Interval | None) -> str:
 
 def _share_of_bound(row: Row) -> str:
     return "" if row.bins_per_hour is None else f" ({100.0 * row.bins_per_hour.mean / row.bound_bins_per_hour:.0f}%)"
-
-
-def _largest_loss(lost: dict[str, float]) -> str:
-    parts = {name: seconds for name, seconds in lost.items() if name in LOSSES and seconds > 0.0}
-    largest = max(parts, key=lambda name: parts[name], default="")
-    return f"{largest.partition('_')[0]} {parts[largest]:,.0f}" if largest else ""
 
 
 def _check(check: Check | None) -> str:
@@ -108,18 +102,16 @@ def _check(check: Check | None) -> str:
 
 def save_csv(result: StudyResult, path: Path) -> None:
     """Write every figure as CSV, a line for each setting, with its name in JSON. Raises OSError."""
-    lines = [dict(_flat(_figures(row, result))) for row in result.table]
+    lines = [dict(_flat(_figures(row))) for row in result.table]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for line in lines for name in line)))
         writer.writeheader()
         writer.writerows(lines)
 
 
-def _figures(row: Row, result: StudyResult) -> dict[str, Any]:
-    compared = next((asdict(one) for one in result.comparisons if one.setting == row.setting), {})
-    ranked: dict[str, Any] = {"is_best": row.setting == result.best, "is_indistinguishable": row.setting in result.indistinguishable}
-    ranked["share_of_bound"] = row.bins_per_hour and row.bins_per_hour.mean / row.bound_bins_per_hour
-    return row.setting | asdict(row) | ranked | compared | {"setting": None}
+def _figures(row: Row) -> dict[str, Any]:
+    share = row.bins_per_hour and row.bins_per_hour.mean / row.bound_bins_per_hour
+    return row.setting | asdict(row) | {"share_of_bound": share, "setting": None}
 
 
 def _flat(figures: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

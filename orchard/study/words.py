@@ -1,17 +1,19 @@
-"""How a study is said: a setting, a figure and its interval; and the answer in one sentence."""
+"""How a study is said: a setting, a figure and its interval; and the answer in two sentences."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from math import floor, log10, prod
+from math import ceil, floor, log10
 from typing import Any
 
 from pydantic import BaseModel
 
 from orchard.field.scenario import Scenario
+from orchard.study.comparing import LOOKS
 from orchard.study.result import Goal, Interval, Row, StudyResult
 
 GOALS = {"bins_per_hour": "most bins an hour", "cost_per_bin": "least cost of a bin", "harvest_seconds": "shortest harvest"}
 COUNTED = ("rows", "pickers", "carriers", "people.workers", "people.visitors", "animals.dogs", "animals.cats", "weeds")  # numbers of things
+ROBOTS = ("pickers", "carriers")  # numbers of which few are good
 SAID = {"dispatch": "with {}", "rows_to_pickers": "with {} rows", "route": "on {}"}  # keys whose value says enough
 SAME = 1e-9  # of the mean: an interval narrower than that is rounding
 TWO_DIGITS = 2.0  # a spread that begins with a 1 keeps two digits, all others one
@@ -90,23 +92,20 @@ def interval_words(interval: Interval | None, sign: str = " ± ") -> str:
 
 
 UNITS: dict[Goal, str] = {"bins_per_hour": "bins an hour", "cost_per_bin": "a bin", "harvest_seconds": "s for the harvest"}
-MOST_NAMED = 3  # settings that the sentence names; of more it says how many
+MOST_NAMED = 3  # settings that the answer names; of more it says how many
 
 
-def sentence(result: StudyResult) -> str:
-    """Return the answer: the best setting, its figures, what cannot be told apart from it, and what the simulator says."""
+def answer(result: StudyResult) -> str:
+    """Return the answer in two sentences: the best setting, its figures and what is not sure of it; and for which orchard that holds."""
     if not result.table:
         return "No setting has been run yet."
     if (best := result.best_row) is None:
         return _jammed(result)
-    figures = f"{setting_words(best.setting)}: {_figures(best, result)}{_of_those_that_were_run(result)}"
-    parts = [figures, _ties(result), _checked(best, result), _unsure(best)]
-    return "; ".join(filter(None, parts)) + "."
-
-
-def _of_those_that_were_run(result: StudyResult) -> str:
-    count = prod(len(values) for values in result.varied.values())
-    return f", the best of {len(result.table)} of {count} settings" if len(result.table) < count else ""
+    least = f"At least {setting_words(best.setting)}" if result.beyond else setting_words(best.setting)
+    parts = [f"{least}: {_figures(best, result)}", _end(result), _alike(result), _undecided(result), _checked(best, result)]
+    limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
+    orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
+    return f"{'; '.join(filter(None, parts))}. {orchard}."
 
 
 def _jammed(result: StudyResult) -> str:
@@ -115,38 +114,52 @@ def _jammed(result: StudyResult) -> str:
 
 
 def _figures(best: Row, result: StudyResult) -> str:
-    """The figure of the goal with its interval, then bins an hour and cost without."""
-    others: list[Goal] = ["bins_per_hour", "cost_per_bin"]
-    names = [result.goal, *(name for name in others if name != result.goal)]
-    first, *rest = [(figure, UNITS[name]) for name in names if (figure := getattr(best, name)) is not None]
+    """Bins an hour and cost; before them the figure of another goal, with its interval."""
+    names: list[Goal] = ["bins_per_hour", "cost_per_bin"]
+    order = [result.goal, *(name for name in names if name != result.goal)]
+    first, *rest = [(figure, UNITS[name]) for name in order if (figure := getattr(best, name)) is not None]
+    run = "" if best.replications > 1 else " in the one run so far" if result.stopped_by in ("budget", "stopped") else ""
     long_run = " in the long run" if result.horizon == "long" else ""
-    return ", ".join([f"{interval_words(first[0])} {first[1]}{long_run}", *(f"{number_words(one.mean)} {unit}" for one, unit in rest)])
+    others = [f"{number_words(one.mean)} {unit}" for one, unit in rest]
+    return ", ".join([f"{interval_words(first[0])} {first[1]}", *others]) + long_run + run
 
 
-def _ties(result: StudyResult) -> str:
-    ties = result.indistinguishable
-    if not ties or result.best is None:
+def _end(result: StudyResult) -> str:
+    """That the best is the last one of what was tried."""
+    further = [f"{key_words(key)} {value_words(value)}" for key, value in result.beyond.items()]
+    return f"the range is too small, as {_listed(further)} may be better" if further else ""
+
+
+def _alike(result: StudyResult) -> str:
+    """What is as good as the best."""
+    equal = [row.setting for row in result.table if row.standing == "equal"]
+    if not equal or result.best is None or result.beyond or result.undecided:
         return ""
-    within = {"budget": " within the budget", "stopped": " so far"}.get(result.stopped_by, "")
-    key = _only_difference([result.best, *ties])
+    key, within = _only_difference([result.best, *equal]), f"{100.0 * result.within:g} %"
     if key is None:
-        return f"{_listed([_one(one) for one in _nearest_first(result)])} cannot be told apart from it{within}"
-    best, values = result.best[key], [one[key] for one in ties]
-    if key not in COUNTED or None in (best, *values):
-        return f"{_listed([value_words(value) for value in values])} cannot be told apart from it{within}"
-    if best < min(values):
-        return f"{_span(values, result.varied.get(key, []))} cannot be told apart{within}"
-    named = counted(key, _span([*values, best], result.varied.get(key, [])))
-    return f"{named} cannot be told apart{within}: {value_words(min(values))} is the fewest"
+        return f"{_listed([_one(one) for one in equal])} {'is' if len(equal) == 1 else 'are'} within {within} of it"
+    values = [one[key] for one in equal]
+    if key in ROBOTS and result.goal != "cost_per_bin":
+        following = min(values)
+        more = "one more gains" if following == result.best[key] + 1 else f"{value_words(following)} gain"
+        return f"{more} less than {within}"
+    return f"{_listed(list(map(value_words, values)))} {'is' if len(values) == 1 else 'are'} within {within} of it"
 
 
-def _nearest_first(result: StudyResult) -> list[dict[str, Any]]:
-    best = getattr(result.best_row, result.goal).mean
-    rows = [row for row in result.table if row.setting in result.indistinguishable]
-    return [row.setting for row in sorted(rows, key=lambda row: abs(getattr(row, result.goal).mean - best))]
+def _undecided(result: StudyResult) -> str:
+    others = [one for one in result.undecided if one != result.best] or [row.setting for row in result.table if row.standing == "equal"]
+    if not result.undecided or result.best is None or not others:
+        return ""
+    key = _only_difference([result.best, *others])
+    names = [value_words(one[key]) if key else _one(one) for one in others]
+    this = value_words(result.best[key]) if key else _one(result.best)
+    tell = f"to tell {_listed(names)} from {this}"
+    if result.seconds_needed is None:
+        return f"{LOOKS[-1]} runs of each are too few {tell}"
+    return f"not enough runs {tell}: {max(1, ceil(result.seconds_needed)):,} s more would"
 
 
-def _one(setting: dict[str, Any]) -> str:
+def _one(setting: Mapping[str, Any]) -> str:
     """A setting in words, in brackets if it has a comma of its own."""
     words = setting_words(setting)
     return f"({words})" if "," in words else words
@@ -155,15 +168,6 @@ def _one(setting: dict[str, Any]) -> str:
 def _only_difference(settings: Sequence[dict[str, Any]]) -> str | None:
     keys = [key for key in settings[0] if any(one[key] != settings[0][key] for one in settings)]
     return keys[0] if len(keys) == 1 else None
-
-
-def _span(values: list[Any], tried: Sequence[Any]) -> str:
-    """Numbers in words: '9 to 11' if they are all that were tried from the first to the last, else '9, 11 and 14'."""
-    named = sorted(values)
-    between = sorted(value for value in tried if value is not None and named[0] <= value <= named[-1])
-    if len(named) > 2 and between == named:
-        return f"{value_words(named[0])} to {value_words(named[-1])}"
-    return _listed([value_words(value) for value in named])
 
 
 def _listed(words: list[str]) -> str:
@@ -189,9 +193,5 @@ def _overtaken(best: Row, result: StudyResult) -> str:
         return ""
     rates = [(row.check.bins_per_hour, row.setting) for row in result.table if row.check is not None]
     first, setting = max(rates, key=lambda one: one[0].mean)
-    is_ahead = first.low > best.check.bins_per_hour.high
+    is_ahead = first.low > best.check.bins_per_hour.high * (1.0 + result.within)
     return f", and prefers {setting_words(setting)} with {interval_words(first)}" if is_ahead else ""
-
-
-def _unsure(best: Row) -> str:
-    return f"{best.jammed} of its {best.replications} runs jammed" if best.jammed else ""

@@ -185,9 +185,13 @@ def test_a_small_orchard_is_run_to_its_end(small, server):
     small.press("run")
     small.tell_state("running")
     small.tell_state("finished", RUN_SECONDS)
-    summary = small.until(lambda: small.view("summary").text, "the summary")
-    assert re.search(r"bins delivered\s+3", summary)
-    assert re.search(r"finished\s+True", summary)
+    result = small.until(lambda: small.view("result").text, "the result")
+    assert result.startswith("3 of 3 rows in ") and "What limits it: " in result
+    assert all(name in result for name in ("Bins an hour", "Time", "Pickers wait", "Carriers at work", "Collisions")), result
+    assert "collisions_of" not in small.view("summary").text and "finished" not in small.view("summary").text
+    small.press("all-figures")
+    small.until(lambda: re.search(r"bins delivered\s+3", small.view("summary").text), "all figures")
+    assert re.search(r"finished\s+True", small.view("summary").text)
     assert len(list(server[1].glob("*.rrd"))) == 1
     assert "bins delivered 3/3" in small.view("progress").text
     small.turn_to("Picture")

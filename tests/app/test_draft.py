@@ -16,7 +16,7 @@ from orchard.app.draft import LABELS, Draft, draft_of, entries, flat, query_of, 
 from orchard.app.harvest_run import Run, RunSettings, command
 from orchard.app.own_classes import from_elsewhere
 from orchard.app.runs_view import differences, past_runs
-from orchard.app.study_run import StudyRun, StudySettings
+from orchard.app.study_run import StudyRun, StudySettings, study_command
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
 
@@ -274,3 +274,9 @@ def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
 def test_the_course_is_what_the_charts_show():
     course = course_of(SUMMARY["history"], Scenario(rows=3, pickers=2, carriers=2))
     assert course == {BINS: [[0.17, 0], [0.33, 1]], WAITING: [[0.17, 0.0], [0.33, 50.0]], BUSY: [[0.17, 100.0], [0.33, 50.0]]}
+
+
+def test_the_page_asks_as_a_user_would_type_it(tmp_path):
+    asked = study_command(StudySettings(dispatch=("nearest", "predictive")), Files(tmp_path, "study"))
+    words = asked[asked.index("study") : asked.index("--progress")]
+    assert words[2:] == ["--vary", "carriers", "--vary", "dispatch=nearest,predictive", "--budget", "60s"]

@@ -8,9 +8,11 @@ import pytest
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
-from orchard.discrete.harvest import DiscreteHarvest, long_run_bins_per_hour
-from orchard.field.layout import lay_out
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.long_run import long_run
+from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
+from orchard.report.bounds import Bounds
 
 NOBODY: dict[str, Any] = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0, "tractor": False}
 FAILURE = {"mean_between": 300.0, "mean_repair": 60.0}
@@ -98,7 +100,7 @@ def test_the_more_people_there_are_the_longer_a_harvest_takes_and_nobody_costs_n
 
 def test_the_long_run_is_slower_with_people() -> None:
     alone, disturbed = (orchard(rows=4, pickers=2, carriers=1, people={"workers": workers, "visitors": 0}) for workers in (0, 30))
-    assert long_run_bins_per_hour(lay_out(disturbed), 5) < 0.99 * long_run_bins_per_hour(lay_out(alone), 5)
+    assert long_run(lay_out(disturbed)).bins_per_hour < 0.99 * long_run(lay_out(alone)).bins_per_hour
 
 
 def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() -> None:
@@ -106,13 +108,27 @@ def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() ->
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
     assert {name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).blocks.items()} == dict.fromkeys(layout.blocks, 6)
-    for rounds in (6, 12):
-        assert long_run_bins_per_hour(layout, rounds) == pytest.approx(long_run_bins_per_hour(layout, 24), rel=0.03)
+    assert long_run(layout).bins_per_hour == pytest.approx(long_run(layout, 48).bins_per_hour, rel=0.01)
 
 
 def test_the_long_run_of_slow_pickers_in_long_rows_is_not_taken_for_a_jam() -> None:
     layout = lay_out(orchard(rows=4, pickers=2, carriers=2, row_length=200.0, picking_speed=0.02))
-    assert long_run_bins_per_hour(layout, 15) == pytest.approx(3600.0 * 2 / (200.0 / 0.02), rel=0.03)
+    assert long_run(layout).bins_per_hour == pytest.approx(3600.0 * 2 / (200.0 / 0.02), rel=0.03)
+
+
+def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
+    """By Little's law: pickers that wait, and carriers that are out, on average are the rate times the mean time of each."""
+    layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
+    found, bounds = long_run(layout), Bounds(layout)
+    each_picker = 3600.0 * 2 / found.bins_per_hour  # s from one bin to the next
+    assert found.picker_waiting_seconds == pytest.approx(each_picker - bounds.picking_seconds - bounds.crossing_seconds, rel=0.05)
+    assert found.carrier_utilisation == pytest.approx(found.bins_per_hour * _trip_seconds(layout) / 3600.0, rel=0.03)
+
+
+def _trip_seconds(layout: Layout) -> float:
+    """The mean time of one trip outside the queue, s, if a carrier makes one after the other."""
+    harvest = DiscreteHarvest(layout, 16).run()
+    return harvest.carrier_utilisation() * harvest.seconds / harvest.delivered
 
 
 def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,7 +138,7 @@ def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monke
     assert (harvest.is_over, harvest.delivered) == (False, 0)
     assert harvest.env.now < 20_000
     with pytest.raises(RuntimeError, match="only 0 bins were delivered: robots wait for each other"):
-        long_run_bins_per_hour(layout)
+        long_run(layout)
 
 
 def test_agents_of_the_users_own_need_the_simulator() -> None:

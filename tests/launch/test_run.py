@@ -68,13 +68,14 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert summary["distance_metres"]["picker"] > 3 * 70
     assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "weeds_flattened"} <= summary.keys()
     assert {"collisions", "collisions_of_people_and_animals"} <= summary.keys()
-    assert "bins delivered" in printed
+    assert "What limits it: " in printed and "To try next: " in printed
     assert summary["hash"] in printed
 
 
-def test_the_last_line_is_the_command_that_opens_the_recording(lockstep):
-    _, recording, printed = lockstep
-    last = printed.strip().splitlines()[-1]
+def test_the_hash_is_last_and_before_it_the_command_that_opens_the_recording(lockstep):
+    summary, recording, printed = lockstep
+    last, hash_line = printed.strip().splitlines()[-2:]
+    assert hash_line == f"hash {summary['hash']}"
     assert re.fullmatch(r"To watch it: \S+ run\.py view \S+", last)
     assert last.endswith(str(recording))
 

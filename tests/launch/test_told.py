@@ -1,10 +1,11 @@
-"""What run.py tells a user: what is ignored, chosen or not kept, the main figures; and commands that can be typed as they stand."""
+"""What run.py tells a user: what is ignored, chosen or not kept, what is printed of the summary, and commands to type."""
 
 import re
 import shlex
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 from run_endings import harvested
 
@@ -13,8 +14,8 @@ from orchard.launch.distributed import how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 from orchard.launch.run_notes import announced, running_here
-from orchard.launch.terminal import speed_not_kept
-from orchard.report.summary import as_table, main_figures
+from orchard.launch.terminal import report, speed_not_kept
+from orchard.report.summary import as_table, unusual_figures
 from orchard.sim.snapshot import Snapshot
 
 OF_ONE_PROCESS = "ignored: --hosts, --patience; local mode is one process"
@@ -52,12 +53,28 @@ def test_a_speed_that_was_not_kept_is_told(speed, before, wall_seconds, told):
     assert speed_not_kept(request, harvested(wall_seconds=wall_seconds)) == told
 
 
-def test_ten_figures_are_shown_and_what_is_unusual():
-    summary = dict.fromkeys(
-        ("hash", "seed", "rows_picked", "bins_delivered", "sim_seconds", "schedule_sim_seconds", "bins_per_hour", "limit_bins_per_hour",
-         "bottleneck", "picker_waiting_seconds", "carrier_utilisation", "collisions", "weeds_flattened"), 0)  # fmt: skip
-    assert len(main_figures(summary)) == 10
-    assert list(main_figures(summary | {"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}}))[10:] == ["stopped_seconds"]
+def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:
+    """What is printed of a harvest that went well."""
+    monkeypatch.setattr("sys.argv", ["run.py"])
+    result = msgspec.to_builtins(harvested()) | {"messages_refused": {}, "collisions": 0}
+    assert report(RunRequest(options, Scenario(rows=5), None, Path("none")), result, "harvested") == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_three_lines_and_the_hash_are_shown_and_all_figures_if_asked_for(capsys, monkeypatch):
+    result, limit, try_next, hash_line = printed(HarvestOptions(scenario=Path("my.yaml")), capsys, monkeypatch)
+    assert (result.split(":")[0], limit.split(":")[0]) == ("5 of 5 rows in 16", "What limits it")
+    assert try_next.endswith("run.py study my.yaml tells how many carriers are worth it; --verbose shows all figures")
+    assert hash_line == f"hash {'0' * 64}"
+    whole = printed(HarvestOptions(verbose=True, rows=5, carriers=3), capsys, monkeypatch)
+    assert whole[2].endswith("run.py study --vary carriers --vary rows=5 tells how many carriers are worth it")
+    assert any("collisions" in line for line in whole) and whole[-1] == hash_line
+
+
+def test_of_the_figures_what_is_unusual_is_shown():
+    assert unusual_figures({"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}, "collisions": 2}) == {
+        "stopped_seconds": {"picker_01": 3.0}
+    }
     assert next(iter(as_table({"lost_seconds": {}}).columns[1].cells)).startswith("known of a complete harvest only")
     gaps = as_table({"recording_gaps": [[0.0, 5.1], [7.0, 7.3]]})
     assert list(gaps.columns[1].cells) == ["0.0 to 5.1, 7.0 to 7.3 s, which no recording shows"]

@@ -11,9 +11,9 @@ from orchard.agents.steps import DriveTo, Face
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
-from orchard.field.scenario import NEAREST, People, Scenario, load
+from orchard.field.scenario import NEAREST, People, Scenario
 from orchard.report import metrics
-from orchard.report.bounds import Bounds, enough_carriers, lost_seconds, schedule_seconds
+from orchard.report.bounds import Bounds, lost_seconds, schedule_seconds
 from orchard.report.metrics import shares
 from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures
@@ -116,31 +116,12 @@ def test_the_schedule_is_no_longer_than_the_harvest_with_traffic(changes, traffi
     assert scheduled <= DiscreteHarvest(layout).run().seconds <= (1 + traffic) * scheduled
 
 
-def test_an_orchard_whose_queue_has_room_for_few_carriers_has_a_number_that_is_enough():
-    assert enough_carriers(lay_out(Scenario(rows=20, pickers=20, carriers=3, row_length=20.0, route="two-way"))) == 3
-
-
 @pytest.mark.parametrize(
     "own", [{"agents": {"picker_01": "own_agents.Eastward"}}, {"route": "examples.seams.signalled_route.SignalledRoute"}]
 )
 def test_the_schedule_of_a_harvest_with_a_users_classes_is_that_of_the_built_in_ones(own):
     values = {"rows": 4, "pickers": 2, "carriers": 2}
     assert schedule_seconds(lay_out(empty_orchard(**values, **own))) == schedule_seconds(lay_out(empty_orchard(**values)))
-
-
-ENOUGH = [
-    (load("config/realistic.yaml"), 5),
-    (Scenario(rows=20, pickers=20), 20),
-    (Scenario(rows=20, pickers=2, picking_speed=0.02), 2),
-]
-
-
-@pytest.mark.parametrize(("scenario", "enough"), ENOUGH)
-def test_one_carrier_less_than_enough_takes_longer_and_more_than_enough_take_as_long(scenario, enough):
-    layout = lay_out(scenario)
-    assert enough_carriers(layout) == enough
-    assert schedule_seconds(layout, enough - 1) > 1.01 * schedule_seconds(layout, scenario.rows)
-    assert schedule_seconds(layout, enough) <= 1.0102 * schedule_seconds(layout, scenario.rows)
 
 
 def test_an_early_policy_shortens_the_wait_of_pickers_and_with_it_the_schedule():

@@ -6,6 +6,7 @@ import re
 import threading
 import xml.etree.ElementTree as Xml
 
+import msgspec
 import pytest
 from local_runs import local_at
 from rich.console import Console
@@ -13,7 +14,7 @@ from run_endings import harvested
 
 from orchard.report.plan import PIXELS
 from orchard.report.progress import Headline, Progress, headline_of, robots
-from orchard.report.summary import clock, sentence
+from orchard.report.summary import clock, limit_sentence, sentence, six_figures
 
 FIGURES = {
     "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "bins": 20, "row_length": 70.0,
@@ -132,14 +133,13 @@ def test_a_program_reads_progress_as_json():
     assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6, "bins": 6}).fraction == 0.5
 
 
-WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour, 74 % of the 24.9 that the carriers would allow without traffic"
+WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour"
 HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}
 HALVED = "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their metres picked, 0 of 5 bins delivered"
 
 
 ENDS = [
     ({}, f"{WELL}."),
-    ({"bottleneck": "unloading"}, f"{WELL.replace('the carriers', 'unloading')}."),
     ({"ended": "stopped"}, f"{WELL}."),  # Ctrl-C came when all was done
     ({"violations": ["a", "b"], "broken_agents": ["cat_01, since tick 9"]}, f"{WELL}; 2 violations; 1 broken agent."),
     (HALF | {"ended": "duration"}, f"Ended by --duration {HALVED}."),
@@ -158,6 +158,36 @@ def test_the_first_sentence_tells_how_the_run_ended(figures, told):
 def test_a_run_that_is_stopped_before_its_first_tick_has_a_sentence():
     nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})
     assert sentence(nothing).startswith("Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %")
+
+
+LOST = {"limit": 721.0, "structure": 180.8, "traffic": 5.9, "dispatch": -3.0, "people_and_animals": 14.3}
+
+
+@pytest.mark.parametrize(
+    ("figures", "told"),
+    [
+        ({}, "What limits it: the carriers, to 24.9 bins an hour in a long harvest without traffic."),
+        ({"bottleneck": "unloading"}, "What limits it: unloading, to 24.9 bins an hour in a long harvest without traffic."),
+        (
+            {"lost_seconds": LOST},
+            "What limits it: the carriers, to 24.9 bins an hour in a long harvest without traffic; 3:01 min were lost to its beginning and "
+            "its end.",
+        ),
+        (
+            {"lost_seconds": {part: -1.0 for part in LOST}},
+            "What limits it: the carriers, to 24.9 bins an hour in a long harvest without traffic.",
+        ),
+    ],
+)
+def test_the_second_sentence_tells_what_limits_the_harvest_and_what_most_was_lost_to(figures, told):
+    assert limit_sentence(harvested(**figures)) == told
+
+
+def test_six_figures_are_in_words():
+    known = {"schedule_sim_seconds": 911.3, "picker_waiting_seconds": 155.6, "carrier_utilisation": 0.664, "collisions": 0}
+    shown = six_figures(msgspec.to_builtins(harvested()) | known)
+    assert [value for _, value, _ in shown] == ["18.6", "16:10 min", "5 of 5", "156 s", "66 %", "0"]
+    assert all(note and "_" not in name + note for name, _, note in shown)
 
 
 @pytest.mark.parametrize(("seconds", "told"), [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")])

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import sqlite3
 import time
@@ -13,10 +14,11 @@ import psutil
 import pytest
 from command_line import SECONDS, orchard, starting
 
-from orchard.field.scenario import load
+from orchard.field.scenario import load, with_changes
 from orchard.launch import commands
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreFailed
+from orchard.study.study import StudyOptions, study
 
 SCENARIO = """\
 rows: 3
@@ -26,8 +28,8 @@ people: {workers: 0, visitors: 0}
 animals: {dogs: 0, cats: 0}
 prices: {picker_per_hour: 15, carrier_per_hour: 6}
 """
-QUESTION = ("--vary", "carriers=1..3", "--vary", "dispatch=nearest,predictive", "--model", "fast", "--budget", "2h", "--within", "2%",
-            "--workers", "2")  # fmt: skip
+QUESTION = ("--vary", "carriers=1..3", "--vary", "dispatch=nearest,predictive", "--horizon", "harvest", "--goal", "bins_per_hour",
+            "--model", "fast", "--budget", "2h", "--within", "4%", "--workers", "2")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,7 @@ def undisturbed(folder) -> dict:
     summary = found(folder / "quiet.json")
     assert summary["answer"] in run.stdout
     assert summary["orchard"] == "3 rows of 70 m, 2 pickers, one-way"
-    assert f"Orchard: {summary['orchard']}" in run.stdout
+    assert f"The orchard: {summary['orchard']}" in run.stdout
     return summary
 
 
@@ -70,11 +72,26 @@ def wait_for_runs(store: Path) -> None:
 
 
 def test_the_whole_answer_is_written(folder, undisturbed):
-    assert {"answer", "best", "indistinguishable", "table", "comparisons", "notes", "stopped_by"} <= set(undisturbed)
+    assert {"answer", "best", "undecided", "beyond", "table", "notes", "stopped_by"} <= set(undisturbed)
     assert [row["setting"] for row in undisturbed["table"]] == [
         {"carriers": carriers, "dispatch": policy} for carriers in (1, 2, 3) for policy in ("nearest", "predictive")
     ]
     assert len((folder / "quiet.csv").read_text().splitlines()) == 7
+
+
+def test_two_sentences_come_first_and_the_table_fits_80_columns_and_python_says_the_same(folder):
+    """Of a study that is told nothing but the orchard: how many carriers, in the long run."""
+    (folder / "plain.yaml").write_text(SCENARIO.replace("gamma", "none") + "tractor: false\n")
+    run = orchard("study", folder / "plain.yaml", "--workers", "2", "--budget", "2h", "--out", folder / "plain.db")
+    assert run.returncode == 0, run.stderr
+    sentences, *table = run.stdout.splitlines()
+    assert re.fullmatch(
+        r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows of 70 m, 2 pickers, one-way, .*\.", sentences
+    )
+    assert table[0].split()[0] == "behind," or "carriers" in table[1]
+    assert max(map(len, table)) <= 80
+    options = StudyOptions(workers=2, budget_seconds=7200.0, store=folder / "plain.db")
+    assert study(load(folder / "plain.yaml"), options=options).answer == sentences
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
@@ -110,7 +127,8 @@ MISTAKES = [
     (["--budget", "soon"], ["soon: expected a time of at least 1 s"]),
     (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], ["the scheduler has its own workers"]),
     (["--scheduler", "nowhere"], ["nowhere: expected an address with its port, such as tcp://"]),
-    (["--vary", "carriers", "--goal", "cost_per_bin"], ["--vary carriers: must be KEY=VALUE", "--goal cost_per_bin: prices: needs"]),
+    (["--vary", "pickers", "--goal", "cost_per_bin"], ["--vary pickers: must be KEY=VALUE", "--goal cost_per_bin: prices: needs"]),
+    (["--model", "full"], ["only the fast model can tell the long run; choose --horizon harvest"]),
     (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
     (["--summary", "same.x", "--csv", "same.x"], ["same.x, same.x: two of these are one file"]),
     (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
@@ -161,22 +179,22 @@ def test_of_a_file_that_cannot_be_read_only_what_is_wrong_anyway_is_told(mistake
 
 
 def test_a_budget_too_short_for_one_run_is_exit_code_1(folder):
-    run = orchard("study", "undisturbed", "--model", "full", "--budget", "1s", "--out", folder / "short.db", "--vary", "rows=20", code=1)
+    options = "--model", "full", "--horizon", "harvest", "--budget", "1s", "--vary", "rows=20"
+    run = orchard("study", "undisturbed", *options, "--out", folder / "short.db", code=1)
     assert "the budget is too short for one run" in run.stderr
     assert "No setting has been run yet." in run.stdout
 
 
 def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     """A run by the full model that is in the store already, as one that broke an invariant."""
-    scenario = load(folder / "my.yaml")
+    scenario = with_changes(load(folder / "my.yaml"), carriers=2)
     sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
     with Store(folder / "violated.db") as store:
         for seed in range(scenario.seed, scenario.seed + 5):
             run = PlannedRun.of(scenario, seed, "full", "harvest")
             store.keep(replace(sound, key=run.key, seed=seed, model="full", ended="violated", violations="bin_01: is in two places"))
-    run = orchard(
-        "study", folder / "my.yaml", "--model", "full", "--workers", "1", "--budget", "1s", "--out", folder / "violated.db", code=1
-    )
+    options = "--model", "full", "--horizon", "harvest", "--vary", "carriers=2", "--workers", "1", "--budget", "1s"
+    run = orchard("study", folder / "my.yaml", *options, "--out", folder / "violated.db", code=1)
     assert "bin_01: is in two places" in run.stderr
 
 

@@ -1,4 +1,4 @@
-"""Intervals, corrections and races, against published figures and against truths that the test knows."""
+"""Intervals and comparisons, against published figures and against truths that the test knows."""
 
 from collections.abc import Generator
 from itertools import count
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import simpy
-from made_studies import run_race
+from made_studies import compared
 from scipy import stats
 
 from orchard.field.repeatable import draw, exponential, normal
-from orchard.study.racing import Race, holm, interval, paired_p_value
+from orchard.study.comparing import LOOKS, Comparison, compare, interval
 
 # NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation 0.022789, 95 %: 9.258242 to 9.264679
 
@@ -30,46 +30,24 @@ def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
         assert (interval(values, 0.95).low, interval(values, 0.95).high) == (5.0, 5.0)
 
 
-def test_the_paired_test_is_that_of_student() -> None:
-    """Student, Biometrika 6, 1908, 1-25: additional hours of sleep by two drugs, ten patients; t = 4.06, p = 0.0028 (R: `sleep`)."""
-    dextro = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
-    laevo = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
-    assert paired_p_value(dextro, laevo) == pytest.approx(0.002833, abs=1e-6)
-
-
-def test_of_differences_without_spread_only_the_sign_counts() -> None:
-    assert paired_p_value([3.0, 4.0], [3.0, 4.0]) == 1.0
-    assert paired_p_value([3.0], [2.0]) == 1.0  # one alone tells nothing
-    assert paired_p_value([3.0, 4.0, 5.0], [2.0, 3.0, 4.0]) == pytest.approx(stats.binomtest(3, 3).pvalue)
-
-
-def test_holms_correction_is_the_published_one() -> None:
-    """The example of Wikipedia's "Holm-Bonferroni method", and of R's p.adjust: p-values 0.01, 0.04, 0.03, 0.005."""
-    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-    assert holm([0.01, 0.02, 0.03, 0.005]) == pytest.approx([0.03, 0.04, 0.04, 0.02])
-    assert holm([]) == []
-
-
-STUDIES, DEVIATION = 200, 1.5
-ALIKE = [60.0] * 20  # true means of settings of which the best is a matter of luck
-
-
-def raced(number: int, means: list[float], within: float) -> tuple[Race, dict[int, list[float]]]:
-    """A race of settings with these true means, whose results have a common and an own part, and what it saw."""
-
-    def value(i: int, seed: int) -> float:
-        common, own = (normal(*draw(number, name, seed, 2)) for name in ("common", f"setting {i}"))
-        return means[i] + DEVIATION * (0.3 * common + 0.95 * own)
-
-    race = Race(len(means), True, 0.95, within)
-    return race, run_race(race, value)
+STUDIES, DEVIATION = 200, 0.8
+ALIKE = [60.0] * 12  # true means of settings of which the best is a matter of luck
+WITHIN = 0.02
+KINDS = [ALIKE, [60.0, 60.0, 60.0, 60.4], [54.0, 57.0, 60.0, 60.5], [60.0, 64.0]]
 
 
 @pytest.fixture(scope="module")
-def studies() -> list[tuple[list[float], Race, dict[int, list[float]]]]:
-    """200 small studies: alike settings, one that is better by a little, and settings that differ."""
-    kinds = [(ALIKE, 0.0001), ([60.0, 60.0, 60.0, 61.0], 0.0001), ([58.0, 59.0, 60.0, 60.5], 0.01), ([60.0, 63.0], 0.01)]
-    return [(means, *raced(number, means, within)) for number in range(STUDIES) for means, within in [kinds[number % len(kinds)]]]
+def studies() -> list[tuple[list[float], Comparison]]:
+    """200 small studies, whose results have a common and an own part: alike settings, one better by a little, and settings that differ."""
+
+    def of(number: int, means: list[float]) -> Comparison:
+        def value(i: int, seed: int) -> float:
+            common, own = (normal(*draw(number, name, seed, 2)) for name in ("common", f"setting {i}"))
+            return means[i] + DEVIATION * (0.3 * common + 0.95 * own)
+
+        return compared(value, range(len(means)), WITHIN)[0]
+
+    return [(means, of(number, means)) for number in range(STUDIES) for means in [KINDS[number % len(KINDS)]]]
 
 
 def least(studies: int) -> int:
@@ -77,72 +55,55 @@ def least(studies: int) -> int:
     return int(stats.binom.ppf(0.001, studies, 0.95))
 
 
-def test_the_intervals_of_a_race_cover_the_truth(studies: list) -> None:
-    own, together = [], 0
-    for means, race, seen in studies:
-        best = interval(seen[race.best], race.each)
-        own += [means] if best.low <= means[race.best] <= best.high else []
-        others = [i for i in range(len(means)) if i != race.best]
-        differences = {i: race.verdict(i, seen).difference for i in others}
-        together += all(one.low <= means[i] - means[race.best] <= one.high for i, one in differences.items())
-    assert len(own) >= least(STUDIES)
-    assert own.count(ALIKE) >= least(STUDIES // 4)  # though the best of them had luck
-    assert together >= least(STUDIES)
+def test_what_is_told_of_settings_is_true_of_all_of_them_together(studies: list) -> None:
+    """Nothing is called worse that is worth as much as the best, and nothing equal that is not, though the best mean had luck."""
+    right = []
+    for means, found in studies:
+        leads = [max(means) / mean - 1.0 for mean in means]
+        stands = [found.standing(i) for i in range(len(means))]
+        right.append(
+            all(lead >= WITHIN if one == "worse" else lead < WITHIN for lead, one in zip(leads, stands, strict=True) if one != "unknown")
+        )
+    assert sum(right) >= least(STUDIES)
+    assert sum(one for one, (means, _) in zip(right, studies, strict=True) if means == ALIKE) >= least(STUDIES // 4)
 
 
-def test_the_truly_best_setting_hardly_ever_leaves_the_race(studies: list) -> None:
-    lost = [means for means, race, _ in studies if means.index(max(means)) in race.out and len(set(means)) > 1]
-    assert len(lost) <= STUDIES - least(STUDIES)
+def test_most_studies_end_with_the_setting_that_needs_fewest_robots(studies: list) -> None:
+    answers = {tuple(means): [found.best for one, found in studies if one == means and not found.undecided] for means in KINDS}
+    for means, fewest in zip(KINDS, (0, 0, 2, 1), strict=True):
+        assert len(answers[tuple(means)]) >= 0.6 * STUDIES / len(KINDS)
+        assert answers[tuple(means)].count(fewest) >= 0.9 * len(answers[tuple(means)])
 
 
-def test_a_clear_winner_is_certain_and_settings_that_are_alike_cannot_be_told_apart(studies: list) -> None:
-    clear = [race for means, race, _ in studies if means == [60.0, 63.0]]
-    assert all(race.why in ("certain", "within") and race.best == 1 for race in clear)
-    assert sum(race.why == "certain" for race in clear) > 0.9 * len(clear)
-    alike = [race for means, race, _ in studies if means == ALIKE]
-    assert sum(len(race.left) > 1 for race in alike) >= 0.95 * len(alike)
-    assert all(race.why == "seeds" for race in alike if len(race.left) > 1)
+def test_too_few_runs_are_no_equality() -> None:
+    """Two settings that are alike, as far as a run of each tells; and two whose interval is wider than what is worth it."""
+    for samples in ([[60.0], [60.0]], [[60.0, 62.0, 58.0], [60.1, 58.0, 61.9]]):
+        found = compare(dict(enumerate(samples)), {0: 1, 1: 2}, True, 0.95, 0.02)
+        assert {found.standing(0), found.standing(1)} == {"equal", "unknown"} and len(found.undecided) == 1
+    sure = compare({0: [60.0, 60.1, 59.9, 60.0, 60.1], 1: [60.1, 60.0, 60.0, 60.1, 60.0]}, {0: 1, 1: 2}, True, 0.95, 0.02)
+    assert (sure.standing(0), sure.standing(1), sure.best, sure.undecided) == ("equal", "equal", 0, [])
 
 
 def test_less_is_better_where_the_goal_says_so() -> None:
-    race = Race(2, False, 0.95, 0.01)
-    race.look({0: [3.0, 3.1, 2.9, 3.0, 3.1], 1: [2.0, 2.2, 1.9, 2.0, 2.1]})
-    assert (race.best, race.left, race.why) == (1, [1], "certain")
+    found = compare({0: [3.0, 3.1, 2.9, 3.0, 3.1], 1: [2.0, 2.0, 1.9, 2.1, 2.1]}, {0: 0, 1: 0}, False, 0.95, 0.02)
+    assert (found.best, found.standing(0), found.undecided) == (1, "worse", [])
 
 
-def test_a_setting_that_jams_leaves_the_race_and_is_known() -> None:
-    race = Race(2, True, 0.95, 0.01)
-    race.jam([1])
-    race.look({0: [3.0, 3.1, 2.9, 3.0, 3.1]})
-    assert (race.best, race.jammed, race.why) == (0, [1], "certain")
-    race.jam([0])
-    assert (race.best, race.why) == (None, "certain")
-
-
-def test_seeds_that_agree_by_chance_end_no_race() -> None:
+def test_seeds_that_agree_by_chance_tell_little() -> None:
     """A failure that one seed in ten has: five seeds without it say nothing."""
-    race = Race(2, True, 0.95, 0.01)
-    race.look({0: [21.4] * 5, 1: [21.0] * 5})
-    assert (race.left, race.why) == ([0, 1], None)
-    sure = Race(2, True, 0.95, 0.01, frozenset([0, 1]))
-    sure.look({0: [21.4] * 5, 1: [21.0] * 5})
-    assert (sure.left, sure.why) == ([0], "certain")
+    values = {0: [21.4], 1: [20.0]}
+    assert compare({i: one * 5 for i, one in values.items()}, {0: 2, 1: 1}, True, 0.95, 0.02).undecided == [1]
+    assert compare({i: one * 20 for i, one in values.items()}, {0: 2, 1: 1}, True, 0.95, 0.02).standing(1) == "worse"
+    sure = compare(values, {0: 2, 1: 1}, True, 0.95, 0.02, without_chance=[0, 1])
+    assert (sure.best, sure.standing(1)) == (0, "worse")
 
 
-def test_what_lost_to_a_setting_that_jams_later_is_back_in_the_race() -> None:
-    race = Race(3, True, 0.95, 0.01)
-    race.look({0: [100.0, 100.1, 99.9, 100.0, 100.2], 1: [90.0, 90.2, 89.9, 90.1, 90.0], 2: [60.0, 110.0, 70.0, 100.0, 70.0]})
-    assert race.left == [0, 2]
-    race.jam([0])
-    assert (race.left, race.out) == ([1, 2], {})
-
-
-def test_a_setting_alone_is_replicated_until_its_interval_is_narrow() -> None:
-    race = Race(1, True, 0.95, 0.01)
-    race.look({0: [20.0, 22.0, 21.0, 23.0, 19.0]})
-    assert race.why is None
-    race.look({0: [20.0, 20.1, 20.0, 19.9, 20.0]})
-    assert race.why == "within"
+def test_it_is_known_how_many_replications_would_decide() -> None:
+    apart = {0: [60.0, 62.0, 61.0, 59.0, 60.0], 1: [57.0, 60.0, 55.0, 58.0, 57.0]}
+    found = compare(apart, {0: 2, 1: 1}, True, 0.95, 0.02)
+    assert found.undecided == [1] and found.replications_needed() in LOOKS[1:3]
+    on_the_edge = {0: [61.2, 62.0, 60.6, 61.9, 60.3], 1: [60.0, 61.0, 59.0, 60.0, 60.0]}
+    assert compare(on_the_edge, {0: 2, 1: 1}, True, 0.95, 0.02).replications_needed() is None
 
 
 # Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As published: P0 0.4845, waiting 0.3297,
@@ -185,23 +146,20 @@ def test_intervals_over_replications_hold_the_published_figures_of_the_repairman
         assert sum(one.low <= truth <= one.high for one in studies) >= stats.binom.ppf(0.001, SHOPS, 0.95)
 
 
-# Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic Simulation Optimization, 2011). Their OCBA
-# shares 100 more runs among them as 48, 38, 11, 2 and 1: most go to those that are hard to tell apart. A race must find the same order.
+# Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic Simulation Optimization, 2011).
 MEANS, VARIANCES = (1.2, 2.1, 3.4, 4.87, 6.05), (3.3, 2.0, 4.5, 5.3, 6.9)
-RACES = 100
+ASKED = 100
 
 
-def chosen(number: int) -> tuple[Race, dict[int, list[float]]]:
-    """A race among the five designs, and what it saw of each."""
-    race = Race(len(MEANS), False, 0.95, 1e-9)
-    return race, run_race(race, lambda i, seed: MEANS[i] + sqrt(VARIANCES[i]) * normal(*draw(number, f"design {i}", seed, 2)))
-
-
-def test_a_race_finds_the_published_best_of_five_designs_with_fewer_runs_than_equal_shares_need() -> None:
-    races = [chosen(number) for number in range(RACES)]
-    assert sum(0 in race.out for race, _ in races) <= stats.binom.ppf(0.999, RACES, 0.05)  # as sure as it says
-    assert sum(race.best == 0 for race, _ in races) >= stats.binom.ppf(0.001, RACES, 0.95)
-    spent = [fmean(len(seen[i]) for _, seen in races) for i in range(len(MEANS))]
-    equal = fmean(len(MEANS) * max(map(len, seen.values())) for _, seen in races)  # if none left the race before its end
-    assert spent == sorted(spent, reverse=True)
-    assert sum(spent) < 0.6 * equal
+def test_a_comparison_finds_the_published_best_of_five_designs_as_surely_as_it_says() -> None:
+    found = [
+        compared(
+            lambda i, seed, number=number: MEANS[i] + sqrt(VARIANCES[i]) * normal(*draw(number, f"design {i}", seed, 2)),
+            [0] * 5,
+            is_max=False,
+        )[0]
+        for number in range(ASKED)
+    ]
+    assert sum(one.best == 0 for one in found) >= stats.binom.ppf(0.001, ASKED, 0.95)
+    assert sum(one.standing(0) == "worse" for one in found) <= stats.binom.ppf(0.999, ASKED, 0.05)
+    assert fmean(one.count for one in found if not one.undecided) < 80

@@ -171,7 +171,7 @@ def test_a_damaged_run_is_named_and_passed_over(path, record, change, told):
 
 def test_a_damaged_run_is_told_and_done_again(path, record):
     execute(path, "UPDATE runs SET bins_per_hour = 'many'")
-    found = study(SCENARIO, {}, StudyOptions(model="fast", store=path, workers=1))
+    found = study(SCENARIO, {}, StudyOptions(model="fast", horizon="harvest", store=path, workers=1))
     assert [note for note in found.notes if "studies.db: 1 of the runs in it were damaged" in note]
     with Store(path) as mended:
         assert mended.known([record.key])[record.key].bins_per_hour == record.bins_per_hour

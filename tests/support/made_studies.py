@@ -1,11 +1,12 @@
 """Results of studies, made by hand, for tests of what is shown of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from orchard.field.scenario import Scenario
-from orchard.study.racing import LOOKS, Race
-from orchard.study.result import Check, Comparison, Interval, Row, StudyResult
+from orchard.study.comparing import LOOKS, Comparison, compare
+from orchard.study.result import Check, Interval, Row, StudyResult
 from orchard.study.words import orchard_words
 
 
@@ -19,7 +20,7 @@ def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
     row = dict(setting={"carriers": 9}, model="fast", replications=5, jammed=0 if known else 5,
                bins_per_hour=interval(rate, half) if known else None, harvest_seconds=interval(72000.0 / rate) if known else None,
                cost_per_bin=None, picker_waiting_seconds=316.2, carrier_utilisation=0.774, bound_bins_per_hour=91.2, bottleneck="carriers",
-               lost_seconds={"limit": 800.0, "structure": 74.0, "traffic": 236.4, "dispatch": 0.0})  # fmt: skip
+               standing="worse" if known else "jammed", lead=interval(0.05, 0.01) if known else None)  # fmt: skip
     return Row(**row | changes)
 
 
@@ -28,29 +29,33 @@ def checked(rate: float, half: float, difference: float, jammed: int = 0) -> Che
 
 
 def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str, Any], ...] = (), **changes: Any) -> StudyResult:
-    """A study of these rows, in which all that is neither best nor a tie was told apart."""
+    """A study of these rows, in which all that is neither best nor a tie is worse."""
     varied: dict[str, list[Any]] = {}
     for row in table:
         for key, value in row.setting.items():
             varied[key] = [*dict.fromkeys([*varied.get(key, []), value])]
-    others = [row.setting for row in table if row.setting != best and row.bins_per_hour]
-    compared = [Comparison(setting=one, difference=interval(-5.0, 1.0), p_value=0.01, is_told_apart=one not in ties) for one in others]
+    undecided = changes.get("undecided", [])
+    stands = {id(row): "best" if row.setting == best else "equal" if row.setting in ties else
+              "unknown" if row.setting in undecided else row.standing for row in table}  # fmt: skip
     scenario = Scenario(rows=20, pickers=10)
-    result = dict(answer="", orchard=orchard_words(scenario, varied), best=best, indistinguishable=list(ties), table=table,
-                  comparisons=compared, goal="bins_per_hour", horizon="harvest", confidence=0.95, scenario=scenario.model_dump(),
-                  varied=varied, wall_seconds=12.3, stopped_by="certain", notes=[], version="0.1.0")  # fmt: skip
+    shown = [replace(row, standing=stands[id(row)]) for row in table]
+    result = dict(answer="", orchard=orchard_words(scenario, varied), best=best, table=shown,
+                  goal="bins_per_hour", horizon="harvest", confidence=0.95, within=0.02, scenario=scenario.model_dump(), varied=varied,
+                  wall_seconds=12.3, stopped_by="certain", undecided=undecided, seconds_needed=None, beyond={}, notes=[],
+                  version="0.1.0")  # fmt: skip
     return StudyResult(**result | changes)
 
 
-def run_race(race: Race, value: Callable[[int, int], float]) -> dict[int, list[float]]:
-    seen: dict[int, list[float]] = {i: [] for i in race.left}
+def compared(
+    value: Callable[[int, int], float], robots: Sequence[int], within: float = 0.02, is_max: bool = True
+) -> tuple[Comparison, dict[int, list[float]]]:
+    """Compare settings with these values by setting and seed, look by look, until nothing is undecided. Return also what was seen."""
     for look in LOOKS:
-        for i in race.left:
-            seen[i] += [value(i, seed) for seed in range(len(seen[i]), look)]
-        race.look({i: seen[i] for i in race.left}, look == LOOKS[-1])
-        if race.why is not None:
+        seen = {i: [value(i, seed) for seed in range(look)] for i in range(len(robots))}
+        found = compare(seen, dict(enumerate(robots)), is_max, 0.95, within)
+        if not found.undecided:
             break
-    return seen
+    return found, seen
 
 
 def carriers(number: int) -> dict[str, int]:

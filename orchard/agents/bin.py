@@ -103,11 +103,11 @@ class Bin:
         if not is_steady:
             action.hold = None  # the last step before a picker stands is shorter, and tells nothing: the next tick tells
         if not seen.fill:
-            memory.picking_speed = self.layout.scenario.picking_speed
+            memory.picking_speed = self.layout.scenario.mean_picking_speed
         elif is_steady and memory.speed >= LEAST_SPEED and seen.fill > memory.fill:
             memory.picking_speed = memory.speed
         elif not memory.picking_speed:  # it begins without a memory, on a picker that has begun
-            memory.picking_speed = self.layout.scenario.picking_speed
+            memory.picking_speed = self.layout.scenario.mean_picking_speed
         memory.fill = seen.fill
         ripening = forecast.of(seen, picker, memory.picking_speed, memory.left_at)
         is_time = ripening is not None and ripening.seconds < forecast.horizon

@@ -40,7 +40,7 @@ class Forecast:
         ahead = lane.east - picker.x if side == "east" else picker.x - lane.west
         if not side or ahead < -ALONG:
             return None
-        if self.layout.scenario.metres_per_bin is None:
+        if self.layout.scenario.bin_metres is None:
             left = max(0.0, self.layout.row_length - seen.fill) * (lane.length / self.layout.row_length)
         elif left_at is None or (left_at.lane, left_at.side) != (lane.number, side):
             return None

@@ -119,7 +119,7 @@ class OneWay:
 
     def foresee(self, one: Pass) -> list[Step]:
         """The step in which a picker announces to its bin where it will be left. If each row fills one, the bin knows."""
-        return [st.Announce(one.row, one.end, one.fill)] if self.layout.scenario.metres_per_bin and one.leaves_bin else []
+        return [st.Announce(one.row, one.end, one.fill)] if self.layout.scenario.bin_metres and one.leaves_bin else []
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
         """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: its number, from 1."""

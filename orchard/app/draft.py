@@ -97,8 +97,8 @@ class Entry:
 
     @property
     def unit(self) -> str:
-        """The unit in the description, m or m/s; '' if there is none."""
-        found = re.search(r", (m/s|m|s)(?=;|$)", self.words)
+        """The unit in the description, such as m or bins/h; '' if there is none."""
+        found = re.search(r", (m/s|m|s|bins/h|t/ha|kg)(?=;|$)", self.words)
         return found.group(1) if found else ""
 
     @property

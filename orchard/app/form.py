@@ -1,5 +1,6 @@
 """The form: a control for each value of a scenario, and what is wrong there; and the user's own classes."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from nicegui import ui
@@ -29,6 +30,7 @@ class Control:
                 self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes("field-more")
                 self._automatic.props(f'dense size=sm data-field={entry.path}-automatic aria-label="{entry.label}: {entry.none}"')
             self._problem = note(f"data-problem={entry.path} role=alert")
+            self._meaning = note(f"data-meaning={entry.path}", "field-mark")
             self._mark = note(f"data-mark={entry.path}", "field-mark")
 
     def _switch(self) -> ui.switch:
@@ -57,9 +59,12 @@ class Control:
         elif value is not None:
             self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
 
-    def show_chosen(self, number: int) -> None:
+    def show_chosen(self, number: float) -> None:
         if self._automatic is not None and self._automatic.value:
             self._value.set_value(shown(number))
+
+    def explain(self, meaning: str) -> None:
+        self._meaning.set_text(meaning)
 
     def complain(self, problem: str) -> None:
         self._problem.set_text(problem)
@@ -81,35 +86,44 @@ class Control:
 
 
 GROUPS = {
-    "Orchard": ("rows", "metres_per_bin", "row_width", "seed"),
-    "Robots": ("pickers", "carriers", "picking_speed", "laser.noise", "dispatch", "dispatch_errors", "rows_to_pickers", "route"),
+    "Orchard": ("rows", "row_length", "bins_per_row", "row_width", "seed"),
+    "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
     "Picking": ("picking.spread.distribution", "picking.spread.cv", "picking.failure.mean_between", "picking.failure.mean_repair"),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
-    "Sensors": (
-        *("sensors.gnss.white", "sensors.gnss.bias", "sensors.gnss.bias_time"),
-        *("sensors.odometry.distance", "sensors.odometry.heading"),
-    ),
     "Prices": ("prices.picker_per_hour", "prices.carrier_per_hour", "prices.overhead_per_hour", "prices.per_bin"),
 }
+FOR_EXPERTS = {
+    "Fruit and speed": ("metres_per_bin", "crop.tonnes_per_hectare", "crop.kilograms_per_bin", "picking_speed"),
+    "Sensors": (
+        *("laser.noise", "sensors.gnss.white", "sensors.gnss.bias", "sensors.gnss.bias_time"),
+        *("sensors.odometry.distance", "sensors.odometry.heading"),
+    ),
+}
+_BASIC = [*AGENTS, *(path for paths in GROUPS.values() for path in paths)]
+FIGURES = 4  # significant digits of a number that the program works out
 
 
 class Form:
-    """All controls of a draft, and the user's own classes, if there are any."""
+    """All controls of a draft, those for experts folded away, and the user's own classes, if there are any."""
 
     def __init__(self, draft: Draft) -> None:
         self._draft = draft
         self._controls: dict[str, Control] = {}
-        known = [path for paths in GROUPS.values() for path in paths]
-        rest = tuple(path for path in entries() if path not in known)
-        for title, paths in (GROUPS | {"More": rest} if rest else GROUPS).items():
-            with _group(title):
-                self._controls |= {path: Control(entries()[path], draft) for path in paths}
+        self._add(GROUPS)
+        with ui.expansion("For experts").classes("experts").props("data-view=experts") as self._experts:
+            self._add(FOR_EXPERTS)
+            self._add({"More": tuple(path for path in entries() if path not in self._controls)})
         with _group("Own classes") as self._classes:
             self._names = ui.label().classes("classes").props("data-view=classes")
             self._problem = note("data-problem=agents role=alert")
             button("Use the built-in classes", draft.drop_classes, "drop-classes", props="flat dense")
         self._classes.set_visibility(False)
+
+    def _add(self, groups: Mapping[str, Sequence[str]]) -> None:
+        for title, paths in groups.items():
+            with _group(title):
+                self._controls |= {path: Control(entries()[path], self._draft) for path in paths}
 
     def show(self) -> None:
         for path, value in self._draft.values.items():
@@ -123,7 +137,13 @@ class Form:
             control.complain(draft.problems.get(path, ""))
             control.mark(words_of(path, other[path]) if path in other else "")
         if draft.scenario is not None:
-            self._controls["carriers"].show_chosen(draft.scenario.carrier_count)
+            chosen = draft.scenario.chosen
+            for path, number in chosen.items():
+                self._controls[path].show_chosen(float(f"{number:.{FIGURES}g}"))
+            self._controls["bins_per_row"].explain(f"a bin fills in {chosen['metres_per_bin']:.{FIGURES}g} m of row")
+            self._controls["picking_rate"].explain(f"a picker goes {chosen['picking_speed']:.{FIGURES}g} m/s")
+        if any(path not in _BASIC for path in draft.problems):
+            self._experts.open()
         self._classes.set_visibility(bool(draft.classes))
         self._names.set_text("\n".join(f"{word}: {path}" for word, path in draft.classes.items()))
         problems = [words for path, words in draft.problems.items() if path.split(".")[0] in AGENTS]

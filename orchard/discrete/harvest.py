@@ -83,7 +83,8 @@ class DiscreteHarvest:
             return
         if picker.bin not in self.left or self.left[picker.bin].triggered:
             self.left[picker.bin] = self.env.event()
-        speed = self.layout.scenario.picking_speed if before else lane.picking_speed  # a bin sees how fast its row is picked only there
+        # a bin sees how fast its row is picked only there
+        speed = self.layout.scenario.mean_picking_speed if before else lane.picking_speed
         after = abs(self.route.end(row, side) - one.stop)
         seconds = until_full(self.layout, row, side.name, one.metres / speed, before + after)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives

@@ -41,7 +41,7 @@ def long_run(layout: Layout, rows_each: int | None = None) -> LongRun:
 
 
 def _rows_each(layout: Layout) -> int:
-    each, most = layout.scenario.metres_per_bin, max(len(block.rows) for block in layout.blocks.values())
+    each, most = layout.scenario.bin_metres, max(len(block.rows) for block in layout.blocks.values())
     bins_a_row = layout.mean_length / each if each else 1.0
     return max(ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most)
 

@@ -98,11 +98,11 @@ class Layout:
     @property
     def metres_per_bin(self) -> float:
         """Metres of row that fill a bin. If each row fills one, they are metres of a row of the full length."""
-        return self.scenario.metres_per_bin or self.row_length
+        return self.scenario.bin_metres or self.row_length
 
     def passes(self, block: Block) -> list[Pass]:
         """Return the passes of a picker through its rows."""
-        return passes_of([(lane.west, lane.east) for lane in self.lanes], block, self.scenario.metres_per_bin)
+        return passes_of([(lane.west, lane.east) for lane in self.lanes], block, self.scenario.bin_metres)
 
     @cached_property
     def bins(self) -> int:

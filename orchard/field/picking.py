@@ -16,7 +16,7 @@ Chances = Iterator[list[float]]  # pairs of random numbers, uniform in [0, 1)
 
 def picking_speed_of(scenario: Scenario, row: int) -> float:
     """Return the speed at which a row is picked from end to end, m/s."""
-    mean, most, spread = scenario.picking_speed, KINDS["picker"].speed, scenario.picking.spread
+    mean, most, spread = scenario.mean_picking_speed, KINDS["picker"].speed, scenario.picking.spread
     if spread.distribution == "none":
         return mean
     chances = (draw(scenario.seed, f"picking of row {row}", number, 2) for number in range(2**63))

@@ -4,7 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import reduce
+from itertools import combinations
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
@@ -12,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
 from orchard.field.problems import Lines, Problem, ScenarioError, Section, key_text, problem_of, show
 from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, ONE_WAY, QUEUES, SHORTEST_ROW, USUAL_ROW, lack_of_room
-from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, WIDEST_ROW, Survey
+from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, TRUNK, WIDEST_ROW, Survey
 from orchard.field.yaml_file import dump, read, values_of
 
 TICKS_PER_SECOND = 10
@@ -55,12 +57,21 @@ class Animals(_Guests):
     cats: Annotated[int, _count("number of cats")] = 1
 
 
+class Crop(Section):
+    """How much fruit grows, and how much of it a bin holds: both, or neither."""
+
+    tonnes_per_hectare: Annotated[
+        float | None, Field(ge=1.0, le=200.0, description="yield of rows with their trees, t/ha; null: unknown")
+    ] = None
+    kilograms_per_bin: Annotated[float | None, Field(ge=10.0, le=2000.0, description="fruit in a full bin, kg; null: unknown")] = None
+
+
 LEAST_CV = 0.01
 WIDEST = {"lognormal": 1.0, "gamma": 1.0, "uniform": 1.0 / math.sqrt(3.0)}  # cv of the part of a row's picking time that is drawn
 
 
 class Spread(Section):
-    """How the picking times of rows differ. Their mean is that of `picking_speed`."""
+    """How the picking times of rows differ. Their mean is that of the picking speed."""
 
     distribution: Annotated[str, _choice(("none", *WIDEST), "distribution of the rows' picking times")] = "none"
     cv: Annotated[float, Field(ge=LEAST_CV, le=1.0, description="standard deviation of a row's picking time, as a share of its mean")] = 0.3
@@ -157,10 +168,16 @@ def _plugin(builtin: Sequence[str], what: str) -> Any:
 
 
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
-METRES_PER_BIN = "length of row that fills a bin, m; null: each row fills one"
+METRES_PER_BIN = "length of row that fills a bin, m; null: what bins_per_row or crop say, else each row fills one"
+BINS_PER_ROW = "number of bins that a row of row_length fills; null: what metres_per_bin or crop say, else 1"
+PICKING_SPEED = "speed of a picker while it picks, m/s; null: what picking_rate says, else 1"
+PICKING_RATE = "what a picker fills while it picks, bins/h; of a person: 1.2 to 1.8; null: what picking_speed says"
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 
 
+CROP = "crop.tonnes_per_hectare", "crop.kilograms_per_bin"
+SLOWEST = 0.002  # m/s, of a picker while it picks
+SHORTEST_BIN, LONGEST_BIN = 5.0, 200.0  # m of row that fill a bin
 SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 
 
@@ -170,10 +187,13 @@ class Scenario(Section):
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5
     pickers: Annotated[int, Field(ge=2, le=60, description="number of picking robots; at most one for each row")] = 2
     row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
-    metres_per_bin: Annotated[float | None, Field(ge=5.0, le=200.0, description=METRES_PER_BIN)] = None
+    metres_per_bin: Annotated[float | None, Field(ge=SHORTEST_BIN, le=LONGEST_BIN, description=METRES_PER_BIN)] = None
+    bins_per_row: Annotated[float | None, Field(ge=0.1, le=40.0, description=BINS_PER_ROW)] = None
+    crop: Annotated[Crop, Field(description="the yield and the bins, from which follow the metres per bin")] = Crop()
     row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
-    picking_speed: Annotated[float, Field(ge=0.002, le=1.0, description="speed of a picker while it picks, m/s; of a person: 0.03")] = 1.0
+    picking_speed: Annotated[float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED)] = None
+    picking_rate: Annotated[float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE)] = None
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
     people: Annotated[People, Field(description="workers and visitors")] = People()
@@ -196,6 +216,48 @@ class Scenario(Section):
     def carrier_count(self) -> int:
         """The number of carriers, by default 7 for every 10 pickers, rounded up (manual)."""
         return self.carriers if self.carriers is not None else math.ceil(self.pickers * 7 / 10)
+
+    @property
+    def bin_metres(self) -> float | None:
+        """The metres of row that fill a bin: `metres_per_bin`, or what `bins_per_row` or `crop` say; None: each row fills one."""
+        if self.bins_per_row is not None:
+            return self.row_length / self.bins_per_row
+        tonnes, kilograms = self.crop.tonnes_per_hectare, self.crop.kilograms_per_bin
+        if tonnes is None or kilograms is None:
+            return self.metres_per_bin
+        return kilograms / (0.1 * tonnes * self.row_pitch)  # 1 t/ha is 0.1 kg/m2
+
+    @property
+    def row_pitch(self) -> float:
+        """From the centre line of a row to that of the next one, m; the mean, if they are surveyed."""
+        if self.survey is None:
+            return self.row_width + TRUNK
+        souths = [row.south for row in self.survey.rows]
+        return (souths[-1] - souths[0]) / (len(souths) - 1)
+
+    @property
+    def mean_picking_speed(self) -> float:
+        """The speed of a picker while it picks, m/s: `picking_speed`, or what `picking_rate` says."""
+        if self.picking_rate is None:
+            return 1.0 if self.picking_speed is None else self.picking_speed
+        return self.picking_rate * self._mean_bin / 3600.0
+
+    @property
+    def chosen(self) -> dict[str, float]:
+        """What holds where a value is null, by its key: numbers that follow from other values."""
+        return {
+            "carriers": self.carrier_count,
+            "picking_speed": self.mean_picking_speed,
+            "picking_rate": 3600.0 * self.mean_picking_speed / self._mean_bin,
+            "metres_per_bin": self._mean_bin,
+            "bins_per_row": self.row_length / self._mean_bin,
+        }
+
+    @property
+    def _mean_bin(self) -> float:
+        """Metres of row that fill a bin; if each row fills one, of the mean row."""
+        rows = self.survey.rows if self.survey else ()
+        return self.bin_metres or (fmean(row.length for row in rows) if rows else self.row_length)
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:
@@ -223,19 +285,37 @@ class Scenario(Section):
         taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
         self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
         self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
+        self._demand_one_way_to_say_it()
         self._demand_that_no_row_is_faster_than_a_picker()
         if self.route in QUEUES:
             text = lack_of_room(self.route, self.row_length, self.bay, self.carrier_count)
             self._demand(not text, text, "pickers" if self.carriers is None else "carriers", "row_length", "bay")
         return self
 
+    def _demand_one_way_to_say_it(self) -> None:
+        """A picking speed or a rate; metres per bin, bins per row, or a crop; and what follows from them lies within the limits."""
+        self._demand((self.crop.tonnes_per_hectare is None) == (self.crop.kilograms_per_bin is None), "must be set together", *CROP)
+        pairs = [("picking_speed", "picking_rate"), *combinations(("metres_per_bin", "bins_per_row", CROP[0]), 2)]
+        for pair in pairs:
+            is_one = None in [reduce(getattr, field.split("."), self) for field in pair]
+            self._demand(is_one, "at most one of both can be set: each says what the other is", *pair)
+        metres = self.bin_metres
+        if metres is not None and metres != self.metres_per_bin:
+            text = f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to {LONGEST_BIN:g} m"
+            fields = (*CROP, "row_width") if self.bins_per_row is None else ("bins_per_row", "row_length")
+            self._demand(SHORTEST_BIN <= metres <= LONGEST_BIN, text, *fields)
+        least, most = (math.ceil(36e5 * SLOWEST / self._mean_bin) / 1e3, math.floor(36e5 / self._mean_bin) / 1e3)
+        text = f"must be {least:g} to {most:g} where {self._mean_bin:.4g} m of row fill a bin: a picker goes {SLOWEST:g} to 1 m/s"
+        self._demand(self.picking_rate is None or least <= self.picking_rate <= most, text, "picking_rate")
+
     def _demand_that_no_row_is_faster_than_a_picker(self) -> None:
         """A row takes at least the time to drive along it, so only the rest of its mean time can spread."""
         spread, top = self.picking.spread, KINDS["picker"].speed
-        most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.picking_speed / top)
+        most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.mean_picking_speed / top)
         what = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}" if most >= LEAST_CV else "the distribution must be none"
-        text = f"{what} at this picking_speed, because no picker picks faster than {top:g} m/s"
-        fields = "picking_speed", "picking.spread.distribution", "picking.spread.cv"
+        speed = "picking_speed" if self.picking_rate is None else "picking_rate"
+        text = f"{what} at this {speed}, because no picker picks faster than {top:g} m/s"
+        fields = speed, "picking.spread.distribution", "picking.spread.cv"
         self._demand(spread.distribution == "none" or spread.cv <= most + 1e-9, text, *fields)
 
     def _demand_what_the_survey_says(self) -> None:

@@ -283,7 +283,7 @@ class _Study:
 
     def _row_ends(self, found: Comparison | None) -> list[str]:
         """What the drives to the ends of rows cost with the best setting."""
-        if found is None or self.settings[found.best].scenario.metres_per_bin is None:
+        if found is None or self.settings[found.best].scenario.bin_metres is None:
             return []
         share = Bounds(lay_out(self.settings[found.best].scenario)).row_end_share
         return [f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging bins inside rows could gain no more"]

@@ -32,7 +32,7 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers, one-way, predictive dispatch'."""
     rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
     length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
-    each = scenario.metres_per_bin
+    each = scenario.bin_metres
     bins = f", a bin every {each:g} m" if each and "metres_per_bin" not in varied else ""
     words = {
         "pickers": counted("pickers", scenario.pickers),

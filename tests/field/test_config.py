@@ -9,6 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from docs.generate import schema_text
+from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes
 from orchard.field.shipped import load_or_shipped
@@ -105,6 +106,26 @@ def test_an_integer_is_fine_where_a_number_is_wanted() -> None:
 @pytest.mark.parametrize(("text", "speed"), [("1e-1", 0.1), ("5.0E-2", 0.05), (".5", 0.5), ("1.", 1.0), ("+0.25", 0.25), ("1", 1.0)])
 def test_numbers_are_written_in_any_usual_way(text: str, speed: float) -> None:
     assert parse(f"picking_speed: {text}").picking_speed == speed
+
+
+@given(st.floats(20.0, 200.0), st.floats(5.0, 12.0), st.floats(10.0, 60.0), st.floats(250.0, 450.0), st.floats(1.0, 4.0))
+def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(length, width, tonnes, kilograms, rate):
+    crop = {"tonnes_per_hectare": tonnes, "kilograms_per_bin": kilograms}
+    sizes = {"row_length": length, "row_width": width}
+    grower = Scenario(**sizes, crop=crop, picking_rate=rate)
+    hectares = length * (width + 0.5) / 10_000  # of a row, with half of the trees on each side
+    bins = 1000 * tonnes * hectares / kilograms  # that it fills
+    assert grower.bin_metres == pytest.approx(length / bins)
+    assert lay_out(grower).picking_seconds(1, grower.bin_metres) == pytest.approx(3600 / rate)
+    if bins <= 40:
+        assert Scenario(**sizes, bins_per_row=bins, picking_speed=grower.mean_picking_speed).chosen == pytest.approx(grower.chosen)
+
+
+@pytest.mark.parametrize("more", [{}, {"metres_per_bin": 20.0}, {"bins_per_row": 4.0}])
+def test_longer_rows_leave_the_rate_as_it_was(more):
+    short, long = (Scenario(row_length=length, picking_rate=1.5, **more) for length in (70.0, 110.0))
+    assert [one.chosen["picking_rate"] for one in (short, long)] == pytest.approx([1.5, 1.5])
+    assert (short.mean_picking_speed == long.mean_picking_speed) == ("metres_per_bin" in more)
 
 
 def test_changes_are_checked_anew() -> None:

@@ -20,7 +20,7 @@ OUT_OF_RANGE = [
     ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
     ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 120"),
     ("carriers: 121", "carriers = 121: must be null or a whole number from 1 to 120"),
-    ("picking_speed: 0.001", "picking_speed = 0.001: must be a number from 0.002 to 1.0"),
+    ("picking_speed: 0.001", "picking_speed = 0.001: must be null or a number from 0.002 to 1.0"),
     ("picking_speed: -1", "picking_speed = -1: must be"),
     ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
     ("seed: 9223372036854775808", "must be a whole number from 0 to 9223372036854775807"),
@@ -79,9 +79,9 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
 
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
-        "unknown key; known here: rows, pickers, row_length, metres_per_bin, row_width, carriers, picking_speed, picking, seed, people, "
-        "animals, weeds, tractor, laser, sensors, agents, agents_without_body, dispatch, dispatch_errors, rows_to_pickers, route, bay, "
-        "prices, survey"
+        "unknown key; known here: rows, pickers, row_length, metres_per_bin, bins_per_row, crop, row_width, carriers, picking_speed, "
+        "picking_rate, picking, seed, people, animals, weeds, tractor, laser, sensors, agents, agents_without_body, dispatch, "
+        "dispatch_errors, rows_to_pickers, route, bay, prices, survey"
     )
 
 
@@ -90,6 +90,38 @@ def test_a_strange_key_is_an_unknown_one_and_prints_cleanly(text: str) -> None:
     line = refusal(text)
     assert "unknown key" in line
     assert line.isprintable()
+
+
+ONE_OF_BOTH = "at most one of both can be set: each says what the other is"
+CROP = "crop: {tonnes_per_hectare: 39, kilograms_per_bin: 350}"
+RATES_AND_BINS = [
+    ("picking_speed: 1\npicking_rate: 9", f"my.yaml:2: picking_speed = 1.0, picking_rate = 9.0: {ONE_OF_BOTH}"),
+    ("metres_per_bin: 9\nbins_per_row: 2", f"my.yaml:2: metres_per_bin = 9.0, bins_per_row = 2.0: {ONE_OF_BOTH}"),
+    (f"metres_per_bin: 9\n{CROP}", f"my.yaml:2: metres_per_bin = 9.0, crop.tonnes_per_hectare = 39.0: {ONE_OF_BOTH}"),
+    (f"bins_per_row: 2\n{CROP}", f"my.yaml:2: bins_per_row = 2.0, crop.tonnes_per_hectare = 39.0: {ONE_OF_BOTH}"),
+    (
+        "crop: {tonnes_per_hectare: 39}",
+        "my.yaml:1: crop.tonnes_per_hectare = 39.0, crop.kilograms_per_bin = None: must be set together",
+    ),
+    (
+        "row_length: 30\nbins_per_row: 10",
+        "my.yaml:2: bins_per_row = 10.0, row_length = 30.0: a bin would fill in 3 m of row; must be 5 to 200 m",
+    ),
+    (
+        "picking_rate: 60\nmetres_per_bin: 100",
+        "my.yaml:1: picking_rate = 60.0: must be 0.072 to 36 where 100 m of row fill a bin: a picker goes 0.002 to 1 m/s",
+    ),
+    (
+        "picking_rate: 51\npicking: {spread: {distribution: gamma}}",
+        "my.yaml:2: picking_rate = 51.0, picking.spread.distribution = gamma, picking.spread.cv = 0.3: the distribution must be none at "
+        "this picking_rate, because no picker picks faster than 1 m/s",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "wanted"), RATES_AND_BINS)
+def test_rates_and_bins_that_contradict_each_other_or_cannot_be(text: str, wanted: str) -> None:
+    assert refusal(text) == wanted
 
 
 TOO_MANY_TOGETHER = [

@@ -1,5 +1,7 @@
 """Orchards with surveyed rows: what they look like, what is refused, and that they are harvested to the end on both routes."""
 
+from statistics import fmean
+
 import pytest
 from bare_world import overlapping_starts
 from hypothesis import given, settings
@@ -53,6 +55,11 @@ def test_a_short_row_fills_its_bin_and_takes_its_own_time():
     layout = lay_out(orchard_of(UNEQUAL, picking_speed=0.5))
     assert [layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes] == pytest.approx([2 * row.length for row in UNEQUAL])
     assert Bounds(layout).picking_seconds == pytest.approx(2 * sum(row.length for row in UNEQUAL) / 4)
+
+
+def test_a_rate_where_each_row_fills_a_bin_is_that_of_the_mean_row():
+    layout = lay_out(orchard_of(UNEQUAL, picking_rate=60.0))
+    assert fmean(layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes) == pytest.approx(60.0)
 
 
 def test_the_plan_shows_each_row_at_its_place():

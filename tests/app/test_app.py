@@ -152,6 +152,20 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     assert load(browser.saved(downloads)) == Scenario(**size, picking_speed=0.5, picking=picking)
 
 
+def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(browser):
+    browser.driver.refresh()
+    browser.until(lambda: browser.field("rows").is_displayed(), "the page")
+    assert not browser.field("picking_speed").is_displayed()  # but folded away
+    browser.switch("picking_rate-automatic", False)
+    browser.fill("picking_rate", 1.5)
+    browser.until(lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.02917 m/s", "1.5 rows of 70 m an hour")
+    browser.fill("row_length", 110)
+    browser.until(lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.04583 m/s", "1.5 rows of 110 m an hour")
+    assert browser.field("picking_rate").get_attribute("value") == "1.5"
+    browser.fill("picking_rate", 40)
+    browser.until(lambda: "must be 0.066 to 32.727 where 110 m of row fill a bin" in browser.problem("picking_rate"), "a limit in words")
+
+
 skip_without_packages()
 
 

@@ -17,7 +17,7 @@ from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
-LONGEST = 2_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
+LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 
 

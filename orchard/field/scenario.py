@@ -176,7 +176,7 @@ CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 
 
 CROP = "crop.tonnes_per_hectare", "crop.kilograms_per_bin"
-SLOWEST = 0.002  # m/s, of a picker while it picks
+SLOWEST = 0.001  # m/s, of a picker while it picks
 SHORTEST_BIN, LONGEST_BIN = 5.0, 200.0  # m of row that fill a bin
 SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 

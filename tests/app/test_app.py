@@ -163,7 +163,7 @@ def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(
     browser.until(lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.04583 m/s", "1.5 rows of 110 m an hour")
     assert browser.field("picking_rate").get_attribute("value") == "1.5"
     browser.fill("picking_rate", 40)
-    browser.until(lambda: "must be 0.066 to 32.727 where 110 m of row fill a bin" in browser.problem("picking_rate"), "a limit in words")
+    browser.until(lambda: "must be 0.033 to 32.727 where 110 m of row fill a bin" in browser.problem("picking_rate"), "a limit in words")
 
 
 skip_without_packages()

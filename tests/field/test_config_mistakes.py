@@ -20,7 +20,7 @@ OUT_OF_RANGE = [
     ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
     ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 120"),
     ("carriers: 121", "carriers = 121: must be null or a whole number from 1 to 120"),
-    ("picking_speed: 0.001", "picking_speed = 0.001: must be null or a number from 0.002 to 1.0"),
+    ("picking_speed: 0.0005", "picking_speed = 0.0005: must be null or a number from 0.001 to 1.0"),
     ("picking_speed: -1", "picking_speed = -1: must be"),
     ("seed: -1", "seed = -1: must be a whole number from 0 to 9223372036854775807"),
     ("seed: 9223372036854775808", "must be a whole number from 0 to 9223372036854775807"),
@@ -109,7 +109,7 @@ RATES_AND_BINS = [
     ),
     (
         "picking_rate: 60\nmetres_per_bin: 100",
-        "my.yaml:1: picking_rate = 60.0: must be 0.072 to 36 where 100 m of row fill a bin: a picker goes 0.002 to 1 m/s",
+        "my.yaml:1: picking_rate = 60.0: must be 0.036 to 36 where 100 m of row fill a bin: a picker goes 0.001 to 1 m/s",
     ),
     (
         "picking_rate: 51\npicking: {spread: {distribution: gamma}}",

@@ -68,7 +68,7 @@ MISTAKES = [
     (["rows=3..20", "pickers=2..20", "carriers=1..40"], ["--vary rows, pickers, carriers: 13,680 settings; at most 10,000"]),
     (["seed=1..5"], ["--vary seed=1..5: seed: each replication has its own seed"]),
     (["prices.per_bin=-1,2"], ["--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"]),
-    (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be a number from 0.002 to 1.0"]),
+    (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be null or a number from 0.001 to 1.0"]),
     (
         ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
         ["the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row"],

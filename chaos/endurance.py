@@ -14,7 +14,7 @@ from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.net.bus import Alive, Sample
 from orchard.net.zenoh_bus import client
-from orchard.wire.keys import PHYSICS, Keys
+from orchard.wire.keys import Keys
 from orchard.wire.messages import Figures, read
 
 TICKS = 100_000
@@ -112,7 +112,7 @@ def _ticks_at(endpoint: str, ticks: int) -> Iterator[int]:
     """Yield a tick after every 5,000 ticks; physics publishes its figures twice a second."""
     with client(endpoint, seconds=SILENCE_SECONDS) as bus:
         bus.subscribe(Keys().of("figures"))
-        bus.watch(Keys().of("alive", PHYSICS))
+        bus.watch(Keys().of("physics"))
         due = EVERY
         while due < ticks:
             item = bus.inbox.take(SILENCE_SECONDS)

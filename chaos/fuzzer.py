@@ -17,7 +17,7 @@ from orchard.wire.keys import TABLE, Keys
 LISTENS = 0.3  # s, for real messages
 SAYS = 150  # messages
 ASKED = ("scenario", "join", "recall", "stop", "mail", "state")
-SILENT = ("alive",)  # payloads have no meaning on these keys
+SILENT = ("alive", "physics")  # payloads have no meaning on these keys
 NAMES = ("picker_01", "carrier_02", "bin_03", "worker_01", "traffic", "unknown", "physics")
 
 

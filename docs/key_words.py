@@ -157,9 +157,15 @@ WORDS = {
         "token of physics goes within 3 s of it.",
     ),
     "alive": KeyWords(
-        "each host, one for each of its agents; physics and the logger, one each",
+        "each host, one for each of its agents; the logger",
         "while the process lives",
         "The process is present. `session` is a text of letters and digits that no other process uses: the id of the owner.",
+    ),
+    "physics": KeyWords(
+        PHYSICS,
+        "while the process lives",
+        "Physics is present. If it dies and starts again, it has another `session`. A router that has not noticed the death yet has both "
+        "tokens for a moment.",
     ),
 }
 

@@ -4,7 +4,6 @@ agent stands, as in any run; in realtime it walks.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
-from math import inf
 from typing import NoReturn
 
 from chaos.simulated.clients import KEYS, RUN
@@ -15,7 +14,6 @@ from orchard.net.host import GONE_SECONDS, HostEnded
 from orchard.net.refusals import Refused, read_message
 from orchard.net.requests import ANSWER_SECONDS, ask, fetch_run
 from orchard.wire import messages as wire
-from orchard.wire.keys import PHYSICS
 
 BARE_CLIENT = "bare_client"  # the process
 NAMES = {"lockstep": "weed_01", "realtime": "worker_01"}  # mode -> the agent
@@ -32,13 +30,12 @@ class BareClient:
         self._answered = -1  # the last tick
         self._joins = 0  # how often it must join
         self._has_joined = -1  # the number of its last join
-        self._gone_at = inf  # s, when physics was gone
 
     def run(self) -> NoReturn:
         """Answer each tick until the run is over. Raises HostEnded."""
         for what in ("clock", "lost", "end"):
             self._bus.subscribe(KEYS.of(what))
-        self._bus.watch(KEYS.of("alive", PHYSICS, RUN))
+        self._bus.watch(KEYS.of("physics", RUN))
         self._bus.declare_alive(KEYS.of("alive", self._name, self._bus.id))
         while True:
             self._check_gone()
@@ -61,8 +58,7 @@ class BareClient:
         if isinstance(item, Signal):
             self._leave("asked to stop")
         elif isinstance(item, Alive):
-            self._ending.track(item.up)
-            self._gone_at = inf if item.up else self._bus.clock()
+            self._ending.track(item.key, item.up)
             self._joins += item.up
         elif isinstance(item, Sample):
             with suppress(Refused):
@@ -85,7 +81,7 @@ class BareClient:
             self._bus.publish(KEYS.of("velocity", self._name), pack(velocity))
 
     def _check_gone(self) -> None:
-        if self._bus.clock() - self._gone_at >= GONE_SECONDS:
+        if self._bus.clock() - self._ending.gone_at >= GONE_SECONDS:
             raise HostEnded(1, f"physics is gone; waited for {GONE_SECONDS:g} s")
 
     def _leave(self, why: str) -> NoReturn:

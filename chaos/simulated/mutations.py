@@ -51,8 +51,8 @@ def _takes_any_tick(self: barriers.LockstepBarrier, name: str, holder: str, tick
         _take(self, name, holder, self.tick, report)
 
 
-def _tracks_nothing(self: host.Host, up: bool) -> None:
-    self._ending.track(up)
+def _tracks_nothing(self: host.Host, token: str, up: bool) -> None:
+    self._ending.track(token, up)
     self._leave_if_over()
 
 

@@ -52,7 +52,7 @@ class Router:
         for table in (self._subscribers, self._queryables, self._watchers):
             table.pop(session)
         for token in self._tokens.pop(session):
-            self._tell_token(token, False)
+            self._tell_unless_known(token, False)
         for number, (asker, repliers) in list(self._pending.items()):
             if asker == session:
                 del self._pending[number]
@@ -99,15 +99,19 @@ class Router:
             return
         tokens = self._tokens[link.session.id]
         if up:
+            self._tell_unless_known(token, True)
             tokens.append(token)
         elif token in tokens:
             tokens.remove(token)
-        self._tell_token(token, up)
+            self._tell_unless_known(token, False)
 
     def _is_linked(self, link: Link) -> bool:
         return self.links.get(link.session.id) is link
 
-    def _tell_token(self, token: str, up: bool) -> None:
+    def _tell_unless_known(self, token: str, up: bool) -> None:
+        """Pass on the first token with a key, and the end of the last one: sessions whose tokens have the same key are one for others."""
+        if self.knows(token):
+            return
         if self._late:
             self.scheduler.after(self._late, partial(self._tell_token_now, token, up))
         else:

@@ -25,8 +25,12 @@ LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
 
 
 def leave_limit(plan: Plan) -> float:
-    """Return the seconds of virtual time within which all processes end after physics: a host that starts just then asks TRIES times."""
-    return 15.0 + TRIES * (AGAIN_SECONDS + plan.delays.there_and_back)
+    """Return the seconds of virtual time within which all processes end after physics: a host that starts just then asks TRIES times.
+
+    A client that does not answer makes a question last.
+    """
+    mute = sum(fault.seconds for fault in plan.faults if fault.what == "mute")
+    return 15.0 + mute + TRIES * (AGAIN_SECONDS + plan.delays.there_and_back)
 
 
 @dataclass

@@ -228,8 +228,8 @@ class LaunchedRun:
                     return None, "stopped"
                 for what in ("figures", "end"):
                     bus.subscribe(keys.of(what))
-                for process in (LOGGER, PHYSICS):
-                    bus.watch(keys.of("alive", process, self.run_id))
+                for token in (keys.of("alive", LOGGER, self.run_id), keys.of("physics", self.run_id)):
+                    bus.watch(token)
                 return self._listen(bus, keys)
         except BusError as error:
             return None, str(error)
@@ -271,9 +271,9 @@ class LaunchedRun:
             elif isinstance(item, Alive):
                 if item.key == keys.of("alive", LOGGER, self.run_id):
                     self.watchdog.hear(item.up)
-                elif item.key == keys.of("alive", PHYSICS, self.run_id):
-                    self.watchdog.hear_of_physics(item.up)
-                    ending.track(item.up)
+                else:
+                    ending.track(item.key, item.up)
+                    self.watchdog.hear_of_physics(ending.gone_at == math.inf)
             elif isinstance(item, Sample):
                 try:
                     if (said := _hear(item, self.run_id, self.progress)) and said.why != RESET:

@@ -24,12 +24,15 @@ class Ending:
         self._said: End | None = None
         self._said_at = -math.inf  # s, on the clock
         self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
+        self._tokens: set[str] = set()  # of physics: two if the router has not noticed yet that the link of a dead one is closed
 
     def hear(self, end: End) -> None:
         self._said, self._said_at = end, self._clock()
 
-    def track(self, up: bool) -> None:
-        self.gone_at = math.inf if up else self._clock()
+    def track(self, token: str, up: bool) -> None:
+        """Record a liveliness token of physics that appeared (`up`) or is gone."""
+        (self._tokens.add if up else self._tokens.discard)(token)
+        self.gone_at = math.inf if self._tokens else self._clock()
 
     @property
     def end(self) -> End | None:

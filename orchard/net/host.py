@@ -22,7 +22,7 @@ from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, Se
 from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
 from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, fetch_run, publish_refusals
 from orchard.wire.codec import report_of
-from orchard.wire.keys import PHYSICS, Keys
+from orchard.wire.keys import Keys
 from orchard.wire.messages import RESET, BinStatus, End, Join, Joined, Left, Letter, Lost, Recall, Recalled, Report, Velocities
 
 log = logging.getLogger("orchard")
@@ -123,7 +123,8 @@ class Host:
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
         self._ending = Ending(bus.clock)
-        self._has_warned = False  # that physics is gone
+        self._has_begun = False  # whether physics has been there
+        self._has_warned = False  # that it is gone
 
     # -- joining
 
@@ -131,7 +132,7 @@ class Host:
         """Declare subscribers, queryables and then the liveliness tokens (rule 10 in CONTRIBUTING.md)."""
         for what in ("lost", "end"):
             self.bus.subscribe(self.keys.of(what))
-        self.bus.watch(self.keys.of("alive", PHYSICS))
+        self.bus.watch(self.keys.of("physics", self.run_id))
         self.bus.subscribe(self.keys.of("seen", session=self.bus.id))
         for name in self.bins:
             self.bus.answer(self.keys.of("state", name))
@@ -274,14 +275,14 @@ class Host:
                 asked.final = True
             case Signal():
                 self._leave("asked to stop")
-            case Alive(key, up) if key == self.keys.of("alive", PHYSICS, self.run_id):
-                self._track_physics(up)
+            case Alive(token, up):
+                self._track_physics(token, up)
 
-    def _track_physics(self, up: bool) -> None:
-        was_gone, self._has_warned = self._ending.gone_at < math.inf, False
-        self._ending.track(up)
+    def _track_physics(self, token: str, up: bool) -> None:
+        had_begun, self._has_begun, self._has_warned = self._has_begun, True, False
+        self._ending.track(token, up)
         self._leave_if_over()
-        if up and was_gone:
+        if up and had_begun:
             raise _JoinAgain
 
     def _leave_if_over(self) -> None:

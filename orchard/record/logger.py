@@ -4,7 +4,6 @@ One thread receives and another writes, with a bounded queue between them: a slo
 """
 
 import logging
-import math
 import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -25,7 +24,7 @@ from orchard.view.palette import Colour
 from orchard.view.reader import before
 from orchard.view.recorder import Recorder
 from orchard.wire.codec import frame_of
-from orchard.wire.keys import LOGGER, PHYSICS, Keys
+from orchard.wire.keys import LOGGER, Keys
 from orchard.wire.messages import End, Events, Letters, Lost, Picture
 
 MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
@@ -120,7 +119,7 @@ class Logger:
         """Subscribe to the run, and declare the liveliness token. Physics then sends a whole frame."""
         for what in ("picture", "events", "letters", "lost", "end"):
             self.bus.subscribe(self.keys.of(what))
-        self.bus.watch(self.keys.of("alive", PHYSICS))
+        self.bus.watch(self.keys.of("physics", self.run_id))
         self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
     def run(self, writing: Future[Path | None]) -> tuple[int, Path | None]:
@@ -142,9 +141,9 @@ class Logger:
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):
             raise HostEnded(0, "asked to stop")
-        if isinstance(item, Alive) and item.key == self.keys.of("alive", PHYSICS, self.run_id):
-            self._gone_until = math.inf if item.up else self.bus.clock() + GONE_SECONDS
-            self._ending.track(item.up)
+        if isinstance(item, Alive):
+            self._ending.track(item.key, item.up)
+            self._gone_until = self._ending.gone_at + GONE_SECONDS
         if isinstance(item, Sample):
             try:
                 self._hear(item)

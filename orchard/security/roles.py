@@ -58,7 +58,7 @@ class Party(NamedTuple):
     own: bool = False
 
 
-THE_PHYSICS, ITS_TOKEN = Party("physics"), Party("physics", own=True)
+THE_PHYSICS = Party("physics")
 OWN_HOST, ANY_HOST = Party("host", own=True), Party("host")
 THE_LOGGER, LOGGER_ITSELF = Party("logger"), Party("logger", own=True)
 OPERATOR, EMERGENCY = Party("operator"), Party("emergency-operator")
@@ -97,7 +97,8 @@ _RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
     ("simulation_state",): Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
     ("set_simulation_state", "step_simulation"): Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
     ("reset_simulation",): Right((OPERATOR, OPERATING_BRIDGE), (THE_PHYSICS,)),
-    ("alive",): Right((OWN_HOST, LOGGER_ITSELF, ITS_TOKEN), ALL),
+    ("alive",): Right((OWN_HOST, LOGGER_ITSELF), ALL),
+    ("physics",): Right((THE_PHYSICS,), ALL),
 }
 RIGHTS = {what: right for kinds, right in _RIGHTS.items() for what in kinds}
 
@@ -160,6 +161,6 @@ def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
 def _exprs(what: str, party: Party, role: Role, keys: Keys) -> list[str]:
     if not party.own:
         return [keys.of(what)]
-    session = role.session if role.duty == "host" or what != "alive" else "*"  # physics' and the logger's may name the run
+    session = role.session if role.duty == "host" or what != "alive" else "*"  # the logger's may name the run
     names = [name for name in role.names if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template]
     return [keys.of(what, name, session) for name in names]

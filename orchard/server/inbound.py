@@ -17,7 +17,7 @@ from orchard.server.run import Run, RunEnded, RunReset
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
-from orchard.wire.keys import LOGGER, PHYSICS, Keys
+from orchard.wire.keys import LOGGER, Keys
 
 NO_PAYLOAD = ("scenario", "layout", "simulation_state")  # the queries that only ask
 MOST_TOLD = 100  # refusals that are published in a second
@@ -146,12 +146,17 @@ class Inbound:
         for what in (*self._queries.replies, "join"):
             self._bus.answer(self._keys.of(what))
         self._newer_from = self._bus.clock() + OTHER_RUN_SECONDS
-        self._bus.watch(self._keys.of("alive"))
-        self._bus.declare_alive(self._keys.of("alive", PHYSICS, self._run.id))
+        for what in ("alive", "physics"):
+            self._bus.watch(self._keys.of(what))
+        self._bus.declare_alive(self._token_of_physics)
 
     def leave(self) -> None:
         """Remove the liveliness token: only then does the end count for others."""
-        self._bus.withdraw(self._keys.of("alive", PHYSICS, self._run.id))
+        self._bus.withdraw(self._token_of_physics)
+
+    @property
+    def _token_of_physics(self) -> str:
+        return self._keys.of("physics", self._run.id, self._bus.id)
 
     def take(self, seconds: float, enough: int = 1) -> bool:
         """Handle one item. Return False if none came in `seconds`. Raises RunEnded. `enough`: as for `Inbox.take`."""
@@ -183,7 +188,7 @@ class Inbound:
             if isinstance(item, Query):
                 item.drop()
             elif isinstance(item, Alive):
-                self._run.drivers.roster.token(*self._owner_of(item), item.up)
+                self._run.drivers.roster.token(*self._owner_of(item.key), item.up)
             elif isinstance(item, Sample) and self._keys.parts(item.key)[-1] == "left":
                 self._hear(item)
         return item
@@ -237,19 +242,20 @@ class Inbound:
 
     def _token(self, alive: Alive) -> None:
         """Record a token. Raises BusError if another run uses this router and prefix: the newer run ends itself."""
-        name, owner = self._owner_of(alive)
-        if name == PHYSICS:
-            if alive.up and owner != self._run.id and not self._run.has_begun and self._bus.clock() < self._newer_from:
-                where = f"with prefix {self._keys.prefix}; choose another router or prefix"
-                raise BusError(f"{self._bus.endpoint}: run {owner} is active there, {where}")
-            return
-        if name == LOGGER and alive.up:
-            self._run.account.frame_builder.forget()  # its first frame is a whole one
-        self._run.drivers.token(name, owner, alive.up)
-
-    def _owner_of(self, alive: Alive) -> tuple[str, str]:
         match self._keys.parts(alive.key):
-            case ["alive", name, session] if name in self._run.drivers.roster.names or name in (PHYSICS, LOGGER):
+            case ["alive", "physics", run, _]:
+                if alive.up and run != self._run.id and not self._run.has_begun and self._bus.clock() < self._newer_from:
+                    where = f"with prefix {self._keys.prefix}; choose another router or prefix"
+                    raise BusError(f"{self._bus.endpoint}: run {printable(run)} is active there, {where}")
+            case _:
+                name, owner = self._owner_of(alive.key)
+                if name == LOGGER and alive.up:
+                    self._run.account.frame_builder.forget()  # its first frame is a whole one
+                self._run.drivers.token(name, owner, alive.up)
+
+    def _owner_of(self, token: str) -> tuple[str, str]:
+        match self._keys.parts(token):
+            case ["alive", name, session] if name in self._run.drivers.roster.names or name == LOGGER:
                 return name, _session(session)
         raise Refused("no such agent")
 

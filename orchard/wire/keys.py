@@ -13,7 +13,7 @@ NEWEST = "never lost; newest wins in realtime"  # in realtime the sender does no
 LIVELINESS = "liveliness"  # a Zenoh liveliness token
 
 PREFIX = "orchard"
-PHYSICS = "physics"  # the name in the liveliness token of the process that owns the world
+PHYSICS = "physics"  # the process that owns the world
 LOGGER = "logger"  # the name in the token of a process that records
 _PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
@@ -58,12 +58,13 @@ TABLE: dict[str, Key] = {
     "stop": Key("{prefix}/stop", wire.Stop, QUERY, (wire.Stopped,)),
     "end": Key("{prefix}/end", wire.End, NEVER_LOST),
     "alive": Key("{prefix}/alive/{name}/{session}", None, LIVELINESS),
+    "physics": Key("{prefix}/alive/physics/{run}/{session}", None, LIVELINESS),
 }
 
 
 @lru_cache(maxsize=10_000)
 def _filled(template: str, prefix: str, name: str, session: str) -> str:
-    return template.format(prefix=prefix, body=name, agent=name, bin=name, name=name, session=session)
+    return template.format(prefix=prefix, body=name, agent=name, bin=name, name=name, run=name, session=session)
 
 
 class Keys:
@@ -75,7 +76,10 @@ class Keys:
         self.prefix = prefix
 
     def of(self, what: str, name: str = "*", session: str = "*") -> str:
-        """Return the key of a kind, `what` in TABLE. Without a name or a session it is a key expression for all of them."""
+        """Return the key of a kind, `what` in TABLE. Without a name or a session it is a key expression for all of them.
+
+        `name`: of a body, an agent or a process; for "physics" the id of the run.
+        """
         return _filled(TABLE[what].template, self.prefix, name, session)
 
     def parts(self, key: str) -> list[str]:

@@ -58,5 +58,5 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
 
 def test_who_pretends_to_be_physics_and_leaves_is_not_missed(fleet, running, undisturbed):
     someone, _, logger = running
-    someone.declare("orchard/alive/physics/another").undeclare()
+    someone.declare("orchard/alive/physics/another/one").undeclare()
     assert undisturbed in wait_for_the_end(fleet, logger)[0]

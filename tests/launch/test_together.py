@@ -38,6 +38,9 @@ PROGRESS = Progress(Console(file=io.StringIO()))
 SUMMARY = msgspec.to_builtins(harvested())
 
 
+TOKEN = Keys().of("physics", "run1", "a1")
+
+
 def an_end(**summary):
     return Sample("orchard/end", pack(End("run1", 5, True, "harvested", "0" * 64, summary)))
 
@@ -54,15 +57,15 @@ def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_h
     now, end = [0.0], End("run1", 5, True, "harvested", "0" * 64, {})
     for first, second in (("hear", "track"), ("track", "hear")):
         ending = Ending(lambda: now[0])
-        heard = {"hear": lambda ending=ending: ending.hear(end), "track": lambda ending=ending: ending.track(False)}
+        heard = {"hear": lambda ending=ending: ending.hear(end), "track": lambda ending=ending: ending.track(TOKEN, False)}
         heard[first]()
         assert ending.end is None
         heard[second]()
         assert ending.end == end
-    ending.track(True)
+    ending.track(TOKEN, True)
     assert ending.end is None, "it is back"
     now[0] = 60.0
-    ending.track(False)
+    ending.track(TOKEN, False)
     assert ending.end is None, "that was long ago: physics was killed"
 
 
@@ -129,7 +132,7 @@ def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_fo
     launched, keys, inbox = loading(), Keys(), Inbox()
     summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
     end = Sample("orchard/end", pack(End("run1", 0, False, "stopped: tick 0", "0" * 64, summary)))
-    for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(keys.of("alive", distributed.PHYSICS, "run1"), False)]:
+    for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(TOKEN, False)]:
         inbox.put(item)
     assert launched._listen(SimpleNamespace(inbox=inbox), keys) == (summary if signals == 1 else None, ended)
     assert launched.supervisor.asked_to_end == [distributed.PHYSICS] * signals

@@ -173,6 +173,20 @@ def test_who_watches_learns_of_tokens_from_before_and_of_each_change(net):
 
 
 @on_both
+def test_tokens_of_two_sessions_with_one_key_are_one_token(net):
+    watcher, one, other = net.client(), net.client(), net.client()
+    watcher.watch("alive/*/*")
+    for bus in (one, other):
+        bus.declare_alive("alive/x/1")
+        bus.sleep(SHORT)
+    assert heard(watcher, 1, Alive) == [Alive("alive/x/1", True)]
+    net.close(one)
+    assert is_silent(watcher)
+    other.withdraw("alive/x/1")
+    assert heard(watcher, 1, Alive) == [Alive("alive/x/1", False)]
+
+
+@on_both
 def test_all_queryables_reply_as_often_as_they_like_and_then_it_is_final(net):
     asker, one, other = net.client(), net.client(), net.client()
     one.answer("a/one")

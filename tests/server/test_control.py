@@ -183,7 +183,7 @@ def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, tm
     fleet.physics(ERRING, "--duration", str(TICKS / 10), "--table", str(tmp_path / "reset"))
     someone = fleet.client()
     asked(someone, "set_simulation_state", state="paused")
-    alive = someone.tokens("orchard/alive/physics/*")
+    alive = someone.tokens("orchard/alive/physics/*/*")
     fleet.share(2, TOY)
     assert asked(someone, "step_simulation", steps=20) == (20, "paused")
     assert asked(someone, "reset_simulation", seed=seed) == (20, "paused")

@@ -99,6 +99,7 @@ class Bridge:
         self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}  # key -> body -> its newest message
         self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
         self._over, self._over_since, self._is_up = "", 0.0, True
+        self._tokens: set[str] = set()  # of physics: two while the router has not noticed that a dead one's link is closed
         self._has_tf = self._can_publish_tf()
         for name in self._names:
             self._announce(name)
@@ -111,7 +112,7 @@ class Bridge:
         if self._has_tf:
             lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
             self._publish(topics.TF_STATIC, lambda: messages.static_transforms(lasers, self._names if self._errs else ()))
-        self.client.watch(f"alive/physics/{self.run}")
+        self.client.watch(f"alive/physics/{self.run}/*")
         for key in self._views:
             self.client.hear(f"*/{key}", quietly=True)
         for key in ("clock", "events", "end"):
@@ -196,8 +197,9 @@ class Bridge:
 
     def _hear(self, heard: Heard) -> None:
         match heard:
-            case Heard(("alive", *_), {"up": up}):
-                self._note_physics(up)
+            case Heard(("alive", *token), {"up": up}):
+                (self._tokens.add if up else self._tokens.discard)("/".join(token))
+                self._note_physics(bool(self._tokens))
             case Heard(_, {"run": run}) if run != self.run:
                 pass
             case Heard((name, key), message) if key in self._views:

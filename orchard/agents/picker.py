@@ -19,8 +19,6 @@ class PickerMemory(Plan):
     offered: str = ""  # the empty bin that was brought
     taken: str = ""  # the empty bin that it took, with the place where it stood
     planned: int = -1  # steps of its harvest that were put into its plan so far; -1: it has another plan
-    failures: int = 0  # so far
-    picked: float = 0.0  # s for which it picked since the last one
 
 
 class Picker:

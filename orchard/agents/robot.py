@@ -63,6 +63,8 @@ class RobotMemory(msgspec.Struct):
     course: Course | None = None  # None: as the robot stands now
     way: float = 0.0  # in which it comes back to its course: 1 forward, -1 back; 0: it does not
     moved: int = 0  # tick at which it last moved on that way, or began it
+    failures: int = 0  # so far
+    worked: float = 0.0  # s for which it worked since the last one
 
 
 class Gate(msgspec.Struct, frozen=True, omit_defaults=True):

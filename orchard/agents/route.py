@@ -15,6 +15,7 @@ from orchard.field.layout import EAST_START, Layout
 from orchard.field.passes import Pass
 from orchard.field.queue import ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block
+from orchard.field.scenario import Failure
 
 TOP = "top"  # the place where the queue's lines meet the delivery road
 _OPPOSITE = {"EAST": "WEST", "WEST": "EAST", "NORTH": "SOUTH", "SOUTH": "NORTH"}
@@ -123,7 +124,7 @@ class OneWay:
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
         """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: its number, from 1."""
-        return [
+        job: list[Step] = [
             st.Confirmed(full_bin, [st.Home(), *self.wait_in_queue()]),
             st.Say(f"bringing an empty bin to {picker}", "driving"),
             *_once_left(self.approach(lane, side, carrier), full_bin, side.place("D", lane)),
@@ -136,6 +137,8 @@ class OneWay:
             st.Unload(),
             *self.go_home(carrier),
         ]
+        fails = self.may_fail(self.layout.scenario.carrying.failure)
+        return [part for step in job for part in ([*fails, step] if isinstance(step, st.DriveTo) and not step.queueing else [step])]
 
     def approach(self, lane: int, side: Side, carrier: int = 1) -> list[Step]:
         """A carrier's way from the queue's head to the stop at which it leaves the empty bin."""
@@ -200,7 +203,7 @@ class OneWay:
         return [
             *([] if one.begin == self.end(row, other) else [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]),
             st.Say(f"picking row {row}", "picking"),
-            *self.may_fail(),
+            *self.may_fail(self.layout.scenario.picking.failure),
             st.DriveTo(x=one.stop, speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
             *([] if one.stop == end else [through, st.DriveTo(x=end, needs=cross, frees=frees)]),
             *(self.leave(one, side, cross) if one.leaves_bin else []),
@@ -220,10 +223,10 @@ class OneWay:
         out = st.DriveTo(x=side.x(self.WAITING), needs=self.cross(side, row, self.hold(row, side)))
         return [st.Say(f"driving out of row {row}", "driving"), out, st.Free([side.place("F", row)])]
 
-    def may_fail(self) -> list[Step]:
-        """The step before the drive along a row, if pickers fail in this scenario."""
-        scenario, failure = self.layout.scenario, self.layout.scenario.picking.failure
-        return [st.MayFail(scenario.seed, failure.mean_between, failure.mean_repair)] if failure.mean_between is not None else []
+    def may_fail(self, failure: Failure) -> list[Step]:
+        """The step before a drive, if robots fail on it in this scenario."""
+        seed, often = self.layout.scenario.seed, failure.mean_between
+        return [st.MayFail(seed, often, failure.mean_repair)] if often is not None else []
 
     def fill(self, metres: float) -> list[Step]:
         """The step before a picker leaves its bin with so many metres, if pickers do not know exactly where the row ends."""

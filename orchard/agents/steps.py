@@ -372,25 +372,28 @@ class FetchEmpty(Coupling, frozen=True):
 
 
 class MayFail(Step, frozen=True):
-    """Decide, before a picker drives along a row, whether it fails on the way. Then add its repair."""
+    """Decide, before a robot drives, whether it fails on the way. Then add its repair."""
 
     seed: int
-    mean_between: float  #: s of picking
+    mean_between: float  #: s of work
     mean_repair: float  #: s
+    keeps_course: ClassVar[bool] = True  # of the drive that follows
 
     def act(self, robot: PlanExecutor) -> bool:
         memory, drive = robot.memory, cast(DriveTo, robot.memory.plan[1])
         until, repair = failure(self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair)
-        way = cast(float, drive.x) - robot.pose.x
-        needed, sound = abs(way) / drive.speed, until - memory.picked  # s of picking: for the rest of the row; before the failure
+        axis = "y" if drive.x is None else "x"
+        here = getattr(robot.pose, axis)
+        way = getattr(drive, axis) - here
+        needed, sound = abs(way) / drive.speed, until - memory.worked  # s of work: for the rest of the drive; before the failure
         if sound >= needed:
-            memory.picked += needed
+            memory.worked += needed
             return True
-        memory.failures, memory.picked = memory.failures + 1, 0.0
-        x = robot.pose.x + way * max(0.0, sound) / needed
-        gates = [gate for gate in drive.needs if (x - gate.at) * way > 0.0]  # it asks for no place that it does not come to
+        memory.failures, memory.worked = memory.failures + 1, 0.0
+        at = here + way * max(0.0, sound) / needed
+        gates = [gate for gate in drive.needs if (at - gate.at) * way > 0.0]  # it asks for no place that it does not come to
         stand = Say("failed, is repaired", "failed"), Repair(repair), Say(memory.doing, memory.state)
-        robot.next([replace(drive, x=x, needs=gates), *stand, self])
+        robot.next([replace(drive, **{axis: at}, needs=gates), *stand, self])
         return True
 
 

@@ -61,6 +61,8 @@ LABELS = {  # where the words of the file are too short for a reader of the page
     "picking.spread.cv": "Deviation of times",
     "picking.failure.mean_between": "Time between failures",
     "picking.failure.mean_repair": "Time of a repair",
+    "carrying.failure.mean_between": "Time between carriers' failures",
+    "carrying.failure.mean_repair": "Time of a carrier's repair",
     "sensors.gnss.white": "GNSS error of a tick",
     "sensors.gnss.bias": "GNSS error, slow",
     "sensors.gnss.bias_time": "GNSS correlation time",

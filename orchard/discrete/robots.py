@@ -61,7 +61,7 @@ class Robot(Follower):
         self.moved = self.env.event()
         self.has_offer = self.env.event()  # a carrier has brought a bin
         self.new_plan = self.env.event()
-        self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, picked=0.0)
+        self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, worked=0.0)
         self.meetings, self.turns = 0, 0  # so far: times that it stood for people and animals on its way, and turns
         self.clear = model.bystanders.metres_to(name, 0)  # m to the next meeting
         self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on

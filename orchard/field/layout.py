@@ -202,9 +202,7 @@ class Layout:
 
     def picking_seconds(self, row: int, metres: float) -> float:
         """Return the time for which a picker works at some metres of a row, with the mean time for which it stands because it failed, s."""
-        failure = self.scenario.picking.failure
-        share = 0.0 if failure.mean_between is None else failure.mean_repair / failure.mean_between
-        return metres / self.lane(row).picking_speed * (1.0 + share)
+        return metres / self.lane(row).picking_speed * (1.0 + self.scenario.picking.failure.share)
 
 
 def lay_out(scenario: Scenario) -> Layout:

@@ -1,4 +1,4 @@
-"""Picking as it is: the speed at which each row is picked, when a picker fails and for how long, drawn by the seed.
+"""Work as it is: the speed at which each row is picked, when a robot fails and for how long, drawn by the seed.
 
 Of a row's picking time, that to drive along it at top speed is sure, and the rest is drawn. So no row is picked faster than a picker
 can drive, and mean and deviation of the whole time are exactly those that the scenario names.
@@ -24,9 +24,9 @@ def picking_speed_of(scenario: Scenario, row: int) -> float:
     return most * mean / (mean + (most - mean) * rest)
 
 
-def failure(seed: int, picker: str, number: int, mean_between: float, mean_repair: float) -> tuple[float, float]:
-    """Return how long a picker picks until it fails for the number-th time, from 0, and how long its repair takes: exponential, s."""
-    until, repair = draw(seed, f"failure of {picker}", number, 2)
+def failure(seed: int, robot: str, number: int, mean_between: float, mean_repair: float) -> tuple[float, float]:
+    """Return how long a robot works until it fails for the number-th time, from 0, and how long its repair takes: exponential, s."""
+    until, repair = draw(seed, f"failure of {robot}", number, 2)
     return exponential(until, mean_between), exponential(repair, mean_repair)
 
 

@@ -77,13 +77,19 @@ class Spread(Section):
     cv: Annotated[float, Field(ge=LEAST_CV, le=1.0, description="standard deviation of a row's picking time, as a share of its mean")] = 0.3
 
 
-class Failure(Section):
-    """How often a picker fails while it picks, and how long it then stands: exponential."""
+BETWEEN = "mean time of picking or, of a carrier, driving between failures, s; null: never"
 
-    mean_between: Annotated[
-        float | None, Field(ge=60.0, le=86400.0, description="mean time of picking between a picker's failures, s; null: never")
-    ] = None
-    mean_repair: Annotated[float, Field(ge=1.0, le=7200.0, description="mean time for which a picker that failed stands, s")] = 300.0
+
+class Failure(Section):
+    """How often a robot fails while it works, and how long it then stands: exponential."""
+
+    mean_between: Annotated[float | None, Field(ge=60.0, le=86400.0, description=BETWEEN)] = None
+    mean_repair: Annotated[float, Field(ge=1.0, le=7200.0, description="mean time for which a robot that failed stands, s")] = 300.0
+
+    @property
+    def share(self) -> float:
+        """The mean time of repairs for a time of work."""
+        return 0.0 if self.mean_between is None else self.mean_repair / self.mean_between
 
 
 class Picking(Section):
@@ -92,10 +98,11 @@ class Picking(Section):
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     failure: Annotated[Failure, Field(description="how often pickers fail, and for how long they stand")] = Failure()
 
-    @property
-    def is_drawn(self) -> bool:
-        """Whether the seed changes how long rows take."""
-        return self.spread.distribution != "none" or self.failure.mean_between is not None
+
+class Carrying(Section):
+    """How the work of carriers varies."""
+
+    failure: Annotated[Failure, Field(description="how often carriers fail on a job, and for how long they stand")] = Failure()
 
 
 class LaserSettings(Section):
@@ -195,6 +202,7 @@ class Scenario(Section):
     picking_speed: Annotated[float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED)] = None
     picking_rate: Annotated[float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE)] = None
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
+    carrying: Annotated[Carrying, Field(description="how the work of carriers varies")] = Carrying()
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
     people: Annotated[People, Field(description="workers and visitors")] = People()
     animals: Annotated[Animals, Field(description="dogs and cats")] = Animals()
@@ -258,6 +266,12 @@ class Scenario(Section):
         """Metres of row that fill a bin; if each row fills one, of the mean row."""
         rows = self.survey.rows if self.survey else ()
         return self.bin_metres or (fmean(row.length for row in rows) if rows else self.row_length)
+
+    @property
+    def work_is_drawn(self) -> bool:
+        """Whether the seed changes how long robots work."""
+        failures = self.picking.failure, self.carrying.failure
+        return self.picking.spread.distribution != "none" or any(failure.mean_between is not None for failure in failures)
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:

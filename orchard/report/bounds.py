@@ -94,7 +94,9 @@ def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float,
     coming = approach - (picking + leaving if early else 0.0)
     from_hold = approach - _needs(side.place("D", one.row), job, head, approach)
     wait = max(coming, came_out - left + from_hold) + HANDOVER
-    return picking, leaving + going_on, wait, duration(job, head) + handling(job), row_end
+    driving = sum(ends - begins for step, _, begins, ends in timetable(job, head) if isinstance(step, DriveTo))
+    repairs = layout.scenario.carrying.failure.share * driving
+    return picking, leaving + going_on, wait, duration(job, head) + handling(job) + repairs, row_end
 
 
 def _until(kind: type[Step], steps: list[Step]) -> list[Step]:

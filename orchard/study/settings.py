@@ -40,7 +40,7 @@ class Setting:
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
         guests += scenario.own_classes.values()  # they may draw by the seed
-        return scenario.picking.is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
+        return scenario.work_is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
 
     @property
     def has_prices(self) -> bool:

@@ -1,4 +1,4 @@
-"""Pickers that fail while they pick, and rows that take their own time: whole small harvests."""
+"""Pickers and carriers that fail while they work, and rows that take their own time: whole small harvests."""
 
 from functools import cache
 
@@ -12,11 +12,13 @@ from orchard.report.metrics import JAM_SECONDS
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 
 VARIED = {"spread": {"distribution": "lognormal", "cv": 0.3}, "failure": {"mean_between": 60.0, "mean_repair": 20.0}}
+OFTEN = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
 SHORT = 1500  # ticks: rows are picked, pickers fail, and bins are exchanged
 
 
 def varied(seed: int = 1, **changes) -> Scenario:
-    return Scenario(**{"rows": 3, "picking_speed": 0.6, "seed": seed, "tractor": False, "picking": VARIED, **NOBODY_ABOUT, **changes})
+    values = {"rows": 3, "picking_speed": 0.6, "seed": seed, "picking": VARIED, "carrying": OFTEN}
+    return Scenario(**{**values, "tractor": False, **NOBODY_ABOUT, **changes})
 
 
 @cache
@@ -37,6 +39,22 @@ def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on
     took = stage.run_until(lambda: stage.doing("picker_01") == "picking row 1", repair + 0.5)
     assert took == pytest.approx(repair, abs=0.2)
     assert stage.account.figures()["state_seconds"]["picker"]["failed"] >= took - 0.2
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_a_carrier_fails_where_it_has_driven_for_as_long_as_was_drawn_and_goes_on_with_its_job(route):
+    stage = Stage(empty_orchard(route=route, carriers=1, dispatch="nearest", carrying={"failure": {"mean_between": 60.0}}))
+    sound, repair = failure(1, "carrier_01", 0, 60.0, 300.0)
+    driven = []  # distance driven after each tick
+    stage.run_until(lambda: driven.append(stage.world.distance[stage.world.index["carrier_01"]]) or failed(stage), 300)
+    assert driven[-1] == pytest.approx(sound, abs=0.01), "at 1 m/s; it does not fail while it turns"
+    job = stage.local.memories["carrier_01"].job
+    assert stage.run_until(lambda: not failed(stage), repair + 0.5) == pytest.approx(repair, abs=0.2)
+    assert stage.doing("carrier_01").startswith(("bringing an empty bin", "taking")) and stage.local.memories["carrier_01"].job == job
+
+
+def failed(stage: Stage) -> bool:
+    return stage.world.tick > 0 and stage.local.actions["carrier_01"].state == "failed"
 
 
 def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_picking_speed_of_its_picker():
@@ -68,11 +86,11 @@ def test_a_picker_that_fails_before_the_roads_asks_for_no_place_on_them():
 def test_with_spread_and_failures_the_seed_matters():
     one, other = harvest(1), harvest(2)
     assert abs(one.seconds - other.seconds) > 1.0
-    assert all(stage.world.delivered == 3 for stage in (one, other))
-    assert one.local.memories["picker_01"].failures + one.local.memories["picker_02"].failures > 0
+    assert all(stage.world.delivered == 3 and stage.account.figures()["collisions"] == 0 for stage in (one, other))
+    assert {"failed"} <= one.account.figures()["state_seconds"]["picker"].keys() & one.account.figures()["state_seconds"]["carrier"].keys()
 
 
-def test_holds_change_nothing_when_pickers_fail_and_rows_differ(caplog):
+def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
     scenario = varied(rows_to_pickers="balanced-ends")
     assert len({local_hash(scenario, SHORT, holds=holds) for holds in (Lookahead, CheckedHolds, IgnoredHolds)}) == 1
     assert "holds wrongly" not in caplog.text
@@ -86,10 +104,11 @@ def test_an_agent_that_is_made_anew_in_the_middle_of_a_failure_changes_nothing()
             start_afresh(run)
             restarts += 1
     assert restarts > 3
+    assert any(run.memories[name].failures for name in run.memories if name.startswith("carrier"))
     assert run.engine.hash == local_hash(varied(), SHORT)
 
 
-def test_lockstep_has_the_hash_of_local_mode_when_pickers_fail_and_rows_differ(fleet):
+def test_lockstep_has_the_hash_of_local_mode_when_robots_fail_and_rows_differ(fleet):
     own = varied(rows_to_pickers="balanced-ends")
     fleet.physics(own, "--duration", str(SHORT / 10))
     fleet.share(2)

@@ -134,11 +134,11 @@ NO_PICKING = [
         "picking: {spread: {distribution: normal}}",
         "(distribution of the rows' picking times: none, lognormal, gamma, uniform)",
     ),
-    ("picking: {failure: {mean_between: 1}}", "must be null or a number from 60.0 to 86400.0 (mean time of picking between"),
+    ("picking: {failure: {mean_between: 1}}", "must be null or a number from 60.0 to 86400.0 (mean time of picking or"),
     ("picking: {failure: {mean_repair: .inf}}", "must be a number from 1.0 to 7200.0"),
     ("picking: {spread: 0.3}", "must be a map with some of the keys distribution, cv"),
     ("picking: {cv: 0.3}", "did you mean picking.spread.cv?"),
-    ("mean_repair: 60", "did you mean picking.failure.mean_repair?"),
+    ("mean_repair: 60", "did you mean carrying.failure.mean_repair?"),
 ]
 
 

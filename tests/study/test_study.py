@@ -129,9 +129,9 @@ def test_a_study_with_problems_does_not_begin() -> None:
 def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
     quiet = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
     changes = [{}, {"people.visitors": 1}, {"animals.cats": 1}, {"picking_speed": 0.5, "picking.spread.distribution": "gamma"},
-               {"picking.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
+               {"picking.failure.mean_between": 600.0}, {"carrying.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
     random = [settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random for change in changes]
-    assert random == [False, True, True, True, True, True]
+    assert random == [False, True, True, True, True, True, True]
 
 
 def test_a_policy_of_the_users_own_may_draw_by_the_seed() -> None:

@@ -1,6 +1,7 @@
 """The dispatcher: it gathers the reports of bins and carriers, and sends carriers by the scenario's policy."""
 
 import logging
+from functools import cache, partial
 
 import msgspec
 from msgspec.structs import replace
@@ -58,6 +59,7 @@ class Dispatcher:
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout, self.policy, self.route = layout, dispatch_of(layout), route_of(layout)
+        self.way_to = cache(partial(way_to, self.route))
         self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
         self.manual = Nearest(layout)
 
@@ -97,7 +99,7 @@ class Dispatcher:
         return CarrierComing(booking.carrier)
 
     def report(self, name: str, body: Fetch) -> BinReport:
-        metres, reach = way_to(self.route, body.lane, self.route.sides[body.side])
+        metres, reach = self.way_to(body.lane, self.route.sides[body.side])
         return BinReport(name, body.lane, body.side, body.picker, body.since, metres, body.seconds_to_full, reach)
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:

@@ -67,9 +67,7 @@ class DriveTo(Step, frozen=True):
         course, axis = robot.course, "y" if self.x is None else "x"
         here, before, target = (getattr(it, axis) for it in (robot.pose, course, self))
         ahead = 1.0 if course.heading in ("EAST", "NORTH") else -1.0
-        for gate in self.frees:
-            if ahead * (here - gate.at) > -EXACT:
-                robot.free(gate.places)
+        robot.free([place for gate in self.frees if ahead * (here - gate.at) > -EXACT for place in gate.places])
         limit = self._limit(robot, here, min(here, before, key=lambda at: ahead * at), ahead, target)
         setattr(course, axis, limit)
         left = ahead * (limit - here)
@@ -94,8 +92,9 @@ class DriveTo(Step, frozen=True):
     def _ticks(self, robot: PlanExecutor, here: float, ahead: float, left: float) -> int:
         if self.speed <= 0.0:
             return 1
-        frees = [ahead * (gate.at - here) for gate in self.frees if any(place in robot.memory.reserved for place in gate.places)]
-        needs = [ahead * (gate.at - here) - self.asks_before for gate in self.needs if not robot.has(gate.places)]
+        reserved, asks_before = set(robot.memory.reserved), self.asks_before
+        frees = [ahead * (gate.at - here) for gate in self.frees if not reserved.isdisjoint(gate.places)]
+        needs = [ahead * (gate.at - here) - asks_before for gate in self.needs if not reserved.issuperset(gate.places)]
         rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 

@@ -29,7 +29,7 @@ from orchard.sim.deeds import COUPLING_REACH
 from orchard.sim.world import NONE, World
 
 FAR = 2000.0  # m: no orchard is so large
-MOST_LANES = 20.0  # rows of a scenario
+MOST_LANES = 100.0  # rows of a scenario
 NOTHING, COUPLE, UNCOUPLE = range(3)  # the deeds that an action names
 
 Arrays = dict[str, np.ndarray]

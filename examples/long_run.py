@@ -68,7 +68,7 @@ for one in track(orchards, console=Console(stderr=True), transient=True):
     bounds, rate = Bounds(layout), long_run(layout).bins_per_hour
     lost = 100.0 * (1.0 - rate / bounds.bins_per_hour)
     losses.setdefault(one.dispatch, []).append(lost)
-    where = [f"{one.rows}/{one.pickers}/{one.carriers}", f"{one.picking_speed:g}", f"{one.row_length:g}", one.route, one.dispatch]
+    where = [f"{one.rows}/{one.pickers}/{one.carriers}", f"{one.mean_picking_speed:g}", f"{one.row_length:g}", one.route, one.dispatch]
     table.add_row(*where, f"{bounds.bins_per_hour:.2f}", bounds.bottleneck, f"{rate:.2f}", f"{lost:+.1f}")
 console = Console(width=140)
 console.print(table)

@@ -132,7 +132,7 @@ def test_soak_a_random_legal_scenario_ends_with_all_bins_delivered(number):
     scenario = random_scenario(number)
     print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
     stage = Stage(scenario)
-    slow = scenario.row_length * scenario.rows / scenario.pickers / scenario.picking_speed
+    slow = scenario.row_length * scenario.rows / scenario.pickers / scenario.mean_picking_speed
     stage.run_to_the_end(seconds=3 * slow + 1200 * scenario.rows)
     assert stage.world.delivered == scenario.rows
     stage.assert_no_collisions()

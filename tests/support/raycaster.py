@@ -20,7 +20,7 @@ def world_of(*bodies: tuple[str, Pose], walls: list[tuple[float, float, float, f
     nobody = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
     starts = tuple(Start(f"{kind}_{i + 1:02d}", kind, Pose(*pose)) for i, (kind, pose) in enumerate(bodies))
     chosen = Scenario(**{"rows": 3, **nobody, **scenario})
-    lanes = tuple(Lane(i + 1, 10.75 - 5.5 * i, chosen.picking_speed, ROW_WEST, chosen.row_length, 5.0) for i in range(chosen.rows))
+    lanes = tuple(Lane(i + 1, 10.75 - 5.5 * i, chosen.mean_picking_speed, ROW_WEST, chosen.row_length, 5.0) for i in range(chosen.rows))
     return World(Layout(chosen, lanes, (), {}, starts, np.array(walls or [FAR_AWAY])))
 
 

@@ -96,16 +96,25 @@ class Link:
                 for act in waiting:
                     if all(self.is_open):
                         act()
+        if not all(self.is_open):
+            self._close_if_heard()
 
     def _close_if_silent(self, way: int, number: int) -> None:
         if 0 < self._since[way] <= number:
             self.close(session=way == DOWN, router=way == UP)
 
     def end(self, way: int, share: float) -> None:
-        """Close it from the side that sends in a direction. `share`: how much of what it has sent still arrives."""
+        """Close it from the side that sends in a direction. `share`: how much of what it has sent still arrives.
+
+        The other side of a silent link does not hear of it: it notices after LEASE, or as the silence ends.
+        """
         under_way = max(self._last[way]) - self._scheduler.now
         self.is_open[way] = False
-        self._scheduler.after(max(0.0, under_way) * share, self.close)
+        self._scheduler.after(max(0.0, under_way) * share, self._close_if_heard)
+
+    def _close_if_heard(self) -> None:
+        if not any(self._silent):
+            self.close()
 
     def close(self, session: bool = True, router: bool = True) -> None:
         """Close it, as one side or both see it. A side that it is not closed for notices soon: the other's socket is gone."""

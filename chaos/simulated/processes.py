@@ -138,6 +138,8 @@ class SimulatedProcess:
     def kill(self) -> None:
         if self.code is None:
             self.code = KILLED
+            while self._thaws:
+                self._thaws.pop()()  # the system closes the links of a frozen process, too
             for bus in self.buses:
                 self.world.network.end(bus, self._share())
             self.world.network.end_router(self.spec.name, self._share())

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 NOBODY_THERE = "no router answers there", "no reply; is the physics process running"  # why a process may end: physics was away for long
 NEVER_BACK = "no host has come back"
+TWICE = "answered already"  # the reason of a refusal
+SPEAK_FOR_OTHERS = "lie", "repeat", "nonsense"
 MISSED_END = "physics is gone; waited for"
 START_SECONDS = 6.0  # s that hosts may take to come
 LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
@@ -81,6 +83,8 @@ def _of_end(plan: Plan, summary: dict[str, Any], why: str) -> Iterator[str]:
         yield f"wrong tick: {summary['ticks']} of {plan.ticks}"
     if plan.mode == "lockstep" and not plan.faults and summary["messages_refused"]:
         yield f"refused without a fault: {summary['messages_refused']}"
+    elif plan.mode == "lockstep" and TWICE in summary["messages_refused"] and not plan.has(*SPEAK_FOR_OTHERS):
+        yield "an owner's only answer is refused"
 
 
 def _of_hash(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:

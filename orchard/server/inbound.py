@@ -119,6 +119,9 @@ class Queries:
             check(scenario, "the scenario")
         except ScenarioError as error:
             raise Refused("malformed", str(error)) from error
+        run.report()
+        if run.account.snapshot_writer.folder is not None and not run.keep_at_once():
+            raise Refused("not kept", "no snapshot can be written, and the death of physics would undo the reset; is the disk full?")
         query.reply(pack(run.control.state))
         query.drop()
         raise RunReset(scenario)

@@ -40,22 +40,22 @@ class SnapshotWriter:
     """Writes snapshots into a folder, if there is one. An executor does that: a slow disk does not delay the run."""
 
     def __init__(self, folder: Path | None, executor: Executor, clock: Callable[[], float], seconds: float = SNAPSHOT_SECONDS) -> None:
-        self._folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
+        self.folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
         self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
         self._failed = False
 
     def is_due(self) -> bool:
         is_idle = self._writing is None or self._writing.done()
-        return self._folder is not None and is_idle and self._clock() >= self._due
+        return self.folder is not None and is_idle and self._clock() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
         """Write a snapshot after the one that is being written. It replaces an older one that still waits."""
-        if self._folder is None:
+        if self.folder is None:
             return
         if self._writing is not None:
             self._writing.cancel()
-        self._writing = self._executor.submit(self._store, *as_file(snapshot), self._folder, snapshot.run)
+        self._writing = self._executor.submit(self._store, *as_file(snapshot), self.folder, snapshot.run)
         self._due = self._clock() + self._seconds
 
     def _store(self, name: str, content: bytes, folder: Path, run: str) -> bool:

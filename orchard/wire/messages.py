@@ -409,6 +409,7 @@ class Stopped(Message):
 Reason = Literal[
     "malformed", "other run", "past tick", "future tick", "not the owner", "not owned", "answered already",
     "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused", "recorded",
+    "not kept",
 ]  # fmt: skip
 
 

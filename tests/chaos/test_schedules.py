@@ -77,6 +77,8 @@ MISSED = {
         plan(Fault("reset", CLIENT, 20), Fault("kill", PHYSICS, 20, 0.2, 0.0, 3), delays=Delays(5e-3)), seed=2
     ),
     "physics keeps the letters of all ticks": draw(50),
+    "a join of a taken agent is not tried again": plan(Fault("vanish", ONE, 40, 0.0, 10.0)),
+    "the answer of the session before counts": plan(Fault("think", OTHER, 3, 0.0, 3.0), Fault("kill", ONE, 3, 0.1), scenario=SCENARIOS[0]),
 }
 
 
@@ -170,10 +172,20 @@ def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(del
     assert verdict.seconds < 60.0
 
 
-def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
-    """The disk is full, so physics begins with the old seed again: agents of two scenarios would drive in one run."""
+RESET_AND_FULL = {"ticks": 150, "scenario": SCENARIOS[0], "delays": Delays(4e-3)}  # with seed 2 the client changes the scenario
+
+
+def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
     faults = Fault("full disk", PHYSICS, 50, 0.0, 500.0), Fault("reset", CLIENT, 100, 0.04), Fault("kill", PHYSICS, 100, 0.4)
-    assert carry_out(replace(plan(*faults, ticks=150, scenario=SCENARIOS[0], delays=Delays(4e-3)), seed=2)).complaints == []
+    verdict = carry_out(replace(plan(*faults, **RESET_AND_FULL), seed=2), is_traced=True)
+    assert verdict.complaints == []
+    assert any("not kept: no snapshot can be written" in line for line in verdict.lines)
+
+
+def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
+    """The disk is full just after that, so physics begins with the old seed again: agents of two scenarios would drive in one run."""
+    faults = Fault("reset", CLIENT, 0, 0.04), Fault("full disk", PHYSICS, 0, 0.12, 500.0), Fault("kill", PHYSICS, 0, 1.5)
+    assert carry_out(replace(plan(Fault("think", OTHER, 0, 0.0, 1.0), *faults, **RESET_AND_FULL), seed=2)).complaints == []
 
 
 @pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])

@@ -100,7 +100,7 @@ EXAMPLES: dict[type, SubMessage] = {
         Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
         BinStatus(RUN, TICK, True, 70.0, ""),
         Events(RUN, TICK, [Event(TICK, "row picked", "picker_01", "bin_01", "row 1")]),
-        Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [(12.0, 0.0)], 0),
+        Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [(12.0, 0.0, 0.0, 0.0)], 0),
         _figures(),
         RefusedThere(RUN, {"malformed": 3}),
         Refusal(RUN, TICK, "orchard/picker_01/velocity", "past tick", "100; it is 120 now", SESSION),

@@ -229,7 +229,8 @@ def _work() -> str:
 1. Each picker takes neighbouring rows; no picker takes two rows more than another. It picks its first row eastward, the next westward, and
    so on.
 2. The bin fills with the metres that its picker drives in the unpicked part of a row, within {move.LANE_REACH:g} m of the lane's centre
-   line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m. There physics limits the
+   line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m; after
+   `pickfrom` it begins at that x. There physics limits the
    picker's speed to the row's picking speed: the scenario's picking speed, or what `picking.spread` draws. A row fills one bin, or
    `metres_per_bin` do ([several bins a row](bounds.md#several-bins-a-row)).
 3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row

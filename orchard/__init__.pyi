@@ -22,6 +22,7 @@ __all__ = [
     "No",
     "Observation",
     "OneWay",
+    "PickFrom",
     "Picker",
     "PickerMemory",
     "PlanExecutor",
@@ -58,7 +59,7 @@ from .agents.route import OneWay, Side
 from .agents.steps import DriveTo, Face, MoveTo, Say, Wait, with_steps
 from .agents.two_way import TwoWay
 from .contract.agent import Action, Agent, Heard, Hold, Mail, Observation, Reply, State
-from .contract.messages import AgentMessage, Couple, No, Uncouple, Yes
+from .contract.messages import AgentMessage, Couple, No, PickFrom, Uncouple, Yes
 from .contract.zone import Zone
 from .field.geometry import Pose, Twist
 from .field.layout import Layout, lay_out

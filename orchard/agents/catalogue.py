@@ -61,8 +61,10 @@ def agent_classes(layout: Layout) -> dict[str, str]:
 
 
 def check_plugins(layout: Layout) -> None:
-    """Check a scenario's plug-ins. Raises ScenarioError or ValueError if a policy or route cannot be used, or an agent is unknown."""
+    """Check a scenario's plug-ins. Raises ScenarioError or ValueError if a rule or route cannot be used, or an agent is unknown."""
     agent_classes(layout)
+    for block in layout.blocks.values():
+        layout.passes(block)
     _check_route(layout)
     dispatch_of(layout)
 

@@ -119,8 +119,9 @@ class OneWay:
         return steps + (self.foresee(after) + self.go_to_next_row(one.row, after.row, side) if after else self.park(one.row, side))
 
     def foresee(self, one: Pass) -> list[Step]:
-        """The step in which a picker announces to its bin where it will be left. If each row fills one, the bin knows."""
-        return [st.Announce(one.row, one.end, one.fill)] if self.layout.scenario.bin_metres and one.leaves_bin else []
+        """The steps in which a picker announces to its bin where it will be left, unless each row fills one, and sets where it picks."""
+        announce = [st.Announce(one.row, one.end, one.fill)] if self.layout.scenario.bin_metres and one.leaves_bin else []
+        return announce + ([st.PickFrom(one.begin)] if one.is_inside else [])
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
         """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: its number, from 1."""

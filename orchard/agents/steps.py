@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from orchard.agents.robot import ASK, EXACT, LITTLE, PATIENCE, SHIFT, SLACK, Gate, PlanExecutor, RobotMemory, Step
 from orchard.agents.sense import Box
+from orchard.contract import messages
 from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, LeftAt, No, StateRequest, Yes
 from orchard.field import repeatable
@@ -320,6 +321,16 @@ class Announce(Step, frozen=True):
         return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
 
 
+class PickFrom(Step, frozen=True):
+    """For pickers: pick nothing before this x in the next row."""
+
+    x: float  #: m
+
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.action.deeds.append(messages.PickFrom(self.x))
+        return True
+
+
 class Fill(Step, frozen=True):
     """For pickers that are not sure of their place: at a row's end, drive on little by little until the bin holds so much."""
 
@@ -457,7 +468,7 @@ if TYPE_CHECKING:
 else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
-        | FetchEmpty | Announce | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed | Home | Again
+        | FetchEmpty | Announce | PickFrom | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed | Home | Again
     )  # fmt: skip
 
 

@@ -95,7 +95,7 @@ GROUPS = {
     "Prices": ("prices.picker_per_hour", "prices.carrier_per_hour", "prices.overhead_per_hour", "prices.per_bin"),
 }
 FOR_EXPERTS = {
-    "Fruit and speed": ("metres_per_bin", "crop.tonnes_per_hectare", "crop.kilograms_per_bin", "picking_speed"),
+    "Fruit and speed": ("metres_per_bin", "crop.tonnes_per_hectare", "crop.kilograms_per_bin", "order_in_row", "picking_speed"),
     "Sensors": (
         *("laser.noise", "sensors.gnss.white", "sensors.gnss.bias", "sensors.gnss.bias_time"),
         *("sensors.odometry.distance", "sensors.odometry.heading"),

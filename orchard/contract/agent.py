@@ -142,7 +142,7 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     freer_within: Annotated[Metres, Meta(description="m; ask when the freer side changes; 0: never")] = 0.0
 
 
-Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten; physics decides whether each is done")]
+Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten, pickfrom; physics decides on each")]
 Asked = Annotated[list[tuple[Word, Request]], Meta(max_length=MOST_REQUESTS, description="numbered by place from 0")]
 Steps = Annotated[int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")]
 

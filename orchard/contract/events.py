@@ -15,8 +15,9 @@ STOPPED = "stopped"  # `doing` of a robot under an emergency stop
 SCAN_TICKS = 5  # ticks between two frames with scans: twice a second
 
 What = Literal[
-    "coupled", "uncoupled", "row picked", "bin full", "unloaded", "weed flattened", "deed refused", "collision", "stopped", "reset"
-]
+    "coupled", "uncoupled", "picks from", "row picked", "bin full", "unloaded", "weed flattened", "deed refused", "collision", "stopped",
+    "reset",
+]  # fmt: skip
 
 
 class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -46,7 +47,7 @@ class Frame:
     coupled: np.ndarray | None = None  # (n,) int: index of the body at the other end of the bar, or -1; None: unchanged
     fill: np.ndarray | None = None  # (n,) float: of bins, metres of row in the bin, 0 to what fills it; None: unchanged
     alive: np.ndarray | None = None  # (n,) bool: False for a flattened weed; None: unchanged
-    row_ends: np.ndarray | None = None  # (r, 2) float: metres picked from each row's west end and from its east end; None: unchanged
+    row_ends: np.ndarray | None = None  # (r, 4) float: how far each row is picked, as in `World`; None: unchanged
     delivered: int = 0  # bins unloaded so far
     events: Sequence[Event] = ()
     states: Mapping[str, State] = field(default_factory=dict)  # name -> state, for the names in `doing`

@@ -50,7 +50,13 @@ class Flatten(AgentMessage):
     """From a weed: something moves within a metre of it."""
 
 
-Deed = Couple | Uncouple | Flatten
+class PickFrom(AgentMessage):
+    """From a picker: until it drives over this x in a row it picks nothing. It may lie inside what is not picked."""
+
+    x: Metres
+
+
+Deed = Couple | Uncouple | Flatten | PickFrom
 
 # -- requests
 

@@ -369,5 +369,9 @@ class Robot(Follower):
         self.model.deliver()
 
     @do.register
+    def _(self, step: st.PickFrom) -> None:
+        """Its drives tell where it picks."""
+
+    @do.register
     def _(self, step: st.Home) -> None:
         self.model.home(self)

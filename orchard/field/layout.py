@@ -13,7 +13,7 @@ import numpy as np
 
 from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
-from orchard.field.passes import Pass, passes_of
+from orchard.field.passes import Pass, passes_in
 from orchard.field.picking import picking_speed_of
 from orchard.field.placement import Start, guests
 from orchard.field.plugins import load_plugin
@@ -101,8 +101,8 @@ class Layout:
         return self.scenario.bin_metres or self.row_length
 
     def passes(self, block: Block) -> list[Pass]:
-        """Return the passes of a picker through its rows."""
-        return passes_of([(lane.west, lane.east) for lane in self.lanes], block, self.scenario.bin_metres)
+        """Return the passes of a picker through its rows. Raises ScenarioError for an order of the user's own that cannot be."""
+        return passes_in(self.scenario, [(lane.west, lane.east) for lane in self.lanes], block)
 
     @cached_property
     def bins(self) -> int:

@@ -23,6 +23,7 @@ MOST_GUESTS = 50  # people together, animals together, weeds
 NEAREST, PREDICTIVE, END = "nearest", "predictive", "end"
 DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", PREDICTIVE, "predictive-farthest", "assignment")  # the built-in ones
 ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
+ROW_ORDERS = ONWARD, OUTWARD = "onward", "outward"  # the built-in orders of picking inside a row
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
 
 
@@ -215,6 +216,7 @@ class Scenario(Section):
     dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = PREDICTIVE
     dispatch_errors: Annotated[str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")] = NEAREST
     rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED
+    order_in_row: Annotated[str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first")] = ONWARD
     route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = ONE_WAY
     bay: Annotated[float, Field(ge=0.0, le=180.0, description="how far east of its usual place the unloading bay lies, m")] = 0.0
     prices: Annotated[Prices, Field(description="what a harvest costs, for a study")] = Prices()

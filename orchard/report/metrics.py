@@ -45,7 +45,7 @@ class HarvestFigures:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
-        progress = sum(self.steps.values()) + float(world.row_ends.sum())
+        progress = sum(self.steps.values()) + float(world.row_picked.sum())
         if progress != self.progress or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
 

@@ -69,10 +69,11 @@ def present_plan(world: World) -> str:
     """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
     layout = world.layout
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
-    for lane, (west, east) in zip(layout.lanes, world.row_ends.tolist(), strict=True):
-        words = f"row {lane.number}: {west + east:.1f} m picked"
-        for middle, metres in ((lane.west + west / 2, west), (lane.east - east / 2, east)):
-            drawing.box(middle, lane.y, metres / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", words)
+    for lane, (west, east, *inside), total in zip(layout.lanes, world.row_ends.tolist(), world.row_picked.tolist(), strict=True):
+        words = f"row {lane.number}: {total:.1f} m picked"
+        parts = (0.0, west), (lane.length - east, lane.length), (lane.length - inside[1], max(inside[0], lane.length - inside[1]))
+        for begin, end in parts:
+            drawing.box(lane.west + (begin + end) / 2, lane.y, (end - begin) / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", words)
     for name, i in layout.index.items():
         if world.alive[i]:
             _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.metres_per_bin)

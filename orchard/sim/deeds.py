@@ -1,9 +1,9 @@
-"""Deeds, which bodies request besides moving: couple, uncouple, flatten a weed. Physics decides whether they happen."""
+"""Deeds, which bodies request besides moving: couple, uncouple, flatten a weed, pick from an x on. Physics decides whether they happen."""
 
 import numpy as np
 
 from orchard.contract.events import Event
-from orchard.contract.messages import Couple, Deed, Flatten, Uncouple
+from orchard.contract.messages import Couple, Deed, Flatten, PickFrom, Uncouple
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, angle_between, to_frame
 from orchard.field.problems import printable
@@ -22,9 +22,10 @@ class DeedRefused(Exception):
 def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
     """Do the deeds, (body index, deed) in body order, of bodies that are not stopped. Return an event for each, also a refused one.
 
+    A stopped picker may still say from where it picks later: that moves nothing, and it says so once.
     wanted (n, 3): the wanted twists for this step.
     """
-    return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i]]
+    return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i] or isinstance(deed, PickFrom)]
 
 
 def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
@@ -37,6 +38,10 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
                 return Event(world.tick, "uncoupled", name, _uncouple(world, wanted, i))
             case Flatten():
                 return Event(world.tick, "weed flattened", name, _flatten(world, i))
+            case PickFrom():
+                _refuse_if(world.layout.starts[i].kind != "picker", "it picks nothing")
+                world.pick_from[i] = deed.x
+                return Event(world.tick, "picks from", name, "", f"x = {deed.x:.2f} m")
     except DeedRefused as reason:
         other = printable(deed.bin) if isinstance(deed, Couple) else ""
         return Event(world.tick, "deed refused", name, other, f"{type(deed).__name__.lower()}: {reason}")

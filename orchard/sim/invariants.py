@@ -90,7 +90,7 @@ class Invariants:
         if min(fills) < 0.0 or max(fills) > length:
             wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= length]
             yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m") for name, fill in wrong)
-        picked, kept = sum(map(mul, map(sum, rows), self._shares)), sum(fills) + world.delivered_metres
+        picked, kept = sum(map(mul, world.row_picked.tolist(), self._shares)), sum(fills) + world.delivered_metres
         if abs(picked - kept) > self._tolerance:
             yield "metres", f"{picked:.3f} m are picked, but {kept:.3f} m are in bins or delivered"
         if world.delivered != self.known.delivered:
@@ -137,10 +137,10 @@ def _known_of(world: World) -> Known:
 
 
 def _row_faults(before: list[list[float]], rows: list[list[float]], lengths: list[float]) -> Iterator[tuple[str, str]]:
-    """`before`, `rows`: what is picked of each row from its west end, and from its east end, m."""
+    """`before`, `rows`: what is picked of each row from its west end, and from its east end, m, and up to where inside."""
     for r, (old, new, length) in enumerate(zip(before, rows, lengths, strict=True)):
-        if not (old[0] <= new[0] and old[1] <= new[1] and sum(new) <= length + FULL_WITHIN):
-            was, now = sum(old), sum(new)
+        if not (old[0] <= new[0] and old[1] <= new[1] and sum(new[:2]) <= length + FULL_WITHIN):
+            was, now = sum(old[:2]), sum(new[:2])
             yield f"row {r + 1}", f"row {r + 1} was picked for {was:g} m, and now for {now:g} m; this may only grow, to {length:g} m"
 
 

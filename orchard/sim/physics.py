@@ -22,7 +22,7 @@ UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 
 
-_CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends"
+_CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends", "pick_from"
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
     *in_order(

@@ -63,6 +63,7 @@ def _faults(world: World) -> Iterator[str]:
         "twist": (world.twist, -FASTEST, FASTEST),
         "fill": (world.fill, 0.0, world.fixed.bin_full),
         "row_ends": (world.row_ends.T, 0.0, world.fixed.row_length),
+        "pick_from": (world.pick_from, -FURTHEST, FURTHEST),
         "bay_ticks": (world.bay_ticks, 0, LAST_TICK),
         "delivered": (world.delivered, 0, LAST_TICK),
         "delivered_metres": (world.delivered_metres, 0.0, FURTHEST),

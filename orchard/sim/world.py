@@ -12,7 +12,7 @@ from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
-from orchard.sim.kernels.move import NONE, full_bins
+from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins
 
 CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
 
@@ -114,7 +114,9 @@ class World:
         self.coupled = np.full(n, NONE, dtype=np.int64)  # index of the body at the other end of the bar, or NONE
         self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to what fills it
         self.alive = np.ones(n, dtype=bool)  # False for a flattened weed
-        self.row_ends = np.zeros((rows, 2))  # metres of each row that are picked from its west end, and from its east end
+        self.row_ends = np.zeros((rows, 4))  # metres picked from the row's west end, from its east end; and, while a pass picks a part
+        # inside: as far as that is picked, from the west end, from the east end, else 0
+        self.pick_from = np.full(n, ANYWHERE)  # x before which this picker picks nothing, m
         self.bay_ticks = np.zeros(n, dtype=np.int64)  # of bins, ticks at rest in the bay since it last moved
         self.delivered, self.delivered_metres = 0, 0.0  # bins unloaded, and what was in them
         self.distance = np.zeros(n)  # metres driven
@@ -144,7 +146,8 @@ class World:
     @property
     def row_picked(self) -> np.ndarray:
         """Picked metres of each row, (r,)."""
-        return np.asarray(self.row_ends[:, 0] + self.row_ends[:, 1])
+        inside = np.maximum(0.0, self.row_ends[:, 2] + self.row_ends[:, 3] - self.fixed.row_length)
+        return np.asarray(self.row_ends[:, 0] + self.row_ends[:, 1] + inside)
 
     @property
     def rows_done(self) -> np.ndarray:

@@ -14,7 +14,8 @@ from orchard.study.result import Goal, Interval, Row, StudyResult
 GOALS = {"bins_per_hour": "most bins an hour", "cost_per_bin": "least cost of a bin", "harvest_seconds": "shortest harvest"}
 COUNTED = ("rows", "pickers", "carriers", "people.workers", "people.visitors", "animals.dogs", "animals.cats", "weeds")  # numbers of things
 ROBOTS = ("pickers", "carriers")  # numbers of which few are good
-SAID = {"dispatch": "with {}", "rows_to_pickers": "with {} rows", "route": "on {}"}  # keys whose value says enough
+# keys whose value says enough
+SAID = {"dispatch": "with {}", "rows_to_pickers": "with {} rows", "order_in_row": "{} in rows", "route": "on {}"}
 SAME = 1e-9  # of the mean: an interval narrower than that is rounding
 TWO_DIGITS = 2.0  # a spread that begins with a 1 keeps two digits, all others one
 

@@ -120,7 +120,7 @@ class RowView:
 
     def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
         self.rec, self.layout = rec, layout
-        self._done = [(-1, -1)] * len(layout.lanes)  # of each row, the pieces picked from the west end, and from the east end
+        self._done = [[-1]] * len(layout.lanes)  # of each row, as in `show`, pieces of it
         self._fruit = [_fruit(lane) for lane in layout.lanes]
         for lane in layout.lanes:
             points, triangles = _strip(lane)
@@ -129,16 +129,16 @@ class RowView:
             rec.log(f"canopy/fruit/row_{lane.number:02d}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
 
     def show(self, row_ends: np.ndarray) -> None:
-        """Log the rows that changed. `row_ends`: (r, 2) metres of each row that are picked from its west end, and from its east end."""
+        """Log the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
         for row, ends in enumerate(row_ends.tolist()):
-            west, east = (int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9) for metres in ends)
-            if (west, east) != self._done[row]:
-                self._done[row] = west, east
-                self._paint(row, west, east)
+            done = [int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9) for metres in ends]
+            if done != self._done[row]:
+                self._done[row] = done
+                self._paint(row, *done)
 
-    def _paint(self, row: int, west: int, east: int) -> None:
+    def _paint(self, row: int, west: int, east: int, inside_west: int, inside_east: int) -> None:
         pieces = np.arange(CHUNKS)
-        picked = (pieces < west) | (pieces >= CHUNKS - east)
+        picked = (pieces < west) | (pieces >= CHUNKS - east) | ((pieces < inside_west) & (pieces >= CHUNKS - inside_east))
         colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
         number = self.layout.lanes[row].number
         self.rec.log(f"world/rows/row_{number:02d}", rr.Mesh3D.from_fields(vertex_colors=np.repeat(colours, 4, axis=0)))

@@ -235,7 +235,7 @@ class Recorder:
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
         ends = frame.row_ends
-        rows = {} if ends is None else {"metrics/bins/rows_picked": float((ends.sum(axis=1) >= self._lengths - FULL_WITHIN).sum())}
+        rows = {} if ends is None else {"metrics/bins/rows_picked": float((ends[:, :2].sum(axis=1) >= self._lengths - FULL_WITHIN).sum())}
         return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= self.layout.metres_per_bin).sum())}
 
 

@@ -467,7 +467,7 @@ class BinStatus(Message):
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' if none")]
 
 
-ROW_ENDS = "for each row, the metres that are picked from its west end and from its east end, together 0 to its length"
+ROW_ENDS = "for each row, the metres picked from its west end, from its east end, and as far as a part inside is picked from each; 0: none"
 
 
 class Picture(Message):
@@ -480,7 +480,7 @@ class Picture(Message):
     coupled: Annotated[list[Body] | None, Meta(description="for each body, the index of the body at the other end of its bar, or -1")]
     fill: Annotated[list[Fill] | None, Meta(description="for each bin, metres of row in it; 0 for other bodies")]
     alive: Annotated[list[bool] | None, Meta(description="for each body; false for a weed that is flattened")]
-    row_ends: Annotated[list[tuple[Fill, Fill]] | None, Meta(description=ROW_ENDS)]
+    row_ends: Annotated[list[tuple[Fill, Fill, Fill, Fill]] | None, Meta(description=ROW_ENDS)]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
     whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False

@@ -103,6 +103,10 @@ def test_an_answer_of_an_own_type_arrives_as_that_type():
     assert request == CustomMessage("progress", {"steps": 2})
 
 
+def from_the_middle(first, last, metres):
+    return (first + last) / 2
+
+
 class WiderLoop(OneWay):
     F_BOTTOM, D_BOTTOM = 5.5, 7.6
 
@@ -202,6 +206,11 @@ UNUSABLE = [
     ({"rows_to_pickers": "test_seams.from_the_north"}, "starts at the end 'west' or 'east', and not picker_02 at 'north'"),
     ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
     ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
+    ({"order_in_row": "test_seams.nothing", "metres_per_bin": 10.0}, "no attribute 'nothing'"),
+    (
+        {"order_in_row": "test_seams.from_the_middle", "metres_per_bin": 10.0},
+        r"order_in_row.*it returned -15.5 for 10 m of x = -35.5 to 4.5; must be -35.5 or -5.5.*\(.*test_seams.py, line \d+",
+    ),
 ]
 
 

@@ -1,6 +1,5 @@
 """Several bins a row: a bin that fills inside a row is left at its end, and one that is part full there goes on with the next row."""
 
-from itertools import pairwise
 from math import ceil
 from typing import Any
 
@@ -13,9 +12,9 @@ from stage import Stage, empty_orchard
 
 from orchard.agents.routes import route_of
 from orchard.contract.messages import pack
-from orchard.field.passes import FULL_WITHIN, passes_of
+from orchard.field.passes import FULL_WITHIN, ORDERS, outward, passes_of
 from orchard.field.rows import Block
-from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_ORDERS, ROW_RULES, Scenario
 from orchard.local import Local
 from orchard.sim.lookahead import CheckedHolds, Lookahead
 from orchard.tables.exchanges import exchanges
@@ -27,14 +26,15 @@ from orchard.tables.exchanges import exchanges
     st.lists(st.tuples(st.floats(-35.5, -20.0), st.floats(-10.0, 100.0)), min_size=1, max_size=6),
     st.floats(5.0, 200.0),
     st.sampled_from(["west", "east"]),
+    st.sampled_from(ROW_ORDERS),
 )
-def test_each_metre_is_picked_once_and_each_bin_but_the_last_is_full(rows, metres_per_bin, start):
-    passes = passes_of(rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin)
+def test_each_metre_is_picked_once_and_each_bin_but_the_last_is_full(rows, metres_per_bin, start, order):
+    passes = passes_of(rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin, ORDERS[order])
     assert [one.end for one in passes] == [["east", "west"][(count + (start == "east")) % 2] for count in range(len(passes))]
     for number, (west, east) in enumerate(rows, start=1):
         parts = sorted(sorted((one.begin, one.stop)) for one in passes if one.row == number)
         assert (parts[0][0], parts[-1][1]) == (west, east)
-        assert all(one[1] == after[0] for one, after in pairwise(parts))
+        assert [one[1] for one in parts[:-1]] == pytest.approx([after[0] for after in parts[1:]])
     fills = [one.fill for one in passes if one.leaves_bin]
     assert passes[-1].leaves_bin and all(one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes)
     assert fills[:-1] == pytest.approx([metres_per_bin] * (len(fills) - 1))
@@ -56,13 +56,23 @@ def orchards(draw: st.DrawFn) -> dict[str, Any]:
         "route": draw(st.sampled_from(["one-way", "two-way"])),
         "dispatch": draw(st.sampled_from(DISPATCH_POLICIES)),
         "rows_to_pickers": draw(st.sampled_from(ROW_RULES)),
+        "order_in_row": draw(st.sampled_from(ROW_ORDERS)),
         "picking_speed": draw(st.sampled_from([1.0, 0.5, 0.2, 0.05])),
         "seed": draw(st.integers(1, 1000)),
     }
 
 
-def assert_all_is_picked_into_bins_and_delivered(scenario: Scenario, holds: type[Lookahead] = Lookahead) -> None:
+def in_turn(first: float, last: float, metres: float) -> float:
+    """An order of the user's own."""
+    return first if round(abs(last - first)) % 2 else outward(first, last, metres)
+
+
+def assert_all_is_picked_into_bins_and_delivered(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every: int = 0) -> None:
+    """`kill_every`: ticks after which new agents go on in place of all; 0: never."""
     stage = Stage(scenario, holds=holds)
+    while kill_every and not stage.local.engine.over and stage.world.tick < 2_000_000:
+        stage.run(kill_every / 10)
+        start_afresh(stage.local)
     stage.run_to_the_end(200_000.0)
     stage.assert_no_collisions()
     world, layout = stage.world, stage.world.layout
@@ -75,16 +85,23 @@ def assert_all_is_picked_into_bins_and_delivered(scenario: Scenario, holds: type
 
 
 FAILURE = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
+GNSS = {"gnss": {"white": 0.02, "bias": 0.03}}
 HARVESTS: dict[str, dict[str, Any]] = {
     "bins that go on with the next row": {"metres_per_bin": 12.0},
+    "bins that are full where the row ends": {"metres_per_bin": 12.0, "order_in_row": "outward"},
+    "an order of the user's own": {"metres_per_bin": 7.0, "order_in_row": "test_several_bins.in_turn"},
     "bins larger than rows": {"rows": 4, "carriers": 1, "metres_per_bin": 50.0, "dispatch": "nearest"},
     "two-way, and from both ends": {
         **{"pickers": 3, "carriers": 2, "metres_per_bin": 16.0, "picking_speed": 0.3},
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
-    "pickers that fail": {"metres_per_bin": 15.0, "picking_speed": 0.2, "picking": FAILURE, "dispatch": "assignment"},
-    "sensors with errors": {"pickers": 3, "metres_per_bin": 20.0, "sensors": {"gnss": {"white": 0.02, "bias": 0.03}}},
-    "surveyed rows": {"metres_per_bin": 14.0},
+    "pickers that fail": {
+        **{"metres_per_bin": 11.0, "order_in_row": "outward", "picking_speed": 0.2},
+        **{"picking": FAILURE, "dispatch": "assignment"},
+    },
+    "sensors with errors": {"pickers": 3, "metres_per_bin": 20.0, "sensors": GNSS},
+    "outward, and sensors with errors": {"metres_per_bin": 12.0, "order_in_row": "outward", "sensors": GNSS},
+    "surveyed rows": {"metres_per_bin": 14.0, "order_in_row": "outward"},
 }
 
 
@@ -103,13 +120,14 @@ def test_no_hold_is_wrong():
 
 @pytest.mark.soak
 @settings(max_examples=60, phases=[Phase.generate])
-@given(orchards())
-def test_random_harvests_finish_without_a_collision(values):
-    assert_all_is_picked_into_bins_and_delivered(empty_orchard(**values))
+@given(orchards(), st.sampled_from([Lookahead, CheckedHolds]), st.sampled_from([0, 7, 100, 1011]))
+def test_random_harvests_finish_without_a_collision(values, holds, kill_every):
+    assert_all_is_picked_into_bins_and_delivered(empty_orchard(**values), holds, kill_every)
 
 
-def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash():
-    local, kept = Local(harvest_of("bins that go on with the next row")), []
+@pytest.mark.parametrize("name", ["bins that go on with the next row", "bins that are full where the row ends"])
+def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash(name):
+    local, kept = Local(harvest_of(name)), []
     while not local.engine.over:
         if local.engine.tick % 1500 == 700:
             kept.append(local.snapshot())

@@ -254,13 +254,14 @@ def test_a_recorder_that_never_comes_back_costs_no_more_than_so_many_pictures():
 
 def test_what_is_left_out_leaves_its_news_to_the_next():
     pages = FrameQueue(most=1)
-    pages.put(picture(1, doing={"picker_01": "picking row 1", "bin_01": "empty"}, row_ends=np.array([[1.0, 0.0]]), alive=np.array([True])))
+    doing, picked = {"picker_01": "picking row 1", "bin_01": "empty"}, np.array([[1.0, 0.0, 0.0, 0.0]])
+    pages.put(picture(1, doing=doing, row_ends=picked, alive=np.array([True])))
     pages.put(picture(2, doing={"bin_01": "full"}, alive=np.array([False])))
     pages.put(picture(3))
     (frame,) = written(pages).frames
     assert (frame.tick, frame.left_out) == (3, 2)
     assert frame.doing == {"picker_01": "picking row 1", "bin_01": "full"}
-    assert frame.row_ends.tolist() == [[1.0, 0.0]] and frame.alive == [False]
+    assert frame.row_ends.tolist() == picked.tolist() and frame.alive == [False]
 
 
 def test_ticks_that_never_came_are_a_gap():

@@ -8,7 +8,7 @@ from bare_world import AHEAD, LANE, Yard, everybody, picker_with_bin, train, yar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchard.contract.messages import Uncouple
+from orchard.contract.messages import PickFrom, Uncouple
 from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.layout import BAY, ROW_WEST
 from orchard.sim.physics import harvest_is_over, is_full
@@ -82,6 +82,19 @@ def test_a_second_bin_goes_on_where_the_first_one_ended_and_not_beyond_a_gap():
     row.drive(20, **train(x=1.0))
     assert row.world.row_picked[0] == pytest.approx(11.5)
     assert row.of("fill", "bin_02") == pytest.approx(1.5)
+
+
+def test_a_part_inside_a_row_is_picked_up_to_the_edge_where_the_picker_drives_out():
+    row = picker_with_bin(x=-36.0, picking_speed=0.5)
+    row.drive(46, deeds=[("picker_01", PickFrom(-31.3))], **train(x=1.0))
+    assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4) and not row.world.row_ends.any()
+    row.drive(40, **train(x=0.5))
+    assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 0.0, 6.1, 65.8])
+    assert row.world.row_picked[0] == row.of("fill", "bin_02") == pytest.approx(1.9)
+    row.world.row_ends[0, 1] = 63.0  # picked from the east end up to x = -28.5
+    row.drive(20, **train(x=0.5))
+    assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 65.8, 0.0, 0.0])
+    assert row.of("fill", "bin_02") == pytest.approx(2.8)
 
 
 def test_a_bin_takes_70_m_and_the_row_keeps_the_rest():

@@ -83,9 +83,9 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
     coupled[picker] = LAYOUT.index["bin_01"]
     begun = {"doing": {"picker_01": "picking row 1"}, "states": {"picker_01": "picking"}}
-    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_ends=np.zeros((3, 2)), **begun)
+    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_ends=np.zeros((3, 4)), **begun)
     alive[weed], coupled[picker] = False, -1
-    late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_ends=np.diag([70.0, 0.0, 0.0])[:, :2])
+    late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_ends=np.eye(3, 4) * [70.0, 0.0, 0.0, 0.0])
     recording_of(path, LAYOUT, [early], "a")
     further = Recorder(LAYOUT, "a", before(path, "a").file)
     further.gap(1, 60, "the logger was away")

@@ -100,10 +100,11 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
     assert fruit[-1][1] == []
 
 
-def test_a_row_that_is_picked_from_the_east_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, starts(layout), row_ends=np.array([[0.0, 10.0], [0.0, 0.0], [0.0, 0.0]]))])
+def test_a_row_that_is_picked_from_the_east_and_inside_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
+    picked = np.array([[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4])  # 10 m from the east end, and 25 to 30 m from the west end
+    path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
     (_, colours), = Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
-    assert colours[0] != colours[-1] and colours[-1] == colours[-20]
+    assert [piece for piece in range(35) if colours[4 * piece] != colours[0]] == [13, 14, *range(30, 35)]
 
 
 def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) -> None:
@@ -122,7 +123,7 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
-    layout, picked = lay_out(orchard_of(UNEQUAL)), np.array([[29.0, 0.0], [10.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    layout, picked = lay_out(orchard_of(UNEQUAL)), np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
     return layout, recording_of(tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
 
 

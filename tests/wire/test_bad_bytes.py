@@ -161,7 +161,7 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
         {"coupled": [0]},
         {"coupled": [2**40]},
         {"fill": [math.nan]},
-        {"row_ends": [[1.0, 0.0]]},
+        {"row_ends": [[1.0, 0.0, 0.0, 0.0]]},
         {"alive": [True]},
         {"tick": 2**50},
         {"doing": {"Not A Name": "x"}},
@@ -171,7 +171,7 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
     assert logger.refusals.counts == {"malformed": len(changes)}
     assert not len(logger.queue)
     bodies = len(good["poses"]) // 24
-    whole = {"alive": [True] * bodies, "row_ends": [[0.0, 0.0]] * 3, "fill": [0.0] * bodies, "coupled": [-1] * bodies, "whole": True}
+    whole = {"alive": [True] * bodies, "row_ends": [[0.0] * 4] * 3, "fill": [0.0] * bodies, "coupled": [-1] * bodies, "whole": True}
     logger._handle(Sample("orchard/picture", msgpack.packb(good | whole)))
     assert len(logger.queue) == 1, "the good one is taken"
 

@@ -14,6 +14,7 @@ NONE = -1  # as an index: none
 BAR = 0.3  # m; a robot cannot move to a pose where its coupled bin would be further than this from the coupling point
 LANE_REACH = 1.0  # m; a picker is in a row if it is this near to the lane's centre line
 PICK_REACH = 0.2  # m; picking begins within this of a row's end, and continues within this of its last point; a step is at most half of it
+ANYWHERE = 1e9  # as x from which on a picker picks, m: wherever it is
 _FRONTIER = 1e-9  # m
 
 
@@ -26,7 +27,7 @@ class Rows(NamedTuple):
     length: np.ndarray  # (r,) m
     y: np.ndarray  # (r,) m: the lanes' centre lines
     picking_speed: np.ndarray  # (r,) m/s
-    picked: np.ndarray  # (r, 2) m: from the west end, and from the east end
+    picked: np.ndarray  # (r, 4) m: from the west end, from the east end, and as far as a part inside is picked from each; 0: none
 
 
 @inlined
@@ -57,7 +58,7 @@ def arc(x, y, yaw, forward, left, turn, seconds):
 def advance(
     wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
     wall_members, body_frame, bin_full, bin_least, row_share, row_west, row_length, row_y, row_speed, row_ends, distance, collisions,
-    refused, blocked, boxes, cells, cell_begin, cell_members, met, picked_from, before, full,
+    refused, blocked, pick_from, boxes, cells, cell_begin, cell_members, met, picked_from, before, full,
 ):  # fmt: skip
     """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick. It is one kernel to save calls.
 
@@ -67,13 +68,13 @@ def advance(
     rows = Rows(bin_full, row_share, row_west, row_length, row_y, row_speed, row_ends)
     walls_near = Grid(wall_frame, wall_begin, wall_members)
     limit(wanted, stopped, speed, coupled, turn, sideways, twist)
-    keep_pace(pickers, twist, pose, coupled, fill, rows)
+    keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from)
     for k in range(len(pickers)):
         before[k] = pose[pickers[k], 0]
     place(pose, boxes)
     bodies_near = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
     is_eventful = move_all(twist, pose, coupled, tows, walls, walls_near, boxes, bodies_near, distance, collisions, refused, blocked, met)
-    is_eventful |= pick(pickers, before, pose, coupled, rows, fill, picked_from)
+    is_eventful |= pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from)
     full_bins(fill, coupled, pickers, bin_full, bin_least, full)
     for is_full in full:
         is_eventful |= is_full
@@ -201,23 +202,23 @@ def row_at(y, rows):
 
 
 @inlined
-def keep_pace(pickers, twist, pose, coupled, fill, rows):
+def keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from):
     """Limit the twist of a picker in an unpicked part of a row, with a bin that is not full, to the row's picking speed."""
     for i in pickers:
-        if coupled[i] == NONE or fill[coupled[i]] >= rows.full:
+        if coupled[i] == NONE or fill[coupled[i]] >= rows.full or pick_from[i] != ANYWHERE:
             continue
         r = row_at(pose[i, 1], rows)
         if r == NONE or is_done(r, rows):
             continue
         from_west, from_east = pose[i, 0] - rows.west[r], rows.west[r] + rows.length[r] - pose[i, 0]
-        west, east = rows.picked[r]
+        west, east = rows.picked[r, 0], rows.picked[r, 1]
         is_inside = min(from_west, from_east) >= 0.0
         if is_inside and from_west >= west - _FRONTIER and from_east >= east - _FRONTIER:
             twist[i, 0] = min(max(twist[i, 0], -rows.picking_speed[r]), rows.picking_speed[r])
 
 
 @inlined
-def pick(pickers, before, pose, coupled, rows, fill, picked_from):
+def pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from):
     """Pick what the pickers drove over since x = `before`, (p,) m, from the rows `picked_from`, (p,). Return whether one is done."""
     is_any_done = False
     for k in range(len(pickers)):
@@ -228,6 +229,11 @@ def pick(pickers, before, pose, coupled, rows, fill, picked_from):
         west, east = rows.west[r], rows.west[r] + rows.length[r]
         if max(start, end) < west or min(start, end) > east:
             continue
+        if pick_from[i] != ANYWHERE:
+            if not min(start, end) <= pick_from[i] <= max(start, end):
+                continue
+            _begin_inside(r, pick_from[i] - west, rows)
+            pick_from[i] = ANYWHERE
         done = min(max(end, west), east) - west if end > start else east - min(max(end, west), east)
         if end != start and _pick_row(r, 0 if end > start else 1, done, coupled[i], rows, fill):
             picked_from[k] = r
@@ -242,19 +248,32 @@ def is_done(r, rows):
 
 
 @inlined
+def _begin_inside(r, from_west, rows):
+    """Begin to pick a row inside what is unpicked of it, so many metres from its west end, if no part inside is begun."""
+    picked, length = rows.picked[r], rows.length[r]
+    if picked[0] < from_west < length - picked[1] and picked[2] + picked[3] == 0.0:
+        picked[2], picked[3] = from_west, length - from_west
+
+
+@inlined
 def _pick_row(r, end, done, a_bin, rows, fill):
     """Pick a row up to `done` m from an end (0 west, 1 east) into a bin, if that continues the part that is picked from there.
 
     Return whether anything was picked. What a row or a bin lacks at most in the end is picked too, so each metre picked is in a bin.
     """
     ripe, room = rows.length[r] - rows.picked[r, 1 - end], (rows.full - fill[a_bin]) / rows.share[r]
-    left = min(ripe - rows.picked[r, end], room)
-    grows = min(done - rows.picked[r, end], left)
-    if grows <= 0.0 or done - rows.picked[r, end] > PICK_REACH:
+    part = end if rows.picked[r, 2] == 0.0 else 2 + end
+    was = rows.picked[r, part]
+    left = min(ripe - was, room)
+    grows = min(done - was, left)
+    if grows <= 0.0 or done - was > PICK_REACH:
         return False
     if left - grows <= FULL_WITHIN:
-        grows, done = left, rows.picked[r, end] + left
-    rows.picked[r, end] = _or_full(min(rows.picked[r, end] + grows, done), ripe, FULL_WITHIN)
+        grows, done = left, was + left
+    rows.picked[r, part] = _or_full(min(was + grows, done), ripe, FULL_WITHIN)
+    if part >= 2 and rows.picked[r, part] == ripe:  # it has come to the edge
+        rows.picked[r, 1 - end] = rows.picked[r, 3 - end]
+        rows.picked[r, 2:] = 0.0
     fill[a_bin] = _or_full(fill[a_bin] + grows * rows.share[r], rows.full, FULL_WITHIN * rows.share[r])
     return True
 

@@ -90,7 +90,7 @@ def test_a_part_inside_a_row_is_picked_up_to_the_edge_where_the_picker_drives_ou
     assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4) and not row.world.row_ends.any()
     row.drive(40, **train(x=0.5))
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 0.0, 6.1, 65.8])
-    assert row.world.row_picked[0] == row.of("fill", "bin_02") == pytest.approx(1.9)
+    assert (row.world.row_picked[0], row.of("fill", "bin_02")) == (pytest.approx(1.9), pytest.approx(1.9))
     row.world.row_ends[0, 1] = 63.0  # picked from the east end up to x = -28.5
     row.drive(20, **train(x=0.5))
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 65.8, 0.0, 0.0])

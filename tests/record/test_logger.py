@@ -168,7 +168,7 @@ def test_its_parts_are_one_recording(battered):
     assert summary["recording_parts"] == [path.name for path in parts] == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
     assert len({RrdReader(path).recordings()[0].recording_id for path in parts}) == 1
     assert all(len(RrdReader(path).blueprints()) == 1 for path in parts)
-    assert printed.strip().splitlines()[-1].endswith(f"view {file}")
+    assert printed.strip().splitlines()[-2].endswith(f"view {file}")
 
 
 def test_the_gaps_are_named_in_the_summary_and_in_the_recording_and_are_where_nothing_is(battered, rows):

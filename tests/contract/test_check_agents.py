@@ -60,7 +60,7 @@ def test_an_agent_that_local_mode_is_given_is_checked_too(caplog):
 def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tmp_path):
     """In realtime a busy host may leave the first ticks out."""
     path = scenario_file(tmp_path, with_picker("Counting"))
-    done = orchard(path, "--check-agents", "--mode", mode, "--duration", seconds, "--record", "none", code=1)
+    done = orchard(path, "--check-agents", "--mode", mode, "--hosts", 1, "--duration", seconds, "--record", "none", code=1)
     said = done.stdout + done.stderr
     assert re.search(f"picker_01 is not repeatable, tick {tick}: its answer.twist: ", said), said
     assert re.search(f"broken: picker_01, since tick {tick}", said), said

@@ -89,7 +89,7 @@ def test_the_recording_holds_the_whole_run(lockstep):
 
 def test_progress_is_json_for_programs_in_every_mode():
     for mode in ("local", "lockstep"):
-        done = orchard("--rows", 3, "--mode", mode, "--speed", 10, "--duration", 10, "--record", "none", "--progress", "json")
+        done = orchard("--rows", 3, "--mode", mode, "--hosts", 1, "--speed", 10, "--duration", 10, "--record", "none", "--progress", "json")
         lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
         assert lines and all(json.loads(line)["progress"]["rows"] == 3 for line in lines), done.stdout
 

@@ -167,7 +167,7 @@ def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
-    with running(scenario_file(tmp_path, SMALL), "--mode", mode, "--speed", 5, "--duration", 60, "--record", "none") as run:
+    with running(scenario_file(tmp_path, SMALL), "--mode", mode, "--hosts", 1, "--speed", 5, "--duration", 60, "--record", "none") as run:
         (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
         again = orchard("--resume", folder, "--record", "none", code=2)
         assert "the run of these snapshots is still active; stop it first" in again.stderr

@@ -160,5 +160,5 @@ def test_a_recording_beside_the_user_is_served_with_all_its_parts_over_ssh_too_a
 def test_a_viewer_that_dies_during_a_run_is_named_with_its_exit_code(stand_in, mode, how):
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     port = [free_pair()] if how == "--web" else []
-    done = orchard("--rows", 3, "--mode", mode, "--duration", 20, "--speed", 10, "--record", "none", how, *port)
+    done = orchard("--rows", 3, "--mode", mode, "--hosts", 1, "--duration", 20, "--speed", 10, "--record", "none", how, *port)
     assert re.search(r"viewer (has )?ended with (exit )?code 3", done.stdout + done.stderr)

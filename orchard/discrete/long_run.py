@@ -9,7 +9,7 @@ import numpy as np
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import Layout
 
-LEAST_BINS, LEAST_ROUNDS = 16, 4  # that each picker fills; how often those with most rows pick theirs, if each fills one bin
+LEAST_BINS, LEAST_ROUNDS = 12, 3  # that each picker fills; how often those with most rows pick theirs, if each fills one bin
 BEGINNING = 0.2  # share of the bins that is left out
 
 

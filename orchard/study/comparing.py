@@ -2,7 +2,8 @@
 
 A setting is *equal* to the best if the whole interval of its paired difference is smaller than what is worth it, *worse* if the whole
 interval is larger, and *unknown* else: too few runs are no equality. The intervals are Student's. Bonferroni's rule shares 1 - confidence
-among the settings and the LOOKS, so all of them hold together, at whichever look a study ends.
+among the settings and the LOOKS, so all of them hold together, at whichever look a study ends. An unknown setting is no longer undecided
+when its difference is known to half of what is worth it: one on the very edge would take runs for ever, and either word is as good.
 """
 
 import math
@@ -37,6 +38,7 @@ class Comparison:
 
     count: int  # of replications of each setting
     within: float  # a lead below this share is worth nothing
+    confidence: float
     error: float  # the chance that one of the intervals does not hold the truth, of each
     robots: Mapping[int, int]  # of each setting: as few as possible
     ahead: Mapping[int, float]  # the lead of the best mean, as a share of the setting's own mean
@@ -63,11 +65,12 @@ class Comparison:
     @property
     def undecided(self) -> list[int]:
         """The settings that more runs may show to be the answer, the likeliest first."""
-        unknown = [i for i, lead in self.leads.items() if self.standing(i) == "unknown" and (lead is None or self._may_be_best(i, lead))]
+        unknown = [i for i, lead in self.leads.items() if self.standing(i) == "unknown" and (lead is None or self._is_open(i, lead))]
         return sorted(unknown, key=lambda i: self.ahead[i])
 
-    def _may_be_best(self, i: int, lead: Interval) -> bool:
-        return self.robots[i] <= self.robots[self.best] or lead.low <= -self.within
+    def _is_open(self, i: int, lead: Interval) -> bool:
+        may_be_best = self.robots[i] <= self.robots[self.best] or lead.low <= -self.within
+        return may_be_best and not self._decides(lead, self.count)
 
     def replications_needed(self) -> int | None:
         """Return the look at which what is undecided will be decided, if the runs so far tell; None: later than the last one."""
@@ -75,10 +78,12 @@ class Comparison:
         return next((look for look in looks if all(self._decides(self.leads[i], look) for i in self.undecided)), None)
 
     def _decides(self, lead: Interval | None, look: int) -> bool:
+        """Whether so many replications tell a lead from what is worth it, or each alone knows it to half of that."""
         if lead is None:
             return True
-        shorter = _half(1.0, look, self.error) / _half(1.0, self.count, self.error)
-        return shorter * (lead.high - lead.mean) < abs(lead.mean - self.within)
+        deviation = (lead.high - lead.mean) / _half(1.0, self.count, self.error)
+        tells = deviation * _half(1.0, look, self.error) < abs(lead.mean - self.within)
+        return tells or deviation * _half(1.0, look, 1.0 - self.confidence) <= self.within / 2.0
 
 
 def compare(
@@ -104,4 +109,4 @@ def compare(
         is_sure = i == top or {i, top} <= set(without_chance) or 2.0 ** (1 - len(values)) <= error
         ahead[i] = float(np.mean(differences))
         leads[i] = interval(differences.tolist(), 1.0 - error) if is_sure or np.ptp(differences) > 0.0 else None
-    return Comparison(len(samples[top]), within, error, robots, ahead, leads)
+    return Comparison(len(samples[top]), within, confidence, error, robots, ahead, leads)

@@ -15,7 +15,7 @@ from orchard.study.settings import CARRIERS
 
 ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType({CARRIERS: ()})  # what varies if a study is told nothing
 FEWER, MORE = 0.5, 1.5  # times the number in question, between which numbers are tried
-STEPS = 8  # in which they come up to that number; those next to the answer follow
+STEPS = 4  # in which they come up to that number; those next to the answer follow
 
 
 def most_carriers(scenario: Scenario) -> int:
@@ -54,6 +54,10 @@ def first_numbers(scenario: Scenario) -> list[int]:
 
 
 def more_numbers(tried: Sequence[int], answer: int, most: int) -> list[int]:
-    """Return the numbers to try as well, so that the answer has its neighbours, and is no end of what was tried."""
-    wanted = {answer - 1, answer + 1, *range(max(tried), ceil(MORE * answer) + 1, max(1, answer // STEPS))}
+    """Return the numbers to try as well, so that the answer has its neighbours, and is no end of what was tried.
+
+    Each halves the gap below the answer; the one above follows when there is no gap."""
+    below = max((number for number in tried if number < answer), default=0)
+    next_one = answer + 1 if answer - below == 1 else (below + answer) // 2
+    wanted = {next_one, *range(max(tried), ceil(MORE * answer) + 1, max(1, answer // STEPS))}
     return sorted(number for number in wanted - set(tried) if 1 <= number <= most)

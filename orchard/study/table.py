@@ -27,7 +27,7 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
 }
 MARKS: dict[Standing, str] = {"best": "*", "equal": "=", "unknown": "?", "worse": "", "jammed": ""}
 MEANING = (
-    "* the answer; = within {within:g} % of the best, for certain; ? not enough runs to tell. {runs} of each by the {model}, on the same "
+    "* the answer; = within {within:g} % of the best, for certain; ? the runs do not tell. {runs} of each by the {model}, on the same "
     "seeds; ± interval of {confidence:g} % confidence. behind: the best. wait: of a picker for an empty bin. busy: carriers outside the "
     "queue. bound: the limit without traffic, and what sets it."
 )

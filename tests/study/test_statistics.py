@@ -102,8 +102,16 @@ def test_it_is_known_how_many_replications_would_decide() -> None:
     apart = {0: [60.0, 62.0, 61.0, 59.0, 60.0], 1: [57.0, 60.0, 55.0, 58.0, 57.0]}
     found = compare(apart, {0: 2, 1: 1}, True, 0.95, 0.02)
     assert found.undecided == [1] and found.replications_needed() in LOOKS[1:3]
-    on_the_edge = {0: [61.2, 62.0, 60.6, 61.9, 60.3], 1: [60.0, 61.0, 59.0, 60.0, 60.0]}
-    assert compare(on_the_edge, {0: 2, 1: 1}, True, 0.95, 0.02).replications_needed() is None
+    wide = {0: [61.2, 72.0, 50.6, 61.9, 60.3], 1: [60.0, 51.0, 69.0, 60.0, 60.0]}
+    assert compare(wide, {0: 2, 1: 1}, True, 0.95, 0.02).replications_needed() is None
+
+
+def test_a_setting_on_the_edge_of_what_is_worth_it_does_not_take_runs_for_ever() -> None:
+    """It is undecided until it is known to half of that, and is never said to be equal or worse."""
+    five = {0: [61.2, 62.0, 60.6, 61.9, 60.3], 1: [60.0, 61.0, 59.0, 60.0, 60.0]}
+    found = [compare({i: values * times for i, values in five.items()}, {0: 2, 1: 1}, True, 0.95, 0.02) for times in (1, 2)]
+    assert [one.undecided for one in found] == [[1], []] and found[0].replications_needed() == found[1].count == 10
+    assert [one.standing(1) for one in found] == ["unknown", "unknown"]
 
 
 # Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As published: P0 0.4845, waiting 0.3297,

@@ -141,7 +141,7 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     return [
         ("Bins an hour", f"{summary['bins_per_hour']:.1f}", f"at most {limit:.1f} in a long harvest without traffic"),
         ("Time", clock(summary["sim_seconds"]), f"simulated; the whole harvest takes {schedule} without traffic"),
-        ("Bins", f"{summary['bins_delivered']} of {summary['rows']}", f"delivered; {summary['rows_picked']} rows picked"),
+        ("Bins", f"{summary['bins_delivered']} of {summary['bins']}", f"delivered; {summary['rows_picked']} rows picked"),
         ("Pickers wait", f"{summary['picker_waiting_seconds']:.0f} s", "from a full bin to an empty one, mean"),
         ("Carriers at work", f"{100.0 * summary['carrier_utilisation']:.0f} %", UNITS["carrier_utilisation"]),
         ("Collisions", str(summary["collisions"]), "of robots"),

@@ -34,7 +34,7 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
     length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
     each = scenario.bin_metres
-    bins = f", a bin every {each:g} m" if each and "metres_per_bin" not in varied else ""
+    bins = f", a bin every {each:.3g} m" if each and "metres_per_bin" not in varied else ""
     words = {
         "pickers": counted("pickers", scenario.pickers),
         "carriers": counted("carriers", scenario.carrier_count),

@@ -13,7 +13,7 @@ from orchard.app.elements import button, dialog, note
 from orchard.app.form import Form
 from orchard.app.harvest_run import Harvests, Run, RunControls
 from orchard.app.own_classes import from_elsewhere, may_run
-from orchard.app.preview import FiguresView
+from orchard.app.preview import FiguresView, derive
 from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.field.layout import lay_out
@@ -172,7 +172,9 @@ class Page:
         if (layout := await run.io_bound(lay_out, scenario)) is None:
             return  # the server is shutting down
         self.stage.plan.show(layout)
-        self.figures.show(layout)
+        derived = await run.io_bound(derive, layout)  # of a hundred rows it takes seconds
+        if derived is not None and now is self._drawn:
+            self.figures.show(*derived)
 
     def _update_buttons(self) -> None:
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)

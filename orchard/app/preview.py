@@ -10,6 +10,8 @@ from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
 
+DEEP = 2.0  # from this many times its width on, a plan is shown as wide as the page
+
 
 def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     """Return the derived figures of an orchard: name, value with its unit, and a note on its meaning."""
@@ -31,12 +33,19 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     ]
 
 
+def derive(layout: Layout) -> tuple[list[tuple[str, str, str]], dict[str, float]]:
+    """Return the derived figures of an orchard, and what each part of its harvest allows, bins/s."""
+    bounds = Bounds(layout)
+    return figures(layout, bounds), bounds.terms
+
+
 class PlanView:
     """The plan of the orchard, seen from above, with its legend."""
 
     def __init__(self) -> None:
         self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
-        ui.switch("Full width", on_change=self._widen).classes("corner").props("dense size=sm data-field=full-width")
+        self._full_width = ui.switch("Full width", on_change=self._widen).classes("corner").props("dense size=sm data-field=full-width")
+        self._is_deep = False
         with ui.element("div").classes("legend"):
             places = {"tree": "tree", "driveway": "driveway", "bay": "unloading bay", "D": "road of deliveries", "F": "road of full bins"}
             kinds = {name: "rgb({},{},{})".format(*kind.colour) for name, kind in KINDS.items()}
@@ -48,6 +57,10 @@ class PlanView:
     def show(self, layout: Layout) -> None:
         self._plan.set_content(orchard_plan(layout))
         self._plan.classes(remove="stale")
+        is_deep = layout.top - layout.bottom > DEEP * (layout.east - X_WEST)
+        if is_deep != self._is_deep:  # all of it at once would be a stripe
+            self._is_deep = is_deep
+            self._full_width.set_value(is_deep)
 
     def _widen(self, event: ValueChangeEventArguments[bool | None]) -> None:
         self._plan.classes(add="wide" if event.value else "", remove="" if event.value else "wide")
@@ -64,15 +77,14 @@ class FiguresView:
         self._tiles = ui.element("div").classes("tiles")
         self._bars = ui.element("div").classes("bars")
 
-    def show(self, layout: Layout) -> None:
-        bounds = Bounds(layout)
+    def show(self, derived: list[tuple[str, str, str]], rates: dict[str, float]) -> None:
+        """Show what `derive` has found."""
         self._tiles.clear()
         with self._tiles:
-            tiles(figures(layout, bounds))
+            tiles(derived)
         self._bars.clear()
         with self._bars:
             heading(2, "What each part allows without traffic, bins/h").classes("bars-title")
-            rates = bounds.terms
             for name, rate in rates.items():
                 with ui.element("div").classes("bar least" if rate == min(rates.values()) else "bar"):
                     ui.label(name).classes("bar-name")

@@ -14,7 +14,7 @@ from orchard.agents.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
-from orchard.field.queue import ONE_WAY, TWO_WAY, queue_of
+from orchard.field.queue import MOST_CARRIERS, ONE_WAY, TWO_WAY, queue_of
 from orchard.field.rows import Block
 from orchard.field.scenario import DISPATCH_POLICIES, NEAREST, ROW_RULES, Animals, LaserSettings, People, Scenario
 from orchard.report.bounds import Bounds
@@ -127,9 +127,11 @@ def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, picke
     stage.assert_no_collisions()
 
 
-@pytest.mark.parametrize("number", [pytest.param(number, marks=pytest.mark.soak) for number in range(200)])
-def test_soak_a_random_legal_scenario_ends_with_all_bins_delivered(number):
-    scenario = random_scenario(number)
+@pytest.mark.soak
+@pytest.mark.parametrize("size", ["any", "large"])
+@pytest.mark.parametrize("number", range(200))
+def test_soak_a_random_legal_scenario_ends_with_all_bins_delivered(number, size):
+    scenario = random_scenario(number) if size == "any" else large_scenario(number)
     print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
     stage = Stage(scenario)
     slow = scenario.row_length * scenario.rows / scenario.pickers / scenario.mean_picking_speed
@@ -166,6 +168,27 @@ def random_scenario(number: int) -> Scenario:
         weeds=chance.randint(0, 50),
         tractor=chance.random() < 0.8,
         laser=LaserSettings(noise=chance.choice([0.0, 0.0, 0.01, 0.02])),
+    )
+
+
+def large_scenario(number: int) -> Scenario:
+    """Return a random scenario beyond the manual's sizes. Pickers are fast, so that a run takes minutes at most."""
+    chance = random.Random(f"{RANDOM_SEED}/large/{number}")
+    rows, route, length = chance.randint(21, chance.choice([30, 45, 100])), chance.choice([ONE_WAY, TWO_WAY]), chance.randint(30, 110)
+    most = [carriers for carriers in range(1, MOST_CARRIERS + 1) if queue_of(route, length, 0.0, carriers)]
+    return Scenario(
+        rows=rows,
+        pickers=chance.randint(10, min(rows, 60)),
+        row_width=chance.choice([5.0, 5.0, round(chance.uniform(5.0, 12.0), 2)]),
+        carriers=min(chance.randint(rows // 4, MOST_CARRIERS), max(most)),
+        row_length=length,
+        route=route,
+        dispatch=chance.choice(DISPATCH_POLICIES),
+        rows_to_pickers=chance.choice(ROW_RULES),
+        picking_speed=chance.choice([0.5, 1.0]),
+        seed=chance.randint(0, 10**6),
+        people=People(workers=chance.randint(0, 25), visitors=chance.randint(0, 25)),
+        tractor=chance.random() < 0.8,
     )
 
 

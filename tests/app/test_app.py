@@ -83,10 +83,10 @@ def test_a_new_page_says_what_to_do_first(browser):
 
 
 def test_the_plan_and_the_figures_follow_every_change(browser):
-    assert browser.figure("Trees") == "72"
+    browser.until(lambda: browser.figure("Trees") == "72", "trees")
     browser.fill("rows", 8)
     browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
-    assert browser.figure("Trees") == "108"
+    browser.until(lambda: browser.figure("Trees") == "108", "more trees")
     before = browser.figure("Limit")
     browser.fill("pickers", 8)
     browser.until(lambda: browser.figure("Carriers") == "6", "carriers follow the pickers")
@@ -102,6 +102,14 @@ def test_a_slider_moves_its_field(browser):
     rows = browser.field("rows")
     browser.until(lambda: rows.get_attribute("value") in ("51", "52"), "rows in the middle")
     browser.until(lambda: browser.tree_lines() == int(rows.get_attribute("value")) + 1, "a plan of as many")
+
+
+def test_a_plan_of_many_rows_is_shown_as_wide_as_the_page(browser):
+    browser.fill("rows", 100)
+    browser.until(lambda: browser.tree_lines() == 101, "a plan of 100 rows")
+    browser.until(lambda: browser.field("full-width").get_attribute("aria-checked") == "true", "full width by itself")
+    browser.fill("rows", 5)
+    browser.until(lambda: browser.field("full-width").get_attribute("aria-checked") == "false", "the whole plan again")
 
 
 def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
@@ -135,7 +143,7 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     file.write_text("rows: 12\npickers: 4\ncarriers: 9\npicking_speed: 0.5\npicking: {spread: {distribution: gamma, cv: 0.4}}\n")
     browser.one("input[type=file]").send_keys(str(file))
     browser.until(lambda: browser.tree_lines() == 13, "a plan of 12 rows")
-    assert browser.field("carriers").get_attribute("value") == browser.figure("Carriers") == "9"
+    browser.until(lambda: browser.field("carriers").get_attribute("value") == browser.figure("Carriers") == "9", "as many carriers")
     assert browser.field("picking.spread.cv").get_attribute("value") == "0.4"
     browser.fill("seed", 2**63 - 1)
     browser.switch("picking.failure.mean_between-automatic", False)

@@ -63,14 +63,14 @@ def _left_part_full(world: World, events: list[Event]) -> list[Event]:
     """The events for bins that a picker has left though they are not full: the last ones of a harvest."""
     left = [(event, world.index[event.whom]) for event in events if event.what == "uncoupled" and kind_of(event.who) == "picker"]
     return [
-        Event(world.tick, "bin full", event.whom, event.who, f"row {_row_of(world, bin_)}, {world.fill[bin_]:.1f} m")
+        Event(world.tick, "bin full", event.whom, event.who, _held(world, bin_, _row_of(world, bin_)))
         for event, bin_ in left
         if world.fixed.bin_least <= world.fill[bin_] < world.fixed.bin_full
     ]
 
 
 def _row_of(world: World, body: int) -> int:
-    return int(np.argmin(np.abs(world.fixed.row_y - world.pose[body, 1]))) + 1
+    return int(np.argmin(np.abs(world.fixed.row_y - world.pose[body, 1])))
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
@@ -82,8 +82,13 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
         if world.rows_done[r]:
             events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
         if world.fill[bin_] >= world.fixed.bin_full:
-            events.append(Event(world.tick, "bin full", names[bin_], names[i], f"row {r + 1}"))
+            events.append(Event(world.tick, "bin full", names[bin_], names[i], _held(world, bin_, r)))
     return events
+
+
+def _held(world: World, bin_: int, row: int) -> str:
+    """In which row a bin was filled, and the metres in it, for people and for the table of exchanges."""
+    return f"row {row + 1}, {world.fill[bin_] / world.fixed.row_share[row]:.2f} m"
 
 
 def _unload(world: World) -> list[Event]:

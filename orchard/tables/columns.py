@@ -83,6 +83,7 @@ CALLS = pa.schema(
 EXCHANGES = pa.schema(
     [
         _column("row", WHOLE, "", "in which the bin was filled"),
+        _column("metres", NUMBER, "m", "of row in the bin"),
         _text("picker", "that filled it"),
         _text("full_bin", "that the picker left"),
         _text("empty_bin", "that the picker got; null: not yet"),

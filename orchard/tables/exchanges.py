@@ -50,7 +50,8 @@ def exchanges(events: Iterable[Row]) -> list[NewRow]:
     for event in events:
         what, who, whom, tick = event["what"], event["who"], event["whom"], event["tick"]
         if what == "bin full" and whom is not None:
-            known = {"row": int(event["detail"].partition(",")[0].removeprefix("row ")), "picker": whom, "full_bin": who, "full": tick}
+            row, metres = event["detail"].removeprefix("row ").removesuffix(" m").split(", ")
+            known = {"row": int(row), "metres": float(metres), "picker": whom, "full_bin": who, "full": tick}
             made.append(dict.fromkeys(EXCHANGES.names) | known)
             waiting[whom] = filled[who] = made[-1]
         elif what == "uncoupled" and kind_of(who) == "picker" and (one := filled.get(whom)):

@@ -81,6 +81,7 @@ def assert_all_is_picked_into_bins_and_delivered(scenario: Scenario, holds: type
     assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
     assert (layout.bins, world.delivered, world.delivered_metres) == (bins, bins, pytest.approx(sum(of_each)))
     made = exchanges([{name: getattr(event, name) for name in ("tick", "what", "who", "whom", "detail")} for event in stage.events])
+    assert sum(one["metres"] for one in made) == pytest.approx(sum(of_each), abs=0.01 * bins)
     assert len(made) == bins and all(one["left"] and one["brought"] and one["fetched"] and one["unloaded"] for one in made)
 
 

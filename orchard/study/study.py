@@ -21,7 +21,7 @@ from orchard.study.result import Check, Goal, Horizon, Interval, Model, Models, 
 from orchard.study.runs import RunRecord, software
 from orchard.study.settings import CARRIERS, Setting, settings_of
 from orchard.study.store import Store
-from orchard.study.words import answer, orchard_words
+from orchard.study.words import answer, counted, orchard_words
 from orchard.study.workers import Workers, processes, scheduled
 
 TOLD = 0.5  # s between two partial results
@@ -134,6 +134,7 @@ class _Study:
         self.goal = options.goal or ("cost_per_bin" if all(one.has_prices for one in self.settings) else "bins_per_hour")
         self.model: Model = "full" if options.model == "full" else "fast"
         self.runs = Replications(self.settings, self.goal, options.horizon, self.store, self.workers, self._hear, self.is_stopped)
+        self.most = most_carriers(self.scenario) if self.is_open else 0
         self.checks: dict[int, Check] = {}
         self.notes: list[str] = []
         self.stopped_by: StoppedBy = "budget"
@@ -185,7 +186,7 @@ class _Study:
     def _add_numbers(self) -> bool:
         """Add numbers of carriers if the answer so far needs them. Return whether it does."""
         found, tried = self._found(), self.varied[CARRIERS]
-        more = more_numbers(tried, self.settings[found.best].scenario.carrier_count, most_carriers(self.scenario)) if found else []
+        more = more_numbers(tried, self.settings[found.best].scenario.carrier_count, self.most) if found else []
         self.settings += settings_of(self.scenario, self.varied | {CARRIERS: more})[0] if more else []
         self.varied[CARRIERS] = sorted([*tried, *more])
         return bool(more)
@@ -236,7 +237,7 @@ class _Study:
             undecided=[self.settings[i].values for i in undecided],
             seconds_needed=self._seconds_needed(found) if found else None,
             beyond=self._beyond(self.settings[found.best]) if found else {},
-            notes=[*self._about(shown), *self._row_ends(found), *self.notes, *self._damaged()],
+            notes=[*self._about(shown), *self._no_room(found), *self._row_ends(found), *self.notes, *self._damaged()],
             version=software(),
             violations=sorted({line for record in records for line in record.violations.splitlines()}),
         )
@@ -280,6 +281,11 @@ class _Study:
             notes.append(f"the budget did not allow a run of {count}, {self._words(missing)}: not in the table")
         notes += [f"{self.settings[i].words or 'the scenario'} jams: robots wait for each other for ever" for i in self.jammed]
         return [*notes, *self._faults(shown)]
+
+    def _no_room(self, found: Comparison | None) -> list[str]:
+        """That the answer is the last number for another reason than that more gain nothing."""
+        is_last = self.is_open and found is not None and self.settings[found.best].scenario.carrier_count == self.most
+        return [f"the orchard has room for {counted('carriers', self.most)}, no more"] if is_last else []
 
     def _row_ends(self, found: Comparison | None) -> list[str]:
         """What the drives to the ends of rows cost with the best setting."""

@@ -14,7 +14,9 @@ import psutil
 import pytest
 from command_line import SECONDS, orchard, starting
 
-from orchard.field.scenario import load, with_changes
+from orchard.app.command import Files
+from orchard.app.study_run import StudyRun, StudySettings
+from orchard.field.scenario import Scenario, load, with_changes
 from orchard.launch import commands
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreFailed
@@ -69,6 +71,24 @@ def wait_for_runs(store: Path) -> None:
     while known(store) < 3:
         assert time.monotonic() < end, "no run was kept"
         time.sleep(0.02)
+
+
+ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
+
+
+@pytest.mark.parametrize("prices", [{}, {"picker_per_hour": 25.0, "carrier_per_hour": 8.0}])
+def test_the_library_the_command_and_the_page_give_one_answer(folder, tmp_path, prices):
+    """Told nothing but the orchard, and each with a store of its own."""
+    scenario = Scenario(rows=6, row_length=40.0, pickers=3, picking_rate=40.0, bins_per_row=2, **ALONE, prices=prices)
+    files = Files(tmp_path, "rent")
+    page = StudyRun(scenario, StudySettings(), files)
+    page._listener.join(SECONDS)
+    orchard("study", files.scenario, "--summary", tmp_path / "command.json", "--out", tmp_path / "command.db")
+    library = study(scenario, options=StudyOptions(store=tmp_path / "library.db", workers=1))
+    assert page.result is not None and library.stopped_by == "certain" and library.beyond == {}
+    assert page.result.answer == library.answer == found(tmp_path / "command.json")["answer"]
+    assert page.result.table == library.table
+    assert 1 < library.best["carriers"] < max(library.varied["carriers"]), "it lies inside what was tried"
 
 
 def test_the_whole_answer_is_written(folder, undisturbed):

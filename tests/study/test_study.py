@@ -275,6 +275,13 @@ def test_a_study_that_is_told_nothing_tries_as_many_carriers_as_it_takes(changes
     assert changes or behind[best] < 0.02 <= behind[best - 1]
 
 
+def test_an_orchard_without_room_for_more_carriers_says_so(tmp_path):
+    scenario = Scenario(rows=10, row_length=20.0, pickers=8, carriers=3, picking_rate=60.0, **QUIET)
+    found = study(scenario, options=replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
+    most = most_carriers(scenario)
+    assert found.best == {"carriers": most} and f"the orchard has room for {most} carriers, no more" in found.notes
+
+
 NUMBERS = [(3, [1, 2, 3], [4, 5]), (8, [4, 5, 6, 7, 8], [9, 10, 12]), (3, [3, 4, 5], [1]), (8, [4, 8, 12], [6])]
 
 

@@ -42,6 +42,7 @@ class CarrierMemory(Plan):
 
     job: Job | None = None
     delivered: str = ""  # the empty bin that it left for the picker
+    charged: bool = True  # whether its battery has been full since it last went to charge
     calls: dict[str, HeardCall] = {}  # bin -> its call, heard lately, also while the carrier is busy
 
 
@@ -59,7 +60,12 @@ class Carrier:
         robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.wait_in_queue()]), self.bystanders)
         hear_calls(robot.memory.calls, mail, seen.tick)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
-        robot.follow()
+        robot.memory.charged = robot.memory.charged or seen.charge >= 1.0
+        if seen.charge > 0.0:
+            robot.follow()
+        else:
+            robot.memory.doing, robot.memory.state = "standing with a flat battery", "failed"
+            robot.hold()
         return robot.finish()
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
@@ -95,7 +101,8 @@ class Carrier:
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        plan = self.route.fetch(self.number, come.lane, self.route.sides[come.side], come.picker, bin_name)
+        number = self.route.number(self.number, robot.pose.y)
+        plan = self.route.fetch(number, come.lane, self.route.sides[come.side], come.picker, bin_name)
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
         robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():

@@ -13,7 +13,7 @@ from orchard.agents.sense import STOP_DISTANCE, Box
 from orchard.field.kinds import KINDS
 from orchard.field.layout import EAST_START, Layout
 from orchard.field.passes import Pass
-from orchard.field.queue import ONE_WAY, TOP_ROAD
+from orchard.field.queue import BESIDE, ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block
 from orchard.field.scenario import Failure
 
@@ -124,7 +124,7 @@ class OneWay:
         return announce + ([st.PickFrom(one.begin)] if one.is_inside else [])
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
-        """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: its number, from 1."""
+        """A carrier's whole job: an empty bin to the picker, the full bin to the bay, back to the queue. `carrier`: see `number`."""
         job: list[Step] = [
             st.Confirmed(full_bin, [st.Home(), *self.wait_in_queue()]),
             st.Say(f"bringing an empty bin to {picker}", "driving"),
@@ -136,6 +136,7 @@ class OneWay:
             *self.go_to_bay(lane, side),
             st.Say(f"unloading {full_bin}", "unloading"),
             st.Unload(),
+            *self.may_charge(carrier),
             *self.go_home(carrier),
         ]
         fails = self.may_fail(self.layout.scenario.carrying.failure)
@@ -281,7 +282,7 @@ class OneWay:
 
     def leave_queue(self) -> list[Step]:
         """Drive onto the delivery road. Carriers of several lines take turns at `top`; those of one line follow each other."""
-        needs = [Gate([TOP], self.queue.head)] if self.layout.scenario.carrier_count > self.queue.places else []
+        needs = [Gate([TOP], self.queue.head)] if self.layout.queue_places > self.queue.places else []
         return [st.DriveTo(x=self.east.x(self.D_ROAD), needs=needs), st.Face("SOUTH")]
 
     def go_to_lane(self, lane: int, side: Side) -> list[Step]:
@@ -332,9 +333,28 @@ class OneWay:
 
     def go_home(self, carrier: int) -> list[Step]:
         """Drive from the bay to the tail of the carrier's line of the queue, and move up."""
-        y = self.queue.place(carrier - 1).y
+        place = carrier - self.layout.first_charging if carrier > self.layout.first_charging > 0 else carrier
+        return [st.Say("returning to the queue", "driving"), *self.go_to_line(place), st.Home(), *self.wait_in_queue()]
+
+    def may_charge(self, carrier: int) -> list[Step]:
+        """The step after a job, if carriers have batteries: where it must charge, a carrier drives to the tail of its charging line."""
+        first, battery = self.layout.first_charging, self.layout.scenario.carrying.battery
+        place = carrier if carrier > first else carrier + first
+        head = st.DriveTo(x=self.queue.head, queueing=True)
+        wait = st.Charge(), head, st.Charged(), st.Home(), st.Say("waiting in the queue", "waiting"), head
+        go = st.Say("driving to the chargers", "driving"), *self.go_to_line(place), *wait
+        return [st.MayCharge(battery.reserve, list(go))] if first else []
+
+    def go_to_line(self, place: int) -> list[Step]:
+        """Drive from the bay to the tail of the line with this place, counted from 1."""
+        y = self.queue.place(place - 1).y
         aside: list[Step] = [] if y == TOP_ROAD else [st.Face("SOUTH" if y < TOP_ROAD else "NORTH"), st.DriveTo(y=y), st.Face("EAST")]
-        return [st.Say("returning to the queue", "driving"), st.DriveTo(x=self.queue.turn_off), *aside, st.Home(), *self.wait_in_queue()]
+        return [st.DriveTo(x=self.queue.turn_off), *aside]
+
+    def number(self, carrier: int, y: float) -> int:
+        """Return the number, from 1, of the place in the queue that stands for a carrier: its own, or in a charging line that in it."""
+        charging = self.layout.first_charging + carrier
+        return charging if self.layout.first_charging and abs(y - self.queue.place(charging - 1).y) < BESIDE else carrier
 
     def at_work(self, lane: int, side: Side) -> list[Box]:
         """The bins and the picker of a lane, which a carrier that works there does not take for obstacles."""
@@ -347,7 +367,7 @@ class OneWay:
     @property
     def top_clear(self) -> float:
         """y at which a carrier is out of the way of carriers that turn in from other lines, m."""
-        return min(self.queue.used(self.layout.scenario.carrier_count)) - self.TOP_CLEAR
+        return min(self.queue.used(self.layout.queue_places)) - self.TOP_CLEAR
 
     @property
     def inner_bottom(self) -> float:

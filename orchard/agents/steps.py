@@ -445,6 +445,36 @@ class Confirmed(Step, frozen=True):
         return answer is not None
 
 
+class MayCharge(Step, frozen=True):
+    """For carriers, once they have unloaded: if the charge is at the reserve, do the steps `otherwise`."""
+
+    reserve: float  #: of the charge, 0 to 1
+    otherwise: list["AnyStep"]
+
+    def act(self, robot: PlanExecutor) -> bool:
+        if robot.seen.charge <= self.reserve:
+            robot.memory.plan[1:] = self.otherwise
+        return True
+
+
+class Charge(Step, frozen=True):
+    """For carriers that are in a charging line: from here on they charge where they stand, once a charger is free."""
+
+    keeps_course: ClassVar[bool] = True
+
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.memory.doing, robot.memory.state, robot.memory.charged = "charging", "resting", False
+        return True
+
+
+class Charged(Step, frozen=True):
+    """For carriers: stand until the battery has been full."""
+
+    def act(self, robot: PlanExecutor) -> bool:
+        robot.hold()
+        return bool(robot.memory.charged)
+
+
 class Home(Step, frozen=True):
     """For carriers: the job is done, and the carrier can be called again."""
 
@@ -468,7 +498,8 @@ if TYPE_CHECKING:
 else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
-        | FetchEmpty | Announce | PickFrom | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed | Home | Again
+        | FetchEmpty | Announce | PickFrom | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed
+        | MayCharge | Charge | Charged | Home | Again
     )  # fmt: skip
 
 

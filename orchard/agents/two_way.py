@@ -60,7 +60,7 @@ class TwoWay(OneWay):
     def roads(self) -> list[Road]:
         first, last = self.layout.lane(1).y, self.layout.lanes[-1].y
         d, f = ([side.x(x) for side in (self.west, self.east)] for x in (self.D_ROAD, self.F_ROAD))
-        lines = sorted(self.queue.used(self.layout.scenario.carrier_count))
+        lines = sorted(self.queue.used(self.layout.queue_places))
         to_west = [(self.connector, lines[-1]), (self.connector, self.D_TOP), (d[0], self.D_TOP), (d[0], last - self.STOP)]
         to_east = [(d[1], lines[-1]), (d[1], last - self.STOP)]
         onward = [[(self.queue.head, y), (d[1], y)] for y in lines]
@@ -150,7 +150,7 @@ class TwoWay(OneWay):
 
     def _lines(self, where: str, y: float) -> list[tuple[str, float]]:
         """The places of the line at y and of the lines in use south of it, from north to south, with their y. A single line needs none."""
-        lines = self.queue.used(self.layout.scenario.carrier_count)
+        lines = self.queue.used(self.layout.queue_places)
         return [(f"{where}/{lines.index(line) + 1}", line) for line in sorted(lines, reverse=True) if line <= y] if len(lines) > 1 else []
 
     def _deliver(self, lane: int, side: Side, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()) -> Step:

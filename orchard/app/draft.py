@@ -63,6 +63,8 @@ LABELS = {  # where the words of the file are too short for a reader of the page
     "picking.failure.mean_repair": "Time of a repair",
     "carrying.failure.mean_between": "Time between carriers' failures",
     "carrying.failure.mean_repair": "Time of a carrier's repair",
+    "carrying.battery.hours": "Hours of a battery",
+    "carrying.battery.standing": "Power while standing",
     "sensors.gnss.white": "GNSS error of a tick",
     "sensors.gnss.bias": "GNSS error, slow",
     "sensors.gnss.bias_time": "GNSS correlation time",

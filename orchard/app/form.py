@@ -89,7 +89,10 @@ GROUPS = {
     "Orchard": ("rows", "row_length", "bins_per_row", "row_width", "seed"),
     "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
     "Picking": ("picking.spread.distribution", "picking.spread.cv", "picking.failure.mean_between", "picking.failure.mean_repair"),
-    "Carriers that fail": ("carrying.failure.mean_between", "carrying.failure.mean_repair"),
+    "Carriers": (
+        *("carrying.failure.mean_between", "carrying.failure.mean_repair", "chargers", "carrying.battery.hours"),
+        *("carrying.battery.standing", "carrying.battery.hours_to_charge", "carrying.battery.reserve"),
+    ),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
     "Prices": ("prices.picker_per_hour", "prices.carrier_per_hour", "prices.overhead_per_hour", "prices.per_bin"),

@@ -74,6 +74,7 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
     fill: float = 0.0  #: of a bin: metres of row in it, 0 to what fills it
     full: bool = False  #: of a bin: full, or left by its picker part full, the last of a harvest
     accuracy: float = 0.0  #: m, the standard deviation of x and of y, as its receiver tells; 0: exact
+    charge: float = 1.0  #: of its battery, 0 (flat) to 1 (full); 1 without one
 
     @cached_property
     def pose(self) -> Pose:
@@ -216,6 +217,7 @@ class Observations:
     fills: Mapping[str, float]  # of bins that are not empty, by name: metres of row
     full: Collection[str]  # names of the full bins
     accuracies: Mapping[str, float] = field(default_factory=dict)  # of bodies whose x and y are not exact, m, by name
+    charges: Mapping[str, float] = field(default_factory=dict)  # of bodies with a battery, 0 to 1, by name
 
     def __getitem__(self, name: str) -> Observation:
         """Return the observation of one body. Raises KeyError for an unknown name."""
@@ -223,10 +225,11 @@ class Observations:
         x, y, z, w, vx, vy, turn = self.states[body].tolist()
         hitch, fill, accuracy = self.hitches.get(name), self.fills.get(name, 0.0), self.accuracies.get(name, 0.0)
         twist, is_full = Twist(vx, vy, turn), name in self.full
-        return Observation(name, self.tick, x, y, (z, w), twist, self.scans[body], hitch, fill, is_full, accuracy)
+        charge = self.charges.get(name, 1.0)
+        return Observation(name, self.tick, x, y, (z, w), twist, self.scans[body], hitch, fill, is_full, accuracy, charge)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Observations":
-        parts = self.states, self.scans, self.hitches, self.fills, self.full, self.accuracies
+        parts = self.states, self.scans, self.hitches, self.fills, self.full, self.accuracies, self.charges
         return Observations(self.tick, self.names, *deepcopy(parts, memo))  # the names are the layout's, and read-only
 
     def of(self, names: Iterable[str]) -> dict[str, Observation]:

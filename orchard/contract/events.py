@@ -16,7 +16,7 @@ SCAN_TICKS = 5  # ticks between two frames with scans: twice a second
 
 What = Literal[
     "coupled", "uncoupled", "picks from", "row picked", "bin full", "unloaded", "weed flattened", "deed refused", "collision", "stopped",
-    "reset",
+    "reset", "charging", "charged", "flat",
 ]  # fmt: skip
 
 

@@ -111,7 +111,8 @@ class Calls:
         self.start(call, carrier)
 
     def start(self, call: OpenCall, carrier: Robot) -> None:
-        carrier.take(self.route.fetch(number_of(carrier.name), call.lane, call.side, call.picker, call.bin))
+        number = self.route.number(number_of(carrier.name), carrier.y)
+        carrier.take(self.route.fetch(number, call.lane, call.side, call.picker, call.bin))
 
 
 class Dispatched(Calls):

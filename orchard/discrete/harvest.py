@@ -3,16 +3,17 @@
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import cycle, islice
-from math import inf
+from math import ceil, inf
 from statistics import fmean
 
 import simpy
 
 from orchard.agents.forecast import until_full
+from orchard.agents.robot import PATIENCE
 from orchard.agents.routes import route_of
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
-from orchard.discrete.robots import Roads, Robot
+from orchard.discrete.robots import Events, Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -36,6 +37,7 @@ class DiscreteHarvest:
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
+        self.battery, self.chargers = scenario.carrying.battery, simpy.Resource(self.env, max(1, scenario.chargers))
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
         self.deliveries: list[float] = []  # s, when each bin was unloaded
         self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
@@ -69,7 +71,7 @@ class DiscreteHarvest:
 
     @property
     def _drives(self) -> bool:
-        return any(robot.is_on_the_way for robot in self.robots.values())
+        return any(robot.is_on_the_way for robot in self.robots.values()) or self.chargers.count > 0
 
     @property
     def done(self) -> int:
@@ -117,10 +119,30 @@ class DiscreteHarvest:
         self._trips.append((carrier.away, carrier.tick))
         self.calls.home(carrier)
 
+    def spread_charges(self) -> None:
+        """Let carriers begin with batteries charged differently, as they are after some days, and not all full."""
+        for number, carrier in enumerate(self._carriers):
+            carrier.charge = 1.0 - (1.0 - self.battery.reserve) * number / len(self._carriers)
+
+    def charge(self, carrier: Robot) -> Events:
+        """Charge a battery, once its carrier stands in its line and a charger is free."""
+        self._trips.append((carrier.away, carrier.tick))
+        carrier.away = inf
+        yield self.env.timeout(1)
+        while carrier.is_on_the_way:
+            yield self.env.timeout(PATIENCE)
+        carrier.parked = carrier.stood
+        with self.chargers.request() as free:
+            yield free
+            carrier.use_battery()
+            yield self.env.timeout(ceil((1.0 - max(0.0, carrier.charge)) * self.battery.hours_to_charge * 3600.0 / TIME_STEP))
+        carrier.charge, carrier.since, carrier.moved_ticks = 1.0, carrier.tick, 0
+        carrier.is_charged.succeed()
+
     @property
     def seconds(self) -> float:
         """The length of the harvest, s."""
-        return max(robot.stood for robot in self.robots.values()) * TIME_STEP
+        return max(min(robot.stood, robot.parked) for robot in self.robots.values()) * TIME_STEP
 
     def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
         """Return the mean time from a picker's full bin to the empty one that it got between two times, s; 0 if it got none."""

@@ -9,6 +9,7 @@ import numpy as np
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import Layout
 
+CHARGES = 1.5  # that each carrier does
 LEAST_BINS, LEAST_ROUNDS = 12, 3  # that each picker fills; how often those with most rows pick theirs, if each fills one bin
 BEGINNING = 0.2  # share of the bins that is left out
 
@@ -30,6 +31,7 @@ def long_run(layout: Layout, rows_each: int | None = None) -> LongRun:
     Raises ValueError as `DiscreteHarvest` does, and RuntimeError for a jam.
     """
     harvest = DiscreteHarvest(layout, rows_each or _rows_each(layout))
+    harvest.spread_charges()
     pickers = [harvest.robots[name] for name in harvest.blocks]
     harvest.run(lambda: all(picker.plan for picker in pickers))
     if all(picker.plan for picker in pickers):
@@ -43,7 +45,9 @@ def long_run(layout: Layout, rows_each: int | None = None) -> LongRun:
 def _rows_each(layout: Layout) -> int:
     each, most = layout.scenario.bin_metres, max(len(block.rows) for block in layout.blocks.values())
     bins_a_row = layout.mean_length / each if each else 1.0
-    return max(ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most)
+    battery, row = layout.scenario.carrying.battery, layout.picking_seconds(1, layout.mean_length)
+    lasts = CHARGES * 3600.0 * (battery.hours or 0.0) * (1.0 - battery.reserve)  # s
+    return max(ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most, ceil(lasts / row))
 
 
 def _between(deliveries: Sequence[float]) -> float:

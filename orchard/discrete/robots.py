@@ -17,7 +17,7 @@ from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import TIME_STEP, Battery
 
 Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m
@@ -32,6 +32,7 @@ class Model(Protocol):
     bystanders: Bystanders
     exit: float  # x at which carriers leave the queue, m
     left: dict[str, simpy.Event]  # full bin -> it is left in its lane
+    battery: Battery
 
     def begin_row(self, picker: "Robot", before: float = 0.0) -> None: ...
     def go_on(self, picker: "Robot") -> None: ...
@@ -41,6 +42,7 @@ class Model(Protocol):
     def couple(self, picker: "Robot") -> None: ...
     def deliver(self) -> None: ...
     def home(self, carrier: "Robot") -> None: ...
+    def charge(self, carrier: "Robot") -> Events: ...
 
 
 class Roads:
@@ -65,6 +67,9 @@ class Robot(Follower):
         self.meetings, self.turns = 0, 0  # so far: times that it stood for people and animals on its way, and turns
         self.clear = model.bystanders.metres_to(name, 0)  # m to the next meeting
         self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on
+        self.charge, self.moved_ticks, self.since = 1.0, 0, 0  # of its battery at the tick `since`; ticks for which it has moved since then
+        self.is_charged = self.env.event()
+        self.parked: float = inf  # tick since which it stands in a charging line; inf: it does not
         self.away = inf  # tick since which it has been outside the queue; inf: it is there
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
@@ -88,7 +93,7 @@ class Robot(Follower):
 
     def take(self, plan: list[Step]) -> None:
         """Drop the rest of the plan for another one."""
-        self.plan, self.away = list(plan), inf
+        self.plan, self.away, self.parked = list(plan), inf, inf
         happened, self.new_plan = self.new_plan, self.env.event()
         happened.succeed()
 
@@ -164,6 +169,7 @@ class Robot(Follower):
             yield self._pause(ticks, called, is_held_up=limit < goal)
             if before is not None and limit < goal:  # the one before it has driven on
                 limit = max(limit, min(goal, room(self, before)))
+            self.moved_ticks += self.tick - begun
             here, self._leg = min(limit, was + (self.tick - begun) * stride), None
             if axis == "x":
                 self._note_exit(begun, was, here, stride)
@@ -240,6 +246,7 @@ class Robot(Follower):
         if not ticks:
             return
         self.turns += 1
+        self.moved_ticks += ticks
         if stands := self.model.bystanders.turning_ticks(self.name, self.turns, bool(self.bin)):
             yield self.env.timeout(stands)
         swung = floor(st.Face.swings * ticks)
@@ -371,6 +378,31 @@ class Robot(Follower):
     @do.register
     def _(self, step: st.PickFrom) -> None:
         """Its drives tell where it picks."""
+
+    @do.register
+    def _(self, step: st.MayCharge) -> Events:
+        self.use_battery()
+        if self.charge <= 0.0:
+            yield self.env.event()  # it stands flat for ever
+        if self.charge <= step.reserve:
+            self.plan = list(step.otherwise)
+
+    @do.register
+    def _(self, step: st.Charge) -> None:
+        self.is_charged = self.env.event()
+        self.env.process(self.model.charge(self))
+
+    @do.register
+    def _(self, step: st.Charged) -> Events:
+        if not self.is_charged.triggered:
+            yield from self.wait(self.is_charged)
+
+    def use_battery(self) -> None:
+        """Count what the battery was used for since it was last counted, or charged."""
+        battery, ticks = self.model.battery, self.tick - self.since
+        worked = self.moved_ticks + battery.standing * (ticks - self.moved_ticks)
+        self.charge -= worked * TIME_STEP / 3600.0 / (battery.hours or inf)
+        self.since, self.moved_ticks = self.tick, 0
 
     @do.register
     def _(self, step: st.Home) -> None:

@@ -156,11 +156,27 @@ class Layout:
         name = scenario.route if scenario.route in QUEUES else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
         if name not in [*QUEUES]:
             raise ScenarioError([Problem("scenario", f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}", "route", scenario.route)])
-        queue = queue_of(name, scenario.row_length, scenario.bay, scenario.carrier_count)
+        wanted = name, scenario.row_length, scenario.bay, scenario.carrier_count, scenario.has_batteries
+        queue = queue_of(*wanted)
         if queue is None:
-            text = lack_of_room(name, scenario.row_length, scenario.bay, scenario.carrier_count)
+            text = lack_of_room(*wanted)
             raise ScenarioError([Problem("scenario", text, "carriers", str(scenario.carrier_count))])
         return queue
+
+    @cached_property
+    def first_charging(self) -> int:
+        """The number of places of the lines in which carriers wait: beyond them are those in which they charge. 0 without batteries."""
+        return self.queue.whole_lines(self.scenario.carrier_count) if self.scenario.has_batteries else 0
+
+    @property
+    def queue_places(self) -> int:
+        """The places of the queue that are in use."""
+        return 2 * self.first_charging or self.scenario.carrier_count
+
+    @cached_property
+    def charging_lines(self) -> tuple[float, ...]:
+        """y of each line in which carriers charge, m."""
+        return tuple(self.queue.used(self.queue_places)[len(self.queue.used(self.first_charging)) :]) if self.first_charging else ()
 
     @property
     def bottom(self) -> float:
@@ -221,7 +237,7 @@ def _laid_out(text: str) -> Layout:
     walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
-    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(scenario.carrier_count))
+    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(bare.queue_places))
     starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
     walls.setflags(write=False)
     return replace(bare, starts=tuple(starts), walls=walls)

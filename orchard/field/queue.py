@@ -48,6 +48,10 @@ class Queue:
         line, place = divmod(number, self.places)
         return Pose(self.head - place * PITCH, self.lines[line], EAST)
 
+    def whole_lines(self, carriers: int) -> int:
+        """Return the number of places of the lines that have a carrier."""
+        return -(-carriers // self.places) * self.places
+
     def used(self, carriers: int) -> list[float]:
         """Return y of each line that has a carrier, in the order in which they fill."""
         return list(self.lines[: -(-carriers // self.places)])
@@ -97,18 +101,25 @@ ONE_WAY, TWO_WAY = "one-way", "two-way"  # the built-in routes
 QUEUES: Mapping[str, Plan] = MappingProxyType({ONE_WAY: long_lines, TWO_WAY: short_lines})
 
 
-def queue_of(name: str, row_length: float, bay: float, carriers: int) -> Queue | None:
-    """Return the queue of a built-in route for so many carriers; None if the orchard has no room for it."""
-    return next((queue for queue in QUEUES[name](row_length, bay, carriers) if queue.room >= carriers), None)
+def queue_of(name: str, row_length: float, bay: float, carriers: int, charge: bool = False) -> Queue | None:
+    """Return the queue of a built-in route for so many carriers; None if the orchard has no room for it.
+
+    `charge`: each line in which carriers wait has another one beside it, in which they charge.
+    """
+    if not charge:
+        return next((queue for queue in QUEUES[name](row_length, bay, carriers) if queue.room >= carriers), None)
+    return next((queue for queue in QUEUES[name](row_length, bay, 2 * carriers) if queue.room >= 2 * queue.whole_lines(carriers)), None)
 
 
-def lack_of_room(name: str, row_length: float, bay: float, carriers: int) -> str:
+def lack_of_room(name: str, row_length: float, bay: float, carriers: int, charge: bool = False) -> str:
     """Return in words, with numbers that would do, that an orchard has no room for so many carriers; '' if it has."""
-    if queue_of(name, row_length, bay, carriers):
+    if queue_of(name, row_length, bay, carriers, charge):
         return ""
-    most = next((number for number in range(carriers - 1, 0, -1) if queue_of(name, row_length, bay, number)), 0)
-    longer = next((length for length in range(int(row_length) + 1, int(LONGEST_ROW) + 1) if queue_of(name, length, bay, carriers)), None)
-    nearer = next((metres for metres in range(int(bay), -1, -1) if queue_of(name, row_length, metres, carriers)), None)
+    lengths = range(int(row_length) + 1, int(LONGEST_ROW) + 1)
+    most = next((number for number in range(carriers - 1, 0, -1) if queue_of(name, row_length, bay, number, charge)), 0)
+    longer = next((length for length in lengths if queue_of(name, length, bay, carriers, charge)), None)
+    nearer = next((metres for metres in range(int(bay), -1, -1) if queue_of(name, row_length, metres, carriers, charge)), None)
     cures = [f"rows of at least {longer} m" if longer else "", f"the bay at most at {nearer} m" if nearer is not None else ""]
     needs = f"; {carriers} need {' or '.join(filter(None, cures))}" if any(cures) else ""
-    return f"must leave room for the carriers' queue: with rows of {row_length:g} m and the bay at {bay:g} m it holds {most}{needs}"
+    lines = "queue and for as many lines in which they charge" if charge else "queue"
+    return f"must leave room for the carriers' {lines}: with rows of {row_length:g} m and the bay at {bay:g} m it holds {most}{needs}"

@@ -100,10 +100,20 @@ class Picking(Section):
     failure: Annotated[Failure, Field(description="how often pickers fail, and for how long they stand")] = Failure()
 
 
+class Battery(Section):
+    """How long a battery lasts, and takes to charge. One that is at the reserve when its carrier's job is done must charge."""
+
+    hours: Annotated[float | None, Field(ge=0.05, le=200.0, description="hours of driving with a full battery; null: endless")] = None
+    standing: Annotated[float, Field(ge=0.0, le=1.0, description="share of the power that a carrier uses while it stands")] = 0.2
+    hours_to_charge: Annotated[float, Field(ge=0.01, le=48.0, description="hours to charge a flat battery; of a swap: its minutes")] = 1.0
+    reserve: Annotated[float, Field(ge=0.0, le=0.9, description="charge, 0 to 1, at which a carrier goes to charge after its job")] = 0.2
+
+
 class Carrying(Section):
     """How the work of carriers varies."""
 
     failure: Annotated[Failure, Field(description="how often carriers fail on a job, and for how long they stand")] = Failure()
+    battery: Annotated[Battery, Field(description="the batteries of carriers")] = Battery()
 
 
 class LaserSettings(Section):
@@ -186,6 +196,7 @@ CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
 CROP = "crop.tonnes_per_hectare", "crop.kilograms_per_bin"
 SLOWEST = 0.001  # m/s, of a picker while it picks
 SHORTEST_BIN, LONGEST_BIN = 5.0, 200.0  # m of row that fill a bin
+CHARGERS = "number of carriers that can charge at once, in lines of their own in the queue; only batteries need them"
 SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 
 
@@ -204,6 +215,7 @@ class Scenario(Section):
     picking_rate: Annotated[float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE)] = None
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
     carrying: Annotated[Carrying, Field(description="how the work of carriers varies")] = Carrying()
+    chargers: Annotated[int, Field(ge=0, le=MOST_CARRIERS, description=CHARGERS)] = 1
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
     people: Annotated[People, Field(description="workers and visitors")] = People()
     animals: Annotated[Animals, Field(description="dogs and cats")] = Animals()
@@ -270,6 +282,11 @@ class Scenario(Section):
         return self.bin_metres or (fmean(row.length for row in rows) if rows else self.row_length)
 
     @property
+    def has_batteries(self) -> bool:
+        """Whether carriers must charge."""
+        return self.carrying.battery.hours is not None
+
+    @property
     def work_is_drawn(self) -> bool:
         """Whether the seed changes how long robots work."""
         failures = self.picking.failure, self.carrying.failure
@@ -302,9 +319,11 @@ class Scenario(Section):
         self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
         self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
         self._demand_one_way_to_say_it()
+        text = f"must be 1 to {MOST_CARRIERS} chargers for carriers with batteries; without chargers, hours must be null"
+        self._demand(self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours")
         self._demand_that_no_row_is_faster_than_a_picker()
         if self.route in QUEUES:
-            text = lack_of_room(self.route, self.row_length, self.bay, self.carrier_count)
+            text = lack_of_room(self.route, self.row_length, self.bay, self.carrier_count, self.has_batteries)
             self._demand(not text, text, "pickers" if self.carriers is None else "carriers", "row_length", "bay")
         return self
 

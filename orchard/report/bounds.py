@@ -6,6 +6,7 @@ with steps of its own. It is no proof: another policy may be faster.
 """
 
 from dataclasses import replace
+from math import inf
 from statistics import fmean
 
 from orchard.agents.dispatch import is_early
@@ -34,7 +35,7 @@ class Bounds:
     def __init__(self, layout: Layout) -> None:
         scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
         of_each = [_of_a_bin(route, early, block) for block in layout.blocks.values()]  # each picker delivers as many bins as another
-        picking, crossing, wait, cycle, row_end = map(fmean, zip(*of_each, strict=True))
+        picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
         self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
         self.row_end_seconds = row_end  # of t_x, what a bin costs because it fills inside a row: exchanged there it would cost nothing
@@ -44,9 +45,9 @@ class Bounds:
         self.bay_seconds = handling([Unload()]) + TRAIN  # t_bay, for which one carrier occupies the bay
         self.terms = {
             "pickers": scenario.pickers / self.bin_seconds,
-            "carriers": scenario.carrier_count / cycle,
+            "carriers": scenario.carrier_count / (cycle + charging),
             "unloading": 1.0 / self.bay_seconds,
-        }
+        } | ({"chargers": scenario.chargers / charging} if charging else {})
 
     @property
     def row_end_share(self) -> float:
@@ -66,16 +67,15 @@ class Bounds:
 
 def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
     """The mean times of a picker's bin without traffic, s: to pick it, to leave it and go on, to wait for an empty one, of the carrier's
-    job, and what is lost because it fills inside a row. The picker picks its rows in `ROUNDS` rounds."""
+    job, what is lost because it fills inside a row, and of charging what the job uses. The picker picks its rows in `ROUNDS` rounds."""
     passes = route.layout.passes(replace(block, rows=block.rows * ROUNDS))
     each = [_seconds(route, early, one, after) for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)]
     share = len(passes) / sum(one.leaves_bin for one in passes)
-    picking, going_on, wait, cycle, row_end = zip(*each, strict=True)
-    cycles = [seconds for one, seconds in zip(passes, cycle, strict=True) if one.leaves_bin]
-    return [share * fmean(picking), share * fmean(going_on), share * fmean(wait), fmean(cycles), share * fmean(row_end)]
+    picking, going_on, wait, cycle, row_end, charging = (share * fmean(seconds) for seconds in zip(*each, strict=True))
+    return [picking, going_on, wait, cycle, row_end, charging]
 
 
-def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float, float, float, float, float]:
+def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float, float, float, float, float, float]:
     """The same times of one pass through a row."""
     layout, head, side, lane = route.layout, route.queue.place(0), route.sides[one.end], route.layout.lane(one.row)
     way = route.pick(one, came_over=False) + route.go_on(one, after)
@@ -84,7 +84,7 @@ def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float,
     all_of_it = duration(way, start) - driving
     row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it
     if not one.leaves_bin:
-        return picking, all_of_it + handling(way), 0.0, 0.0, row_end
+        return picking, all_of_it + handling(way), 0.0, 0.0, row_end, 0.0
     job = route.fetch(1, one.row, side, "", "")
     before, out = _until(LeaveBin, way), _until(FetchEmpty, way)
     left, came_out, approach = duration(before, start) - driving, duration(out, start) - driving, way_to(route, one.row, side)[1]
@@ -96,7 +96,9 @@ def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float,
     wait = max(coming, came_out - left + from_hold) + HANDOVER
     driving = sum(ends - begins for step, _, begins, ends in timetable(job, head) if isinstance(step, DriveTo))
     repairs = layout.scenario.carrying.failure.share * driving
-    return picking, leaving + going_on, wait, duration(job, head) + handling(job) + repairs, row_end
+    battery, moves, stands = layout.scenario.carrying.battery, duration(job, head), handling(job) + repairs
+    charging = battery.hours_to_charge * (moves + battery.standing * stands) / (battery.hours or inf)
+    return picking, leaving + going_on, wait, moves + stands, row_end, charging
 
 
 def _until(kind: type[Step], steps: list[Step]) -> list[Step]:

@@ -26,6 +26,8 @@ class HarvestFigures:
     waits: list[float] = field(default_factory=list)  # s from a picker's full bin to its next empty one
     waiting_since: dict[str, int] = field(default_factory=dict)  # picker -> tick at which its bin was full
     busy_ticks: int = 0  # of all carriers, outside the queue
+    charging_ticks: int = 0  # of all carriers
+    flat_ticks: int = 0
     weeds_flattened: int = 0
     broken: dict[str, int] = field(default_factory=dict)  # agent -> tick at which it first was broken
     orders_refused: int = 0  # decisions of the dispatch policy that could not be
@@ -45,8 +47,10 @@ class HarvestFigures:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
+        self.charging_ticks += (charging := int(np.count_nonzero(world.plugged)))
+        self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
         progress = sum(self.steps.values()) + float(world.row_picked.sum())
-        if progress != self.progress or np.count_nonzero(world.stopped):
+        if progress != self.progress or charging or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
 
     def _count(self, event: Event) -> None:
@@ -116,6 +120,8 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "row_end_share": bounds.row_end_share,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
         "carrier_utilisation": figures.busy_ticks / (world.tick * scenario.carrier_count) if world.tick else 0.0,
+        "charging_seconds": round(figures.charging_ticks * TIME_STEP, 1),
+        "flat_seconds": round(figures.flat_ticks * TIME_STEP, 1),
         "orders_refused": figures.orders_refused,
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
         "distance_metres": {kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"},

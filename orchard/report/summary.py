@@ -25,10 +25,14 @@ UNITS = {
     "distance_metres": "m",
     "state_seconds": "s",
     "stopped_seconds": "s",
+    "charging_seconds": "s, of all carriers together",
+    "flat_seconds": "s, in which carriers stood with a flat battery, all together",
     "recording_gaps": "s, which no recording shows",
 }
 UNUSUAL = (
     "stopped_seconds",
+    "charging_seconds",
+    "flat_seconds",
     "row_end_seconds",
     "row_end_share",
     "orders_refused",

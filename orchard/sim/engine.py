@@ -13,7 +13,7 @@ from orchard.contract.messages import Deed, Flatten
 from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.sim import stops
+from orchard.sim import batteries, stops
 from orchard.sim.invariants import Invariants
 from orchard.sim.lookahead import Lookahead
 from orchard.sim.physics import harvest_is_over, step
@@ -158,6 +158,7 @@ class Engine:
         self._remember(self.answers)
         events, self._news = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)), []
         self.sensors.advance()
+        self.lookahead.wake(event.who for event in events if event.what in batteries.NEWS)
         heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)} if mail_digests else {}
         self._stepped = self.scans.ranges, heard, events  # mail to unknown names is left out
         return events
@@ -219,7 +220,8 @@ def next_digest(before: bytes, world: World, ranges: np.ndarray, mail_digests: M
     """Return SHA-256 over all state and the digest before. `ranges`: all scans (float32); `mail_digests`: agent -> what it heard."""
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
-    for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges):
+    charge = (world.charge, world.plugged) if world.layout.first_charging else ()
+    for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges, *charge):
         sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)  # the same on every machine
     for name in sorted(mail_digests):
         sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])

@@ -13,6 +13,7 @@ from orchard.field.geometry import EAST, angle_between
 from orchard.field.kinds import kind_of
 from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.scenario import TIME_STEP
+from orchard.sim import batteries
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance
@@ -36,16 +37,20 @@ _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in t
 
 
 def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Advance the world by one tick, in place, and return the events. A stopped body does not move and does no deed.
+    """Advance the world by one tick, in place, and return the events. A stopped or flat body does not move and does no deed.
 
     twists: (n, 3) float64, as wanted, in each body's frame, m/s and rad/s. deeds: (body index, deed), in body order.
     """
+    if world.layout.first_charging:
+        twists, deeds = batteries.without_flat(world, twists, deeds)
     events = do_deeds(world, np.where(world.stopped[:, None], 0.0, twists), deeds) if deeds else []
     events = _left_part_full(world, events) + events
     if advance(twists, *_ARGUMENTS(world)):
         events += [_collision(world, i, obstacle) for i, obstacle in enumerate(world.space.met.tolist()) if obstacle != NONE]
         events += _picked(world, world.space.picked_from)
         events += _unload(world)
+    if world.layout.first_charging:
+        events += batteries.advance(world)
     world.tick += 1
     return events
 

@@ -69,6 +69,7 @@ def _faults(world: World) -> Iterator[str]:
         "delivered_metres": (world.delivered_metres, 0.0, FURTHEST),
         "distance": (world.distance, 0.0, FURTHEST),
         "collisions": (world.collisions, 0, LAST_TICK),
+        "charge": (world.charge, 0.0, 1.0),
         "bias": (world.bias, -FURTHEST, FURTHEST),
         "reckoned": (world.reckoned, -FURTHEST, FURTHEST),
         "refused": (world.refused, 0, LAST_TICK),

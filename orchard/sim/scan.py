@@ -91,7 +91,9 @@ def observe(world: World, scans: Scans) -> Observations:
     states[:, :2], states[:, 2:4], states[:, 4:] = world.pose[:, :2], quaternions(world.pose), world.twist
     fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
     full = {names[i] for i in world.full.nonzero()[0].tolist()}
-    return Observations(world.tick, world.layout.index, states, scans, Hitches(world, states, scans), fills, full)
+    carriers = world.fixed.carriers.tolist() if world.layout.first_charging else []
+    charges = {names[i]: float(world.charge[i]) for i in carriers}
+    return Observations(world.tick, world.layout.index, states, scans, Hitches(world, states, scans), fills, full, charges=charges)
 
 
 class Hitches(Mapping[str, Hitch]):

@@ -15,7 +15,7 @@ from msgspec import Meta
 from orchard.contract.messages import Written, pack, unpack
 from orchard.folders import regular, write_whole
 
-VERSION = 8
+VERSION = 9
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two

@@ -124,6 +124,8 @@ class World:
         self.refused = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
         self.blocked = np.zeros(n, dtype=bool)  # in a collision: the last step met an obstacle, and was refused
         self.stopped = np.zeros(n, dtype=bool)  # latched by an emergency stop; see stops.py
+        self.charge = np.ones(n)  # of carriers' batteries, 0 flat to 1 full; see batteries.py
+        self.plugged = np.zeros(n, dtype=bool)  # has a charger
         self.bias = np.zeros((n, 2))  # m: the slow error of each receiver in x and y; see sensors.py
         self.reckoned = self.pose.copy()  # the poses of odometry alone, kept if it has errors; see sensors.py
         for robot in layout.starts:

@@ -31,7 +31,8 @@ def _twist(twist: Twist) -> wire.TwistMessage:
 
 def odometry_of(run: str, seen: Observation) -> wire.Odometry:
     hitch = seen.hitch and wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
-    return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, float(seen.fill), bool(seen.full), seen.accuracy)
+    measured = float(seen.fill), bool(seen.full), seen.accuracy, seen.charge
+    return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, *measured)
 
 
 def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, float, bytes]:
@@ -54,7 +55,8 @@ def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.A
     fills = {name: seen.fills[name] for name in names if name in seen.fills}
     full = [name for name in fills if name in seen.full]
     accuracies = {name: seen.accuracies[name] for name in names if name in seen.accuracies}
-    return wire.Seen(run, seen.tick, list(due), names, states, ranges, hitches, fills, full, asked, accuracies)
+    charges = {name: seen.charges[name] for name in names if name in seen.charges}
+    return wire.Seen(run, seen.tick, list(due), names, states, ranges, hitches, fills, full, asked, accuracies, charges)
 
 
 def _other_seen(hitch: Hitch) -> wire.OtherSeen:
@@ -72,7 +74,8 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
     index = {name: body for body, name in enumerate(seen.names)}
     hitches = {name: _hitch_of(other) for name, other in seen.hitches.items()}
     sweeps = _sweeps_of(seen.names, seen.ranges)
-    return Observations(seen.tick, index, states, sweeps, hitches, seen.fills, seen.full, seen.accuracies).of(seen.due)
+    measured = seen.fills, seen.full, seen.accuracies, seen.percentages
+    return Observations(seen.tick, index, states, sweeps, hitches, *measured).of(seen.due)
 
 
 @lru_cache(maxsize=MOST_BODIES)

@@ -41,6 +41,7 @@ Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 Box = tuple[Metres, Metres, Metres, Metres]
 Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
 Fill = Annotated[float, Meta(ge=0.0, le=1e3)]
+Charge = Annotated[float, Meta(ge=0.0, le=1.0)]
 Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[bool, Meta(description=ONCE)]
 Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
@@ -137,6 +138,7 @@ class Odometry(Message):
     fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to what fills it")] = 0.0
     full: Annotated[bool, Meta(description="for a bin: whether it is full")] = False
     accuracy: Annotated[Metres, Meta(description="m, standard deviation of the measured x and y; 0: exact")] = 0.0
+    percentage: Annotated[Charge, Meta(description="as in sensor_msgs/BatteryState: charge of its battery; 1 without one")] = 1.0
 
 
 class Beams(SubMessage):
@@ -199,6 +201,7 @@ class Seen(Message):
     full: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bins that are full")]
     asked: Annotated[list[AskedOf], Meta(description="lockstep: the requests of the tick before that these agents hear now")] = []
     accuracies: Annotated[dict[KnownName, Fill], Meta(description=ACCURACIES)] = {}
+    percentages: Annotated[dict[KnownName, Charge], Meta(description="name -> charge of its battery; only bodies that have one")] = {}
 
 
 class Report(Action, omit_defaults=True):

@@ -35,6 +35,10 @@ HARVESTS: dict[str, dict[str, Any]] = {
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
     "an early policy, and failures": {**SHORT, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
     "carriers that fail": {**SHORT, "rows": 4, "dispatch": "predictive", "carrying": {"failure": FAILURE}, "seed": 2},
+    "carriers that charge": {
+        **{"rows": 8, "pickers": 4, "carriers": 3, "row_length": 30.0, "dispatch": "predictive", "route": "two-way"},
+        **{"carrying": {"battery": {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.75}}, "chargers": 2},
+    },
     "bins that go on with the next row": {**SHORT, "rows": 4, "metres_per_bin": 15.0},
     "bins that fill inside rows that are picked slowly": {
         **{"rows": 4, "pickers": 4, "carriers": 3, "row_length": 40.0, "metres_per_bin": 16.0, "picking_speed": 0.3},

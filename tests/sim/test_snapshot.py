@@ -86,7 +86,7 @@ def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_mos
 DAMAGES = [
     (lambda data: data[: len(data) // 2], "truncated or changed"),
     (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
-    (lambda data: data.replace(b"snapshot 8", b"snapshot 7", 1), "version 7; this program reads version 8"),
+    (lambda data: data.replace(b"snapshot 9", b"snapshot 8", 1), "version 8; this program reads version 9"),
     (lambda data: b"", "not a snapshot"),
     (lambda data: b"PK" + data, "not a snapshot"),
 ]

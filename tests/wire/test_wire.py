@@ -40,7 +40,7 @@ def scans(beams):
 hitches = st.builds(Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60))
 seen = st.builds(
     Observation, st.just("picker_01"), st.integers(0, 2**35), metres, metres, st.tuples(units, units), twists, scans(180),
-    st.none() | hitches, st.floats(0, 70), st.booleans(), st.just(0.0) | st.floats(0.001, 0.71),
+    st.none() | hitches, st.floats(0, 70), st.booleans(), st.just(0.0) | st.floats(0.001, 0.71), st.floats(0, 1),
 )  # fmt: skip
 
 
@@ -56,7 +56,8 @@ def sights_of(observations):
     full = {seen.name for seen in observations if seen.fill and seen.full}
     names = {seen.name: row for row, seen in enumerate(observations)}
     accuracies = {seen.name: seen.accuracy for seen in observations if seen.accuracy}
-    return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full, accuracies)
+    charges = {seen.name: seen.charge for seen in observations}
+    return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full, accuracies, charges)
 
 
 @given(st.lists(seen, min_size=1, max_size=4))
@@ -72,7 +73,7 @@ def test_what_is_seen_arrives_to_the_last_bit(several):
 
 
 def assert_same(heard, observation):
-    for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full", "accuracy"):
+    for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full", "accuracy", "charge"):
         assert repr(getattr(heard, field)) == repr(getattr(observation, field))  # repr tells -0.0 from 0.0
     assert same_scan(heard.scan, observation.scan)
     assert (heard.hitch is None) == (observation.hitch is None)

@@ -1,0 +1,130 @@
+"""Carriers with batteries: they use them, go to charge when their job is done, and share the chargers. Whole small harvests."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from local_runs import local_hash, played
+from stage import Stage, empty_orchard
+
+from orchard import Local, Scenario
+from orchard.contract.messages import pack, unpack
+from orchard.discrete.long_run import long_run
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import check
+from orchard.report.bounds import Bounds
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
+from orchard.sim.snapshot import Snapshot
+
+BATTERY = {"hours": 0.2, "hours_to_charge": 0.05, "reserve": 0.75}
+TICKS = 3000  # by then carriers have charged
+
+
+def charging(battery: dict | None = None, **changes) -> Scenario:
+    values = {"rows": 6, "pickers": 3, "carriers": 2, "row_length": 30.0, "carrying": {"battery": BATTERY | (battery or {})}}
+    return empty_orchard(**{**values, **changes})
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
+def test_carriers_charge_when_their_job_is_done_and_share_the_charger(route, dispatch):
+    stage = Stage(charging(route=route, dispatch=dispatch))
+    carriers, most, least = stage.world.fixed.carriers, 0, 1.0
+    while not stage.local.engine.over:
+        assert stage.world.tick < 40_000, stage.who_is_where()
+        stage.tick()
+        most, least = max(most, int(stage.world.plugged.sum())), min(least, stage.world.charge[carriers].min())
+        going = [name for name in ("carrier_01", "carrier_02") if stage.doing(name) in ("charging", "driving to the chargers")]
+        assert all(stage.local.memories[name].job for name in going), "so nobody gives it a bin"
+    assert stage.local.engine.violations() == []
+    assert (most, stage.world.delivered) == (1, 6)
+    assert 0.2 < least < 0.75
+    assert len(stage.happened("charging")) >= 2
+    assert stage.account.figures()["charging_seconds"] > 60.0
+    assert not stage.happened("flat")
+    stage.assert_no_collisions()
+
+
+def test_a_battery_is_used_with_time_by_less_while_its_carrier_stands_and_charged_to_the_full():
+    stage = Stage(charging({"hours": 1.0, "standing": 0.5}, carriers=1, dispatch="nearest"))
+    stage.run(3)
+    assert stage.world.charge[stage.world.fixed.carriers] == pytest.approx(1.0 - 0.5 * 3.0 / 3600.0, abs=1e-9)
+    stage.world.charge[stage.world.fixed.carriers] = 0.3
+    took = stage.run_until(lambda: bool(stage.happened("charging")), 400)
+    before = stage.world.charge[stage.world.fixed.carriers][0]
+    assert 0.3 - took / 3600.0 < before < 0.3 - 0.5 * took / 3600.0
+    took = stage.run_until(lambda: bool(stage.happened("charged")), 200)
+    assert took == pytest.approx((1.0 - before) * 0.05 * 3600.0, abs=5.0), "it also moves up to the head of its line"
+    assert stage.local.engine.observe()["carrier_01"].charge == 1.0
+
+
+def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed():
+    stage = Stage(charging({"hours": 0.05, "standing": 1.0, "reserve": 0.0}, carriers=1))
+    stage.run_until(lambda: bool(stage.happened("flat")), 200)
+    at = stage.pose("carrier_01")
+    stage.run_until(lambda: bool(stage.account.jam), 1000)
+    assert stage.pose("carrier_01") == at
+    assert (stage.doing("carrier_01"), stage.local.actions["carrier_01"].state) == ("standing with a flat battery", "failed")
+    assert stage.account.figures()["flat_seconds"] == pytest.approx(stage.seconds - 180.0, abs=0.5)
+    assert len(stage.happened("flat")) == 1
+
+
+@cache
+def expected_hash() -> str:
+    return local_hash(charging(), TICKS)
+
+
+def test_holds_change_nothing_when_carriers_charge(caplog):
+    assert {local_hash(charging(), TICKS, holds=holds) for holds in (Lookahead, CheckedHolds, IgnoredHolds)} == {expected_hash()}
+    assert "holds wrongly" not in caplog.text
+
+
+def test_a_run_that_is_resumed_while_a_carrier_charges_has_the_hash_of_one_never_interrupted():
+    local = Local(charging())
+    while not local.engine.world.plugged.any():
+        assert local.engine.tick < TICKS
+        local.tick()
+    local = Local.resume(unpack(pack(played(local, local.engine.tick + 100).snapshot()), Snapshot))
+    assert local.engine.world.plugged.any()
+    assert played(local, TICKS).engine.hash == expected_hash()
+
+
+def test_lockstep_has_the_hash_of_local_mode_when_carriers_charge(fleet):
+    fleet.physics(charging(), "--duration", str(TICKS / 10))
+    fleet.share(2)
+    assert fleet.end() == expected_hash()
+
+
+def test_in_the_long_run_more_chargers_deliver_more_until_they_suffice_and_no_more_than_the_limit():
+    battery = {"hours_to_charge": 0.2}
+    layouts = [lay_out(charging(battery, rows=8, pickers=4, carriers=4, chargers=chargers)) for chargers in (1, 2, 4)]
+    rates = [long_run(layout).bins_per_hour for layout in layouts]
+    assert rates[0] < 0.9 * rates[1] < rates[2]
+    assert all(rate <= Bounds(layout).bins_per_hour for rate, layout in zip(rates, layouts, strict=True))
+    assert [Bounds(layout).bottleneck for layout in layouts][::2] == ["chargers", "carriers"]
+
+
+REFUSED = [
+    ({"chargers": 0}, "chargers = 0, carrying.battery.hours = 0.2: must be 1 to 120 chargers for carriers with batteries"),
+    ({"carriers": 70}, "for as many lines in which they charge: with rows of 30 m and the bay at 0 m it holds"),
+    ({"chargers": 121}, "must be a whole number from 0 to 120"),
+]
+
+
+@pytest.mark.parametrize(("changes", "told"), REFUSED)
+def test_what_batteries_need_is_told(changes, told):
+    with pytest.raises(ScenarioError) as error:
+        check({**charging().model_dump(), **changes})
+    assert told in str(error.value)
+
+
+def test_each_line_of_the_queue_has_a_charging_line_with_as_many_places():
+    for route in ("one-way", "two-way"):
+        for carriers in (1, 2, 5, 12, 13, 40):
+            layout = lay_out(charging(route=route, carriers=carriers, row_length=100.0))
+            own, first = layout.queue.used(carriers), layout.first_charging
+            places = [layout.queue.place(first + number).y for number in range(carriers)]
+            assert set(places) == set(layout.charging_lines)
+            assert not {*own} & {*layout.charging_lines}
+            assert np.unique([layout.queue.place(first + number)[:2] for number in range(carriers)], axis=0).shape == (carriers, 2)

@@ -32,5 +32,6 @@ def test_the_scenario_of_the_study_is_one():
 
 def test_the_document_says_what_was_measured():
     assert " ".join(result().answer.split()) in " ".join((ROOT / "docs" / "study.md").read_text().split())
+    assert f"{result().answer.partition('. The orchard')[0]}." in (ROOT / "README.md").read_text()
     assert result().best["carriers"] < max(result().varied["carriers"]), "the answer lies inside"
     assert parse(SCENARIO).model_dump() == result().scenario

@@ -11,7 +11,7 @@ INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constra
 
 unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile all its modules
 
-.PHONY: run app study lint test quick ecosystem pythons package soak chaos schedules bench view docs site pictures clean
+.PHONY: run app study lint test quick ecosystem pythons package soak chaos schedules bench validate view docs site pictures clean
 .DEFAULT_GOAL := run
 
 $(VENV)/installed: pyproject.toml constraints.txt
@@ -86,6 +86,10 @@ schedules: $(VENV)/installed-dev  ## runs on a simulated network, with faults, o
 
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: bench/results.md
 	$(RUN) -m bench
+
+validate: $(VENV)/installed-dev  ## what published curves say, measured again, and docs/validation.md
+	$(RUN) -m docs.validation
+	$(RUN) -m docs.generate
 
 docs: $(VENV)/installed-dev  ## all generated files, from the code and from what was measured
 	$(RUN) -m docs.generate

@@ -1,13 +1,13 @@
 """Writes every file that is generated: keyspace.md, docs/reference.md, docs/study.md, the JSON schema, and drawings.
 
 All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/bounds.md.
-`python -m docs.study` asks the study's question anew, for up to 2 min.
+`python -m docs.study` and `python -m docs.validation` measure anew.
 """
 
 import json
 from pathlib import Path
 
-from docs import keyspace, policies, reference, study
+from docs import keyspace, policies, reference, study, validation
 from docs.exchange import exchange_plan
 from orchard.field.layout import lay_out
 from orchard.field.queue import TWO_WAY
@@ -36,6 +36,8 @@ def generated() -> dict[str, str]:
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),
         "docs/policies.svg": policies.picture(),
+        "docs/validation.md": validation.document(),
+        **validation.pictures(),
         "docs/plan.svg": orchard_plan(layout),
         "docs/exchange-east.svg": exchange_plan(layout),
         "docs/plan-two-way.svg": orchard_plan(two_way),

@@ -14,6 +14,7 @@ import msgspec
 from rich.console import Console
 
 from orchard.field.scenario import parse
+from orchard.report.summary import clock
 from orchard.study.picture import svg
 from orchard.study.result import StudyResult
 from orchard.study.study import StudyOptions, study
@@ -29,7 +30,7 @@ picking_rate: 1.5                                         # bins an hour of each
 bins_per_row: 6
 picking: {spread: {distribution: lognormal, cv: 0.28}}    # rows differ
 """
-BUDGET = 600.0  # s, for a busy machine: two free cores need about one minute
+BUDGET = 600.0  # s, for a busy machine
 COMMAND = "orchard study rent.yaml"
 
 TEXT = """\
@@ -51,7 +52,7 @@ The scenario says what is given. People and animals are those of the default orc
 {command}
 ```
 
-It needs the extra `study` ([install](how-to.md#install)). On two free cores it takes about one minute, and prints this:
+It needs the extra `study` ([install](how-to.md#install)). On two free cores it took {took}, and printed this:
 
 ```text
 {output}
@@ -147,7 +148,7 @@ def picture() -> str:
 
 def document() -> str:
     """Return the text of docs/study.md."""
-    return TEXT.format(scenario=SCENARIO, command=COMMAND, output=_output())
+    return TEXT.format(scenario=SCENARIO, command=COMMAND, output=_output(), took=clock(result().wall_seconds))
 
 
 def _output() -> str:

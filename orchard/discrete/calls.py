@@ -36,6 +36,7 @@ class OpenCall:
     since: int  # tick at which it began to call
     full: float  # tick at which it will be full, or was
     failed: int = -1  # tick since which its picker has stood because it failed; -1: it picks
+    is_reported: bool = False  # to the dispatcher
 
 
 @dataclass
@@ -135,12 +136,12 @@ class Dispatched(Calls):
         if not is_early(self.policy):
             return
         full, call = robot.tick + seconds / TIME_STEP, self._ripening.get(robot.name)
-        if call is not None and call.bin == robot.bin:
-            call.full = full
-            return
-        call = OpenCall(robot.bin, robot.name, lane, side, max(seen, ceil(full - self.horizon)), full)
-        self._ripening[robot.name] = call
-        self.env.process(self._later(call))
+        if call is None or call.bin != robot.bin:
+            call = self._ripening[robot.name] = OpenCall(robot.bin, robot.name, lane, side, seen, full)
+        call.full = full
+        if not call.is_reported:
+            call.since = max(seen, ceil(full - self.horizon))
+            self.env.process(self._later(call))
 
     def fails(self, robot: Robot) -> None:
         if call := self._ripening.get(robot.name):
@@ -152,8 +153,10 @@ class Dispatched(Calls):
 
     def _later(self, call: OpenCall) -> Events:
         yield self.env.timeout(call.since - self.env.now)
-        self.open.append(call)
-        self.wake()
+        if not call.is_reported and call.since <= ceil(self.env.now):  # else it was estimated anew
+            call.is_reported = True
+            self.open.append(call)
+            self.wake()
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         if not is_early(self.policy):

@@ -35,8 +35,10 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
     each = scenario.bin_metres
     bins = f", a bin every {each:.3g} m" if each and "metres_per_bin" not in varied else ""
+    rate = scenario.picking_rate
+    fast = f" at {rate:g} bins an hour" if rate and "picking_rate" not in varied else ""
     words = {
-        "pickers": counted("pickers", scenario.pickers),
+        "pickers": counted("pickers", scenario.pickers) + fast,
         "carriers": counted("carriers", scenario.carrier_count),
         "route": scenario.route,
         "dispatch": f"{scenario.dispatch} dispatch",

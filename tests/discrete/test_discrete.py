@@ -49,6 +49,10 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"rows": 3, "pickers": 3, "carriers": 1, "row_length": 40.0},
         **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends"},
     },
+    "bins of rows that are picked slowly, and one of them much faster than the mean": {
+        **{"rows": 4, "carriers": 2, "pickers": 2, "row_length": 30.0, "picking_speed": 0.1, "seed": 10},
+        **{"dispatch": "predictive", "picking": {"spread": {"distribution": "lognormal", "cv": 0.6}}},
+    },
     "bins that see how fast their row is picked only in it": {
         **{"rows": 4, "pickers": 3, "carriers": 1, "row_length": 30.0, "picking_speed": 0.5, "seed": 9},
         **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends", "picking": {"spread": {"distribution": "gamma", "cv": 0.5}}},

@@ -96,7 +96,7 @@ MISTAKES = [
     (["step", "2.5"], "2.5: neither a number of steps"),
     (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
     (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
-    (["realistik"], "realistik: no such file; did you mean the scenario realistic?"),
+    (["hand_piking"], "hand_piking: no such file; did you mean the scenario hand_picking?"),
     (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
     (["--resume", "."], ".: no usable snapshot"),
     (["--mode", "realtime", "--speed", "max"], "--speed: max: in realtime the wall clock sets the pace"),
@@ -125,7 +125,7 @@ def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_pa
 
 USAGES = [
     (["--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
-    (["realistic", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
+    (["hand_picking", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
     (["layout", "--help"], "orchard layout [OPTIONS] COMMAND [ARGS]..."),
     (["harvest", "--help"], "orchard harvest [OPTIONS] [SCENARIO.yaml]"),
     (["replay", "--help"], "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag"),

@@ -17,7 +17,7 @@ COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"doc
 
 @pytest.mark.parametrize("command", COMMANDS, ids=range(len(COMMANDS)))
 def test_the_commands_of_the_study_run(command, tmp_path):
-    for name in ("rent.yaml", "undisturbed", "realistic"):  # a file has precedence over a scenario of the package
+    for name in ("rent.yaml", "undisturbed", "hand_picking"):  # a file has precedence over a scenario of the package
         (tmp_path / name).write_text(SMALL)
     words = [*command, *SHORT, "--out", str(tmp_path / "studies.db")]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)

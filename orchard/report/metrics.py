@@ -47,8 +47,11 @@ class HarvestFigures:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
-        self.charging_ticks += (charging := int(np.count_nonzero(world.plugged)))
-        self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
+        charging = 0
+        if world.layout.first_charging:
+            charging = int(np.count_nonzero(world.plugged))
+            self.charging_ticks += charging
+            self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
         progress = sum(self.steps.values()) + float(world.row_picked.sum())
         if progress != self.progress or charging or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick

@@ -12,7 +12,7 @@ from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
-from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins
+from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins, picked_metres
 
 CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
 
@@ -148,8 +148,9 @@ class World:
     @property
     def row_picked(self) -> np.ndarray:
         """Picked metres of each row, (r,)."""
-        inside = np.maximum(0.0, self.row_ends[:, 2] + self.row_ends[:, 3] - self.fixed.row_length)
-        return np.asarray(self.row_ends[:, 0] + self.row_ends[:, 1] + inside)
+        metres = np.empty(len(self.row_ends))
+        picked_metres(self.row_ends, self.fixed.row_length, metres)
+        return metres
 
     @property
     def rows_done(self) -> np.ndarray:

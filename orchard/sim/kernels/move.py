@@ -243,6 +243,14 @@ def pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from):
     return is_any_done
 
 
+@jit
+def picked_metres(row_ends, row_length, metres):
+    """Write into metres, (r,), how much of each row is picked. `row_ends`: as `Rows.picked`."""
+    for r in range(len(row_length)):
+        inside = row_ends[r, 2] + row_ends[r, 3] - row_length[r]
+        metres[r] = row_ends[r, 0] + row_ends[r, 1] + max(0.0, inside)
+
+
 @inlined
 def is_done(r, rows):
     """Whether a row is picked to the end."""

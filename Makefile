@@ -31,7 +31,7 @@ $(VENV)/installed-study: $(VENV)/installed
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
-	$(INSTALL) '.[app,secure,study,gym,survey,ros2-export,dev]'
+	$(INSTALL) '.[app,secure,study,optimum,gym,survey,ros2-export,dev]'
 	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed

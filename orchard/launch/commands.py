@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
-from orchard.launch.options import ExportOptions, HarvestOptions, ReplayOptions, SecureOptions
+from orchard.launch.options import BoundOptions, ExportOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
 from orchard.launch.runs import Runs, alone, check_writable
@@ -208,6 +208,16 @@ def study(chosen: StudyArguments) -> None:
     with terminal.needs_extra("A study", "study", ", or in a clone: make study"):
         from orchard.launch.study import run_study
     raise typer.Exit(run_study(chosen))
+
+
+@app.command(cls=options.Command)
+@options.with_options(BoundOptions)
+def bound(chosen: BoundOptions) -> None:
+    """Prove how short a harvest could be, whatever sends the carriers, with free roads and nobody about: docs/bounds.md."""
+    with terminal.needs_extra("A bound", "optimum"):
+        from orchard.launch.bound import print_bound
+    with terminal.own_classes_run(), terminal.exit_on_errors(ScenarioError, OSError, ValueError):
+        print_bound(chosen)
 
 
 # -- recordings and the page

@@ -40,6 +40,7 @@ COMMANDS = {
     "secure": "make the certificates of a secured run",
     "layout": "import the rows of an orchard of your own",
     "study": "compare settings: how many carriers, which policy, which route",
+    "bound": "prove how short a harvest could be, whatever sends the carriers",
 }
 HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
     f"  {name:8}{what}" for name, what in COMMANDS.items()
@@ -352,6 +353,16 @@ class SecureOptions:
     address: list[str] | None = option(None, "Address at which other machines reach this one (repeatable).", "NAME|IP")
     days: float = option(None, "Days for which the certificates are valid.", default=365, min=1, max=3650)
     anew: bool = flag(None, "--anew", "Replace the files of an earlier call.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundOptions:
+    """The options of `bound`."""
+
+    scenario: File = None
+    all_rules: bool = flag(None, "--all-rules", "For all built-in rules that give rows to pickers, and not only the scenario's.")
+    work: float = option(None, "How much the solver may do for each rule: about s.", default=10.0, min=0.01, max=36_000.0)
+    summary: Path | None = option(None, "Write the bound to this file.", "FILE.json")
 
 
 Port = Annotated[int, Option(min=0, max=65535, metavar="PORT", help="Port of the page.")]

@@ -15,9 +15,9 @@ from recordings import seconds_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
-FIRST_CALLS = 90  # s, simulated: two bins are full by 83 s, and carriers are under way
+FIRST_CALLS = 45  # s, simulated: two bins are full by 31 s, and a carrier brings an empty one
 FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
-FEW = SMALL.model_copy(update={"pickers": 3, "carriers": 3})  # a harvest of 375 s, in which calls have more than one offer
+FEW = SMALL.model_copy(update={"pickers": 3, "carriers": 3, "row_length": 30.0})  # calls have more than one offer
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
     assert 0 < summary["carrier_utilisation"] < 1
     assert 5 < summary["picker_waiting_seconds"] < 300, "an exchange takes some seconds, even if the carrier is there"
-    assert summary["distance_metres"]["picker"] > 3 * 70
+    assert summary["distance_metres"]["picker"] > 3 * 30
     assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "weeds_flattened"} <= summary.keys()
     assert {"collisions", "collisions_of_people_and_animals"} <= summary.keys()
     assert "What limits it: " in printed and "To try next: " in printed

@@ -68,9 +68,8 @@ class Browser:
     def begin(self, address: str) -> None:
         """Have the default orchard on the page that is open, as a user sets it, or on a new one: pictures and dialogs do not stay."""
         is_open = self.driver.current_url == f"{address}/"
-        is_open = is_open and not self.driver.find_elements(By.CSS_SELECTOR, ".q-dialog, iframe[src]")
-        if is_open:
-            self.driver.execute_script("scrollTo(0, 0)")
+        if is_open and not self.driver.find_elements(By.CSS_SELECTOR, ".q-dialog"):
+            self.driver.execute_script("scrollTo(0, 0); document.querySelectorAll('iframe').forEach(it => it.removeAttribute('src'))")
             self.click("[data-preset=default]")
             self.turn_to("Plan")
         else:

@@ -6,7 +6,7 @@ A place is free if the circle around the body's box is clear of all obstacles, s
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 
@@ -72,31 +72,33 @@ def _bare_grounds(solid: tuple[Obstacle, ...], areas: tuple[Obstacle, ...], insi
 
 
 class _Ground:
+    """Where a kind may be placed. Places are nearly always found without the grid, so it is made when it is first needed."""
+
     def __init__(self, within: Rect, kind: str, obstacles: Sequence[Obstacle]) -> None:
         self.within, self.radius = within, KINDS[kind].radius
         self.xs, self.ys = _steps(within.west, within.east), _steps(within.south, within.north)
-        self.open = np.ones((len(self.ys), len(self.xs)), dtype=bool)  # the free grid points
         self.obstacles = np.array(obstacles)
-        for obstacle in obstacles:
-            self._close(obstacle)
+        self._grid = cache(partial(self._closed, obstacles))  # one for all copies
+        self._taken: list[Obstacle] = []  # what is not in the grid yet
 
     def copy(self) -> "_Ground":
         """Return the same ground, on which bodies can be placed."""
-        other = copy(self)
-        other.open = self.open.copy()
-        return other
+        return copy(self)
 
     def take(self, obstacle: Obstacle) -> None:
         self.obstacles = np.vstack([self.obstacles, obstacle])
-        self._close(obstacle)
+        self._taken = [*self._taken, obstacle]
 
-    def _close(self, obstacle: Obstacle) -> None:
-        x, y, half_x, half_y, gap = obstacle
-        reach = gap + self.radius
-        columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
-        rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
-        beside = np.abs(self.xs[columns] - x)[None, :] - half_x, np.abs(self.ys[rows] - y)[:, None] - half_y
-        self.open[rows, columns] &= _squared(*beside) >= reach * reach
+    def _closed(self, obstacles: Iterable[Obstacle], before: np.ndarray | None = None) -> np.ndarray:
+        """Return which grid points are free, (ys, xs) bool: of all, or of those that were `before`."""
+        points = np.ones((len(self.ys), len(self.xs)), dtype=bool) if before is None else before.copy()
+        for x, y, half_x, half_y, gap in obstacles:
+            reach = gap + self.radius
+            columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
+            rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
+            beside = np.abs(self.xs[columns] - x)[None, :] - half_x, np.abs(self.ys[rows] - y)[:, None] - half_y
+            points[rows, columns] &= _squared(*beside) >= reach * reach
+        return points
 
     def free(self, x: float, y: float) -> bool:
         ox, oy, half_x, half_y, gap = self.obstacles.T
@@ -105,9 +107,11 @@ class _Ground:
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
         """The nearest free grid point; of equally near ones the southernmost, then the westernmost."""
-        distance = np.where(self.open, _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None]), np.inf)
+        points = self._closed(self._taken, self._grid())
+        self._grid, self._taken = cache(lambda: points), []
+        distance = np.where(points, _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None]), np.inf)
         row, column = divmod(int(np.argmin(distance)), len(self.xs))
-        if not self.open[row, column]:
+        if not points[row, column]:
             raise ValueError("the orchard is full: no free place is left")
         return float(self.xs[column]), float(self.ys[row])
 

@@ -6,12 +6,14 @@ and errors of sensors are left out: they take time, and give none.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import dropwhile
+from math import floor
 from typing import NamedTuple
 
 from orchard.agents.robot import ASK, Gate, Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of, timetable
-from orchard.agents.steps import Alone, Deliver, DriveTo, FetchEmpty, Free, LeaveBin, Unload
+from orchard.agents.steps import Alone, Deliver, DriveTo, FetchEmpty, Free, Need, Unload
 from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
 from orchard.field.queue import CLOSED_UP
@@ -25,12 +27,22 @@ class NoBound(ValueError):
     """Raised for a harvest that has no proven bound; the text says why."""
 
 
+class Use(NamedTuple):
+    """A place that a robot has alone, on free roads."""
+
+    place: str
+    at: float  #: when the robot comes to the gate of the place, s from the carrier's stop at the lane on; negative before it
+    ticks: int  #: until another robot can be at a gate of it: the place was given back, and the other one has heard of it
+
+
 @dataclass(frozen=True)
 class Job:
     """An exchange of bins, in ticks. The picker leaves a full bin, and goes on with the empty one that a carrier has brought."""
 
     picker: str
+    crossings: list[Use]  #: of the picker since then, in their order
     ready: int  #: from the time at which the picker went on before, or from the start, until a carrier can stand at its stop at the lane
+    way: list[Use]  #: of the carrier, from the first lane on, in their order
     approach: int  #: from a carrier's order, in its line's head, to the stop
     going_on: int  #: from the stop until the picker goes on
     to_bay: int  #: from the stop until the carrier stands in the bay
@@ -46,10 +58,30 @@ class Moment(NamedTuple):
     begins: float
     ends: float
 
-    def at(self, gate: Gate) -> float:
-        """When a drive comes to a gate, s."""
+    def at(self, gate: Gate) -> float | None:
+        """When a drive comes to a gate, s; None if it does not."""
         assert isinstance(self.step, DriveTo)
-        return self.begins + abs(gate.at - (self.pose.y if self.step.x is None else self.pose.x)) / self.step.speed
+        here, target = (self.pose.y, self.step.y) if self.step.x is None else (self.pose.x, self.step.x)
+        assert target is not None
+        ahead = (gate.at - here) * (1.0 if target >= here else -1.0)
+        return self.begins + ahead / self.step.speed if -ROUNDING < ahead < abs(target - here) + ROUNDING else None
+
+    @property
+    def needs(self) -> list[tuple[str, float]]:
+        """The places from which on it must have them, and when, s."""
+        if isinstance(self.step, Need):
+            return [(place, self.ends) for place in self.step.places]
+        return self._passed(self.step.needs) if isinstance(self.step, DriveTo) else []
+
+    @property
+    def frees(self) -> list[tuple[str, float]]:
+        """The places that it gives back, and when, s."""
+        if isinstance(self.step, Free):
+            return [(place, self.begins) for place in self.step.places]
+        return self._passed(self.step.frees) if isinstance(self.step, DriveTo) else []
+
+    def _passed(self, gates: Sequence[Gate]) -> list[tuple[str, float]]:
+        return [(place, at) for gate in gates if (at := self.at(gate)) is not None for place in gate.places]
 
 
 def jobs_of(layout: Layout) -> list[Job]:
@@ -67,43 +99,42 @@ def _jobs_of(route: OneWay, picker: str) -> Iterator[Job]:
     start = next(start.pose for start in layout.starts if start.name == picker)
     passes = iter([one for one in layout.passes(block) if one.leaves_bin])
     plan = list(_moments(route.harvest(block), start))
-    went_on, left = 0.0, 0
-    for number, (step, _, _, ends) in enumerate(plan):
-        if isinstance(step, LeaveBin):
-            left = number
-        elif isinstance(step, FetchEmpty):
+    begins, went_on = 0, 0.0
+    for number, moment in enumerate(plan):
+        if isinstance(moment.step, FetchEmpty):
             one = next(passes)
-            side = route.sides[one.end]
-            ready = _freed(plan[left:number], side.place("D", one.row)) - went_on
-            swings = any(isinstance(step, Alone) for step in (moment.step for moment in plan[number : number + 3]))
-            yield _job(route, picker, one.row, side, ready, swings)
-            went_on = ends
+            waits = any(isinstance(after.step, Alone) for after in plan[number : number + 3])
+            yield _job(route, picker, one.row, route.sides[one.end], plan[begins:number], went_on, waits)
+            begins, went_on = number + 1, moment.ends
 
 
-def _job(route: OneWay, picker: str, row: int, side: Side, ready: float, waits: bool) -> Job:
-    """`ready`: s until the picker frees the lane's place. `waits`: whether it goes on only once the carrier has left that place."""
+def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Moment], went_on: float, waits: bool) -> Job:
+    """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the carrier has left the lane's place."""
     layout, queue, place = route.layout, route.queue, side.place("D", row)
-    approaches, holds, after, homes, rests = [], [], [], [], []
-    for first in range(0, layout.queue_places, queue.places):  # of each line
-        plan = list(_moments(route.fetch(first + 1, row, side, "", ""), queue.place(first)))
-        stop = next(moment for moment in plan if isinstance(moment.step, Deliver))
-        bay = next(moment for moment in plan if isinstance(moment.step, Unload))
-        behind = (min(queue.places, layout.scenario.carrier_count - (0 if layout.first_charging else first)) - 1) * CLOSED_UP
-        freed = _freed(plan[plan.index(stop) + 1 :], place) - stop.begins
-        approaches.append(stop.begins)
-        holds.append(stop.begins - _needed(plan, place))
-        after.append(bay.begins - stop.begins)
-        homes.append(plan[-1].ends - bay.begins)
-        rests.append(plan[-1].ends - bay.begins - behind)
-    going_on = max(HANDOVER, freed) if waits else HANDOVER
+    lines = range(0, layout.queue_places, queue.places)
+    plans = [list(_moments(route.fetch(first + 1, row, side, "", ""), queue.place(first))) for first in lines]
+    homes = [plan[-1].ends - _begins(plan, Unload) for plan in plans]
+    counts = [layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines]
+    behind = [(min(queue.places, count) - 1) * CLOSED_UP for count in counts]
+    stop, way = _begins(plans[0], Deliver), _uses(plans[0])
+    of_lane = next((use for use in way if use.place == place), None)
+    crossings = _uses(before)
+    ready = next((use for use in reversed(crossings) if use.place == place), None)
+    if of_lane is None or ready is None:
+        raise NoBound(f"the bound does not know a route on which robots need no place {place}, or do not give it back")
+    stands = ready.at + ready.ticks * TIME_STEP + stop - of_lane.at  # when a carrier that holds before the lane can stand there
+    left = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
+    on_the_road = dropwhile(lambda use: use.place not in (side.place("D", 1), route.east.place("D", 1)), way)
     return Job(
         picker,
-        _ticks(ready + ASK * TIME_STEP + min(holds)),
-        _ticks(min(approaches)),
-        _ticks(going_on),
-        _ticks(min(after)),
-        _ticks(min(homes)),
-        _ticks(min(rests)),
+        [use._replace(at=use.at - stands) for use in crossings],
+        ticks(stands - went_on),
+        [use._replace(at=use.at - stop) for use in on_the_road],
+        ticks(min(_begins(plan, Deliver) for plan in plans)),
+        ticks(max(HANDOVER, left) if waits else HANDOVER),
+        ticks(min(_begins(plan, Unload) - _begins(plan, Deliver) for plan in plans)),
+        ticks(min(homes)),
+        ticks(min(home - room for home, room in zip(homes, behind, strict=True))),
     )
 
 
@@ -115,24 +146,22 @@ def _moments(steps: Sequence[Step], start: Pose) -> Iterator[Moment]:
         late += step.ticks * TIME_STEP
 
 
-def _needed(plan: Sequence[Moment], place: str) -> float:
-    """When a robot first needs a place, s. Raises NoBound if it never does."""
+def _begins(plan: Sequence[Moment], kind: type[Step]) -> float:
+    return next(moment.begins for moment in plan if isinstance(moment.step, kind))
+
+
+def _uses(plan: Sequence[Moment]) -> list[Use]:
+    """The places that a robot has on its way, in the order in which it comes to them."""
+    uses, since = list[Use](), dict[str, float]()
     for moment in plan:
-        gates = [gate for gate in getattr(moment.step, "needs", ()) if place in gate.places]
-        if gates:
-            return min(map(moment.at, gates))
-    raise NoBound(f"the bound does not know a route whose carriers need no place {place}")
+        for place, at in moment.needs:
+            since.setdefault(place, at)
+        for place, at in moment.frees:
+            if place in since:
+                uses.append(Use(place, since[place], ticks(at - since.pop(place)) + ASK))
+    return sorted(uses, key=lambda use: use.at)
 
 
-def _freed(plan: Sequence[Moment], place: str) -> float:
-    """When a robot first gives a place back, s. Raises NoBound if it never does."""
-    for moment in plan:
-        if isinstance(moment.step, Free) and place in moment.step.places:
-            return moment.begins
-        if gates := [gate for gate in getattr(moment.step, "frees", ()) if place in gate.places]:
-            return min(map(moment.at, gates))
-    raise NoBound(f"the bound does not know a route whose robots do not give back the place {place}")
-
-
-def _ticks(seconds: float) -> int:
-    return int(seconds / TIME_STEP + ROUNDING)
+def ticks(seconds: float) -> int:
+    """Return the ticks that a time takes at least."""
+    return floor(seconds / TIME_STEP + ROUNDING)

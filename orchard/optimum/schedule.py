@@ -2,24 +2,27 @@
 
 Why no dispatch policy can beat it: each constraint is one that the simulator enforces, and whatever else it enforces is left out.
 
-- A picker goes on with its next row only once it has an empty bin; a carrier gets the lane's place only once the picker has left it.
-- A carrier does one job after the other, and each takes at least what its plan takes on free roads.
-- Of the jobs of all carriers at most as many are done at a time as there are carriers.
-- A bin is unloaded alone, and the next one is then at least `HEADWAY` behind.
+- A picker goes on with its next row only once it has an empty bin. A carrier gets the lane's place only once the picker has left it.
+- A job takes its carrier at least what its plan takes on free roads, and no more jobs are done at a time than there are carriers.
+- A harvest ends when the last carrier stands in the queue, behind the others of its line.
+- With traffic: a place on the roads belongs to one robot, from its gate there until it has left the place and the next one has heard so.
+  A bin is unloaded alone, and the next carrier is then at least `HEADWAY` behind.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from ortools.sat.python.cp_model import CpModel, CpSolver
+from ortools.sat.python.cp_model import CpModel, CpSolver, IntervalVar, IntVar, LinearExprT
 
 from orchard.agents.steps import Unload
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
-from orchard.optimum.jobs import Job, jobs_of
+from orchard.optimum.jobs import Job, Use, jobs_of, ticks
 
 HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
-LIMIT = 10.0  # of the solver's work, which it counts, so that the answer is the same on every machine: about s
-PATIENCE = 10.0  # times the limit, in s, after which a machine that is too slow ends the search
+WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds
+PATIENCE = 30.0  # times the work, in s, after which a machine that is too slow ends the search
 SEARCH = {  # one worker: several would depend on each other's speed. It raises the bound step by step; linear relaxations prove less here
     "num_workers": 1,
     "use_objective_lb_search": True,
@@ -34,9 +37,9 @@ class Optimum:
     """The shortest time of a harvest."""
 
     proven_seconds: float  #: no dispatch policy makes a shorter harvest
-    best_seconds: float  #: of the best schedule that was found without traffic
+    best_seconds: float  #: of the best schedule that was found
     bins: int
-    solver_seconds: float  #: of this machine
+    solver_seconds: float  #: on this machine
 
     @property
     def gap(self) -> float:
@@ -44,65 +47,93 @@ class Optimum:
         return self.best_seconds / self.proven_seconds - 1.0
 
 
-def optimum(layout: Layout, limit: float = LIMIT) -> Optimum:
-    """Return what is proven of the shortest harvest of an orchard, with exact sensors. `limit`: of the solver's work.
+def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Optimum:
+    """Return what is proven of the shortest harvest of an orchard, with exact sensors and nobody about. `work`: of the solver, at most.
 
-    Raises NoBound for agents and steps of the user's own.
+    `free_roads`: no robot is in another's way, nor in the bay. Raises NoBound for agents and steps of the user's own.
     """
     jobs = jobs_of(layout)
     solver, schedule = CpSolver(), Schedule(jobs, layout.scenario.carrier_count)
+    if not free_roads:
+        schedule.share_roads()
     for name, value in SEARCH.items():
         setattr(solver.parameters, name, value)
-    solver.parameters.max_deterministic_time, solver.parameters.max_time_in_seconds = limit, PATIENCE * limit
+    solver.parameters.max_deterministic_time, solver.parameters.max_time_in_seconds = work, PATIENCE * work
     solver.solve(schedule.model)
-    proven, best = (round(ticks * TIME_STEP, 1) for ticks in (solver.best_objective_bound, solver.objective_value))
+    proven, best = (round(end * TIME_STEP, 1) for end in (solver.best_objective_bound, solver.objective_value))
     return Optimum(proven, best, len(jobs), solver.wall_time)
 
 
 class Schedule:
     """The model: when each job's carrier stops at its lane, and when it stands in the bay, in ticks."""
 
-    def __init__(self, jobs: list[Job], carriers: int) -> None:
+    def __init__(self, jobs: Sequence[Job], carriers: int) -> None:
         self.jobs, self.carriers, self.model = jobs, carriers, CpModel()
-        horizon = sum(job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs)
-        self.stops = [self.model.new_int_var(earliest, horizon, "") for earliest in self._earliest()]
-        self.bays = [self.model.new_int_var(0, horizon, "") for _ in jobs]
-        self.end = self.model.new_int_var(0, horizon, "end")
-        self._order_of_pickers()
-        self._carriers()
-        self._bay()
+        self.horizon = sum(job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs)
+        self.stops = [self._time(earliest) for earliest in self._earliest()]
+        self.bays = [self._time() for _ in jobs]
+        self.end = self._time()
+        for number, job in enumerate(jobs):
+            self.model.add(self.stops[number] >= self._went_on(number) + job.ready)
+            self.model.add(self.bays[number] >= self.stops[number] + job.to_bay)
+            self.model.add(self.end >= self.bays[number] + job.to_rest)
+        self._share_carriers()
         self.model.minimize(self.end)
+
+    def _time(self, earliest: int = 0) -> IntVar:
+        return self.model.new_int_var(earliest, self.horizon, "")
+
+    def _before(self, number: int) -> int | None:
+        """The job of the same picker before a job."""
+        return number - 1 if number and self.jobs[number - 1].picker == self.jobs[number].picker else None
+
+    def _went_on(self, number: int) -> LinearExprT:
+        """When the picker of a job went on before."""
+        before = self._before(number)
+        return 0 if before is None else self.stops[before] + self.jobs[before].going_on
 
     def _earliest(self) -> list[int]:
         """The earliest stop of each job."""
         earliest: list[int] = []
         for number, job in enumerate(self.jobs):
             before = self._before(number)
-            since = 0 if before is None else earliest[before] + self.jobs[before].going_on
-            earliest.append(max(since + job.ready, job.approach))
+            went_on = 0 if before is None else earliest[before] + self.jobs[before].going_on
+            earliest.append(max(went_on + job.ready, job.approach))
         return earliest
 
-    def _before(self, number: int) -> int | None:
-        """The job of the same picker before a job."""
-        return number - 1 if number and self.jobs[number - 1].picker == self.jobs[number].picker else None
-
-    def _order_of_pickers(self) -> None:
-        for number, job in enumerate(self.jobs):
-            if (before := self._before(number)) is not None:
-                self.model.add(self.stops[number] >= self.stops[before] + self.jobs[before].going_on + job.ready)
-            self.model.add(self.bays[number] >= self.stops[number] + job.to_bay)
-            self.model.add(self.end >= self.bays[number] + job.to_rest)
-
-    def _carriers(self) -> None:
+    def _share_carriers(self) -> None:
+        """At any time, and in all: no carrier begins before its first job can, nor works on when the harvest is over, but for its place in
+        the queue."""
         rounds = [job.approach + job.to_bay + job.to_head for job in self.jobs]
         begun = [stop - job.approach for stop, job in zip(self.stops, self.jobs, strict=True)]
         intervals = [self.model.new_fixed_size_interval_var(*one, "") for one in zip(begun, rounds, strict=True)]
         self.model.add_cumulative(intervals, [1] * len(intervals), self.carriers)
-        first = sorted(earliest - job.approach for earliest, job in zip(self._earliest(), self.jobs, strict=True))[: self.carriers]
-        over = max(job.to_head - job.to_rest for job in self.jobs)
-        if len(first) == self.carriers:
+        if len(self.jobs) >= self.carriers:
+            first = sorted(earliest - job.approach for earliest, job in zip(self._earliest(), self.jobs, strict=True))[: self.carriers]
+            over = max(job.to_head - job.to_rest for job in self.jobs)
             self.model.add(self.carriers * (self.end + over) >= sum(rounds) + sum(first))
 
-    def _bay(self) -> None:
-        occupied = [self.model.new_fixed_size_interval_var(bay, Unload.ticks + HEADWAY, "") for bay in self.bays]
-        self.model.add_no_overlap(occupied)
+    def share_roads(self) -> None:
+        """Let each place of the roads, and the bay, belong to one robot at a time."""
+        occupied: dict[str, list[IntervalVar]] = {}
+        for number, job in enumerate(self.jobs):
+            for uses, begins in ((job.crossings, self._went_on(number) + job.ready), (job.way, job.approach)):
+                times = [self._time() for _ in uses]
+                for at, use in zip(times, uses, strict=True):
+                    self._place_in_order(number, at, use, begins)
+                    occupied.setdefault(use.place, []).append(self.model.new_fixed_size_interval_var(at, use.ticks, ""))
+                for at, use, later, other in zip(times, uses, times[1:], uses[1:], strict=False):
+                    self.model.add(later >= at + ticks(other.at - use.at))
+        occupied["bay"] = [self.model.new_fixed_size_interval_var(bay, Unload.ticks + HEADWAY, "") for bay in self.bays]
+        for place in occupied.values():
+            self.model.add_no_overlap(place)
+
+    def _place_in_order(self, number: int, at: IntVar, use: Use, begins: Any) -> None:
+        """`begins`: the earliest stop, from which on the use's time counts."""
+        stop = self.stops[number]
+        self.model.add(at >= begins + ticks(use.at))
+        if use.at <= 0.0:
+            self.model.add(stop >= at + ticks(-use.at))
+        else:
+            self.model.add(at >= stop + ticks(use.at))
+            self.model.add(self.bays[number] >= at + self.jobs[number].to_bay - ticks(use.at) - 1)

@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 
 SHOWN = 80  # characters of a value
+_SIMPLE = (float, str, int, bool, bytes, type(None))  # most of the data, which have no parts
 
 
 def difference(before: Any, after: Any, where: str) -> str:
@@ -31,7 +32,7 @@ def _is_same(before: Any, after: Any) -> bool:
         return len(before) == len(after) and all(map(_is_same, before, after)) and all(map(_is_same, before.values(), after.values()))
     if kind is list or kind is tuple:
         return len(before) == len(after) and all(map(_is_same, before, after))
-    if names := _names_in(before):
+    if kind not in _SIMPLE and (names := _names_in(before)):
         return all(_is_same(getattr(before, name), getattr(after, name)) for name in names)
     return bool(before == after or before != before)
 

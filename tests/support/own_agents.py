@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import time
 from asyncio import CancelledError
 from contextlib import suppress
 from threading import Event, Thread
@@ -95,7 +96,7 @@ class Stubborn(Endless):
     def think(self):
         with suppress(BaseException):
             while True:
-                pass
+                time.sleep(0.01)
 
 
 def lost(layout, names):

@@ -11,7 +11,7 @@ from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
 from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
 from orchard.agents.forecast import horizon
-from orchard.agents.policies import dispatch_of
+from orchard.agents.policies import MARGIN, POLICIES, dispatch_of
 from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import way_to
@@ -37,6 +37,11 @@ class OpenCall:
     full: float  # tick at which it will be full, or was
     failed: int = -1  # tick since which its picker has stood because it failed; -1: it picks
     is_reported: bool = False  # to the dispatcher
+    learned: int = -1  # tick of the question at which the policy learned of it outside a decision
+
+    def left(self, now: int) -> float:
+        """Return the ticks until it is full; negative since then."""
+        return self.full - (now if self.failed < 0 else self.failed)
 
 
 @dataclass
@@ -129,7 +134,8 @@ class Dispatched(Calls):
         self.horizon = horizon(self.layout) / TIME_STEP  # ticks before it is full, to report
         self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
-        self._asked = -POLL_TICKS
+        self._asked = self._decided = -POLL_TICKS  # ticks of the last question to the carriers, and of its answers
+        self._knows_policy = type(self) is Dispatched and type(self.policy) in POLICIES.values()
         env.process(self.run())
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float, seen: int) -> None:
@@ -138,6 +144,7 @@ class Dispatched(Calls):
         full, call = robot.tick + seconds / TIME_STEP, self._ripening.get(robot.name)
         if call is None or call.bin != robot.bin:
             call = self._ripening[robot.name] = OpenCall(robot.bin, robot.name, lane, side, seen, full)
+        self._learn(call)
         call.full = full
         if not call.is_reported:
             call.since = max(seen, ceil(full - self.horizon))
@@ -145,10 +152,12 @@ class Dispatched(Calls):
 
     def fails(self, robot: Robot) -> None:
         if call := self._ripening.get(robot.name):
+            self._learn(call)
             call.failed = robot.tick
 
     def goes_on(self, robot: Robot) -> None:
         if call := self._ripening.get(robot.name):
+            self._learn(call)
             call.full, call.failed = call.full + robot.tick - call.failed, -1
 
     def _later(self, call: OpenCall) -> Events:
@@ -179,7 +188,26 @@ class Dispatched(Calls):
             self._asked, ready = asked, {robot.name: robot for robot in self.ready() if robot.name not in self._booked}
             yield self.env.timeout(1)
             calls = [call for call in self.open if call.bin not in self._booked and call.since < asked + 2]
-            self.decide(self._decision(calls, ready))
+            before, self._decided = self._decided, asked + 2
+            if not self._knows_policy or (ready and any(self._is_due(call) for call in calls)):
+                self.decide(self._decision(calls, ready))
+                continue
+            for call in calls:  # of those that are full at the next question: this one, or none, was the last before
+                if before <= max(call.full, call.since) and call.full <= self._decided + POLL_TICKS + 1:
+                    self._learn(call)
+
+    def _is_due(self, call: OpenCall) -> bool:
+        """Whether a carrier may have to leave for a bin: a tick too early rather than too late."""
+        return call.left(self._decided) <= (self._ways[call.lane, call.side.name][1] + MARGIN) / TIME_STEP + 1
+
+    def _learn(self, call: OpenCall) -> None:
+        """Let a policy of ours learn of a bin what it would have at the last question, if it was not asked because nothing was due.
+
+        What it remembers is that of the last question before a bin is full, or its estimate changes: so no other one is needed."""
+        is_new = max(call.since, call.learned) < self._decided
+        if self._knows_policy and is_new and call.bin not in self._booked and call in self.open:
+            call.learned = self._decided
+            self.policy.assign(self._decided, [self._report(call, self._decided)], [], self.memory)
 
     def decide(self, decision: Decision) -> None:
         self.send(decision, self.orders(decision))
@@ -206,8 +234,7 @@ class Dispatched(Calls):
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
         metres, reach = self._ways[call.lane, call.side.name]
-        left = max(0.0, (call.full - (now if call.failed < 0 else call.failed)) * TIME_STEP)
-        return BinReport(call.bin, call.lane, call.side.name, call.picker, call.since, metres, left, reach)
+        return BinReport(call.bin, call.lane, call.side.name, call.picker, call.since, metres, max(0.0, call.left(now) * TIME_STEP), reach)
 
     def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
         report = call.since + CALL_AGAIN * ceil((now - call.since) / CALL_AGAIN)

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
+from orchard.discrete.calls import Dispatched
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.discrete.long_run import long_run
 from orchard.field.layout import Layout, lay_out
@@ -82,6 +83,24 @@ def test_no_cell_is_far_from_the_simulator() -> None:
 @pytest.mark.parametrize("cell", ["10/5/5:one-way:predictive", "10/10/10:one-way:predictive", "10/5/5:two-way:predictive"])
 def test_with_people_and_animals_the_mean_over_seeds_is_that_of_the_simulator(cell: str) -> None:
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
+
+
+@pytest.mark.parametrize("dispatch", ["predictive", "predictive-farthest", "longest-waiting"])
+def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(dispatch: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Always(Dispatched):
+        """Asks at each question, as for a policy of the user's own."""
+
+    often = {"spread": {"distribution": "lognormal", "cv": 0.8}, "failure": {"mean_between": 100.0, "mean_repair": 5.0}}
+    slow = {"rows": 9, "pickers": 5, "carriers": 1, "row_length": 40.0, "picking_speed": 0.1, "metres_per_bin": 15.0, "picking": often}
+    layout = lay_out(orchard(**slow, dispatch=dispatch))
+    always, seldom = DiscreteHarvest(layout, calls=Always).run(), DiscreteHarvest(layout)
+    asked: list[int] = []
+    orders = Dispatched.orders
+    monkeypatch.setattr(Dispatched, "orders", lambda calls, decision: asked.append(decision.now) or orders(calls, decision))
+    seldom.run()
+    assert (seldom.deliveries, seldom.waited_seconds) == (always.deliveries, always.waited_seconds)
+    assert seldom.calls.memory == always.calls.memory  # type: ignore[attr-defined]  # of Dispatched
+    assert len(asked) == seldom.bins
 
 
 def test_robots_that_wait_for_places_cost_few_events() -> None:

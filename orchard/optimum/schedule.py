@@ -23,9 +23,9 @@ from orchard.optimum.jobs import Job, Use, jobs_of, ticks
 HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
 WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds
 PATIENCE = 30.0  # times the work, in s, after which a machine that is too slow ends the search
-SEARCH = {  # one worker: several would depend on each other's speed. It raises the bound step by step; linear relaxations prove less here
+FIRST = 0.2  # share of the work for the search that finds schedules; the other one raises the bound step by step
+SEARCH = {  # one worker: several would depend on each other's speed. Linear relaxations prove less here
     "num_workers": 1,
-    "use_objective_lb_search": True,
     "linearization_level": 0,
     "use_overload_checker_in_cumulative": True,
     "use_timetable_edge_finding_in_cumulative": True,
@@ -53,15 +53,25 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     `free_roads`: no robot is in another's way, nor in the bay. Raises NoBound for agents and steps of the user's own.
     """
     jobs = jobs_of(layout)
-    solver, schedule = CpSolver(), Schedule(jobs, layout.scenario.carrier_count)
+    schedule = Schedule(jobs, layout.scenario.carrier_count)
     if not free_roads:
         schedule.share_roads()
-    for name, value in SEARCH.items():
+    solvers = [_solved(schedule.model, FIRST * work)]
+    if solvers[0].best_objective_bound < solvers[0].objective_value:
+        schedule.hint(solvers[0])
+        solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
+    proven, best = max(schedule.least, *(one.best_objective_bound for one in solvers)), min(one.objective_value for one in solvers)
+    seconds = sum(one.wall_time for one in solvers)
+    return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs), seconds)
+
+
+def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
+    solver = CpSolver()
+    for name, value in (SEARCH | search).items():
         setattr(solver.parameters, name, value)
     solver.parameters.max_deterministic_time, solver.parameters.max_time_in_seconds = work, PATIENCE * work
-    solver.solve(schedule.model)
-    proven, best = (round(end * TIME_STEP, 1) for end in (solver.best_objective_bound, solver.objective_value))
-    return Optimum(proven, best, len(jobs), solver.wall_time)
+    solver.solve(model)
+    return solver
 
 
 class Schedule:
@@ -69,10 +79,11 @@ class Schedule:
 
     def __init__(self, jobs: Sequence[Job], carriers: int) -> None:
         self.jobs, self.carriers, self.model = jobs, carriers, CpModel()
+        self.times = list[IntVar]()
         self.horizon = sum(job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs)
         self.stops = [self._time(earliest) for earliest in self._earliest()]
         self.bays = [self._time() for _ in jobs]
-        self.end = self._time()
+        self.end = self._time(self.least)
         for number, job in enumerate(jobs):
             self.model.add(self.stops[number] >= self._went_on(number) + job.ready)
             self.model.add(self.bays[number] >= self.stops[number] + job.to_bay)
@@ -81,7 +92,14 @@ class Schedule:
         self.model.minimize(self.end)
 
     def _time(self, earliest: int = 0) -> IntVar:
-        return self.model.new_int_var(earliest, self.horizon, "")
+        self.times.append(self.model.new_int_var(earliest, self.horizon, ""))
+        return self.times[-1]
+
+    def hint(self, solver: CpSolver) -> None:
+        """Let the next search begin with the schedule that one has found, if any."""
+        if solver.response_proto.solution:
+            for time in self.times:
+                self.model.add_hint(time, solver.value(time))
 
     def _before(self, number: int) -> int | None:
         """The job of the same picker before a job."""
@@ -101,17 +119,23 @@ class Schedule:
             earliest.append(max(went_on + job.ready, job.approach))
         return earliest
 
+    @property
+    def least(self) -> int:
+        """What needs no search: the end of the last job if each is done as early as can be, and of all if no carrier ever waits. No carrier
+        begins before its first job can, nor works on when the harvest is over, but for its place in the queue."""
+        last = max(stop + job.to_bay + job.to_rest for stop, job in zip(self._earliest(), self.jobs, strict=True))
+        if len(self.jobs) < self.carriers:
+            return last
+        first = sorted(stop - job.approach for stop, job in zip(self._earliest(), self.jobs, strict=True))[: self.carriers]
+        busy = sum(first) + sum(job.approach + job.to_bay + job.to_head for job in self.jobs)
+        return max(last, -(-busy // self.carriers) - max(job.to_head - job.to_rest for job in self.jobs))
+
     def _share_carriers(self) -> None:
-        """At any time, and in all: no carrier begins before its first job can, nor works on when the harvest is over, but for its place in
-        the queue."""
+        """Let no more jobs be done at a time than there are carriers."""
         rounds = [job.approach + job.to_bay + job.to_head for job in self.jobs]
         begun = [stop - job.approach for stop, job in zip(self.stops, self.jobs, strict=True)]
         intervals = [self.model.new_fixed_size_interval_var(*one, "") for one in zip(begun, rounds, strict=True)]
         self.model.add_cumulative(intervals, [1] * len(intervals), self.carriers)
-        if len(self.jobs) >= self.carriers:
-            first = sorted(earliest - job.approach for earliest, job in zip(self._earliest(), self.jobs, strict=True))[: self.carriers]
-            over = max(job.to_head - job.to_rest for job in self.jobs)
-            self.model.add(self.carriers * (self.end + over) >= sum(rounds) + sum(first))
 
     def share_roads(self) -> None:
         """Let each place of the roads, and the bay, belong to one robot at a time."""

@@ -178,7 +178,7 @@ def test_a_step_of_the_tutorial(step, tmp_path):
             assert said == part.text, "the tutorial shows another output"
         else:
             for command in commands(part.text):
-                run_in(tmp_path, [*command, "--duration", "60", *([] if "--record" in command else ["--record", "run.rrd"])])
+                run_in(tmp_path, [*command, "--duration", "20", *([] if "--record" in command else ["--record", "run.rrd"])])
 
 
 def test_the_two_terminals_of_the_tutorial(tmp_path):

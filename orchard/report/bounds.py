@@ -2,10 +2,11 @@
 
 The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. The length is that of the discrete-event model with
 roads that each robot has to itself: of `nearest` for a policy of the user's own, and of the built-in route with the same queue for a route
-with steps of its own. It is no proof: another policy may be faster.
+with steps of its own. Another policy may be faster: `proven_seconds` is what none can beat.
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from math import inf
 from statistics import fmean
 
@@ -18,14 +19,16 @@ from orchard.agents.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin,
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.kinds import kind_of
-from orchard.field.layout import Layout, lay_out
+from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
 from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
-from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
+from orchard.optimum.jobs import NoBound
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again
+PROOF = 0.1  # of the solver's work: at most about half a second
 HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop on
 
 
@@ -143,24 +146,35 @@ def schedule_seconds(layout: Layout) -> float:
     return max(stood["picker"], stood["carrier"] - others * PITCH)
 
 
-REFERENCE = "predictive"  # the default policy, which is best on the whole: docs/bounds.md
+def proven_seconds(layout: Layout) -> float | None:
+    """Return what is proven of the shortest time of the harvest without traffic, s; None if the extra `optimum` is missing, and for agents
+    and steps of the user's own."""
+    return _proven(lay_out(undisturbed(layout.scenario, dispatch=NEAREST)))  # the same for each policy
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _proven(layout: Layout) -> float | None:
+    try:
+        from orchard.optimum.schedule import optimum  # not at the top: it is an extra, and takes half a second to load
+    except ModuleNotFoundError:
+        return None
+    try:
+        return optimum(layout, PROOF, free_roads=True).proven_seconds
+    except NoBound:
+        return None
 
 
 def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
 
-    `limit`: its bins at the rate that its parts allow in the long run without traffic. `structure`: what is lost to its begin and its end.
-    `traffic`: what robots lose to each other. These three are of the policy `REFERENCE`. `dispatch`: what the scenario's own policy loses
-    against it, negative if it is better. `people_and_animals`: the rest.
+    `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy, and robots that fail, lose without
+    traffic. `traffic`: what robots lose to each other. `people_and_animals`: the rest. Without a proof `schedule` is the first two.
     """
     scenario = layout.scenario
     if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
         return {}
-    alone = undisturbed(scenario)
-    reference = lay_out(undisturbed(scenario, dispatch=REFERENCE))
-    limit = 3600.0 * layout.bins / Bounds(reference).bins_per_hour
-    schedule = schedule_seconds(reference)
-    best = DiscreteHarvest(reference).run().seconds
+    alone, schedule, proven = undisturbed(scenario), schedule_seconds(layout), proven_seconds(layout)
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
-    parts = {"limit": limit, "structure": schedule - limit, "traffic": best - schedule, "dispatch": own - best}
-    return {name: round(part, 1) for name, part in (parts | {"people_and_animals": seconds - own}).items()}
+    parts = {"schedule": schedule} if proven is None else {"optimum": proven, "dispatch": schedule - proven}
+    parts |= {"traffic": own - schedule, "people_and_animals": seconds - own}
+    return {name: round(part, 1) for name, part in parts.items()}

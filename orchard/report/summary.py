@@ -122,21 +122,29 @@ def sentence(outcome: Outcome) -> str:
     return f"{told}{''.join(f'; {fault}' for fault in faults if fault)}."
 
 
-LOSSES = {  # parts of `lost_seconds` beside the limit, in words
-    "structure": "its beginning and its end",
-    "traffic": "traffic",
+LOSSES = {  # parts of `lost_seconds` beside what a harvest takes at least, in words
     "dispatch": "the dispatch policy",
+    "traffic": "traffic",
     "people_and_animals": "people and animals",
 }
 
 
 def limit_sentence(outcome: Outcome) -> str:
-    """Return the second sentence: what limits the rate, and to what most of the rest was lost, if that is known."""
+    """Return the second sentence: what limits the rate; if they are known, how far the harvest is from the proven optimum, and to what most
+    was lost."""
     limited_by = outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
-    told = f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"
+    told = [f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"]
+    if proven := outcome.lost_seconds.get("optimum"):
+        told.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
     lost = max(LOSSES, key=lambda part: outcome.lost_seconds.get(part, 0.0))
-    seconds = outcome.lost_seconds.get(lost, 0.0)
-    return f"{told}; {clock(seconds)} were lost to {LOSSES[lost]}." if seconds > 0.0 else f"{told}."
+    if (seconds := outcome.lost_seconds.get(lost, 0.0)) > 0.0:
+        told.append(f"{clock(seconds)} were lost to {LOSSES[lost]}")
+    return f"{'; '.join(told)}."
+
+
+def above_optimum(seconds: float, proven: float) -> str:
+    """Return in words how far the time of a harvest is above what is proven of the shortest one."""
+    return f"{100.0 * (seconds / proven - 1.0):.0f} % above the proven optimum without traffic"
 
 
 def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -48,6 +48,7 @@ class Row:
     standing: Standing  # best: the answer. The others beside the best mean; unknown: the runs do not tell
     lead: Interval | None  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
     check: Check | None = None
+    proven_seconds: float | None = None  # no harvest without traffic is shorter; None: it is not about harvests, or nothing is proven
 
 
 @dataclass(frozen=True, kw_only=True)

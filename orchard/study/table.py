@@ -23,6 +23,7 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "busy": lambda row: f"{100.0 * row.carrier_utilisation:.0f} %",
     "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
     "limit": lambda row: row.bottleneck,
+    "optimum, s": lambda row: _optimum(row),
     "checked": lambda row: _check(row.check),
 }
 MARKS: dict[Standing, str] = {"best": "*", "equal": "=", "unknown": "?", "worse": "", "jammed": ""}
@@ -31,11 +32,12 @@ MEANING = (
     "seeds; ± interval of {confidence:g} % confidence. behind: the best. wait: of a picker for an empty bin. busy: carriers outside the "
     "queue. bound: the limit without traffic, and what sets it."
 )
+OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and how far above it this one is."
 CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
-ONLY_IF_KNOWN = ("a bin", "checked")  # columns that are left out if they have nothing in any row
+ONLY_IF_KNOWN = ("a bin", "optimum, s", "checked")  # columns that are left out if they have nothing in any row
 OF_ALL_JAMMED = ("bins/h", "bound", "limit", "checked")  # known if all runs jammed
-WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "checked")  # where the terminal is narrow
+WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")  # where the terminal is narrow
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
@@ -51,8 +53,9 @@ def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
     count = max((row.replications for row in result.table), default=0)
     runs, model = f"{count} run{'s' if count != 1 else ''}", MODELS[result.table[0].model if result.table else "fast"]
+    optimum = OPTIMUM if any(row.proven_seconds for row in result.table) else ""
     checked = CHECKED if any(row.check for row in result.table) else ""
-    return MEANING.format(within=100.0 * result.within, confidence=100.0 * result.confidence, runs=runs, model=model) + checked
+    return MEANING.format(within=100.0 * result.within, confidence=100.0 * result.confidence, runs=runs, model=model) + optimum + checked
 
 
 def as_table(result: StudyResult) -> Table:
@@ -87,6 +90,12 @@ def _interval(interval: Interval | None) -> str:
 
 def _share_of_bound(row: Row) -> str:
     return "" if row.bins_per_hour is None else f" ({100.0 * row.bins_per_hour.mean / row.bound_bins_per_hour:.0f}%)"
+
+
+def _optimum(row: Row) -> str:
+    if row.proven_seconds is None or row.harvest_seconds is None:
+        return ""
+    return f"{number_words(row.proven_seconds)} (+{100.0 * (row.harvest_seconds.mean / row.proven_seconds - 1.0):.0f}%)"
 
 
 def _check(check: Check | None) -> str:

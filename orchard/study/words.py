@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from orchard.field.scenario import Scenario
+from orchard.report.summary import above_optimum
 from orchard.study.comparing import LOOKS
 from orchard.study.result import Goal, Interval, Row, StudyResult
 
@@ -105,7 +106,7 @@ def answer(result: StudyResult) -> str:
     if (best := result.best_row) is None:
         return _jammed(result)
     least = f"At least {setting_words(best.setting)}" if result.beyond else setting_words(best.setting)
-    parts = [f"{least}: {_figures(best, result)}", _end(result), _alike(result), _undecided(result), _checked(best, result)]
+    parts = [f"{least}: {_figures(best, result)}", _optimum(best), _end(result), _alike(result), _undecided(result), _checked(best, result)]
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
     return f"{'; '.join(filter(None, parts))}. {orchard}."
@@ -125,6 +126,12 @@ def _figures(best: Row, result: StudyResult) -> str:
     long_run = " in the long run" if result.horizon == "long" else ""
     others = [f"{number_words(one.mean)} {unit}" for one, unit in rest]
     return ", ".join([f"{interval_words(first[0])} {first[1]}", *others]) + long_run + run
+
+
+def _optimum(best: Row) -> str:
+    if best.proven_seconds is None or best.harvest_seconds is None:
+        return ""
+    return above_optimum(best.harvest_seconds.mean, best.proven_seconds)
 
 
 def _end(result: StudyResult) -> str:

@@ -1,5 +1,6 @@
 """The figures of a run, their course, the ideals beside them, and how a jam is told."""
 
+import sys
 import time
 
 import pytest
@@ -12,8 +13,8 @@ from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario
-from orchard.report import metrics
-from orchard.report.bounds import Bounds, lost_seconds, schedule_seconds
+from orchard.report import bounds, metrics
+from orchard.report.bounds import Bounds, lost_seconds, proven_seconds, schedule_seconds
 from orchard.report.metrics import shares
 from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures
@@ -140,7 +141,18 @@ def test_what_a_harvest_lost_adds_up_to_its_length(changes):
     lost = lost_seconds(lay_out(scenario), seconds)
     assert sum(lost.values()) == pytest.approx(seconds, abs=0.3)
     assert (lost["people_and_animals"] > 0.0) == bool(scenario.people.workers or scenario.sensors.gnss.bias)
-    assert min(lost["limit"], lost["structure"], lost["traffic"]) > 0.0
+    assert min(lost["optimum"], lost["dispatch"], lost["traffic"]) > 0.0
+
+
+def test_without_a_solver_nothing_is_proven_and_the_parts_still_add_up(monkeypatch):
+    layout = lay_out(empty_orchard(rows=5, pickers=2, carriers=2))
+    with_solver = lost_seconds(layout, 700.0)
+    monkeypatch.setattr(bounds, "_proven", bounds._proven.__wrapped__)
+    monkeypatch.setitem(sys.modules, "orchard.optimum.schedule", None)
+    without = lost_seconds(layout, 700.0)
+    assert without["schedule"] == pytest.approx(with_solver["optimum"] + with_solver["dispatch"], abs=0.1)
+    assert without.keys() - with_solver.keys() == {"schedule"}
+    assert proven_seconds(layout) is None
 
 
 def test_what_a_harvest_with_a_users_agent_lost_is_not_told():

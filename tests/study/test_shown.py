@@ -90,6 +90,10 @@ ANSWERS = [
         "and prefers 10 carriers with 86.0 ± 0.5.",
     ),
     (of(replace(LONE, check=checked(84.1, 0.0, 0.0))), "9 carriers: 84.1 bins an hour; the simulator says 84.1, the same."),
+    (
+        of(replace(LONE, harvest_seconds=interval(1210.0), proven_seconds=1000.0)),
+        "9 carriers: 84.1 bins an hour; 21 % above the proven optimum without traffic.",
+    ),
     (of(replace(LONE, check=checked(84.1, 0.0, 0.0, jammed=3))), "9 carriers: 84.1 bins an hour; in the simulator it jams."),
 ]
 
@@ -170,7 +174,7 @@ def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
 
 def test_a_column_without_a_figure_is_left_out():
     heads, lines = table.words(by_policies())
-    assert {"a bin", "checked", "harvest, s"}.isdisjoint(heads)
+    assert {"a bin", "checked", "harvest, s", "optimum, s"}.isdisjoint(heads)
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
     assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
 

@@ -1,6 +1,5 @@
 """Headless Chromium for tests of the page: find, fill in, wait. Every wait is bounded."""
 
-import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -77,9 +76,10 @@ class Browser:
         self.until(self._is_default, "the default orchard")
 
     def _is_default(self) -> bool:
-        fields = {path: self.field(path).get_attribute("value") for path in ("rows", "pickers", "seed", "weeds")}
+        fields = {"rows": "5", "pickers": "2", "seed": "1", "weeds": "10"}
+        look = "return arguments[0].map(it => document.querySelector(`[data-field=${it}]`)?.value)"
         is_right = not self.driver.find_elements(By.CSS_SELECTOR, ".field.wrong")
-        return is_right and self.tree_lines() == 6 and fields == {"rows": "5", "pickers": "2", "seed": "1", "weeds": "10"}
+        return is_right and self.tree_lines() == 6 and self.driver.execute_script(look, [*fields]) == [*fields.values()]
 
     def one(self, css: str) -> WebElement:
         return self.until(lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None), f"{css} is on the page")
@@ -159,11 +159,11 @@ class Browser:
     def figure(self, name: str) -> str:
         return self.one(f"[data-figure='{name}'] .tile-value").text
 
-    @fresh
     def tree_lines(self) -> int:
         """Lines of trees in the plan: the heights at which trees are drawn."""
-        svg = self.view("plan").get_attribute("innerHTML") or ""
-        return len(set(re.findall(r'<rect x="[^"]*" y="([^"]*)" width="66.0" height="12.0" style="fill:#7fae5d', svg)))
+        trees = "[data-view=plan] rect[width='66.0'][height='12.0'][style^='fill:#7fae5d']"
+        look = "return new Set([...document.querySelectorAll(arguments[0])].map(it => it.getAttribute('y'))).size"
+        return self.driver.execute_script(look, trees)
 
     @contextmanager
     def frozen(self) -> Iterator[None]:

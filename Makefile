@@ -23,11 +23,11 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/installed-app: $(VENV)/installed
-	$(INSTALL) '.[app,study]'
+	$(INSTALL) '.[app,study,optimum]'
 	touch $@
 
 $(VENV)/installed-study: $(VENV)/installed
-	$(INSTALL) '.[study]'
+	$(INSTALL) '.[study,optimum]'
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed

@@ -6,7 +6,6 @@ and errors of sensors are left out: they take time, and give none.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import dropwhile
 from math import floor
 from typing import NamedTuple
 
@@ -124,12 +123,12 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Mome
         raise NoBound(f"the bound does not know a route on which robots need no place {place}, or do not give it back")
     stands = ready.at + ready.ticks * TIME_STEP + stop - of_lane.at  # when a carrier that holds before the lane can stand there
     left = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
-    on_the_road = dropwhile(lambda use: use.place not in (side.place("D", 1), route.east.place("D", 1)), way)
+    begins = min(use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1)))  # all lines lead to there
     return Job(
         picker,
         [use._replace(at=use.at - stands) for use in crossings],
         ticks(stands - went_on),
-        [use._replace(at=use.at - stop) for use in on_the_road],
+        [use._replace(at=use.at - stop) for use in way if use.at >= begins],
         ticks(min(_begins(plan, Deliver) for plan in plans)),
         ticks(max(HANDOVER, left) if waits else HANDOVER),
         ticks(min(_begins(plan, Unload) - _begins(plan, Deliver) for plan in plans)),

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 pytest.importorskip("ortools", reason="the extra `optimum` is not installed")
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import Bounds, LinearConstraint, milp
 from stage import Stage, empty_orchard
 
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
-from orchard.field.scenario import DISPATCH_POLICIES, Scenario
+from orchard.field.queue import QUEUES
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
 from orchard.launch.bound import print_bound
 from orchard.launch.options import BoundOptions
 from orchard.optimum.jobs import Job, NoBound, jobs_of
@@ -39,6 +42,23 @@ def test_no_policy_beats_what_is_proven(values):
     layouts = [lay_out(empty_orchard(**values, dispatch=policy)) for policy in DISPATCH_POLICIES]
     best = min(DiscreteHarvest(layout).run().seconds for layout in layouts)
     assert 0.6 * best < optimum(layouts[0], 0.3).proven_seconds <= best
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    rows=st.integers(3, 9),
+    fleet=st.tuples(st.integers(2, 6), st.integers(1, 6)),
+    speed=st.sampled_from([0.05, 0.4, 1.0]),
+    route=st.sampled_from([*QUEUES]),
+    rule=st.sampled_from(ROW_RULES),
+    bin_metres=st.sampled_from([None, None, 30.0]),
+    policy=st.sampled_from(DISPATCH_POLICIES),
+)
+def test_no_random_harvest_beats_what_is_proven(rows, fleet, speed, route, rule, bin_metres, policy):
+    work = {"picking_speed": speed, "metres_per_bin": bin_metres, "row_length": 40.0, "rows": rows}
+    values = {"pickers": min(rows, fleet[0]), "carriers": fleet[1], "route": route, "rows_to_pickers": rule, "dispatch": policy}
+    layout = lay_out(empty_orchard(**work, **values))
+    assert optimum(layout, 0.05).proven_seconds <= DiscreteHarvest(layout).run().seconds
 
 
 def test_roads_that_robots_share_make_the_bound_longer():

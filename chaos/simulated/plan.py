@@ -80,8 +80,8 @@ class Plan:
 
     @property
     def may_take(self) -> bool:
-        """Whether a client may keep agents that it has got for longer than a host tries."""
-        return any(fault.what == "claim" and fault.seconds > 2.0 for fault in self.faults)
+        """Whether a client may keep agents that it has got for longer than a host tries: its own question lasts while another is mute."""
+        return any(fault.what == "claim" and (fault.seconds > 2.0 or self.has("mute")) for fault in self.faults)
 
     def has(self, *what: str) -> bool:
         """Whether it has one of these faults."""

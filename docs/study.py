@@ -83,8 +83,8 @@ All settings have the same seeds, as many in each line, so the same rows are slo
 ahead of a setting, on the same seeds. A setting has `=` only if the whole interval of that is within 2 %. It has `?` if the runs do not
 tell, and the answer says how much longer would: "not enough runs to tell 4 from 5: 40 s more would".
 
-The study looks after 5, 10, 20, 40 and 80 replications. It ends when nothing is undecided, or when its time is used (`--budget`). A setting
-on the very edge of 2 % keeps its `?`: it is no longer undecided when its difference is known to 1 % by itself. All
+The study looks after 5, 10, 20, 40 and 80 replications. It ends when nothing is undecided, or when its time is used (`--budget`, 5 min). A
+setting on the very edge of 2 % keeps its `?`: it is no longer undecided when its difference is known to 1 % by itself. All
 intervals of `behind` together hold with 95 % (Student's, Bonferroni's rule; `--confidence`). If nothing is random, one run stands for all
 seeds.
 

@@ -20,7 +20,7 @@ class StudySettings:
 
     dispatch: tuple[str, ...] = ()  # policies to compare; none: that of the scenario
     route: tuple[str, ...] = ()
-    budget: str = "120"  # s
+    budget: str = "300"  # s
 
     @property
     def problem(self) -> str:

@@ -112,7 +112,7 @@ class StudyArguments:
     horizon: Horizon = _choice(QUESTION, "The long run, or one harvest with its beginning and its end.", Horizon, "long")
     confidence: float = option(QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence))
     within: float = option(QUESTION, WITHIN, "SHARE", default="2%", parser=_checked(_share))
-    budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="2min", parser=_checked(_budget))
+    budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="5min", parser=_checked(_budget))
     model: Models = _choice(RUNS, MODELS, Models, "both")
     workers: int | None = option(RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers))
     scheduler: str | None = option(

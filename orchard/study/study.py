@@ -37,7 +37,7 @@ class StudyOptions:
     goal: Goal | None = None  # None: the least cost if the scenario has prices, else the most bins
     confidence: float = 0.95
     within: float = 0.02  # a difference below this share is worth nothing
-    budget_seconds: float = 120.0
+    budget_seconds: float = 300.0
     model: Models = "both"
     workers: int | None = None  # processes here; None: one per core
     scheduler: str | None = None  # address of a dask.distributed scheduler, which gets the runs instead

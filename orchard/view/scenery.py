@@ -110,7 +110,7 @@ def _ground(layout: Layout) -> list[Part]:
         _slab(*drive, DRIVEWAY_Z, palette.ROAD_EDGE),
         _slab(drive.west + 0.4, drive.south + 0.4, drive.east - 0.4, drive.north - 0.4, DRIVEWAY_Z + 0.06, palette.GRAVEL),
         *_bay(layout),
-        *_queue(layout),
+        *queue_lines(layout),
     ]
 
 
@@ -138,11 +138,13 @@ def _bay(layout: Layout) -> list[Part]:
     return sides + [_slab(x, south, x + 0.15, north, z, palette.PAINT) for x in (west, east - 0.15)]
 
 
-def _queue(layout: Layout) -> list[Part]:
-    places = [layout.queue.place(number) for number in range(layout.scenario.carrier_count)]
+def queue_lines(layout: Layout) -> list[Part]:
+    """The lines of the queue: white those in which carriers wait, green those in which they charge."""
+    places = [layout.queue.place(number) for number in range(layout.queue_places)]
     lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
-    beside = [(west, y + side) for y, west in lines.items() for side in (-1.1, 1.1)]
-    return [_slab(west, y - 0.075, layout.queue.head + 1.4, y + 0.075, ROW_Z, palette.PAINT) for west, y in beside]
+    paint = {y: palette.CHARGING if y in layout.charging_lines else palette.PAINT for y in lines}
+    beside = [(west, y + side, paint[y]) for y, west in lines.items() for side in (-1.1, 1.1)]
+    return [_slab(west, y - 0.075, layout.queue.head + 1.4, y + 0.075, ROW_Z, colour) for west, y, colour in beside]
 
 
 def _fences(layout: Layout) -> list[Part]:

@@ -17,9 +17,11 @@ from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
+from orchard.view import scenery
 from orchard.view.names import FOCUS
-from orchard.view.palette import PAINT, SCANS, STATES, YELLOW
+from orchard.view.palette import CHARGING, PAINT, SCANS, STATES, YELLOW
 from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits
 from orchard.view.scenery import PATCH
@@ -139,6 +141,15 @@ def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(surveyed: tuple[
     assert set(scales[:, 1].round(4)) == {round((lane.width - 0.5) / PATCH, 4) for lane in layout.lanes}
     painted = [Rows(path, f"/world/rows/row_0{n}").values("Mesh3D:vertex_colors")[0][1] for n in (1, 2, 3)]
     assert [len(set(colours)) for colours in painted] == [1, 2, 1] and painted[0][0] != painted[2][0]
+
+
+def test_lines_in_which_carriers_charge_have_a_colour_of_their_own() -> None:
+    layout = lay_out(Scenario(carriers=20, carrying={"battery": {"hours": 8.0, "hours_to_charge": 1.0}}, chargers=2))
+    colours = {round(part.at[1], 2): part.colour for part in scenery.queue_lines(layout)}
+    assert {y for y, colour in colours.items() if colour == CHARGING} == {
+        round(y + side, 2) for y in layout.charging_lines for side in (-1.1, 1.1)
+    }
+    assert set(colours.values()) == {PAINT, CHARGING}
 
 
 def test_a_flattened_weed_vanishes(recording: Path) -> None:

@@ -179,9 +179,10 @@ class Schedule:
             case "freeze" | "think":
                 (process.freeze if fault.what == "freeze" else process.think)()
                 self.world.scheduler.after(fault.seconds, process.thaw)
-                if self.plan.mode == "realtime" and not self.plan.has("lie"):  # who lies in the name of a host drives its robots
-                    after = partial(self._look_at_robots, process, self._tick)
-                    self.world.scheduler.after(STAND_SECONDS + self.plan.delays.slow, after)
+                stands_after = STAND_SECONDS + self.plan.delays.slow
+                lasts = fault.seconds > stands_after  # after a shorter one it may be stopped by the next fault, which has a look of its own
+                if lasts and self.plan.mode == "realtime" and not self.plan.has("lie"):  # who lies in the name of a host drives its robots
+                    self.world.scheduler.after(stands_after, partial(self._look_at_robots, process, self._tick))
             case "cut":
                 network.cut(fault.who, fault.seconds)
             case "silence":

@@ -60,8 +60,8 @@ lint: $(VENV)/installed-dev  ## style, types, and the order of the packages
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
-test: $(VENV)/installed-dev  ## all tests but the long matrix; many of them wait, so six at a time
-	$(RUN) -m pytest --numprocesses 6 --dist worksteal
+test: $(VENV)/installed-dev  ## all tests but the long matrix
+	$(RUN) -m pytest --numprocesses 4 --dist worksteal
 
 quick: $(VENV)/installed-dev  ## the tests that tell most, in at most 90 s
 	$(RUN) -m pytest --numprocesses 2 --dist loadfile $(QUICK)

@@ -39,11 +39,6 @@ def pytest_configure(config: pytest.Config) -> None:
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of the page come first: the first worker does them all, with one browser, for the others take from the end of what it has."""
-    items.sort(key=lambda item: "server" not in item.fixturenames)
-
-
 def pytest_collection_finish() -> None:
     """What is imported by now stays: the collector does not visit it again."""
     gc.freeze()

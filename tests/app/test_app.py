@@ -193,6 +193,15 @@ def small(browser):
     return browser
 
 
+def run_to_its_end(page, folder):
+    """Press Run, and wait for the result: a short run is over before it is seen running. Return the file of the scenario that ran."""
+    before = {*folder.glob("harvest-*.yaml")}
+    page.press("run")
+    [file] = page.until(lambda: {*folder.glob("harvest-*.yaml")} - before, "a run of its own")
+    page.until(lambda: f"finished, {file.stem}" in page.view("result").text, "its result", RUN_SECONDS)
+    return file
+
+
 def all_figures(page):
     """Unfold the figures of a summary, and return their text."""
     page.press("all-figures")
@@ -210,9 +219,7 @@ def shown_charts(page):
 
 def test_a_small_orchard_is_run_to_its_end(small, server):
     small.switch("fastest", True)
-    small.press("run")
-    small.tell_state("running")
-    small.tell_state("finished", RUN_SECONDS)
+    run_to_its_end(small, server[1])
     result = small.until(lambda: small.view("result").text, "the result")
     assert result.startswith("3 of 3 rows in ") and "What limits it: " in result
     assert all(name in result for name in ("Bins an hour", "Time", "Pickers wait", "Carriers at work", "Collisions")), result
@@ -268,10 +275,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
     small.switch("fastest", True)
     wanted = Scenario(rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.support.own_agents.Eastward"})
     assert load(small.saved(downloads)) == wanted
-    small.press("run")
-    small.tell_state("running")
-    small.tell_state("finished", RUN_SECONDS)
-    assert load(max(server[1].glob("harvest-*.yaml"))) == wanted
+    assert load(run_to_its_end(small, server[1])) == wanted
     summary = all_figures(small)
     assert local_hash(wanted, 300) in summary, "Eastward drove"
     small.press("drop-classes")

@@ -213,7 +213,7 @@ def study(chosen: StudyArguments) -> None:
 @app.command(cls=options.Command)
 @options.with_options(BoundOptions)
 def bound(chosen: BoundOptions) -> None:
-    """Prove how short a harvest could be, whatever sends the carriers, with nobody about: docs/bounds.md."""
+    """Prove how short a harvest could be, whatever sends the carriers, without people and animals: docs/bounds.md."""
     with terminal.needs_extra("A bound", "optimum"):
         from orchard.launch.bound import print_bound
     with terminal.own_classes_run(), terminal.exit_on_errors(ScenarioError, OSError, ValueError):

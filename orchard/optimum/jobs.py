@@ -35,7 +35,7 @@ class Use(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Job:
+class TimedJob:
     """An exchange of bins, in ticks. The picker leaves a full bin, and goes on with the empty one that a carrier has brought."""
 
     picker: str
@@ -49,7 +49,7 @@ class Job:
     to_rest: int  #: from there to where it stands when the harvest is over: behind the others of its line
 
 
-class Moment(NamedTuple):
+class TimedStep(NamedTuple):
     """A step of a plan, the pose in which it begins, and when it begins and ends, s."""
 
     step: Step
@@ -83,7 +83,7 @@ class Moment(NamedTuple):
         return [(place, at) for gate in gates if (at := self.at(gate)) is not None for place in gate.places]
 
 
-def jobs_of(layout: Layout) -> list[Job]:
+def jobs_of(layout: Layout) -> list[TimedJob]:
     """Return the jobs of a harvest: those of each picker in its order. Raises NoBound."""
     route = route_of(layout)
     if own := sorted({*layout.scenario.agents, *layout.scenario.agents_without_body}):
@@ -93,11 +93,11 @@ def jobs_of(layout: Layout) -> list[Job]:
     return [job for picker in layout.blocks for job in _jobs_of(route, picker)]
 
 
-def _jobs_of(route: OneWay, picker: str) -> Iterator[Job]:
+def _jobs_of(route: OneWay, picker: str) -> Iterator[TimedJob]:
     layout, block = route.layout, route.layout.blocks[picker]
     start = next(start.pose for start in layout.starts if start.name == picker)
     passes = iter([one for one in layout.passes(block) if one.leaves_bin])
-    plan = list(_moments(route.harvest(block), start))
+    plan = list(_timed_steps(route.harvest(block), start))
     begins, went_on = 0, 0.0
     for number, moment in enumerate(plan):
         if isinstance(moment.step, FetchEmpty):
@@ -107,11 +107,11 @@ def _jobs_of(route: OneWay, picker: str) -> Iterator[Job]:
             begins, went_on = number + 1, moment.ends
 
 
-def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Moment], went_on: float, waits: bool) -> Job:
+def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[TimedStep], went_on: float, waits: bool) -> TimedJob:
     """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the carrier has left the lane's place."""
     layout, queue, place = route.layout, route.queue, side.place("D", row)
     lines = range(0, layout.queue_places, queue.places)
-    plans = [list(_moments(route.fetch(first + 1, row, side, "", ""), queue.place(first))) for first in lines]
+    plans = [list(_timed_steps(route.fetch(first + 1, row, side, "", ""), queue.place(first))) for first in lines]
     homes = [plan[-1].ends - _begins(plan, Unload) for plan in plans]
     counts = [layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines]
     behind = [(min(queue.places, count) - 1) * CLOSED_UP for count in counts]
@@ -124,7 +124,7 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Mome
     stands = ready.at + ready.ticks * TIME_STEP + stop - of_lane.at  # when a carrier that holds before the lane can stand there
     left = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
     begins = min(use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1)))  # all lines lead to there
-    return Job(
+    return TimedJob(
         picker,
         [use._replace(at=use.at - stands) for use in crossings],
         ticks(stands - went_on),
@@ -137,19 +137,19 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Mome
     )
 
 
-def _moments(steps: Sequence[Step], start: Pose) -> Iterator[Moment]:
-    """The moments of a plan on free roads. A step's answers and bins take its `ticks`."""
+def _timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:
+    """The steps of a plan on free roads, with their times. A step's answers and bins take its `ticks`."""
     late = 0.0
     for step, pose, begins, ends in timetable(list(steps), start):
-        yield Moment(step, pose, begins + late, ends + late + step.ticks * TIME_STEP)
+        yield TimedStep(step, pose, begins + late, ends + late + step.ticks * TIME_STEP)
         late += step.ticks * TIME_STEP
 
 
-def _begins(plan: Sequence[Moment], kind: type[Step]) -> float:
+def _begins(plan: Sequence[TimedStep], kind: type[Step]) -> float:
     return next(moment.begins for moment in plan if isinstance(moment.step, kind))
 
 
-def _uses(plan: Sequence[Moment]) -> list[Use]:
+def _uses(plan: Sequence[TimedStep]) -> list[Use]:
     """The places that a robot has on its way, in the order in which it comes to them."""
     uses, since = list[Use](), dict[str, float]()
     for moment in plan:

@@ -18,7 +18,7 @@ from ortools.sat.python.cp_model import CpModel, CpSolver, IntervalVar, IntVar, 
 from orchard.agents.steps import Unload
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
-from orchard.optimum.jobs import Job, Use, jobs_of, ticks
+from orchard.optimum.jobs import TimedJob, Use, jobs_of, ticks
 
 HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
 WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds
@@ -48,9 +48,10 @@ class Optimum:
 
 
 def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Optimum:
-    """Return what is proven of the shortest harvest of an orchard, with exact sensors and nobody about. `work`: of the solver, at most.
+    """Return what is proven of the shortest harvest of an orchard, with exact sensors, without people and animals.
 
-    `free_roads`: no robot is in another's way, nor in the bay. Raises NoBound for agents and steps of the user's own.
+    `work`: of the solver, at most. `free_roads`: no robot is in another's way, nor in the bay.
+    Raises NoBound for agents and steps of the user's own.
     """
     jobs = jobs_of(layout)
     schedule = Schedule(jobs, layout.scenario.carrier_count)
@@ -80,7 +81,7 @@ def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
 class Schedule:
     """The model: when each job's carrier stops at its lane, and when it stands in the bay, in ticks."""
 
-    def __init__(self, jobs: Sequence[Job], carriers: int) -> None:
+    def __init__(self, jobs: Sequence[TimedJob], carriers: int) -> None:
         self.jobs, self.carriers, self.model = jobs, carriers, CpModel()
         self.times = list[IntVar]()
         self.horizon = sum(job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs)

@@ -19,7 +19,7 @@ from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
 from orchard.launch.bound import print_bound
 from orchard.launch.options import BoundOptions
-from orchard.optimum.jobs import Job, NoBound, jobs_of
+from orchard.optimum.jobs import NoBound, TimedJob, jobs_of
 from orchard.optimum.schedule import optimum
 
 ORCHARDS: list[dict[str, Any]] = [
@@ -82,7 +82,7 @@ def test_another_solver_finds_the_same_optimum(values):
     assert found.best_seconds == pytest.approx(0.1 * shortest(jobs_of(layout), layout.scenario.carrier_count), abs=0.05)
 
 
-def shortest(jobs: list[Job], carriers: int) -> float:
+def shortest(jobs: list[TimedJob], carriers: int) -> float:
     """The end of the best schedule on free roads, in ticks, as a mixed-integer program: for each job its stop and its carrier, for each
     pair which of them comes first, if one carrier does both."""
     count, pairs = len(jobs), list(combinations(range(len(jobs)), 2))

@@ -39,6 +39,11 @@ def pytest_configure(config: pytest.Config) -> None:
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The tests of the page come first: one worker does them for minutes, and the others take what it has after them."""
+    items.sort(key=lambda item: "chromium" not in getattr(item, "fixturenames", ()))
+
+
 def pytest_collection_finish() -> None:
     """What is imported by now stays: the collector does not visit it again."""
     gc.freeze()

@@ -137,7 +137,7 @@ class Robot(Follower):
         if self.plan and isinstance(self.plan[0], st.Say) and self.plan[0].state == "picking":
             self.model.begin_row(self, target - here)
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
-        left_at, arrived = here, self._leave(line, here)
+        left_at, arrived = self._left_at(axis, sign, here), self._leave(line, here)
         stride, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
         meeting = here + self.clear
         needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
@@ -217,6 +217,10 @@ class Robot(Follower):
             return gate_at, inf, left
         self.places.want(gate.places)
         return gate_at, inf, None
+
+    def _left_at(self, axis: str, sign: int, here: float) -> float:
+        """Where a drive has left the robot's line, in the drive's direction: before its beginning if the robot has failed on the way."""
+        return min(here, sign * self.line[1]) if self.line is not None and self.line[0] != axis else here
 
     def _leave(self, line: Line, at: float) -> bool:
         return self.line == line or (self.line is None and self._arrive(line, at))

@@ -24,7 +24,7 @@ from orchard.launch.options import BoundOptions, ExportOptions, HarvestOptions, 
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
 from orchard.launch.runs import Runs, alone, check_writable
-from orchard.launch.study_options import StudyArguments
+from orchard.launch.study_options import BenchmarkOptions, StudyArguments
 from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
@@ -218,6 +218,15 @@ def bound(chosen: BoundOptions) -> None:
         from orchard.launch.bound import print_bound
     with terminal.own_classes_run(), terminal.exit_on_errors(ScenarioError, OSError, ValueError):
         print_bound(chosen)
+
+
+@app.command(cls=options.Command)
+@options.with_options(BenchmarkOptions)
+def benchmark(chosen: BenchmarkOptions) -> None:
+    """Score a dispatch policy in twenty fixed orchards, beside the built-in ones: docs/bounds.md."""
+    with terminal.needs_extra("A benchmark", "study,optimum", ", or in a clone: make study"):
+        from orchard.launch.benchmark import run_benchmark
+    raise typer.Exit(run_benchmark(chosen))
 
 
 # -- recordings and the page

@@ -41,9 +41,10 @@ COMMANDS = {
     "layout": "import the rows of an orchard of your own",
     "study": "compare settings: how many carriers, which policy, which route",
     "bound": "prove how short a harvest could be, whatever sends the carriers",
+    "benchmark": "score a dispatch policy in twenty orchards, beside the built-in ones",
 }
 HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
-    f"  {name:8}{what}" for name, what in COMMANDS.items()
+    f"  {name:10}{what}" for name, what in COMMANDS.items()
 )
 ORCHARD, RUN, OUTPUT, NETWORK = "The orchard", "The run", "What it shows and writes", "Several machines"
 

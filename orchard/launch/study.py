@@ -38,7 +38,7 @@ def run_study(chosen: StudyArguments) -> int:
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError):
         scenario, varied = _question(chosen)
         try:
-            with _stoppable() as is_stopped, _progress(chosen) as tell:
+            with stoppable() as is_stopped, _progress(chosen) as tell:
                 result = study(scenario, varied, _options(chosen), tell, is_stopped)
         except (WorkersError, RunFailed, StoreFailed) as error:
             print_error(error)
@@ -148,7 +148,7 @@ def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]
 
 
 @contextmanager
-def _stoppable() -> Iterator[Callable[[], bool]]:
+def stoppable() -> Iterator[Callable[[], bool]]:
     """Yield what tells whether to stop: the first SIGINT or SIGTERM asks for it, the second one ends all."""
     asked: list[int] = []
 

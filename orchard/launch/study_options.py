@@ -1,15 +1,16 @@
-"""The options of `orchard study`: their types, values and help texts, and all that is wrong with them at once."""
+"""The options of `orchard study` and `orchard benchmark`: their types, values and help texts, and all that is wrong with them at once."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 from urllib.parse import urlsplit
 
-from typer import BadParameter
+from typer import Argument, BadParameter
 
 from orchard.field.problems import Problem
+from orchard.field.scenario import PREDICTIVE
 from orchard.launch.options import File, Style, flag, named, number, option, whole
 from orchard.study.result import Goal, Horizon, Models
 
@@ -140,3 +141,19 @@ class StudyArguments:
         if len(set(self.files)) < len(self.files):
             found.append(Problem("--summary", f"{', '.join(map(str, self.files))}: two of these are one file"))
         return found
+
+
+Policy = Annotated[str, Argument(metavar="POLICY", help="A policy of your own, module.Class, or a built-in one.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkOptions:
+    """The options of `benchmark`."""
+
+    policy: Policy = PREDICTIVE
+    orchard: list[str] | None = option(QUESTION, "Only this orchard of the twenty (repeatable).", "NAME")
+    check: bool = flag(RUNS, "--check", "Do the harvests of POLICY by the simulator too, which takes long, and show the difference.")
+    workers: int | None = option(RUNS, "Processes. Default: one per core.", "N", parser=_workers)
+    out: Path | None = option(RUNS, KEPT, "STORE", parser=_store)
+    anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")
+    summary: Path | None = option(FILES, "Write all figures to this file.", "FILE.json")

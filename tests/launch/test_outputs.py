@@ -150,5 +150,5 @@ def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
 
 def test_the_help_names_the_other_commands_before_the_options_in_their_groups():
     shown = orchard("--help").stdout
-    places = [shown.index(words) for words in (*(f"  {name:8}{what}" for name, what in COMMANDS.items()), "Options", *GROUPS, "Exit code")]
+    places = [shown.index(words) for words in (*(f"  {name:10}{what}" for name, what in COMMANDS.items()), "Options", *GROUPS, "Exit code")]
     assert places == sorted(places)

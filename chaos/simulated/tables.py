@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from orchard.net.mailbox import STALE_TICKS
@@ -20,9 +21,17 @@ def grown(owner: Any, agents: int, mode: str) -> Iterator[str]:
     while left:
         one = left.pop()
         for name, value in getattr(one, "__dict__", {}).items():
-            if isinstance(value, TABLES):
-                if len(value) > most and name not in CACHES:
-                    yield f"grown: {type(one).__name__}.{name}: {len(value)} entries; at most {most}"
-            elif type(value).__module__.startswith(OWNERS) and not isinstance(value, Refusals) and id(value) not in known:
+            type_: Any = type(value)
+            is_table, is_owner = _kind_of(type_)
+            if is_table and len(value) > most and name not in CACHES:
+                yield f"grown: {type(one).__name__}.{name}: {len(value)} entries; at most {most}"
+            elif is_owner and id(value) not in known:
                 known.add(id(value))
                 left.append(value)
+
+
+@cache
+def _kind_of(type_: Any) -> tuple[bool, bool]:
+    """Whether it is a table, and whether its objects are looked into."""
+    is_table = issubclass(type_, TABLES)
+    return is_table, not is_table and type_.__module__.startswith(OWNERS) and not issubclass(type_, Refusals)

@@ -402,9 +402,8 @@ def check(values: Any, source: str = "scenario", lines: Lines | None = None, kno
     """Return the scenario with these values. Raises a `ScenarioError` with all problems, including those in `known`."""
     if not isinstance(values, Mapping | BaseModel):
         raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
-    errors, right = _errors(_plain(values))
+    errors, scenario = _errors(_plain(values))
     problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in errors]
-    scenario = Scenario.model_validate(right)
     if problems:
         raise ScenarioError(problems, scenario)
     return scenario
@@ -419,32 +418,27 @@ def _plain(values: Any, levels: int = 3) -> Any:
     return {key_text(key): _plain(value, levels - 1) for key, value in values.items()}
 
 
-def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return all errors, and the values without the fields of these errors.
+def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
+    """Return all errors, and the scenario without the fields of these errors.
 
     Pydantic ends at the first broken rule about several fields, and checks none if a field is invalid. So the fields of all errors are
     set to their defaults, which break no rule, and all is checked again, until every rule has been checked.
     """
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
-    while errors := _failures(values):
+    while True:
+        try:
+            return found, Scenario.model_validate(values)
+        except ValidationError as failure:
+            errors = [_located(error) for error in failure.errors(include_url=False) if not _counts_what_is_wrong(error)]
         found += [error for error in errors if wrong.isdisjoint(error["fields"])]
         paths = {path for error in errors for field in error["fields"] for path in _with_defaults(field)}
         wrong, values = wrong | paths, _without(values, paths)
-    return found, values
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Return what is set to its default because a field is wrong: the field, or the whole survey, because its sizes have no default."""
     return [("survey",)] if field[0] == "survey" else [field, ("survey",)] if field[0] in SURVEYED else [field]
-
-
-def _failures(values: dict[str, Any]) -> list[dict[str, Any]]:
-    try:
-        Scenario.model_validate(values)
-    except ValidationError as failure:
-        return [_located(error) for error in failure.errors(include_url=False) if not _counts_what_is_wrong(error)]
-    return []
 
 
 def _counts_what_is_wrong(error: Any) -> bool:

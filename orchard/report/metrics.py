@@ -52,7 +52,7 @@ class HarvestFigures:
             charging = int(np.count_nonzero(world.plugged))
             self.charging_ticks += charging
             self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
-        progress = sum(self.steps.values()) + float(world.row_picked.sum())
+        progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
         if progress != self.progress or charging or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
 

@@ -136,7 +136,7 @@ def is_at_rest(world: World, i: int) -> bool:
 
 
 def harvest_is_over(world: World) -> bool:
-    if not world.rows_done.all() or (world.fill >= world.fixed.bin_least).any():
+    if False in world.rows_done.tolist() or max(world.fill.tolist()) >= world.fixed.bin_least:
         return False
     robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]
     return all(is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i)) for i, kind in robots)

@@ -7,7 +7,8 @@ import msgspec
 from msgspec.structs import replace
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
-from orchard.agents.policies import Nearest, dispatch_of
+from orchard.agents.policies import dispatch_of
+from orchard.agents.ranking import Nearest
 from orchard.agents.routes import route_of, way_to
 from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Answer, CarrierComing, CarrierQuery, CarrierStatus, Fetch, No, pack, unpack

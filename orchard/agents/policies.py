@@ -1,127 +1,15 @@
-"""The built-in dispatch policies, and the one that a scenario names. docs/bounds.md compares them."""
+"""The built-in dispatch policies by name, and the one that a scenario names. docs/bounds.md compares them."""
 
-from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Any
 
-import msgspec
-import numpy as np
-
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
+from orchard.agents.dispatch import Dispatch
+from orchard.agents.ranking import FarthestFirst, GlobalAssignment, LongestWaiting, Nearest, Predictive, PredictiveFarthest
+from orchard.agents.rolling import Rolling
 from orchard.field.layout import Layout
 from orchard.field.plugins import make_plugin
-from orchard.field.scenario import DISPATCH_POLICIES, TIME_STEP
+from orchard.field.scenario import DISPATCH_POLICIES
 
-MARGIN = 5.0  # s by which an order of a predictive policy is given too early rather than too late
-
-
-class Ranking:
-    """The first of the bins that are due gets the free carrier that is nearest to the queue's head, and so on."""
-
-    Memory: type = dict  # empty
-
-    def __init__(self, layout: Layout) -> None:
-        pass
-
-    def is_due(self, report: BinReport) -> bool:
-        """Whether a carrier may leave for a bin now."""
-        return True
-
-    def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
-        """Return the key by which bins are sorted."""
-        raise NotImplementedError
-
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
-        ranked = sorted(filter(self.is_due, bins), key=lambda report: self.rank(report, memory))
-        return [Assignment(report.name, carrier.name) for report, carrier in zip(ranked, free_carriers(carriers), strict=False)]
-
-
-def free_carriers(carriers: Sequence[CarrierReport]) -> list[CarrierReport]:
-    """Return the carriers that can leave now, the nearest to the queue's head first. Ties by name."""
-    return sorted((carrier for carrier in carriers if carrier.is_next), key=lambda carrier: (carrier.metres, carrier.name))
-
-
-class Nearest(Ranking):
-    """The manual's policy: the bin that has called for longest gets the nearest carrier. Ties by name. It needs no dispatcher."""
-
-    def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
-        return report.since, report.name
-
-
-class LongestWaiting(Ranking):
-    """The bin that has waited for longest gets a carrier first; of several the farthest. Ties by name."""
-
-    def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
-        return report.since, -report.metres, report.name
-
-
-class FarthestFirst(Ranking):
-    """Of the full bins the one that is farthest by road gets a carrier first. Ties by name."""
-
-    def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
-        return -report.metres, report.name
-
-
-class PredictiveMemory(msgspec.Struct):
-    """When bins are full."""
-
-    full: dict[str, int] = {}  # bin -> the tick at which it will be full, or was
-
-    def note(self, now: int, report: BinReport) -> None:
-        """Take the estimate of a bin that still fills. A full bin keeps its last one; without one it has just become full."""
-        if report.seconds_to_full > 0.0 or self.full.get(report.name, -1) < report.since:
-            self.full[report.name] = now + round(report.seconds_to_full / TIME_STEP)
-
-
-def slack(report: BinReport) -> float:
-    """Return the time for which a carrier may still wait in the queue, s; negative if it is late."""
-    return report.seconds_to_full - report.seconds_to_reach - MARGIN
-
-
-class Predictive(Ranking):
-    """A carrier leaves so that it arrives when the picker is done; the bin for which it is latest first. Ties by name."""
-
-    Memory: type = PredictiveMemory
-    early = True
-
-    def is_due(self, report: BinReport) -> bool:
-        return slack(report) <= 0.0
-
-    def rank(self, report: BinReport, memory: PredictiveMemory) -> tuple[Any, ...]:
-        return memory.full[report.name] * TIME_STEP - report.seconds_to_reach, report.name
-
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
-        for report in bins:
-            memory.note(now, report)
-        return super().assign(now, bins, carriers, memory)
-
-
-class PredictiveFarthest(FarthestFirst):
-    """A carrier leaves so that it arrives when the picker is done; of the bins due the farthest first. Ties by name."""
-
-    early = True
-
-    def is_due(self, report: BinReport) -> bool:
-        return slack(report) <= 0.0
-
-
-class GlobalAssignment(Ranking):
-    """All full bins and all free carriers are matched at once, so that the sum of the ways by road is least."""
-
-    def __init__(self, layout: Layout) -> None:
-        try:
-            from scipy.optimize import linear_sum_assignment  # only this policy needs it
-        except ImportError as error:
-            raise ImportError(f"it needs scipy ({error}); install it with pip install 'orchard-sim[study]'") from None
-        self.match = linear_sum_assignment
-
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
-        calling, free = sorted(bins, key=lambda report: (report.since, report.name)), free_carriers(carriers)
-        metres = np.array([[carrier.metres + report.metres for carrier in free] for report in calling]).reshape(len(calling), len(free))
-        return [Assignment(calling[i].name, free[j].name) for i, j in zip(*self.match(metres), strict=True)]
-
-
-_CLASSES: list[type[Dispatch]] = [Nearest, FarthestFirst, LongestWaiting, Predictive, PredictiveFarthest, GlobalAssignment]
+_CLASSES: list[type[Dispatch]] = [Nearest, FarthestFirst, LongestWaiting, Predictive, PredictiveFarthest, Rolling, GlobalAssignment]
 POLICIES = MappingProxyType(dict(zip(DISPATCH_POLICIES, _CLASSES, strict=True)))
 
 

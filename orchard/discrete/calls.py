@@ -11,7 +11,8 @@ from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
 from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
 from orchard.agents.forecast import horizon
-from orchard.agents.policies import MARGIN, POLICIES, dispatch_of
+from orchard.agents.policies import POLICIES, dispatch_of
+from orchard.agents.ranking import MARGIN
 from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import way_to

@@ -21,7 +21,7 @@ TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
 NEAREST, PREDICTIVE, END = "nearest", "predictive", "end"
-DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", PREDICTIVE, "predictive-farthest", "assignment")  # the built-in ones
+DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", PREDICTIVE, "predictive-farthest", "rolling", "assignment")  # built in
 ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
 ROW_ORDERS = ONWARD, OUTWARD = "onward", "outward"  # the built-in orders of picking inside a row
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have

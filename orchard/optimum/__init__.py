@@ -2,3 +2,7 @@
 
 A copy of a duration or a place may not live here: jobs are read from the plans that robots follow, as in `orchard.discrete`.
 """
+
+
+class NoBound(ValueError):
+    """Raised for a harvest that has no proven bound; the text says why."""

@@ -15,10 +15,12 @@ from typing import Any
 
 from ortools.sat.python.cp_model import CpModel, CpSolver, IntervalVar, IntVar, LinearExprT
 
+from orchard.agents.jobs import TimedJob, Use, jobs_of, ticks
+from orchard.agents.routes import route_of
 from orchard.agents.steps import Unload
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
-from orchard.optimum.jobs import TimedJob, Use, jobs_of, ticks
+from orchard.optimum import NoBound
 
 HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
 WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds
@@ -53,6 +55,8 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     `work`: of the solver, at most. `free_roads`: no robot is in another's way, nor in the bay.
     Raises NoBound for agents and steps of the user's own.
     """
+    if fault := _unknown(layout):
+        raise NoBound(fault)
     jobs = jobs_of(layout)
     schedule = Schedule(jobs, layout.scenario.carrier_count)
     least = schedule.least
@@ -67,6 +71,16 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     proven, best = max(least, *(one.best_objective_bound for one in solvers)), min(one.objective_value for one in solvers)
     seconds = sum(one.wall_time for one in solvers)
     return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs), seconds)
+
+
+def _unknown(layout: Layout) -> str:
+    """Say what the bound does not know of an orchard; '' if it knows all of it."""
+    scenario, route = layout.scenario, route_of(layout)
+    if own := sorted({*scenario.agents, *scenario.agents_without_body}):
+        return f"the bound knows built-in agents only, and not {', '.join(own)}"
+    if route.Steps:
+        return f"the bound does not know the steps of your route: {', '.join(step.__name__ for step in route.Steps)}"
+    return ""
 
 
 def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:

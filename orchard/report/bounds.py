@@ -24,7 +24,7 @@ from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
-from orchard.optimum.jobs import NoBound
+from orchard.optimum import NoBound
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again

@@ -114,7 +114,7 @@ def test_a_bin_that_calls_again_says_since_when_it_has_called():
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("dispatch", ["nearest", "orchard.agents.policies.Nearest"])
+@pytest.mark.parametrize("dispatch", ["nearest", "orchard.agents.ranking.Nearest"])
 def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     stage = Stage(Scenario(rows=6, pickers=4, carriers=1, seed=2003, dispatch=dispatch))
     jobs: list[tuple[int, str]] = []  # since when the bin had called, and its name

@@ -51,6 +51,7 @@ DECISIONS = {
     "assignment": ["bin_01"],
     "predictive": ["bin_02", "bin_01"],
     "predictive-farthest": ["bin_02", "bin_01"],
+    "rolling": ["bin_02", "bin_01"],
 }
 
 
@@ -155,7 +156,7 @@ def test_early_carriers_make_the_harvest_shorter():
     assert harvested("predictive").seconds < harvested("farthest-first").seconds < harvested("nearest").seconds
 
 
-@pytest.mark.parametrize("name", ["farthest-first", "predictive"])
+@pytest.mark.parametrize("name", ["farthest-first", "predictive", "rolling"])
 def test_agents_started_afresh_and_asked_at_every_tick_give_the_same_harvest(name):
     whole = harvested(name)
     local = Local(small(name, row_length=40.0), holds=IgnoredHolds)

@@ -79,7 +79,7 @@ def test_the_farthest_bin_is_fetched_first_by_that_policy():
 
 
 def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
-    local = run(Local(scenario(dispatch="orchard.agents.policies.Nearest")))
+    local = run(Local(scenario(dispatch="orchard.agents.ranking.Nearest")))
     assert local.engine.over
     assert local.engine.world.delivered == 4
 

@@ -13,7 +13,7 @@ import pytest
 from command_line import PATH, python, scenario_file
 from local_runs import SMALL, driven_by, local_hash, played
 
-from orchard.agents.policies import Nearest
+from orchard.agents.ranking import Nearest
 from orchard.contract.agent import Action
 from orchard.contract.printed import MOST_LINES, Printed
 from orchard.contract.zone import spans

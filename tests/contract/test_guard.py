@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from orchard.agents.catalogue import AGENTS, guarded
 from orchard.agents.picker import Picker
-from orchard.agents.policies import Nearest
+from orchard.agents.ranking import Nearest
 from orchard.contract import messages
 from orchard.contract.agent import Action, Heard, Mail, without_body
 from orchard.contract.guard import Guard

@@ -33,6 +33,10 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"rows": 6, "pickers": 6, "carriers": 3, "dispatch": "predictive"},
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
+    "rolling": {
+        **{"rows": 6, "pickers": 3, "carriers": 2, "dispatch": "rolling", "row_length": 40.0},
+        **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
+    },
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
     "an early policy, and failures": {**SHORT, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
     "carriers that fail": {**SHORT, "rows": 4, "dispatch": "predictive", "carrying": {"failure": FAILURE}, "seed": 2},
@@ -85,7 +89,7 @@ def test_with_people_and_animals_the_mean_over_seeds_is_that_of_the_simulator(ce
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
 
 
-@pytest.mark.parametrize("dispatch", ["predictive", "predictive-farthest", "longest-waiting"])
+@pytest.mark.parametrize("dispatch", ["predictive", "predictive-farthest", "rolling", "longest-waiting"])
 def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(dispatch: str, monkeypatch: pytest.MonkeyPatch) -> None:
     class Always(Dispatched):
         """Asks at each question, as for a policy of the user's own."""

@@ -8,7 +8,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from orchard.agents.dispatch import BinReport, CarrierReport
-from orchard.agents.policies import Predictive
+from orchard.agents.ranking import Predictive
 from orchard.discrete.harvest import LONGEST, DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from scipy.optimize import Bounds, LinearConstraint, milp
 from stage import Stage, empty_orchard
 
+from orchard.agents.jobs import TimedJob, jobs_of
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
 from orchard.launch.bound import print_bound
 from orchard.launch.options import BoundOptions
-from orchard.optimum.jobs import NoBound, TimedJob, jobs_of
+from orchard.optimum import NoBound
 from orchard.optimum.schedule import optimum
 
 ORCHARDS: list[dict[str, Any]] = [

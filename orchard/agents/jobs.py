@@ -5,25 +5,22 @@ and errors of sensors are left out: they take time, and give none.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor
 from typing import NamedTuple
 
 from orchard.agents.robot import ASK, Gate, Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of, timetable
-from orchard.agents.steps import Alone, Deliver, DriveTo, FetchEmpty, Free, Need, Unload
+from orchard.agents.steps import CRUISE, Alone, Deliver, DriveTo, FetchEmpty, Free, LeaveBin, Need, Unload
 from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
 from orchard.field.queue import CLOSED_UP
+from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop until its picker has the bin and the place
 ROUNDING = 1e-6  # ticks
-
-
-class NoBound(ValueError):
-    """Raised for a harvest that has no proven bound; the text says why."""
 
 
 class Use(NamedTuple):
@@ -39,9 +36,13 @@ class TimedJob:
     """An exchange of bins, in ticks. The picker leaves a full bin, and goes on with the empty one that a carrier has brought."""
 
     picker: str
+    lane: int
+    side: str  #: the end of the lane
     crossings: list[Use]  #: of the picker since then, in their order
     ready: int  #: from the time at which the picker went on before, or from the start, until a carrier can stand at its stop at the lane
+    clearing: int  #: of it, from the full bin in the lane, as bins report it, on
     way: list[Use]  #: of the carrier, from the first lane on, in their order
+    exits: list[tuple[int, list[Use]]]  #: of each line of the queue: the ticks from its head to the stop, and the uses before `way`
     approach: int  #: from a carrier's order, in its line's head, to the stop
     going_on: int  #: from the stop until the picker goes on
     to_bay: int  #: from the stop until the carrier stands in the bay
@@ -83,18 +84,18 @@ class TimedStep(NamedTuple):
         return [(place, at) for gate in gates if (at := self.at(gate)) is not None for place in gate.places]
 
 
-def jobs_of(layout: Layout) -> list[TimedJob]:
-    """Return the jobs of a harvest: those of each picker in its order. Raises NoBound."""
+def jobs_of(layout: Layout, rounds: int = 1) -> list[TimedJob]:
+    """Return the jobs of a harvest: those of each picker in its order, who picks its rows in so many rounds.
+
+    Raises ValueError for a route on which robots do not take turns at the lanes.
+    """
     route = route_of(layout)
-    if own := sorted({*layout.scenario.agents, *layout.scenario.agents_without_body}):
-        raise NoBound(f"the bound knows built-in agents only, and not {', '.join(own)}")
-    if route.Steps:
-        raise NoBound(f"the bound does not know the steps of your route: {', '.join(step.__name__ for step in route.Steps)}")
-    return [job for picker in layout.blocks for job in _jobs_of(route, picker)]
+    blocks = {picker: replace(block, rows=block.rows * rounds) for picker, block in layout.blocks.items()}
+    return [job for picker, block in blocks.items() for job in _jobs_of(route, picker, block)]
 
 
-def _jobs_of(route: OneWay, picker: str) -> Iterator[TimedJob]:
-    layout, block = route.layout, route.layout.blocks[picker]
+def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:
+    layout = route.layout
     start = next(start.pose for start in layout.starts if start.name == picker)
     passes = iter([one for one in layout.passes(block) if one.leaves_bin])
     plan = list(_timed_steps(route.harvest(block), start))
@@ -120,21 +121,33 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Time
     crossings = _uses(before)
     ready = next((use for use in reversed(crossings) if use.place == place), None)
     if of_lane is None or ready is None:
-        raise NoBound(f"the bound does not know a route on which robots need no place {place}, or do not give it back")
+        raise ValueError(f"robots need no place {place} on your route, or do not give it back: so nobody knows when they are there")
     stands = ready.at + ready.ticks * TIME_STEP + stop - of_lane.at  # when a carrier that holds before the lane can stand there
-    left = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
+    gone = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
     begins = min(use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1)))  # all lines lead to there
+    left = next(number for number, moment in enumerate(before) if isinstance(moment.step, LeaveBin))
+    exits = [(ticks(_begins(plan, Deliver)), _before(plan, _begins(plan, Deliver), begins - stop)) for plan in plans]
+    full = next(moment.begins for moment in reversed(before[:left]) if isinstance(moment.step, DriveTo))  # at the row's end
     return TimedJob(
         picker,
+        row,
+        side.name,
         [use._replace(at=use.at - stands) for use in crossings],
         ticks(stands - went_on),
+        ticks(stands - full - layout.beyond(row, side.name) / CRUISE),
         [use._replace(at=use.at - stop) for use in way if use.at >= begins],
-        ticks(min(_begins(plan, Deliver) for plan in plans)),
-        ticks(max(HANDOVER, left) if waits else HANDOVER),
+        exits,
+        min(approach for approach, _ in exits),
+        ticks(max(HANDOVER, gone) if waits else HANDOVER),
         ticks(min(_begins(plan, Unload) - _begins(plan, Deliver) for plan in plans)),
         ticks(min(homes)),
         ticks(min(home - room for home, room in zip(homes, behind, strict=True))),
     )
+
+
+def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:
+    """What a carrier uses until so many seconds from its stop on."""
+    return [use._replace(at=use.at - stop) for use in _uses(plan) if use.at - stop < until - ROUNDING]
 
 
 def _timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:
@@ -151,14 +164,17 @@ def _begins(plan: Sequence[TimedStep], kind: type[Step]) -> float:
 
 def _uses(plan: Sequence[TimedStep]) -> list[Use]:
     """The places that a robot has on its way, in the order in which it comes to them."""
-    uses, since = list[Use](), dict[str, float]()
+    uses, open_uses = list[Use](), dict[str, int]()
     for moment in plan:
         for place, at in moment.needs:
-            since.setdefault(place, at)
+            if place not in open_uses:
+                open_uses[place] = len(uses)
+                uses.append(Use(place, at, 0))
         for place, at in moment.frees:
-            if place in since:
-                uses.append(Use(place, since[place], ticks(at - since.pop(place)) + ASK))
-    return sorted(uses, key=lambda use: use.at)
+            if place in open_uses:
+                number = open_uses.pop(place)
+                uses[number] = uses[number]._replace(ticks=ticks(at - uses[number].at) + ASK)
+    return sorted((use for use in uses if use.ticks), key=lambda use: use.at)
 
 
 def ticks(seconds: float) -> int:

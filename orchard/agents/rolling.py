@@ -1,0 +1,150 @@
+"""The dispatch policy `rolling`: before it sends a carrier, it does the next jobs of all pickers in advance, for each bin to choose from.
+
+It knows the orchard, the plans of robots, and what bins and carriers report. Where no choice gains enough it decides as `predictive`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import groupby
+from math import inf
+from typing import NamedTuple
+
+from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
+from orchard.agents.jobs import TimedJob, jobs_of
+from orchard.agents.ranking import Predictive, PredictiveMemory, free_carriers
+from orchard.agents.rollout import Course, RollOut
+from orchard.field.kinds import number_of
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+
+AHEAD = 3  # bins of each picker, from the one with fewest on, that are planned: none is left out for longer
+ROUNDS = 2  # after so many rounds of its rows a picker leaves each at the same end again
+GAIN = 50.0  # ticks by which a plan must be better than that of `predictive`
+WAIT = 0.02  # ticks of a plan's length for each tick that a picker waits
+MOST = 5  # bins, the latest ones, that may be first
+NEVER = 10**9  # bins
+
+
+class NextBin(NamedTuple):
+    """A bin that a picker fills, or has left."""
+
+    number: int  # of the picker's bins, from 0
+    stop: int  # tick from which on a carrier can stop at the lane
+
+
+class Trip(NamedTuple):
+    """A carrier that was sent for a bin."""
+
+    picker: str
+    bin: NextBin
+    sent: int  # tick of the decision
+
+
+class RollingMemory(PredictiveMemory):
+    """When bins are full, and what was decided."""
+
+    trips: dict[str, Trip] = {}  # carrier under way
+    after: dict[str, NextBin] = {}  # picker -> the bin after the one to which a carrier was sent, if roads are free
+
+
+class Rolling(Predictive):
+    """Of the bins for which it is time, the one with which the next bins of all pickers are home first. Ties as `predictive`."""
+
+    Memory: type = RollingMemory
+
+    def __init__(self, layout: Layout) -> None:
+        self.courses = _courses(layout)
+        self.starts = {picker: NextBin(0, courses[0].job.ready) for picker, courses in self.courses.items()}
+        carriers = [start.name for start in layout.starts if start.kind == "carrier"]
+        self.lines = {name: (number_of(name) - 1) // layout.queue.places for name in carriers}  # of the queue
+
+    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: RollingMemory) -> list[Assignment]:
+        for report in bins:
+            memory.note(now, report)
+        due, free, reported = self.due(bins, memory), free_carriers(carriers), self.reported(bins, memory)
+        if not due or len(reported) < len(bins) or any(carrier.name not in self.lines for carrier in free):
+            return super().assign(now, bins, carriers, memory)
+        return self.orders(now, due, free, reported, memory) if free else []
+
+    def reported(self, bins: Sequence[BinReport], memory: RollingMemory) -> dict[str, NextBin]:
+        """Return the bin of each picker that reports. One that is not expected there is left out."""
+        reported, expected = dict[str, NextBin](), self.starts | memory.after
+        for report in bins:
+            courses = self.courses.get(report.picker, [])
+            first = max(0, expected[report.picker].number - 1) if courses else 0  # it reports again if its carrier does not come
+            for number in range(first, first + len(courses)):
+                job = self.job(report.picker, number)
+                if (job.lane, job.side) == (report.lane, report.side):
+                    reported.setdefault(report.picker, NextBin(number, memory.full[report.name] + job.clearing))
+                    break
+        return reported
+
+    def job(self, picker: str, number: int) -> TimedJob:
+        """Return the job for a bin of a picker. After its last row it may pick its rows again."""
+        return self.courses[picker][number % len(self.courses[picker])].job
+
+    def orders(
+        self, now: int, due: list[BinReport], free: Sequence[CarrierReport], reported: dict[str, NextBin], memory: RollingMemory
+    ) -> list[Assignment]:
+        """Send each free carrier for the bin that is best, and remember it."""
+        for carrier in free:
+            memory.trips.pop(carrier.name, None)
+        plan, orders = self.plan(now, reported, memory), list[Assignment]()
+        plan.go_on({self.lines[carrier.name] for carrier in free})
+        for carrier in free[: len(due)]:
+            best = self.best(due, self.lines[carrier.name], plan)
+            due.remove(best)
+            orders.append(Assignment(best.name, carrier.name))
+            plan.send(best.picker, self.lines[carrier.name], now)
+            self.remember(Trip(best.picker, reported[best.picker], now), carrier.name, memory)
+        return orders
+
+    def remember(self, trip: Trip, carrier: str, memory: RollingMemory) -> None:
+        number, job = trip.bin.number, self.job(trip.picker, trip.bin.number)
+        stop = max(trip.bin.stop, trip.sent + job.approach)
+        memory.trips[carrier] = trip
+        memory.after[trip.picker] = NextBin(number + 1, stop + job.going_on + self.job(trip.picker, number + 1).ready)
+
+    def plan(self, now: int, reported: dict[str, NextBin], memory: RollingMemory) -> RollOut:
+        """Return where all robots are now, as far as can be known, and up to which bins they go on."""
+        expected = self.starts | memory.after | reported
+        plan = RollOut(self.courses, self.lines.values(), now, self.ends(expected, reported))
+        for carrier, trip in memory.trips.items():
+            if trip.bin.number < expected[trip.picker].number:
+                plan.come_out(trip.picker, *trip.bin)
+                plan.send(trip.picker, self.lines[carrier], trip.sent)
+        under_way = {trip.picker for trip in memory.trips.values()}
+        for picker, one in expected.items():
+            if picker in reported or (picker not in under_way and one.number < plan.ends[picker]):
+                plan.come_out(picker, *one)
+        plan.run(now)
+        return plan
+
+    def ends(self, expected: Mapping[str, NextBin], reported: Mapping[str, NextBin]) -> dict[str, int]:
+        """Return how many bins of each picker are planned. A picker that goes on after its last row picks its rows again."""
+        total = {picker: len(courses) // ROUNDS for picker, courses in self.courses.items()}
+        if any(one.number >= total[picker] for picker, one in reported.items()):
+            total = dict.fromkeys(total, NEVER)
+        level = AHEAD + min((one.number for picker, one in expected.items() if one.number < total[picker]), default=0)
+        return {picker: min(level, total[picker]) for picker in total}
+
+    def best(self, due: Sequence[BinReport], line: int, plan: RollOut) -> BinReport:
+        """Return the bin for which the next carrier of a line leaves: none of a picker that is far ahead of another one."""
+        behind = [report for report in due if plan.number[report.picker] < plan.ends[report.picker]] or due
+        values = [self.value(report, line, plan) + (GAIN if number else 0.0) for number, report in enumerate(behind[:MOST])]
+        return behind[values.index(min(values))]
+
+    def value(self, report: BinReport, line: int, plan: RollOut) -> float:
+        """Return how long the plan takes if the next carrier of a line leaves for a bin, in ticks."""
+        plan = plan.fork()
+        plan.send(report.picker, line, plan.now)
+        plan.run(inf)
+        return plan.end + WAIT * plan.waited if plan.is_over else inf
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _courses(layout: Layout) -> dict[str, list[Course]]:
+    """The courses of each picker's jobs, with rows that are all picked at the mean speed."""
+    lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
+    jobs = jobs_of(replace(layout, lanes=tuple(lanes)), ROUNDS)
+    return {picker: [Course(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}

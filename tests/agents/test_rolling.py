@@ -1,0 +1,66 @@
+"""The dispatch policy `rolling`: what it gains, what it foresees, and that it leaves nobody out."""
+
+from collections import Counter
+from typing import Any
+
+import pytest
+from stage import empty_orchard
+
+from orchard import Assignment, BinReport, CarrierReport, lay_out
+from orchard.agents.rolling import AHEAD, Rolling
+from orchard.contract.messages import pack, unpack
+from orchard.discrete.calls import Dispatched
+from orchard.discrete.harvest import DiscreteHarvest
+
+LOADED: list[dict[str, Any]] = [
+    {"rows": 10, "pickers": 5, "carriers": 5},
+    {"rows": 16, "pickers": 16, "carriers": 12},
+    {"rows": 20, "pickers": 10, "carriers": 7, "picking_speed": 0.3},
+]
+HEAD = CarrierReport("carrier_01", "", True, 0.0)
+
+
+def orchard(**values: Any) -> Any:
+    return lay_out(empty_orchard(**{"dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"} | values))
+
+
+@pytest.mark.parametrize("values", LOADED)
+def test_it_makes_harvests_shorter_in_which_carriers_are_short(values):
+    assert DiscreteHarvest(orchard(**values)).run().seconds < 0.95 * DiscreteHarvest(orchard(**values, dispatch="predictive")).run().seconds
+
+
+@pytest.mark.parametrize("values", LOADED)
+def test_it_foresees_when_all_bins_are_home(values, monkeypatch):
+    ends = list[float]()
+    value = Rolling.value
+
+    def noted(policy, report, line, plan):
+        ends.append(value(policy, report, line, plan))
+        return ends[-1]
+
+    monkeypatch.setattr(Rolling, "value", noted)
+    seconds = DiscreteHarvest(orchard(**values)).run().seconds
+    assert min(ends[:5]) / 10 == pytest.approx(seconds, rel=0.15)
+
+
+def test_no_picker_is_left_out_while_one_goes_on_for_ever():
+    class Counted(Dispatched):
+        def start(self, call, carrier):
+            served[call.picker] += 1
+            ahead.append(max(served.values()) - min(served[picker] for picker in layout.blocks))
+            super().start(call, carrier)
+
+    layout, served, ahead = orchard(rows=9, pickers=3, carriers=1, row_length=30.0), Counter[str](), list[int]()
+    DiscreteHarvest(layout, rows_each=12, calls=Counted).run()
+    assert set(served.values()) == {12}
+    assert max(ahead) <= AHEAD
+
+
+def test_a_bin_that_reports_again_because_its_carrier_does_not_come_gets_another_one():
+    policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
+    memory, report = policy.Memory(), BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)
+    assert policy.assign(900, [report], [HEAD], memory) == [Assignment("bin_01", "carrier_01")]
+    memory = unpack(pack(memory), policy.Memory)
+    assert policy.assign(1200, [report], [CarrierReport("carrier_02", "", True, 0.0)], memory) == [Assignment("bin_01", "carrier_02")]
+    assert memory.trips["carrier_01"].bin.number == memory.trips["carrier_02"].bin.number == 0
+    assert memory.after["picker_01"].number == 1

@@ -17,9 +17,9 @@ PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are 
 
 
 def orchard(*arguments: object, code: int = 0, seconds: float = SECONDS) -> subprocess.CompletedProcess:
-    """Run it to its end, which has this exit code. What a user gets wrong, code 2, ends without a traceback."""
+    """Run it to its end, which has this exit code. What a user gets wrong, code 2, ends without a traceback. It forks, too."""
     words = [*map(str, arguments)]
-    process = Forked("run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH})
+    process = Forked("run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH}, forks=True)
     out, err = process.communicate(timeout=seconds)
     assert process.returncode == code, out + err
     assert code != 2 or "Traceback" not in err, err

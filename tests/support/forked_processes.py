@@ -22,6 +22,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 DOORS = (
     "orchard.processes.physics",
@@ -36,15 +38,18 @@ PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 class Forked:
     """A process that runs a module; the methods are those of subprocess.Popen.
 
-    `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the command.
+    `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the command. `forks`: what run.py starts,
+    but for the logger, is forked too. `stdin`: of a process that run.py starts, which leads its group.
     """
 
-    def __init__(self, module: str, arguments: Sequence[str], environment: dict[str, str], leads: bool = False) -> None:
+    def __init__(
+        self, module: str, arguments: Sequence[str], environment: dict[str, str], leads: bool = False, forks: bool = False, stdin: int = 0
+    ) -> None:
         self._module, ends = module, [os.pipe() for _ in range(1 if leads else 2)]
-        self.stdout, self.stderr = os.fdopen(ends[0][0]), io.StringIO() if leads else os.fdopen(ends[1][0])
+        self.stdout, self.stderr = os.fdopen(ends[0][0]), io.StringIO() if leads else os.fdopen(ends[1][0], errors="backslashreplace")
         self.returncode: int | None = None
-        request = {"module": module, "arguments": arguments, "environment": environment, "leads": leads}
-        self.pid, self._exit = server().fork(request, [ends[0][1], ends[-1][1]])
+        request = {"module": module, "arguments": arguments, "environment": environment, "leads": leads, "forks": forks}
+        self.pid, self._exit = server().fork(request | {"is_child": bool(stdin)}, [ends[0][1], ends[-1][1], stdin])
         for _, end in ends:
             os.close(end)
 
@@ -83,16 +88,10 @@ class Forked:
 
 
 class Server:
-    """The server's side in the tests."""
+    """The server's side in the tests, or in run.py."""
 
-    def __init__(self, paths: Sequence[str]) -> None:
-        """`paths`: folders of modules."""
-        self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}  # Rich reads its width when it is imported
-        command = [sys.executable, "-m", "forked_processes", str(other.fileno())]
-        self._process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
-        other.close()
-        atexit.register(self._close)
+    def __init__(self, own: socket.socket) -> None:
+        self._socket = own
         self._born: queue.Queue[int] = queue.Queue()
         self._exits: dict[int, queue.Queue[int]] = {}
         self._lock = threading.Lock()
@@ -105,9 +104,8 @@ class Server:
             pid = self._born.get(timeout=60.0)
             return pid, self._exits[pid]
 
-    def _close(self) -> None:
+    def close(self) -> None:
         self._socket.shutdown(socket.SHUT_RDWR)
-        self._process.wait(10.0)
 
     def _listen(self) -> None:
         while message := self._socket.recv(1 << 16):
@@ -119,10 +117,22 @@ class Server:
                 self._exits.pop(pid).put(code)
 
 
+def linked() -> tuple[socket.socket, socket.socket]:
+    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+
 @cache
 def server() -> Server:
     """It ends with the tests of this process."""
-    return Server(PATHS)
+    own, other = linked()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(PATHS), "COLUMNS": "200"}  # Rich reads its width when it is imported
+    command = [sys.executable, "-m", "forked_processes", str(other.fileno())]
+    process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
+    other.close()
+    made = Server(own)
+    atexit.register(process.wait, 10.0)
+    atexit.register(made.close)
+    return made
 
 
 # -- in the server
@@ -141,7 +151,7 @@ def serve(tests: socket.socket) -> dict | None:
             os.read(woken, 4096)
             report_ends(tests)
         if tests in ready:
-            message, files, _, _ = socket.recv_fds(tests, 1 << 20, 2)
+            message, files, _, _ = socket.recv_fds(tests, 1 << 20, 3)
             if not message:
                 return None
             if not (pid := os.fork()):
@@ -159,11 +169,11 @@ def report_ends(tests: socket.socket) -> None:
 
 
 def become(files: Sequence[int]) -> None:
-    """Turn a fork of the server into a process like any other, with these files as stdout and stderr."""
+    """Turn a fork of the server into a process like any other, with these files as stdout, stderr and stdin."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    for file, number in zip(files, (1, 2), strict=True):
+    for file, number in zip(files, (1, 2, 0), strict=True):
         os.dup2(file, number)
     os.closerange(3, 1024)
     sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1, closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
@@ -186,13 +196,45 @@ def preload() -> None:
     gc.freeze()
 
 
+def begin(request: dict) -> None:
+    """Run the module of a request in this process."""
+    if request["forks"]:
+        own, other = linked()
+        if not os.fork():
+            own.close()
+            if (order := serve(other)) is not None:
+                begin(order)
+            return
+        other.close()
+        let_supervisor_fork(own)
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    if request["leads"]:
+        os.setsid()
+    elif request["is_child"]:
+        os.setpgrp()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.argv = [request["module"], *request["arguments"]]
+    runpy.run_module(request["module"], run_name="__main__", alter_sys=True)
+
+
+def let_supervisor_fork(own: socket.socket) -> None:
+    """In run.py: the doors that it starts are forks of a server of its own, which has no thread. Only the logger starts as for a user."""
+    from orchard.launch import supervisor
+
+    global server
+    server = cache(lambda: Server(own))
+
+    def start(command: Sequence[str], **how: Any) -> Any:
+        if len(command) < 3 or command[2] not in DOORS:
+            return subprocess.Popen(command, **how)
+        return Forked(command[2], command[3:], how["env"], stdin=how["stdin"])
+
+    supervisor.subprocess = SimpleNamespace(**vars(subprocess) | {"Popen": start})
+
+
 if __name__ == "__main__":
     preload()
     request = serve(socket.socket(fileno=int(sys.argv[1])))
     if request is not None:
-        os.environ.clear()
-        os.environ.update(request["environment"])
-        if request["leads"]:
-            os.setsid()
-        sys.argv = [request["module"], *request["arguments"]]
-        runpy.run_module(request["module"], run_name="__main__", alter_sys=True)
+        begin(request)

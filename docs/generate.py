@@ -10,7 +10,7 @@ from pathlib import Path
 from docs import keyspace, policies, reference, study, validation
 from docs.exchange import exchange_plan
 from orchard.field.layout import lay_out
-from orchard.field.queue import TWO_WAY
+from orchard.field.queue import ONE_WAY
 from orchard.field.scenario import Scenario
 from orchard.report.plan import orchard_plan
 
@@ -25,7 +25,7 @@ def schema_text() -> str:
 
 def generated() -> dict[str, str]:
     """Each file's path in the repository, and its text."""
-    layout, two_way = lay_out(Scenario()), lay_out(Scenario(route=TWO_WAY, carriers=10))
+    one_way, two_way = lay_out(Scenario(route=ONE_WAY)), lay_out(Scenario(carriers=10))
     return {
         "keyspace.md": keyspace.keyspace(),
         "docs/protocol.md": keyspace.protocol(),
@@ -38,8 +38,8 @@ def generated() -> dict[str, str]:
         "docs/policies.svg": policies.picture(),
         "docs/validation.md": validation.document(),
         **validation.pictures(),
-        "docs/plan.svg": orchard_plan(layout),
-        "docs/exchange-east.svg": exchange_plan(layout),
+        "docs/plan.svg": orchard_plan(one_way),
+        "docs/exchange-east.svg": exchange_plan(one_way),
         "docs/plan-two-way.svg": orchard_plan(two_way),
         "docs/exchange-east-two-way.svg": exchange_plan(two_way),
     }

@@ -13,7 +13,7 @@ from orchard.field import placement
 from orchard.field.geometry import Rect
 from orchard.field.kinds import AROUND, EIGHTH, KINDS, LASER_RANGE, Kind, Laser
 from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import BAY_STOP, PITCH, TOP_ROAD, TWO_WAY, USUAL_ROW
+from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
@@ -79,7 +79,7 @@ RESULTS = Path(__file__).with_name("templates") / "results.md.in"
 def document() -> str:
     """Return the whole of docs/reference.md."""
     layout = lay_out(Scenario())
-    route, other = OneWay(layout), TwoWay(lay_out(Scenario(route=TWO_WAY, carriers=10)))
+    route, other = OneWay(lay_out(Scenario(route=ONE_WAY))), TwoWay(lay_out(Scenario(carriers=10)))
     results = RESULTS.read_text().rstrip()
     sections = (
         _field(layout),

@@ -27,6 +27,7 @@ from recorded_messages import recorded
 from recordings import SECONDS, frames, recording_of
 from secured_run import make_roles
 from simulated_fleet import SimulatedFleet
+from stage import ONE_WAY
 
 settings.register_profile("orchard", deadline=None)  # a time limit would depend on what else the machine does
 settings.load_profile("orchard")
@@ -129,7 +130,7 @@ def browser(chromium, server):
 
 @pytest.fixture(scope="session")
 def layout():
-    return lay_out(Scenario(rows=3, dispatch="nearest"))
+    return lay_out(Scenario(rows=3, dispatch="nearest", **ONE_WAY))
 
 
 @pytest.fixture(scope="session")

@@ -89,13 +89,20 @@ class Plan:
 
 
 ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
+ONE_WAY = {"route": "one-way", "rows_to_pickers": "balanced"}
 SCENARIOS: tuple[dict[str, Any], ...] = (
-    {"rows": 3, "seed": 1, "people": {"workers": 1, "visitors": 0}, "animals": {"dogs": 1, "cats": 0}, "weeds": 2},
-    {"rows": 3, "seed": 2, "dispatch": "nearest", **ALONE},
-    {"rows": 3, "seed": 3, "route": "two-way", **ALONE},
-    {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ALONE},
+    {"rows": 3, "seed": 1, "people": {"workers": 1, "visitors": 0}, "animals": {"dogs": 1, "cats": 0}, "weeds": 2, **ONE_WAY},
+    {"rows": 3, "seed": 2, "dispatch": "nearest", **ONE_WAY, **ALONE},
+    {"rows": 3, "seed": 3, **ONE_WAY, "route": "two-way", **ALONE},
+    {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ONE_WAY, **ALONE},
 )
-IN_REALTIME: dict[str, Any] = {"rows": 3, "seed": 2, **ALONE, "people": {"workers": 1, "visitors": 0}}  # the agent of the bare client
+IN_REALTIME: dict[str, Any] = {
+    "rows": 3,
+    "seed": 2,
+    **ONE_WAY,
+    **ALONE,
+    "people": {"workers": 1, "visitors": 0},
+}  # the agent of the bare client
 HOST = "host"
 FAULTS = {
     HOST: ("kill", "kill", "kill", "freeze", "think", "cut", "cut", "silence", "silence up", "silence down", "vanish"),

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
 from orchard.field.problems import Lines, Problem, ScenarioError, Section, key_text, problem_of, show
-from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, ONE_WAY, QUEUES, SHORTEST_ROW, USUAL_ROW, lack_of_room
+from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, QUEUES, SHORTEST_ROW, TWO_WAY, USUAL_ROW, lack_of_room
 from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, TRUNK, WIDEST_ROW, Survey
 from orchard.field.yaml_file import dump, read, values_of
 
@@ -227,9 +227,9 @@ class Scenario(Section):
     agents_without_body: MoreAgents = {}
     dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = PREDICTIVE
     dispatch_errors: Annotated[str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")] = NEAREST
-    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED
+    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED_ENDS
     order_in_row: Annotated[str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first")] = ONWARD
-    route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = ONE_WAY
+    route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = TWO_WAY
     bay: Annotated[float, Field(ge=0.0, le=180.0, description="how far east of its usual place the unloading bay lies, m")] = 0.0
     prices: Annotated[Prices, Field(description="what a harvest costs, for a study")] = Prices()
     survey: Annotated[Survey | None, Field(description="surveyed rows, unequal in length and spacing; null: all rows are alike")] = None

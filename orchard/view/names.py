@@ -23,7 +23,8 @@ PIN = 6.0  # screen points: radius of a pin
 COVERS_NAME, COVERS_PIN, MOVES, RANK = 10.0, 3.0, 0.5, 0.1  # what speaks against a place. The first of PLACES has rank 0
 
 # Places of a name's middle, in halves of its size and its pin's: below its pin, above, on its right, on its left, in the corners, further
-PLACES = np.array([(0, -1), (0, 1), (1, 0), (-1, 0), *product((1, -1), (-1, 1)), (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0)], float)
+BESIDE = [(0, -1), (0, 1), (1, 0), (-1, 0), *product((1, -1), (-1, 1))]
+PLACES = np.array([*BESIDE, (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0), *product((2.2, -2.2), (-2.5, 2.5))], float)
 
 
 def points_to_metres(layout: Layout) -> float:
@@ -90,6 +91,7 @@ def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.nda
 FOCUS = "focus"  # its frame, and the entity that the camera follows
 HOLD = 20.0  # s for which it stays with a robot
 GLIDE = 3.0  # s in which it comes nearer to its robot by two thirds
+CUT = 20.0  # m: to a robot further away it cuts, as a film does, and shows no empty ground on the way
 WORK: dict[State, int] = {
     "handling a bin": 3,
     "unloading": 2,
@@ -106,7 +108,7 @@ def log_focus(rec: rr.RecordingStream) -> None:
 
 
 class Focus:
-    """Follows a picker or a carrier, and glides to another one that has more to show."""
+    """Follows a picker or a carrier, and glides or cuts to another one that has more to show."""
 
     def __init__(self, layout: Layout) -> None:
         self._index = {start.name: i for i, start in enumerate(layout.starts) if start.kind in HAULERS}
@@ -123,6 +125,8 @@ class Focus:
             self._place = self._goal(frame.poses)
         elif frame.tick - self._since >= HOLD / TIME_STEP and self._work(best := self._best(frame.poses)) > self._work(self._robot):
             self._robot, self._since = best, frame.tick
+            if math.dist(self._place, self._goal(frame.poses)) > CUT:
+                self._place = self._goal(frame.poses)
         share = 1.0 - math.exp(-(frame.tick - self._tick) * TIME_STEP / GLIDE)
         self._place = self._place + share * (self._goal(frame.poses) - self._place)
         self._tick = frame.tick

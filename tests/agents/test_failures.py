@@ -116,7 +116,7 @@ def test_lockstep_has_the_hash_of_local_mode_when_robots_fail_and_rows_differ(fl
 
 
 def test_a_pickers_own_agent_is_no_faster_than_the_row():
-    stage = Stage(varied(picking={"spread": VARIED["spread"]}))
+    stage = Stage(varied(picking={"spread": VARIED["spread"]}, rows_to_pickers="balanced"))
     stage.run(5)
     speeds = [lane.picking_speed for lane in stage.world.layout.lanes]
     assert stage.world.row_picked[:2] == pytest.approx([5 * speed for speed in speeds[:2]])

@@ -18,6 +18,7 @@ from orchard.field.layout import BAY, DRIVEWAY, ROW_WEST, Layout, Start, lay_out
 from orchard.field.scenario import Animals, People, Scenario
 
 CROWD = {"people": People(workers=25, visitors=25), "animals": Animals(dogs=25, cats=25), "weeds": 50}
+ONE_WAY = Scenario(carriers=40, route="one-way")
 BIGGEST = Scenario(rows=100, pickers=60, row_width=12.0, carriers=120, **CROWD)
 FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})  # all of it on the smallest ground
 
@@ -36,6 +37,8 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         animals=Animals(dogs=dogs, cats=draw(st.integers(0, 50 - dogs))),
         weeds=draw(st.integers(0, 50)),
         tractor=draw(st.booleans()),
+        route=draw(st.sampled_from(["one-way", "two-way"])),
+        rows_to_pickers=draw(st.sampled_from(["balanced", "balanced-ends"])),
     )
 
 
@@ -172,15 +175,15 @@ def test_guests_stand_where_the_manual_puts_them() -> None:
 
 @pytest.mark.parametrize(("name", "given_place"), [("worker_02", (25.0, 25.0)), ("worker_03", (36.0, 18.0)), ("visitor_02", (-6.0, 22.0))])
 def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(name: str, given_place: tuple[float, float]) -> None:
-    x, y = places(Scenario(carriers=40))[name]
+    x, y = places(ONE_WAY)[name]
     assert places(Scenario())[name] == given_place or name == "worker_02", "the lines that no carrier uses are not kept clear"
     moved = math.dist((x, y), given_place)
-    queue = lay_out(Scenario(carriers=40)).queue.area
+    queue = lay_out(ONE_WAY).queue.area
     to_the_edge = min(queue.north - given_place[1], given_place[1] - queue.south, abs(queue.east - given_place[0]))
     assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5  # half a body, and the grid
 
 
-@pytest.mark.parametrize("place", [(-33.0, 10.75), (-30.0, 29.0), (0.0, 24.0)], ids=["ahead of a picker", "track", "queue"])
+@pytest.mark.parametrize("place", [(-33.0, 10.75), (-30.0, 29.0), (-23.0, 24.0)], ids=["ahead of a picker", "track", "queue"])
 def test_a_dog_is_not_put_where_robots_drive_off(place: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(placement.GIVEN, "dog", (place,))
     monkeypatch.setattr(layouts, "_laid_out", layouts._laid_out.__wrapped__)  # layouts are kept
@@ -248,13 +251,16 @@ def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
     layout = lay_out(scenario)
     for start in of(layout, "picker", "carrier"):
         behind = layout.starts[layout.index[start.bin]]
-        assert behind.pose == Pose(start.pose.x - KINDS[start.kind].tows, start.pose.y, 0.0)
+        ahead = 1.0 if start.pose.yaw == 0.0 else -1.0
+        assert behind.pose == Pose(start.pose.x - ahead * KINDS[start.kind].tows, start.pose.y, start.pose.yaw)
     for picker in of(layout, "picker"):
-        assert picker.pose == Pose(-35.5, layout.lane(layout.blocks[picker.name].rows[0]).y, 0.0)
+        block = layout.blocks[picker.name]
+        x, heading = (-35.5, 0.0) if block.start == "west" else (41.0, WEST)
+        assert picker.pose == Pose(x, layout.lane(block.rows[0]).y, heading)
 
 
 def test_a_picker_that_starts_in_the_east_stands_off_the_roads_with_its_bin_behind_it() -> None:
-    layout = lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="balanced-ends"))
+    layout = lay_out(Scenario(rows=4, pickers=2))
     picker, fruit = (layout.starts[layout.index[name]].pose for name in ("picker_02", "bin_02"))
     assert picker == Pose(41.0, layout.lane(3).y, WEST)
     assert fruit == Pose(43.25, layout.lane(3).y, WEST)

@@ -50,7 +50,7 @@ def test_the_manuals_rule_gives_the_last_picker_the_remainder(rows: int, pickers
 
 
 def test_rows_are_balanced_unless_the_scenario_says_otherwise() -> None:
-    assert rows_to_pickers(Scenario(rows=20, pickers=11)) == rows_to_pickers(Scenario(rows=20, pickers=11, rows_to_pickers="balanced"))
+    assert rows_to_pickers(Scenario(rows=20, pickers=11)) == rows_to_pickers(Scenario(rows=20, pickers=11, rows_to_pickers="balanced-ends"))
 
 
 SEEDS = range(500)  # of 20 rows each: 10,000 draws

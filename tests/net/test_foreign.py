@@ -8,7 +8,7 @@ import msgpack
 import pytest
 from command_line import python
 from local_runs import SMALL, played
-from stage import empty_orchard
+from stage import ONE_WAY, empty_orchard
 
 from examples import foreign_carrier, foreign_holder, foreign_host
 from orchard import Action, Hold, Local, Twist, Zone
@@ -42,7 +42,7 @@ def assert_all_delivered(end, rows) -> None:
 
 
 def test_a_carrier_written_from_keyspace_alone_brings_in_the_harvest(fleet):
-    end = harvest(fleet, SMALL)
+    end = harvest(fleet, SMALL.model_copy(update=ONE_WAY))
     assert_all_delivered(end, SMALL.rows)
     assert end["taken"] == SMALL.rows
 
@@ -101,7 +101,7 @@ def test_its_digest_of_mail_is_ours():
 @pytest.mark.parametrize("number", [1, 13, 40])
 def test_its_field_is_ours(number):
     """A figure that changes in the orchard, and so in keyspace.md, must change in the foreign carrier too."""
-    scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number)
+    scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number, **ONE_WAY)
     layout, route = lay_out(scenario), OneWay(lay_out(scenario))
     field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")
     assert (field.D, field.F, field.FULL, field.PICKER) == (route.D_ROAD, route.F_ROAD, route.FULL_BIN, route.WAITING)

@@ -234,7 +234,7 @@ FAULTS += [{"doing": "x" * 201}, {"twist": [0.0, 1.0]}, {"requests": [["traffic"
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])
 def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
-    run = Run(SMALL, "run1", FEW)
+    run = Run(SMALL.model_copy(update={"rows_to_pickers": "balanced"}), "run1", FEW)
     run.physics.run.drivers.answers._patience = 4.0
     send = run.host.bus.publish
 

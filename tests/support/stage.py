@@ -13,12 +13,13 @@ from orchard.server.figures import RunFigures
 from orchard.sim.lookahead import Lookahead
 from orchard.sim.world import NONE
 
+ONE_WAY = {"route": "one-way", "rows_to_pickers": "balanced"}  # all pickers begin in the west, and the queue lies in the east
 NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
 
 
 def empty_orchard(**changes) -> Scenario:
-    """Return a scenario without people, animals, weeds and tractor, except those in `changes`."""
-    return Scenario(**{"rows": 3, "tractor": False, **NOBODY_ABOUT, **changes})
+    """Return a scenario with one-way roads, without people, animals, weeds and tractor, except for `changes`."""
+    return Scenario(**{"rows": 3, "tractor": False, **ONE_WAY, **NOBODY_ABOUT, **changes})
 
 
 class Standing:

@@ -142,7 +142,7 @@ def _starts(layout: Layout) -> Iterator[Sequence[str]]:
         "picker",
         (
             f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind it; "
-            f"by a rule for rows also x = {field.EAST_START:g}, facing west"
+            f"every second one x = {field.EAST_START:g}, facing west"
         ),
     )
     yield "carrier", f"in the queue, the first at {_points([first])}, facing east, an empty bin behind it"
@@ -226,8 +226,8 @@ def _work() -> str:
     way_out = OneWay.WAITING - OneWay.FULL_BIN - KINDS["picker"].tows
     text = f"""These are the built-in rules; a scenario may name others.
 
-1. Each picker takes neighbouring rows; no picker takes two rows more than another. It picks its first row eastward, the next westward, and
-   so on.
+1. Each picker takes neighbouring rows; no picker takes two rows more than another. The first picker begins at the west end of
+   its first row, the second one at the east end, and so on (`rows_to_pickers`). Each picks its rows eastward and westward in turn.
 2. The bin fills with the metres that its picker drives in the unpicked part of a row, within {move.LANE_REACH:g} m of the lane's centre
    line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m; after
    `pickfrom` it begins at that x. There physics limits the

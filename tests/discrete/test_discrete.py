@@ -7,6 +7,8 @@ import pytest
 
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
+from stage import ONE_WAY
+
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
 from orchard.discrete.calls import Dispatched
 from orchard.discrete.harvest import DiscreteHarvest
@@ -38,7 +40,7 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
-    "an early policy, and failures": {**SHORT, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
+    "an early policy, and failures": {**SHORT, **ONE_WAY, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
     "carriers that fail": {**SHORT, "rows": 4, "dispatch": "predictive", "carrying": {"failure": FAILURE}, "seed": 2},
     "carriers that charge": {
         **{"rows": 8, "pickers": 4, "carriers": 3, "row_length": 30.0, "dispatch": "predictive", "route": "two-way"},
@@ -137,7 +139,7 @@ def test_the_long_run_is_slower_with_people() -> None:
 
 def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() -> None:
     """Else they are done while the others go on, and the long run has fewer pickers than the orchard."""
-    layout = lay_out(orchard(rows=5, pickers=4, carriers=8))
+    layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
     assert {name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).blocks.items()} == dict.fromkeys(layout.blocks, 6)
     assert long_run(layout).bins_per_hour == pytest.approx(long_run(layout, 48).bins_per_hour, rel=0.01)

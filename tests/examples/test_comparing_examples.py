@@ -24,9 +24,3 @@ def test_intervals_stand_beside_the_truth():
     said = printed("examples/interval_coverage.py", "--truth", "3", "1")
     assert re.findall(r"(\d+\.\d) % of (\d+) \(95 %: \d+\.\d to \d+\.\d\)", said)
     assert [int(count) for count in re.findall(r"% of (\d+)", said)] == [3, 1, 1]
-
-
-def test_the_gains_of_a_policy_stand_in_a_table():
-    said = printed("examples/policy_gains.py", "--seeds", "1", "4/2/1:0.5")
-    assert re.search(r"4/2/1:0.5 (.* [+-]\d+\.\d){4}", said)
-    assert re.search(r"on average [+-]\d+\.\d %", said)

@@ -138,10 +138,11 @@ def test_what_has_no_bound_is_refused_in_words(own, words):
 
 
 def test_the_command_bounds_all_rules_and_writes_it(tmp_path, capsys):
-    print_bound(BoundOptions(rows=4, pickers=4, carriers=4, all_rules=True, work=1.0, summary=tmp_path / "bound.json"))
+    (tmp_path / "my.yaml").write_text("{rows: 4, pickers: 4, carriers: 4}")
+    print_bound(BoundOptions(scenario=str(tmp_path / "my.yaml"), all_rules=True, work=1.0, summary=tmp_path / "bound.json"))
     summary = json.loads((tmp_path / "bound.json").read_text())
     rules = summary["rows_to_pickers"]
     assert list(rules) == ["balanced", "balanced-ends", "manual"]
     assert summary["proven_seconds"] == min(one["proven_seconds"] for one in rules.values()) < rules["balanced"]["proven_seconds"]
     assert Scenario(**summary["scenario"]).rows == 4
-    assert "With any of these rules no harvest is shorter than 14:37 min." in capsys.readouterr().out
+    assert "With any of these rules no harvest is shorter than 4:06 min." in capsys.readouterr().out

@@ -4,22 +4,18 @@ It knows the orchard, the plans of robots, and what bins and carriers report. Wh
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import lru_cache
-from itertools import groupby
 from math import inf
 from typing import NamedTuple
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
-from orchard.agents.jobs import TimedJob, jobs_of
+from orchard.agents.jobs import TimedJob
 from orchard.agents.ranking import Predictive, PredictiveMemory, free_carriers
-from orchard.agents.rollout import Course, RollOut
+from orchard.agents.rollout import ROUNDS, RollOut, courses_of
 from orchard.field.kinds import number_of
-from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.layout import Layout
 
-AHEAD = 3  # bins of each picker, from the one with fewest on, that are planned: none is left out for longer
-ROUNDS = 2  # after so many rounds of its rows a picker leaves each at the same end again
-GAIN = 50.0  # ticks by which a plan must be better than that of `predictive`
+AHEAD = 4  # bins of each picker, from the one with fewest on, that are planned: none is left out for longer
+GAIN, GAIN_OF_ORDER = 25.0, 100.0  # ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once
 WAIT = 0.02  # ticks of a plan's length for each tick that a picker waits
 MOST = 5  # bins, the latest ones, that may be first
 NEVER = 10**9  # bins
@@ -53,7 +49,7 @@ class Rolling(Predictive):
     Memory: type = RollingMemory
 
     def __init__(self, layout: Layout) -> None:
-        self.courses = _courses(layout)
+        self.courses = courses_of(layout)
         self.starts = {picker: NextBin(0, courses[0].job.ready) for picker, courses in self.courses.items()}
         carriers = [start.name for start in layout.starts if start.kind == "carrier"]
         self.lines = {name: (number_of(name) - 1) // layout.queue.places for name in carriers}  # of the queue
@@ -90,9 +86,10 @@ class Rolling(Predictive):
         for carrier in free:
             memory.trips.pop(carrier.name, None)
         plan, orders = self.plan(now, reported, memory), list[Assignment]()
+        most = 1 if self.picks_again(reported) and len(self.lines) >= len(self.courses) else MOST  # in the long run no order is better then
         plan.go_on({self.lines[carrier.name] for carrier in free})
         for carrier in free[: len(due)]:
-            best = self.best(due, self.lines[carrier.name], plan)
+            best = self.best(due, self.lines[carrier.name], plan, most)
             due.remove(best)
             orders.append(Assignment(best.name, carrier.name))
             plan.send(best.picker, self.lines[carrier.name], now)
@@ -121,17 +118,24 @@ class Rolling(Predictive):
         return plan
 
     def ends(self, expected: Mapping[str, NextBin], reported: Mapping[str, NextBin]) -> dict[str, int]:
-        """Return how many bins of each picker are planned. A picker that goes on after its last row picks its rows again."""
+        """Return how many bins of each picker are planned."""
         total = {picker: len(courses) // ROUNDS for picker, courses in self.courses.items()}
-        if any(one.number >= total[picker] for picker, one in reported.items()):
+        if self.picks_again(reported):
             total = dict.fromkeys(total, NEVER)
         level = AHEAD + min((one.number for picker, one in expected.items() if one.number < total[picker]), default=0)
         return {picker: min(level, total[picker]) for picker in total}
 
-    def best(self, due: Sequence[BinReport], line: int, plan: RollOut) -> BinReport:
+    def picks_again(self, reported: Mapping[str, NextBin]) -> bool:
+        """Whether a picker has gone on after its last row: then all pick their rows again and again."""
+        return any(one.number >= len(self.courses[picker]) // ROUNDS for picker, one in reported.items())
+
+    def best(self, due: Sequence[BinReport], line: int, plan: RollOut, most: int) -> BinReport:
         """Return the bin for which the next carrier of a line leaves: none of a picker that is far ahead of another one."""
         behind = [report for report in due if plan.number[report.picker] < plan.ends[report.picker]] or due
-        values = [self.value(report, line, plan) + (GAIN if number else 0.0) for number, report in enumerate(behind[:MOST])]
+        if len(behind[:most]) == 1:
+            return behind[0]
+        gain = GAIN if plan.home.total() < len(due) else GAIN_OF_ORDER
+        values = [self.value(report, line, plan) + (gain if number else 0.0) for number, report in enumerate(behind[:most])]
         return behind[values.index(min(values))]
 
     def value(self, report: BinReport, line: int, plan: RollOut) -> float:
@@ -140,11 +144,3 @@ class Rolling(Predictive):
         plan.send(report.picker, line, plan.now)
         plan.run(inf)
         return plan.end + WAIT * plan.waited if plan.is_over else inf
-
-
-@lru_cache(maxsize=KEPT_LAYOUTS)
-def _courses(layout: Layout) -> dict[str, list[Course]]:
-    """The courses of each picker's jobs, with rows that are all picked at the mean speed."""
-    lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
-    jobs = jobs_of(replace(layout, lanes=tuple(lanes)), ROUNDS)
-    return {picker: [Course(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}

@@ -6,19 +6,24 @@ It is a small event-driven model: robots follow the courses of their jobs, and w
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from enum import Enum, auto
+from functools import lru_cache
 from heapq import heappop, heappush
+from itertools import groupby
 from typing import NamedTuple
 
-from orchard.agents.jobs import TimedJob, Use
+from orchard.agents.jobs import TimedJob, Use, jobs_of
 from orchard.agents.ranking import MARGIN
 from orchard.agents.steps import Unload
+from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 
 ORDERED = 12  # ticks from a decision until the carrier leaves, on average
 MOVING_UP = 10  # ticks after which the carrier behind can leave
 IN_BAY = Unload.ticks + 45  # ticks from one carrier in the bay to the next, which is behind its bin
 EARLY = round(MARGIN / TIME_STEP)
+ROUNDS = 2  # after so many rounds of its rows a picker leaves each at the same end again
 AWAY = -1  # in place of a line: a picker
 
 
@@ -65,6 +70,14 @@ def _events(uses: Sequence[Use]) -> list[Event]:
 
 def _in_order(events: Sequence[Event]) -> list[Event]:
     return sorted(events, key=lambda event: (event.tick, event.what.value))
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def courses_of(layout: Layout) -> dict[str, list[Course]]:
+    """Return the courses of each picker's jobs, with rows that are all picked at the mean speed."""
+    lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
+    jobs = jobs_of(replace(layout, lanes=tuple(lanes)), ROUNDS)
+    return {picker: [Course(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
 
 
 class Robot(NamedTuple):

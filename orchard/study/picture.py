@@ -51,7 +51,7 @@ class Content:
 
     def __init__(self, result: StudyResult) -> None:
         self.result = result
-        keys = [key for key, values in result.varied.items() if len(values) > 1] or list(result.varied)
+        keys = result.compared
         self.key = max(keys, key=lambda key: (self._is_numeric(key), len(result.varied[key]) if self._is_numeric(key) else 0), default="")
         self.is_numeric = self._is_numeric(self.key)
         self.others = [key for key in keys if key != self.key]

@@ -77,3 +77,8 @@ class StudyResult:
     @property
     def best_row(self) -> Row | None:
         return next((row for row in self.table if row.setting == self.best), None)
+
+    @property
+    def compared(self) -> list[str]:
+        """The keys with several values, or all keys if none has. The answer names the others."""
+        return [key for key, values in self.varied.items() if len(values) > 1] or list(self.varied)

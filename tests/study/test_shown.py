@@ -179,6 +179,10 @@ def test_a_column_without_a_figure_is_left_out():
     assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
 
 
+def test_a_key_with_one_value_has_no_column():
+    assert "rows" not in table.words(replace(whole(), varied={"rows": [20], **whole().varied}))[0]
+
+
 def test_what_looks_like_an_order_to_the_terminal_is_shown_as_it_is():
     assert any(HOSTILE in line for line in printed(hostile(), 200))
 

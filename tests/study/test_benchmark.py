@@ -14,6 +14,12 @@ from orchard.study.benchmark import ORCHARDS, orchards
 SMALL = ("--orchard", "small-fast", "--orchard", "short-rows", "--workers", "2")
 
 
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """The runs of the built-in policies, which each of these tests needs."""
+    return tmp_path_factory.mktemp("benchmark") / "runs.db"
+
+
 def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows():
     known = orchards()
     assert len(known) == 20
@@ -24,8 +30,8 @@ def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows()
         assert len({getattr(one, key) for one in known.values()}) == 2
 
 
-def test_a_policy_stands_beside_the_built_in_ones_and_the_simulator(tmp_path):
-    command = ("benchmark", "own_policies.FarthestOfMine", "--out", tmp_path / "runs.db", "--summary", tmp_path / "found.json", *SMALL)
+def test_a_policy_stands_beside_the_built_in_ones_and_the_simulator(tmp_path, store):
+    command = ("benchmark", "own_policies.FarthestOfMine", "--out", store, "--summary", tmp_path / "found.json", *SMALL)
     said = orchard(*command).stdout
     found = json.loads((tmp_path / "found.json").read_text())
     assert list(found["scores"]) == sorted(found["scores"], key=lambda policy: -found["scores"][policy])
@@ -60,8 +66,8 @@ def test_a_policy_stands_beside_the_built_in_ones_and_the_simulator(tmp_path):
         (("own_policies.Idle", *SMALL), 0, r"never finished, .* carrier that was not sent: 3 of small-fast, 3 of short-rows"),
     ],
 )
-def test_what_a_user_gets_wrong_is_said_in_words(tmp_path, words, code, said):
-    done = orchard("benchmark", *words, "--out", tmp_path / "runs.db", code=code)
+def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
+    done = orchard("benchmark", *words, "--out", store, code=code)
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
 

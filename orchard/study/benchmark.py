@@ -25,7 +25,7 @@ from orchard.study.workers import Workers
 
 ORCHARDS = "benchmark.yaml"
 SEEDS = 3  # of each orchard in which something is random
-WORK = 1.0  # of the solver for each bound: some seconds at most
+WORK = 2.0  # of the solver for each bound: at most some 8 s
 
 
 def orchards() -> dict[str, Scenario]:
@@ -113,6 +113,8 @@ class Benchmark:
         self.checked = self.own if is_checked else ()
         self.bounds = [bound for name, one in known.items() for bound in bounds_of(name, one)]
         self.proven: dict[tuple[str, int], float] = {}  # orchard and number of the seed -> s
+        counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
+        self.wanted = len(self.bounds) + sum(counts) + sum(counts[i] for i in self.checked)
         self.runs = Replications(self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped)
 
     def run(self) -> BenchmarkResult | None:
@@ -129,10 +131,8 @@ class Benchmark:
         return len(self.proven) == len(self.bounds)
 
     def _hear(self) -> None:
-        """Tell how far it is: a run of the simulator counts as one of the fast model, so a check takes most of the time at the end."""
-        counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
-        wanted = sum(counts) + len(self.bounds) + sum(counts[i] for i in self.checked)
-        self.tell((len(self.runs.records) + len(self.proven)) / wanted)
+        """Tell how far it is. A run of the simulator counts as one of the fast model, so a check takes most of the time at the end."""
+        self.tell((len(self.runs.records) + len(self.proven)) / self.wanted)
 
     def _result(self) -> BenchmarkResult:
         harvests = [self._harvests(i, orchard, policy) for i, (orchard, policy) in enumerate(self.cells)]

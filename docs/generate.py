@@ -1,13 +1,14 @@
 """Writes every file that is generated: keyspace.md, docs/reference.md, docs/study.md, the JSON schema, and drawings.
 
-All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/bounds.md.
+All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/bounds.md,
+one of which is from docs/benchmark.json.
 `python -m docs.study` and `python -m docs.validation` measure anew.
 """
 
 import json
 from pathlib import Path
 
-from docs import keyspace, policies, reference, study, validation
+from docs import benchmark, keyspace, policies, reference, study, validation
 from docs.exchange import exchange_plan
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY
@@ -35,6 +36,7 @@ def generated() -> dict[str, str]:
         "docs/reference.md": reference.document(),
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),
+        "docs/bounds.md": benchmark.document(),
         "docs/policies.svg": policies.picture(),
         "docs/validation.md": validation.document(),
         **validation.pictures(),

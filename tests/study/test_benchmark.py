@@ -4,6 +4,7 @@ import json
 import re
 
 import pytest
+from code_blocks import block
 from command_line import orchard
 
 from orchard.discrete.harvest import DiscreteHarvest
@@ -70,6 +71,13 @@ def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
     done = orchard("benchmark", *words, "--out", store, code=code)
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", block("docs/bounds.md", "benchmark").splitlines())
+def test_the_commands_in_the_document_run(tmp_path, command):
+    _, *words = command.replace("my_policy.MyPolicy", "own_policies.FarthestOfMine").replace("found.json", f"{tmp_path}/found.json").split()
+    small = [*words, *([] if "--orchard" in words else ["--orchard", "small-fast"]), "--workers", "1", "--out", tmp_path / "runs.db"]
+    assert "of what is proven possible" in orchard(*small).stdout
 
 
 def test_a_carrier_that_failed_beside_its_line_leaves_it():

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fleet import until
 from local_runs import local_hash, played
 from stage import Stage, empty_orchard
 
@@ -80,19 +81,30 @@ def test_holds_change_nothing_when_carriers_charge(caplog):
     assert "holds wrongly" not in caplog.text
 
 
-def test_a_run_that_is_resumed_while_a_carrier_charges_has_the_hash_of_one_never_interrupted():
+@cache
+def while_charging() -> Snapshot:
     local = Local(charging())
     while not local.engine.world.plugged.any():
         assert local.engine.tick < TICKS
         local.tick()
-    local = Local.resume(unpack(pack(played(local, local.engine.tick + 100).snapshot()), Snapshot))
+    return unpack(pack(played(local, local.engine.tick + 100).snapshot()), Snapshot)
+
+
+def test_a_run_that_is_resumed_while_a_carrier_charges_has_the_hash_of_one_never_interrupted():
+    local = Local.resume(while_charging())
     assert local.engine.world.plugged.any()
     assert played(local, TICKS).engine.hash == expected_hash()
 
 
-def test_lockstep_has_the_hash_of_local_mode_when_carriers_charge(fleet):
-    fleet.physics(charging(), "--duration", str(TICKS / 10))
+def test_lockstep_has_the_hash_of_local_mode_although_a_host_and_physics_are_killed_while_a_carrier_charges(fleet, tmp_path):
+    run = ("--speed", "30", "--duration", str(TICKS / 10), "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "1")
+    fleet.physics(charging(), *run)
     fleet.share(2)
+    until(fleet.client().hear("orchard/clock"), lambda message: message["tick"] >= while_charging().tick)
+    fleet.hosts.pop(0).kill()
+    fleet.host("--share", "0/2")
+    fleet.world.kill()
+    fleet.physics(charging(), *run, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
     assert fleet.end() == expected_hash()
 
 

@@ -95,6 +95,8 @@ class Bridge:
             raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
         self._check_rights()
         self._errs = wire.has_errors(scenario)
+        carriers = {body["name"] for body in layout["bodies"] if body["kind"] == "carrier"}
+        self._powered = carriers & set(self._names) if wire.has_batteries(scenario) else set()
         self._views = wire.views_of(self._errs, self._shows_truth)
         self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}  # key -> body -> its newest message
         self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
@@ -135,7 +137,7 @@ class Bridge:
 
     def _announce(self, name: str) -> None:
         self._publish(topics.ROBOT_DESCRIPTION, lambda: messages.text(self._description(name)), name)
-        for topic, _ in self._views.values():
+        for topic in (*(topic for topic, _ in self._views.values()), *([topics.BATTERY_STATE] if name in self._powered else [])):
             self._publisher(topic, name)
 
     def _description(self, name: str) -> str:
@@ -220,6 +222,8 @@ class Bridge:
         if name in self._names:
             topic, message_of = self._views[key]
             self._publish(topic, partial(message_of, name, message), name)
+        if key == "pose" and name in self._powered:
+            self._publish(topics.BATTERY_STATE, partial(wire.battery_state_of, name, message), name)
         if key == "pose" and name in self._handling:
             self._go_on(*self._handling[name], message)
 

@@ -10,10 +10,14 @@ from collections.abc import Callable, Mapping
 from struct import Struct
 from typing import Any
 
-from orchard_ros2.messages import Message
+from orchard_ros2.messages import Message, UInt8
 
 HEAD = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
-OF_FLOAT32 = {"sensor_msgs/msg/LaserScan", "nav_msgs/msg/MapMetaData"}  # the types whose numbers with a point are float32
+OF_FLOAT32 = {
+    "sensor_msgs/msg/LaserScan",
+    "sensor_msgs/msg/BatteryState",
+    "nav_msgs/msg/MapMetaData",
+}  # the types whose numbers with a point are float32
 _INT32, _FLOAT32, _FLOAT64 = Struct("=i"), Struct("=f"), Struct("=d")
 
 
@@ -33,6 +37,10 @@ def _put_message(out: bytearray, message: Message) -> None:
     put = _OF_FLOAT32 if message.type in OF_FLOAT32 else _OF_FLOAT64
     for value in message.fields.values():
         put[type(value)](out, value)
+
+
+def _put_byte(out: bytearray, value: int) -> None:
+    out.append(value)
 
 
 def _put_int32(out: bytearray, value: int) -> None:
@@ -73,6 +81,8 @@ _Put = Mapping[type, Callable[[bytearray, Any], None]]
 _OF_FLOAT64: _Put = {
     float: _put_float64,
     int: _put_int32,
+    UInt8: _put_byte,
+    bool: _put_byte,
     str: _put_text,
     array: _put_array,
     list: _put_list,

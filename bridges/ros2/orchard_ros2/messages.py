@@ -5,6 +5,7 @@ A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m); z, w o
 body's own frame: forward and to the left (m/s), turn (rad/s, counter-clockwise).
 """
 
+import math
 from array import array
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cache
@@ -18,10 +19,15 @@ TICK_NANOSECONDS = 10**9 // TICKS_PER_SECOND
 EXACT = 1e-6  # m^2, rad^2: the variance of what is exact, because filters such as robot_localization's want one above 0
 
 
+class UInt8(int):
+    """A number of one byte."""
+
+
 class Message(NamedTuple):
     """A message: `type` is its name, as `nav_msgs/msg/Odometry`; `fields` has all fields, in their order.
 
-    A field is a number, a text, a `Message`, a list of them, or an array. A number with a point is a float, also where it is whole.
+    A field is a number, a truth value, a text, a `Message`, a list of them, or an array. A number with a point is a float, also where it
+    is whole; other numbers are int32 or `UInt8`.
     """
 
     type: str
@@ -128,6 +134,15 @@ def scan(
         "intensities": array("f"),
     }
     return Message("sensor_msgs/msg/LaserScan", fields)
+
+
+def battery_state(robot: str, tick: int, percentage: float) -> Message:
+    """Return the charge of a robot's battery, 0 to 1. NaN and 0 say that nothing else is measured."""
+    unmeasured = dict.fromkeys(("voltage", "temperature", "current", "charge", "capacity", "design_capacity"), math.nan)
+    unknown = {f"power_supply_{what}": UInt8(0) for what in ("status", "health", "technology")}
+    cells = {"cell_voltage": array("f"), "cell_temperature": array("f")}
+    known = {"header": header(tick, topics.base_link(robot)), **unmeasured, "percentage": percentage, **unknown, "present": True}
+    return Message("sensor_msgs/msg/BatteryState", {**known, **cells, "location": "", "serial_number": ""})
 
 
 def transform(tick: int, parent: str, child: str, place: Sequence[float], turned: Sequence[float] = (0.0, 1.0)) -> Message:

@@ -40,6 +40,7 @@ ODOM = Topic("{robot}/odom", "nav_msgs/msg/Odometry", QoS(10))
 POSE = Topic("{robot}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", QoS(10))  # if sensors have errors: as it is measured
 GROUND_TRUTH = Topic("{robot}/ground_truth", "nav_msgs/msg/Odometry", QoS(10))
 SCAN = Topic("{robot}/scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
+BATTERY_STATE = Topic("{robot}/battery_state", "sensor_msgs/msg/BatteryState", QoS(10))  # of carriers, if they have batteries
 CMD_VEL = Topic("{robot}/cmd_vel", "geometry_msgs/msg/TwistStamped", QoS(1))
 CMD_VEL_UNSTAMPED = Topic("{robot}/cmd_vel", "geometry_msgs/msg/Twist", QoS(1))
 CMD_VEL_AGENT = Topic("{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1))  # what the agent of an advised robot wants

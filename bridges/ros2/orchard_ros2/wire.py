@@ -36,6 +36,16 @@ def scan_of(robot: str, scan: Mapping[str, Any]) -> Message:
     return messages.scan(robot, scan["tick"], ranges_of(scan["ranges"]), *angles, *limits)
 
 
+def battery_state_of(robot: str, pose: Mapping[str, Any]) -> Message:
+    """Return the `sensor_msgs/msg/BatteryState` of a `pose`."""
+    return messages.battery_state(robot, pose["tick"], float(pose["percentage"]))
+
+
+def has_batteries(scenario: Mapping[str, Any]) -> bool:
+    """Return whether carriers of a scenario have batteries."""
+    return scenario["carrying"]["battery"]["hours"] is not None
+
+
 def has_errors(scenario: Mapping[str, Any]) -> bool:
     """Return whether robots of a scenario measure where they are with errors."""
     gnss, odometry = scenario["sensors"]["gnss"], scenario["sensors"]["odometry"]

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import BatteryState, LaserScan
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -27,8 +27,10 @@ def seconds(message):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    words = ["--rows", "3", "--mode", "realtime", "--without", "picker_01"]
-    with scene(tmp_path_factory.mktemp("driven"), words, ["-p", "driven:=[picker_01]"]) as made:
+    folder = tmp_path_factory.mktemp("driven")
+    (folder / "orchard.yaml").write_text("{rows: 3, carrying: {battery: {hours: 1}}, chargers: 1}")
+    words = [str(folder / "orchard.yaml"), "--mode", "realtime", "--without", "picker_01"]
+    with scene(folder, words, ["-p", "driven:=[picker_01]"]) as made:
         user = made.user
         made.odom = user.hear("picker_01/odom", Odometry, 10)
         made.clock = user.hear("clock", Clock, 10)
@@ -103,6 +105,13 @@ def test_the_scan_sees_the_rows_beside_the_robot(run):
     near = [distance for distance in scan.ranges if math.isfinite(distance)]
     assert len(scan.ranges) == 180 and near and all(scan.range_min <= distance <= scan.range_max for distance in near)
     assert scan.header.frame_id == "picker_01/laser"
+
+
+def test_a_carrier_tells_the_charge_of_its_battery(run):
+    heard = run.user.hear("carrier_01/battery_state", BatteryState, 10)
+    first = run.user.until(lambda: heard and heard[0])
+    assert first.present and 0.5 < first.percentage <= 1.0 and math.isnan(first.voltage)
+    run.user.until(lambda: heard[-1].percentage < first.percentage)
 
 
 def test_time_is_the_clocks(run):

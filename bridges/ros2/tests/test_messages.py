@@ -42,6 +42,7 @@ EXAMPLES = [
     messages.velocity("picker_01", 7, 0.5, 0.1),
     messages.twist(0.5, 0.0, 0.1),
     messages.scan("picker_01", 7, array("f", [1.0, math.inf]), -1.0, 2.0, 0.0, 10.0),
+    messages.battery_state("carrier_01", 7, 0.75),
     messages.transforms(7, {"picker_01": (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1)}),
     messages.static_transforms([("picker_01", 1.25)]),
     messages.occupancy(array("b", [0, 100, 0, 0, 0, 100]), 3, 0.5, -1.0, -2.0),
@@ -59,9 +60,14 @@ def read(message):
     return STORE.deserialize_cdr(cdr.encoded(message), message.type)
 
 
+def fields_in(names):
+    """Those that are no constants."""
+    return [name for name in names if not name.startswith("__") and not name.isupper()]
+
+
 def names_in(message):
     """The fields of a message and of those in it, and those of their types."""
-    yield list(message.fields), [name for name in STORE.types[message.type].__dataclass_fields__ if not name.startswith("__")]
+    yield list(message.fields), fields_in(STORE.types[message.type].__dataclass_fields__)
     for value in message.fields.values():
         for inner in value if isinstance(value, list) else [value]:
             yield from names_in(inner) if isinstance(inner, Message) else ()
@@ -70,14 +76,14 @@ def names_in(message):
 def plain(value):
     """A message that was read, or one of its fields, as numbers, texts and lists. Some numbers are float32."""
     if isinstance(value, float):
-        return round(value, 6)
+        return "nan" if math.isnan(value) else round(value, 6)
     if isinstance(value, array | numpy.ndarray):
         return value.tolist()
     if isinstance(value, list):
         return [plain(item) for item in value]
     fields = getattr(value, "__dataclass_fields__", {}) or getattr(value, "fields", {})
     of = value.fields.__getitem__ if isinstance(value, Message) else lambda name: getattr(value, name)
-    return {name: plain(of(name)) for name in fields if not name.startswith("__")} or value
+    return {name: plain(of(name)) for name in fields_in(fields)} or value
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=lambda message: message.type)

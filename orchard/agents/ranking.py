@@ -39,8 +39,8 @@ class Ranking:
 
 
 def free_carriers(carriers: Sequence[CarrierReport]) -> list[CarrierReport]:
-    """Return the carriers that can leave now, the nearest to the queue's head first. Ties by name."""
-    return sorted((carrier for carrier in carriers if carrier.is_next), key=lambda carrier: (carrier.metres, carrier.name))
+    """Return the carriers that can leave now, the nearest to the queue's head first, to a millimetre. Ties by name."""
+    return sorted((carrier for carrier in carriers if carrier.is_next), key=lambda carrier: (round(carrier.metres, 3), carrier.name))
 
 
 class Nearest(Ranking):
@@ -119,5 +119,7 @@ class GlobalAssignment(Ranking):
 
     def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
         calling, free = sorted(bins, key=lambda report: (report.since, report.name)), free_carriers(carriers)
-        metres = np.array([[carrier.metres + report.metres for carrier in free] for report in calling]).reshape(len(calling), len(free))
+        metres = np.array([[round(carrier.metres, 3) + report.metres for carrier in free] for report in calling]).reshape(
+            len(calling), len(free)
+        )
         return [Assignment(calling[i].name, free[j].name) for i, j in zip(*self.match(metres), strict=True)]

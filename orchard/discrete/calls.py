@@ -107,7 +107,7 @@ class Calls:
     def _choose(self, call: OpenCall, offers: list[Robot], tick: int) -> None:
         if not offers:
             return self._call(call, tick + CALL_AGAIN)
-        chosen = min(offers, key=lambda robot: (self.route.distance(robot.x_now, robot.y, call.lane, call.side), robot.name))
+        chosen = min(offers, key=lambda robot: (round(self.route.distance(robot.x_now, robot.y, call.lane, call.side), 3), robot.name))
         at(self.env, tick + 1 + HEARD, lambda: self._come(call, chosen))
 
     def _come(self, call: OpenCall, carrier: Robot) -> None:

@@ -67,6 +67,11 @@ def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
     assert {carrier for _, carrier in orders} == {"carrier_01", "carrier_02"}
 
 
+@pytest.mark.parametrize("name", POLICIES)
+def test_carriers_at_the_heads_of_two_lines_go_by_name_though_one_stands_a_rounding_error_behind(name):
+    assert decide(name, [NEAR], [HEAD, CarrierReport("carrier_01", "", True, 2e-15)]) == [("bin_01", "carrier_01")]
+
+
 @pytest.mark.parametrize(("name", "first"), [("predictive", "bin_02"), ("predictive-farthest", "bin_03")])
 def test_an_early_policy_sends_for_what_is_due_and_for_nothing_else(name, first):
     assert decide(name, [UNRIPE], [HEAD]) == []

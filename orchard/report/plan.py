@@ -11,7 +11,7 @@ from orchard.report.summary import clock
 from orchard.sim.world import World
 
 COLOURS = {"ground": "#dfe8cf", "driveway": "#cbb98f", "lane": "#c7b08a", "tree": "#7fae5d", "trunk": "#5b4128", "fence": "#6b6b6b",
-           "picked": "#b08d57", "D": "#2f7fd1", "F": "#c0392b", "picker": "#b23bb2", "bay": "#e0a030"}  # fmt: skip
+           "picked": "#b08d57", "D": "#2f7fd1", "F": "#c0392b", "picker": "#b23bb2", "bay": "#e0a030", "charging": "#2e9e4f"}  # fmt: skip
 OTHER_ROAD = "#777777"
 PIXELS = 12  # for a metre
 
@@ -127,6 +127,7 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
             drawing.line(road.points, f"stroke:{colour};stroke-width:{road.width * PIXELS};opacity:0.18")
         drawing.line(road.points, f"stroke:{colour};stroke-width:2{'' if road.width else ';stroke-dasharray:4'}")
     for y in layout.queue.lines:
-        drawing.line([(layout.queue.area.west, y), (layout.queue.area.east, y)], f"stroke:{COLOURS['D']};stroke-width:1;stroke-dasharray:6")
+        colour = COLOURS["charging" if y in layout.charging_lines else "D"]
+        drawing.line([(layout.queue.area.west, y), (layout.queue.area.east, y)], f"stroke:{colour};stroke-width:1;stroke-dasharray:6")
     for name, x, y in route.holds():
         drawing.line([(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3")

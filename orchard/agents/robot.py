@@ -55,6 +55,7 @@ class RobotMemory(msgspec.Struct):
     blockers: list[str] = []  # robots for which the places that it wants are reserved, by traffic's last answer
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
+    driving: bool = False  # whether it wanted to drive, and not only to turn
     bumped: int = -2 * RECOVERY  # tick at which it last found that it had collided
     sighted: dict[str, sense.Sighting] = {}  # person or animal -> its reported position
     asked: dict[str, int] = {}  # question -> tick at which the present step last asked it
@@ -179,14 +180,14 @@ class PlanExecutor:
         return True
 
     def _choose_way(self, has_room: bool) -> None:
-        """Choose the way back: ahead if it has room or its place lies ahead, else back; the other one if it is held up."""
+        """Choose the way back: ahead if it has room or its place lies ahead, else back; the other one if a drive is held up."""
         memory, tick = self.memory, self.seen.tick
         if self.seen.twist != STILL:
             memory.moved = tick
         if not memory.way:
             ahead, _ = to_frame(self.pose, self.course.x, self.course.y)
             memory.way, memory.moved = 1.0 if has_room or (ahead > 0.0 and not sense.something_ahead(self.seen, [])) else -1.0, tick
-        elif self._has_collided or tick - memory.moved >= HELD_UP:
+        elif (self._has_collided and memory.driving) or tick - memory.moved >= HELD_UP:
             memory.way, memory.moved = -memory.way, tick
 
     def _near(self, exact: float) -> float:
@@ -311,7 +312,7 @@ class PlanExecutor:
             self._hold_up(IN_TURN)
         if near:
             self._hold_up(", ".join(near[:3]))
-        memory.moving, action.steps_done = action.twist != STILL, memory.done
+        memory.moving, memory.driving, action.steps_done = action.twist != STILL, bool(action.twist.x), memory.done
         return action
 
     def _hold_of(self, twist: Twist) -> Hold | None:

@@ -141,6 +141,11 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
         (3358, "picker_03", 0.27384450007697103, -0.2010655864776212, 6),
         (5258, "picker_02", 0.0, 0.07363394434795179, 9),
     ),
+    "aslant beside its full bin, where it can turn neither ahead nor back": (
+        {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": "two-way", "tractor": True},
+        (213, "carrier_01", 0.0, 1.07e-51, 19),
+        (746, "carrier_01", -0.44255244420795103, 0.17461320145950499, 17),
+    ),
     "past the place where it leaves the empty bin": (
         {"rows": 4, "pickers": 3, "row_length": 40.0, "carriers": 3, "seed": 26015, "tractor": True, "dispatch": "nearest"},
         (820, "carrier_02", 0.7297432713987164, -0.06999531398102604, 20),

@@ -7,6 +7,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from examples.learned_dispatch import SCALE, AnyOrchard
 from orchard.agents.dispatch import BinReport, CarrierReport
 from orchard.agents.ranking import Predictive
 from orchard.discrete.harvest import LONGEST, DiscreteHarvest
@@ -142,3 +143,14 @@ def test_what_has_learned_is_the_policy_of_the_simulator():
     assert VIEW.orders(choose, 120, [told], CARRIERS) == own.assign(120, [told], CARRIERS, own.Memory())
     assert VIEW.orders(lambda observation, mask: 0, 120, [told], CARRIERS) == []
     assert VIEW.orders(choose, 120, [], CARRIERS) == []
+
+
+def test_what_the_learned_policy_of_the_example_can_choose_is_enough_for_a_good_harvest():
+    """It sends a carrier to the first bin that it sees as soon as that is due, which is about what `predictive` does."""
+    env, ended = AnyOrchard(), False
+    seen, _ = env.reset(seed=1)
+    while not ended:
+        seen, _, *ends, _ = env.step(int(env.action_masks()[1] and seen[1] * SCALE[1] <= 5.0))
+        ended = any(ends)
+    assert env.env.harvest.is_over
+    assert env.env.harvest.seconds == pytest.approx(DiscreteHarvest(lay_out(env.env.scenario)).run().seconds, rel=0.1)

@@ -1,6 +1,7 @@
 """The environments with Stable-Baselines3: its own check, and PPO, which learns to pick. One thread, fixed seeds."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import torch
 from gymnasium.wrappers import RescaleAction
 from stable_baselines3.common.env_checker import check_env
 
-from orchard import Scenario
+from orchard import Scenario, lay_out, with_changes
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.gym import dispatch_env, single_env
 
 ALONE = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0, tractor=False)
@@ -64,3 +66,15 @@ def test_ppo_learns_to_pick():
     learned = mean_return(exam, lambda seen: found["model"].predict(seen, deterministic=True)[0])
     random = mean_return(exam, lambda seen: exam.action_space.sample())
     assert learned > random + 3.0, (learned, random)
+
+
+def test_a_dispatch_policy_learns_and_decides(tmp_path, monkeypatch):
+    """examples/learned_dispatch.py for some seconds: what has learned in other orchards decides in this one, well or not."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(ROOT)
+    learned = import_module("examples.learned_dispatch")
+    learned.learn(minutes=0.05, seed=1)
+    decided, choose = [], learned.Learned.choose
+    monkeypatch.setattr(learned.Learned, "choose", lambda *seen: decided.append(choose(*seen)) or decided[-1])
+    DiscreteHarvest(lay_out(with_changes(ALONE, rows=5, dispatch="examples.learned_dispatch.Learned"))).run()
+    assert decided

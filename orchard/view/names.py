@@ -1,7 +1,7 @@
 """Names on the plan, each where it covers no other, and the point that the first view's camera follows."""
 
 import math
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import rerun as rr
@@ -54,11 +54,12 @@ class NameView:
         return (LETTER * len(label) + PADDING) / 2 * self.scale, HEIGHT / 2 * self.scale
 
     def _log_rows(self, layout: Layout) -> np.ndarray:
-        x, labels = X_WEST - MARGIN / 2, [f"{lane.number}" for lane in layout.lanes]
-        points = [(x, lane.y + DROP * self.scale, ROW_Z) for lane in layout.lanes]
+        pitch = min(north.y - south.y for north, south in pairwise(layout.lanes))
+        x, lanes = X_WEST - MARGIN / 2, layout.lanes[:: math.ceil(HEIGHT * self.scale / pitch)]  # all numbers would cover each other
+        labels, points = [f"{lane.number}" for lane in lanes], [(x, lane.y + DROP * self.scale, ROW_Z) for lane in lanes]
         numbers = rr.Points3D(points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
         self.rec.log("plan/rows", numbers, static=True)
-        return np.array([(x, lane.y, *self._half(label)) for lane, label in zip(layout.lanes, labels, strict=True)])
+        return np.array([(x, lane.y, *self._half(label)) for lane, label in zip(lanes, labels, strict=True)])
 
     def show(self, tick: int, poses: np.ndarray) -> None:
         """Log the names every half second if a robot has moved. `poses`: (n, 3)."""

@@ -30,6 +30,15 @@ def test_no_name_on_the_plan_covers_another_in_the_largest_orchard(tmp_path: Pat
     assert covered == []
 
 
+@pytest.mark.parametrize(("rows", "numbered"), [(20, 20), (100, 25)])
+def test_no_number_of_a_row_covers_another(rows: int, numbered: int, tmp_path: Path) -> None:
+    layout = lay_out(Scenario(rows=rows))
+    shown = Rows(recording_of(tmp_path / "rows.rrd", layout, [Frame(0, starts(layout))]), "/plan/rows").static
+    places = np.array(shown["Points3D:positions"])[:, 1]
+    assert (len(places), shown["Points3D:labels"][0]) == (numbered, "1")
+    assert min(-np.diff(places)) > 22.0 * points_to_metres(layout)
+
+
 def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: Path) -> None:
     poses, i = starts(layout), layout.index["picker_01"]
     poses[i, :2] = 0.0, layout.bottom + 10.0
@@ -38,16 +47,17 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
     assert np.hypot(*(np.array(Rows(path, "/plan/names").rows[0][1]["Points3D:positions"][place])[:2] - poses[i, :2])) < 2.0
 
 
-def test_the_camera_stays_with_a_robot_for_a_while_and_then_glides_to_an_exchange(layout: Layout) -> None:
+@pytest.mark.parametrize(("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"])
+def test_the_camera_stays_with_a_robot_for_a_while_and_then_glides_to_an_exchange_or_cuts_to_one_that_is_far(robot, glides, layout) -> None:
     focus, poses = Focus(layout), starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
     assert focus.follow(Frame(0, poses, states=states))[:2] == pytest.approx(poses[layout.index["picker_01"], :2])
-    goal = poses[layout.index["carrier_01"], :2]
-    far = [np.hypot(*(focus.follow(Frame(tick, poses, states={"carrier_01": "handling a bin"}))[:2] - goal)) for tick in range(1, 400)]
+    goal = poses[layout.index[robot], :2]
+    far = [np.hypot(*(focus.follow(Frame(tick, poses, states={robot: "handling a bin"}))[:2] - goal)) for tick in range(1, 400)]
     begun = round(HOLD * 10) - 1
     assert far[:begun] == [far[0]] * begun
     assert far[begun:] == sorted(far[begun:], reverse=True) and far[-1] < 0.5
-    assert max(-np.diff(far)) < 0.05 * far[0]
+    assert (max(-np.diff(far)) < 0.05 * far[0]) == glides
 
 
 def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path) -> None:

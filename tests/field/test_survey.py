@@ -109,7 +109,7 @@ def test_all_faults_are_told_at_once_with_their_lines():
     with pytest.raises(ScenarioError) as raised:
         parse(text, "mine.yaml")
     lines = text.splitlines()
-    for word, path in (("r1,", "survey.rows.0.length"), ("r3,", "survey.rows.2.south"), ("seeed", "seeed"), ("pickers", "pickers")):
+    for word, path in (("r1,", "survey.rows.0.length"), ("r3,", "survey.rows.2.south"), ("seeed", "seeed"), ("pickers: 0", "pickers")):
         line = next(number for number, line in enumerate(lines, start=1) if word in line)
         assert f"mine.yaml:{line}: {path}" in str(raised.value)
 

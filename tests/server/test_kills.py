@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from command_line import ROOT, line_with, orchard, running, scenario_file, starting, summary_of, wait_until_simulated
 from local_runs import driven_by, local_hash
+from stage import empty_orchard
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
@@ -66,6 +67,25 @@ def test_whatever_is_killed_the_same_run_goes_on(battered, undisturbed):
     folder, printed = battered
     assert re.findall(r"(agents|physics).* ended with code -9; starting it again", printed) == ["agents", "physics"]
     assert summary_of(folder / "summary.json")["hash"] == undisturbed
+
+
+@pytest.mark.soak
+def test_a_dispatcher_that_is_killed_and_then_resumed_elsewhere_plans_on_as_it_would_have(tmp_path):
+    """With `rolling`, which remembers what it has decided."""
+    roads = {"rows": 6, "pickers": 3, "carriers": 2, "row_length": 20.0, "route": "two-way", "rows_to_pickers": "balanced-ends"}
+    scenario, path, seconds = empty_orchard(**roads, dispatch="rolling"), tmp_path / "summary.json", 200.0
+    command = (scenario_file(tmp_path, scenario), "--hosts", 1, "--speed", 30, "--duration", seconds, "--record", "none", "--summary", path)
+    with running(*command) as run:
+        wait_until_simulated(run, 20.0)
+        process_of(run, "agents").kill()
+        line_with("starting it again", run)
+        wait_until_simulated(run, 150.0)
+        psutil.Process(run.pid).terminate()
+        printed = end(run)
+    folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
+    for mode in ("local", "lockstep"):
+        orchard("--resume", folder, "--mode", mode, "--speed", 30, "--duration", seconds, "--record", "none", "--summary", path)
+        assert summary_of(path)["hash"] == local_hash(scenario, round(10 * seconds))
 
 
 def test_a_signal_that_run_py_has_not_sent_is_a_death_too(battered):

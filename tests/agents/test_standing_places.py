@@ -417,7 +417,7 @@ def test_the_only_carrier_of_a_two_way_orchard_brings_in_the_harvest_beside_the_
 
 @pytest.mark.parametrize("stands", ["picker_01", "picker_02"])
 def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> None:
-    stage = Stage(Scenario(rows=4, pickers=2, rows_to_pickers="balanced"))
+    stage = Stage(Scenario(rows=4, pickers=2, dispatch="nearest"))
     stage.local.engine.stop([stands])
     stage.run_until(lambda: stage.world.delivered == 2, 700)
     stage.assert_no_collisions()

@@ -38,7 +38,7 @@ class What(Enum):
     HOME = auto()  # it is back in its line
 
 
-class Event(NamedTuple):
+class CourseEvent(NamedTuple):
     """Something that a robot does."""
 
     tick: int  # from the stop at the lane on
@@ -46,44 +46,46 @@ class Event(NamedTuple):
     place: str = ""
 
 
-class Course:
+class JobCourse:
     """The courses of the robots of a job."""
 
     def __init__(self, job: TimedJob) -> None:
         out, lane, crossing = f"{job.picker} is out", f"{job.side}/D/{job.lane}", _events(job.crossings)
         crossed = max(event.tick for event in crossing if event.what is What.NEED)
         stop = min(event.tick for event in _events(job.way) if event.place == lane)
-        job_done = [Event(stop, What.MEET, out), Event(0, What.STOP), Event(job.to_bay, What.NEED, "bay")]
-        job_done += [Event(job.to_bay + IN_BAY, What.FREE, "bay"), Event(job.to_bay + job.to_head, What.HOME)]
+        job_done = [CourseEvent(stop, What.MEET, out), CourseEvent(0, What.STOP), CourseEvent(job.to_bay, What.NEED, "bay")]
+        job_done += [CourseEvent(job.to_bay + IN_BAY, What.FREE, "bay"), CourseEvent(job.to_bay + job.to_head, What.HOME)]
         self.job = job
-        self.of_picker = _in_order([*crossing, Event(crossed + 1, What.FREE, out)])
+        self.of_picker = _in_order([*crossing, CourseEvent(crossed + 1, What.FREE, out)])
         self.of_carrier = []  # from each line
         for approach, exits in job.exits:
             left = min((round(use.at / TIME_STEP) for use in exits), default=-approach)
-            self.of_carrier.append(_in_order([*_events(exits), *_events(job.way), *job_done, Event(left, What.OUT)]))
+            self.of_carrier.append(_in_order([*_events(exits), *_events(job.way), *job_done, CourseEvent(left, What.OUT)]))
 
 
-def _events(uses: Sequence[Use]) -> list[Event]:
+def _events(uses: Sequence[Use]) -> list[CourseEvent]:
     begins = [(round(use.at / TIME_STEP), use) for use in uses]
-    return [Event(at + use.ticks, What.FREE, use.place) for at, use in begins] + [Event(at, What.NEED, use.place) for at, use in begins]
+    return [CourseEvent(at + use.ticks, What.FREE, use.place) for at, use in begins] + [
+        CourseEvent(at, What.NEED, use.place) for at, use in begins
+    ]
 
 
-def _in_order(events: Sequence[Event]) -> list[Event]:
+def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
     return sorted(events, key=lambda event: (event.tick, event.what.value))
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
-def courses_of(layout: Layout) -> dict[str, list[Course]]:
+def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     """Return the courses of each picker's jobs, with rows that are all picked at the mean speed."""
     lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
     jobs = jobs_of(replace(layout, lanes=tuple(lanes)), ROUNDS)
-    return {picker: [Course(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
+    return {picker: [JobCourse(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
 
 
-class Robot(NamedTuple):
+class RobotUnderWay(NamedTuple):
     """A robot on its way."""
 
-    course: list[Event]
+    course: list[CourseEvent]
     picker: str
     number: int  # of the picker's bin, from 0
     line: int  # of the queue; AWAY: it is the picker
@@ -95,13 +97,13 @@ class RollOut:
     The rule: a carrier at the head of its line leaves for the bin for which it is latest, of those for which it is time.
     """
 
-    def __init__(self, courses: Mapping[str, list[Course]], lines: Iterable[int], now: int, ends: Mapping[str, int]) -> None:
+    def __init__(self, courses: Mapping[str, list[JobCourse]], lines: Iterable[int], now: int, ends: Mapping[str, int]) -> None:
         """`lines`: the line of each carrier. `ends`: how many bins of each picker are planned.
 
         Before the tick `now` no carrier leaves by the rule.
         """
         self.courses, self.now, self.ends = courses, now, ends
-        self.robots = list[Robot]()
+        self.robots = list[RobotUnderWay]()
         self.begun, self.done = list[int](), list[int]()  # of each robot: the tick that is 0 on its course, and the events that are over
         self.next = list[tuple[int, int]]()  # tick, and the robot that goes on then, or -1 - the line in which a carrier may leave
         self.taken = dict[str, list[int]]()  # place -> the robots that wait for it; without a key it is free
@@ -119,7 +121,7 @@ class RollOut:
         other.taken = {place: list(robots) for place, robots in self.taken.items()}
         return other
 
-    def course(self, picker: str, number: int) -> Course:
+    def course(self, picker: str, number: int) -> JobCourse:
         """Return the course for a bin of a picker. After its last row it may pick its rows again."""
         courses = self.courses[picker]
         return courses[number % len(courses)]
@@ -128,7 +130,7 @@ class RollOut:
         """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick on."""
         self.wanted[picker], self.number[picker] = stop, number
         self.taken[f"{picker} is out"] = []
-        self._begin(Robot(self.course(picker, number).of_picker, picker, number, AWAY), stop)
+        self._begin(RobotUnderWay(self.course(picker, number).of_picker, picker, number, AWAY), stop)
 
     def send(self, picker: str, line: int, tick: int) -> None:
         """Decide at a tick that the carrier at the head of a line leaves for a picker."""
@@ -136,7 +138,7 @@ class RollOut:
         self.waited -= self.wanted.pop(picker)
         self.home[line] -= 1
         self.is_open[line] = False
-        self._begin(Robot(course.of_carrier[line], picker, number, line), tick + ORDERED + course.job.exits[line][0])
+        self._begin(RobotUnderWay(course.of_carrier[line], picker, number, line), tick + ORDERED + course.job.exits[line][0])
 
     def go_on(self, free: Collection[int]) -> None:
         """Let carriers leave from now on. `free`: the lines in which the first one can leave."""
@@ -150,7 +152,7 @@ class RollOut:
         """Whether all bins were fetched; if not, robots wait for each other."""
         return not self.wanted and all(self.number[picker] + 1 >= end for picker, end in self.ends.items())
 
-    def _begin(self, robot: Robot, tick: int) -> None:
+    def _begin(self, robot: RobotUnderWay, tick: int) -> None:
         heappush(self.next, (tick + robot.course[0].tick, len(self.robots)))
         self.robots.append(robot)
         self.begun.append(tick)
@@ -195,7 +197,7 @@ class RollOut:
         else:
             self.taken.pop(place, None)
 
-    def _stop(self, robot: Robot, tick: int) -> None:
+    def _stop(self, robot: RobotUnderWay, tick: int) -> None:
         """Let the picker go on with the empty bin."""
         self.waited += tick
         picker, number = robot.picker, robot.number + 1

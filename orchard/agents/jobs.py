@@ -85,7 +85,7 @@ class TimedStep(NamedTuple):
 
 
 def jobs_of(layout: Layout, rounds: int = 1) -> list[TimedJob]:
-    """Return the jobs of a harvest: those of each picker in its order, who picks its rows in so many rounds.
+    """Return the jobs of a harvest: those of each picker in its order. It picks its rows in so many rounds.
 
     Raises ValueError for a route on which robots do not take turns at the lanes.
     """

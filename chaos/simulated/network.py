@@ -53,9 +53,7 @@ class Network:
     @contextmanager
     def router_session(self, name: str, task: Task, inbox: VirtualInbox, executor: Executor) -> Iterator[SimulatedBus]:
         """Open a router with a session of its own. Raises BusError if there is one already."""
-        if self.router is not None and self.router.is_open:
-            raise BusError(f"{self.ENDPOINT}: another program listens there")
-        router = self.router = Router(self.scheduler, name, self.late)
+        router = self.start_router(name)
         bus = SimulatedBus(self, name, task, inbox, executor)
         self.sessions.append(bus)
         bus.use(DirectLink(bus, router, Delays(), Random(0)))
@@ -124,14 +122,22 @@ class Network:
 
     # -- faults
 
-    def start_router(self, name: str) -> None:
-        """Start a router of its own."""
+    def start_router(self, name: str) -> Router:
+        """Start the router of a process. Raises BusError if there is one already."""
+        if self.has_router:
+            raise BusError(f"{self.ENDPOINT}: another program listens there")
         self.router = Router(self.scheduler, name, self.late)
+        return self.router
 
     def end_router(self, name: str, share: float = 1.0) -> None:
         """End the router of a process. `share`: how much of what it has sent still arrives."""
         if self.router is not None and self.router.owner == name:
             self.router.close(share)
+
+    @property
+    def has_router(self) -> bool:
+        """Whether a router listens."""
+        return self.router is not None and self.router.is_open
 
     def has_token(self, token: str) -> bool:
         """Whether the router knows a liveliness token."""

@@ -11,7 +11,8 @@ from orchard.server.options import PATIENCE
 from orchard.wire.keys import LOGGER, PHYSICS
 
 MOST_TICKS = 300
-BACK_SECONDS = 3.0  # s that a host takes to be back
+BACK_SECONDS = 3.0  # s that a host takes to be back, over a fast network
+SLOW_IN_TURN = 3  # slow messages that it may send and receive until then, one after the other
 CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
 
 
@@ -58,17 +59,23 @@ class Plan:
         return self.mode == "lockstep" and not any(fault.what in CHANGES_THE_HASH for fault in self.faults)
 
     @property
+    def _lasting(self) -> list[Fault]:
+        """Return the faults after which a host may be away."""
+        return [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"]
+
+    @property
     def away(self) -> float:
         """For how long a host may be away at most, s of a run that plays."""
-        lasting = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"]
         is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
         paused = self.faults[1].seconds if is_debugged and self.faults[1].tick > 0 else 0.0
-        return sum(fault.seconds + BACK_SECONDS for fault in lasting) - paused
+        return sum(fault.seconds + BACK_SECONDS for fault in self._lasting) - paused
 
     @property
     def may_lose(self) -> bool:
-        """Whether a host may be away for longer than physics waits."""
-        return self.away >= self.patience
+        """Whether a host may be away for longer than physics waits. What is allowed for several faults has room for slow messages."""
+        joins_after_one = [fault.what != "think" for fault in self._lasting] == [True]
+        slow = SLOW_IN_TURN * self.delays.slow + self.late if joins_after_one and self.delays.share else 0.0
+        return self.away + slow >= self.patience
 
     @property
     def may_miss_the_end(self) -> bool:

@@ -163,10 +163,15 @@ class Schedule:
         elif fault.who == CLIENT:
             self._connect_client(fault)
         elif fault.who == ROUTER:
-            self.world.network.end_router(ROUTER, self.world.random.random())
-            self.world.scheduler.after(max(1.0, fault.seconds), partial(self.world.network.start_router, ROUTER))
+            self._kill_router(fault)
         elif (process := self.world.process(fault.who)) is not None:
             self._hurt(fault, process)
+
+    def _kill_router(self, fault: Fault) -> None:
+        network = self.world.network
+        if network.has_router:
+            network.end_router(ROUTER, self.world.random.random())
+            self.world.scheduler.after(max(1.0, fault.seconds), partial(network.start_router, ROUTER))
 
     def _hurt(self, fault: Fault, process: SimulatedProcess) -> None:
         network = self.world.network

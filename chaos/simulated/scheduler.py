@@ -22,12 +22,12 @@ class Scheduler:
 
     def __init__(self) -> None:
         self.now = 0.0
-        self._events: list[tuple[float, int, Callable[[], None]]] = []
+        self._events: list[tuple[float, int, Callable[[], object]]] = []
         self._numbers = itertools.count()  # events of one time happen in the order in which they were planned
         self._hub = getcurrent()
         self.current: Task | None = None  # the task that runs
 
-    def after(self, seconds: float, act: Callable[[], None]) -> None:
+    def after(self, seconds: float, act: Callable[[], object]) -> None:
         """Let `act` happen in so many seconds."""
         heapq.heappush(self._events, (self.in_future(seconds), next(self._numbers), act))
 

@@ -12,6 +12,7 @@ from chaos.simulated.link import Delays
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from orchard.net.bus import TIMED_OUT, Alive, Final, Inbox, Query, Replied, Sample, Signal
+from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import client, router
 
 LONG = 5.0  # s in which all arrives, also on a busy machine
@@ -28,6 +29,9 @@ class OverZenoh:
     def client(self):
         return self._stack.enter_context(client(self._relay.endpoint))
 
+    def start_router(self):
+        self._stack.enter_context(router(self.router.endpoint))
+
     def close(self, bus) -> None:
         bus._session.close()
 
@@ -38,7 +42,10 @@ class OverZenoh:
 class Simulated:
     def __init__(self, stack: ExitStack, network: Network, task) -> None:
         self._stack, self._network, self._task, self._names = stack, network, task, itertools.count()
-        self.router = self._opened(network.router_session)
+        self.router = self.start_router()
+
+    def start_router(self):
+        return self._opened(self._network.router_session)
 
     def client(self):
         return self._opened(self._network.client_session)
@@ -133,6 +140,18 @@ def test_a_router_has_a_session_of_its_own(net):
     net.router.publish("to/client", b"2")
     assert heard(net.router, 1) == [Sample("to/router", b"1")]
     assert heard(bus, 1) == [Sample("to/client", b"2")]
+
+
+@on_both
+def test_a_router_is_alone_at_its_endpoint(net):
+    """So the sessions of the first one are never left with a router that no other can reach."""
+    bus = net.client()
+    net.router.subscribe("a")
+    with pytest.raises(BusError):
+        net.start_router()
+    when(bus, lambda: bus.is_heard("a"))
+    bus.publish("a", b"1")
+    assert heard(net.router, 1) == [Sample("a", b"1")]
 
 
 @on_both

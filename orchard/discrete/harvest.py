@@ -1,7 +1,7 @@
 """A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import cycle, islice
 from math import ceil, inf
 from statistics import fmean
@@ -20,6 +20,21 @@ from orchard.field.scenario import TIME_STEP
 
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
+
+
+class Jam(RuntimeError):
+    """Raised for the figures of a harvest in which robots wait for each other for ever."""
+
+
+@dataclass(frozen=True)
+class DiscreteFigures:
+    """What a harvest, or its long run, gives. All figures are of the same time."""
+
+    bins_per_hour: float
+    picker_waiting_seconds: float  # from a full bin to an empty one, mean
+    carrier_utilisation: float  # share of the time outside the queue, 0 to 1
+    sim_seconds: float  # that were measured
+    bins: int
 
 
 class DiscreteHarvest:
@@ -68,6 +83,13 @@ class DiscreteHarvest:
             before = self.done
             self.env.run(until=min(longest, self.env.now + JAM))
         return self
+
+    def figures(self) -> DiscreteFigures:
+        """Return the figures of the whole harvest. Raises Jam."""
+        if not self.is_over:
+            raise Jam(f"only {self.delivered} bins were delivered: robots wait for each other")
+        rate = 3600.0 * self.delivered / self.seconds
+        return DiscreteFigures(rate, self.picker_waiting_seconds(), self.carrier_utilisation(), self.seconds, self.delivered)
 
     @property
     def _drives(self) -> bool:

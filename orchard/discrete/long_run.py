@@ -1,12 +1,11 @@
 """A harvest that never ends: its rate, its waits and its shares, measured between its beginning and the first picker's end."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
 
-from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.harvest import DiscreteFigures, DiscreteHarvest, Jam
 from orchard.field.layout import Layout
 
 CHARGES = 1.5  # that each carrier does
@@ -14,32 +13,21 @@ LEAST_BINS, LEAST_ROUNDS = 12, 3  # that each picker fills; how often those with
 BEGINNING = 0.2  # share of the bins that is left out
 
 
-@dataclass(frozen=True)
-class LongRun:
-    """What a harvest is in the long run. All figures are of the same time."""
-
-    bins_per_hour: float
-    picker_waiting_seconds: float  # from a full bin to an empty one, mean
-    carrier_utilisation: float  # share of the time outside the queue, 0 to 1
-    seconds: float  # that were measured
-    bins: int
-
-
-def long_run(layout: Layout, rows_each: int | None = None) -> LongRun:
+def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
     """Let all pickers pick their rows again and again, and measure. `rows_each`: how many; None: as many as a good figure needs.
 
-    Raises ValueError as `DiscreteHarvest` does, and RuntimeError for a jam.
+    Raises ValueError as `DiscreteHarvest` does, and Jam.
     """
     harvest = DiscreteHarvest(layout, rows_each or _rows_each(layout))
     harvest.spread_charges()
     pickers = [harvest.robots[name] for name in harvest.blocks]
     harvest.run(lambda: all(picker.plan for picker in pickers))
     if all(picker.plan for picker in pickers):
-        raise RuntimeError(f"only {harvest.delivered} bins were delivered: robots wait for each other")
+        raise Jam(f"only {harvest.delivered} bins were delivered: robots wait for each other")
     measured = harvest.deliveries[int(BEGINNING * harvest.delivered) :]
     since, until = measured[0], measured[-1]
     wait, busy = harvest.picker_waiting_seconds(since, until), harvest.carrier_utilisation(since, until)
-    return LongRun(3600.0 / _between(measured), wait, busy, until - since, len(measured) - 1)
+    return DiscreteFigures(3600.0 / _between(measured), wait, busy, until - since, len(measured) - 1)
 
 
 def _rows_each(layout: Layout) -> int:

@@ -1,29 +1,26 @@
 """The command `orchard benchmark`: how near a dispatch policy comes to what is possible, beside the built-in ones."""
 
-import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from statistics import fmean
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 from typer import BadParameter
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.launch.runs import check_writable
-from orchard.launch.study import STOPPED, stoppable
+from orchard.launch.study import STOPPED, failures, stoppable
 from orchard.launch.study_options import BenchmarkOptions
 from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, own_classes_run, print_error, print_line
+from orchard.report.summary import write_summary
 from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
-from orchard.study.runs import RunFailed
-from orchard.study.store import Store, StoreError, StoreFailed
+from orchard.study.store import Store, StoreError
 from orchard.study.study import StudyOptions
-from orchard.study.workers import WorkersError, processes
+from orchard.study.workers import processes
 
 MEANING = "What is proven of the shortest harvest, as a share of the time that it took, %."
 CHECKED = "The harvests with {policy}, s; of three seeds the mean."
@@ -31,21 +28,17 @@ CHECKED = "The harvests with {policy}, s; of three seeds the mean."
 
 def run_benchmark(chosen: BenchmarkOptions) -> int:
     """Do a benchmark, print and write what came out. Return the exit code: 1 if harvests fail, or it was stopped."""
-    with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError):
+    with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
         known = _known(chosen.orchard or [])
         if chosen.summary is not None:
             check_writable(chosen.summary)
-        try:
-            result = _result(chosen, known)
-        except (WorkersError, RunFailed, StoreFailed) as error:
-            print_error(error)
-            return FAILED
+        result = _result(chosen, known)
         if result is None:
             print_error(STOPPED)
             return FAILED
         _print(result)
         if chosen.summary is not None:
-            chosen.summary.write_text(json.dumps(asdict(result), indent=2) + "\n")
+            write_summary(chosen.summary, asdict(result))
     return FAILED if [*map(print_error, result.notes)] else FINISHED
 
 
@@ -66,23 +59,13 @@ def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkRe
         Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown,
     ):
         task = shown.add_task("", total=1.0)
-        tell = partial(_show, shown, task)
-        with _named_as_typed():
-            asked = Benchmark(chosen.policy, known, store, workers, chosen.check, tell, is_stopped)
+        try:
+            asked = Benchmark(
+                chosen.policy, known, store, workers, chosen.check, lambda share: shown.update(task, completed=share), is_stopped
+            )
+        except ScenarioError as error:  # of the policy, which is named as it was typed
+            raise ScenarioError([replace(problem, file="command line", path="POLICY") for problem in error.problems]) from None
         return asked.run()
-
-
-def _show(shown: Progress, task: TaskID, share: float) -> None:
-    shown.update(task, completed=share)
-
-
-@contextmanager
-def _named_as_typed() -> Iterator[None]:
-    """In this context, a policy that cannot be used is named as a user typed it."""
-    try:
-        yield
-    except ScenarioError as error:
-        raise ScenarioError([replace(problem, file="command line", path="POLICY") for problem in error.problems]) from None
 
 
 def _print(result: BenchmarkResult) -> None:

@@ -1,7 +1,7 @@
 """The command `orchard bound`: how short a harvest could be, whatever sends the carriers."""
 
-import json
 from dataclasses import asdict
+from typing import Any
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import ROW_RULES, Scenario, with_changes
@@ -10,7 +10,7 @@ from orchard.launch.options import BoundOptions
 from orchard.launch.runs import check_writable
 from orchard.launch.terminal import print_line
 from orchard.optimum.schedule import Optimum, optimum
-from orchard.report.summary import clock
+from orchard.report.summary import clock, write_summary
 
 
 def print_bound(chosen: BoundOptions) -> None:
@@ -26,7 +26,7 @@ def print_bound(chosen: BoundOptions) -> None:
     if chosen.all_rules:
         print_line(f"With any of these rules no harvest is shorter than {clock(proven)}.")
     if chosen.summary is not None:
-        chosen.summary.write_text(json.dumps(_summary(scenario, found, proven, best), indent=2) + "\n")
+        write_summary(chosen.summary, _summary(scenario, found, proven, best))
 
 
 def _words(one: Optimum) -> str:
@@ -34,6 +34,6 @@ def _words(one: Optimum) -> str:
     return f"no harvest of these {one.bins} bins is shorter than {clock(one.proven_seconds)}, {schedule}"
 
 
-def _summary(scenario: Scenario, found: dict[str, Optimum], proven: float, best: float) -> dict[str, object]:
+def _summary(scenario: Scenario, found: dict[str, Optimum], proven: float, best: float) -> dict[str, Any]:
     bounds = {"proven_seconds": proven, "best_seconds": best, "gap": best / proven - 1.0}
     return bounds | {"rows_to_pickers": {rule: asdict(one) for rule, one in found.items()}, "scenario": scenario.model_dump()}

@@ -20,6 +20,7 @@ from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
 from orchard.launch.study_options import StudyArguments
 from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, handled, own_classes_run, print_error, print_line
+from orchard.report.summary import write_summary
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import CARRIERS, Varied, varied_of
@@ -31,18 +32,15 @@ from orchard.study.workers import WorkersError
 NAMES = {"budget": "budget_seconds", "out": "store"}  # options whose fields in StudyOptions have other names
 Save = Callable[[StudyResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
+failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED)  # of runs that cannot be done or kept
 
 
 def run_study(chosen: StudyArguments) -> int:
     """Do a study, print and write its answer. Return the exit code: 1 if an invariant, a run or a file fails."""
-    with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError):
+    with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
         scenario, varied = _question(chosen)
-        try:
-            with stoppable() as is_stopped, _progress(chosen) as tell:
-                result = study(scenario, varied, _options(chosen), tell, is_stopped)
-        except (WorkersError, RunFailed, StoreFailed) as error:
-            print_error(error)
-            return FAILED
+        with stoppable() as is_stopped, _progress(chosen) as tell:
+            result = study(scenario, varied, _options(chosen), tell, is_stopped)
     _print(result, chosen.progress == "json")
     if not result.table and result.stopped_by == "budget":
         print_error("the budget is too short for one run: --budget")
@@ -94,13 +92,9 @@ def _options(chosen: StudyArguments) -> StudyOptions:
 
 
 def _files(chosen: StudyArguments) -> dict[Path, Save]:
-    wanted: dict[Path | None, Save] = {chosen.summary: _save_summary, chosen.csv: save_csv}
+    wanted: dict[Path | None, Save] = {chosen.summary: lambda result, path: write_summary(path, asdict(result)), chosen.csv: save_csv}
     wanted |= {chosen.picture: partial(_save_by, "picture"), chosen.report: partial(_save_by, "report")}
     return {path: save for path, save in wanted.items() if path is not None}
-
-
-def _save_summary(result: StudyResult, path: Path) -> None:
-    path.write_text(json.dumps(asdict(result), indent=2) + "\n")
 
 
 def _save_by(module: str, result: StudyResult, path: Path) -> None:

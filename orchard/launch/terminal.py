@@ -102,13 +102,13 @@ def own_classes_run() -> Iterator[None]:
 
 
 @contextmanager
-def exit_on_errors(*mistakes: type[Exception]) -> Iterator[None]:
-    """In this context, print errors of these types, which a user can correct. Raises typer.Exit for them."""
+def exit_on_errors(*mistakes: type[Exception], code: int = BAD_INPUT) -> Iterator[None]:
+    """In this context, print errors of these types, which a user can correct, or others with another exit code. Raises typer.Exit."""
     try:
         yield
     except mistakes as error:
         print_error(in_words(error))
-        raise typer.Exit(BAD_INPUT) from None
+        raise typer.Exit(code) from None
 
 
 @contextmanager

@@ -19,9 +19,9 @@ from msgspec import Meta
 
 import orchard
 from orchard.agents.dispatcher import PolicyFault
-from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.discrete.long_run import long_run
-from orchard.field.layout import Layout, lay_out
+from orchard.field.layout import lay_out
 from orchard.field.plugins import MISTAKES, is_own, load_plugin, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.scenario import Scenario
 from orchard.local import Local
@@ -88,7 +88,7 @@ class PlannedRun:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """How a run went. Of a jammed run `sim_seconds`, the rate, the wait and the utilisation mean nothing."""
+    """How a run went. Of a jammed run the bins, the time, the rate, the wait and the utilisation mean nothing."""
 
     sim_seconds: Amount = 0.0
     bins: Annotated[int, Meta(ge=0)]
@@ -161,30 +161,11 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     layout = lay_out(scenario)
     bounds = Bounds(layout)
     known: dict[str, Any] = {"bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
-    return _long_run(layout, known) if horizon == "long" else _harvest(layout, known)
-
-
-def _long_run(layout: Layout, known: dict[str, Any]) -> RunResult:
     try:
-        found = vars(long_run(layout))
-    except RuntimeError:  # robots wait for each other
+        found = long_run(layout) if horizon == "long" else DiscreteHarvest(layout).run().figures()
+    except Jam:
         return RunResult(bins=0, ended="jammed", **known)
-    return RunResult(sim_seconds=found.pop("seconds"), ended="harvested", **found, **known)
-
-
-def _harvest(layout: Layout, known: dict[str, Any]) -> RunResult:
-    harvest = DiscreteHarvest(layout).run()
-    if not harvest.is_over:
-        return RunResult(bins=harvest.delivered, ended="jammed", **known)
-    return RunResult(
-        bins=harvest.delivered,
-        sim_seconds=harvest.seconds,
-        bins_per_hour=3600.0 * harvest.delivered / harvest.seconds,
-        picker_waiting_seconds=harvest.picker_waiting_seconds(),
-        carrier_utilisation=harvest.carrier_utilisation(),
-        ended="harvested",
-        **known,
-    )
+    return RunResult(ended="harvested", **vars(found), **known)
 
 
 def _full(scenario: Scenario, until: float) -> RunResult | None:

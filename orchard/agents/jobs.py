@@ -98,7 +98,7 @@ def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:
     layout = route.layout
     start = next(start.pose for start in layout.starts if start.name == picker)
     passes = iter([one for one in layout.passes(block) if one.leaves_bin])
-    plan = list(_timed_steps(route.harvest(block), start))
+    plan = list(timed_steps(route.harvest(block), start))
     begins, went_on = 0, 0.0
     for number, moment in enumerate(plan):
         if isinstance(moment.step, FetchEmpty):
@@ -112,11 +112,11 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Time
     """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the carrier has left the lane's place."""
     layout, queue, place = route.layout, route.queue, side.place("D", row)
     lines = range(0, layout.queue_places, queue.places)
-    plans = [list(_timed_steps(route.fetch(first + 1, row, side, "", ""), queue.place(first))) for first in lines]
-    homes = [plan[-1].ends - _begins(plan, Unload) for plan in plans]
+    plans = [list(timed_steps(route.fetch(first + 1, row, side, "", ""), queue.place(first))) for first in lines]
+    homes = [plan[-1].ends - begin_of(Unload, plan) for plan in plans]
     counts = [layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines]
     behind = [(min(queue.places, count) - 1) * CLOSED_UP for count in counts]
-    stop, way = _begins(plans[0], Deliver), _uses(plans[0])
+    stop, way = begin_of(Deliver, plans[0]), _uses(plans[0])
     of_lane = next((use for use in way if use.place == place), None)
     crossings = _uses(before)
     ready = next((use for use in reversed(crossings) if use.place == place), None)
@@ -126,7 +126,7 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Time
     gone = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
     begins = min(use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1)))  # all lines lead to there
     left = next(number for number, moment in enumerate(before) if isinstance(moment.step, LeaveBin))
-    exits = [(ticks(_begins(plan, Deliver)), _before(plan, _begins(plan, Deliver), begins - stop)) for plan in plans]
+    exits = [(ticks(begin_of(Deliver, plan)), _before(plan, begin_of(Deliver, plan), begins - stop)) for plan in plans]
     full = next(moment.begins for moment in reversed(before[:left]) if isinstance(moment.step, DriveTo))  # at the row's end
     return TimedJob(
         picker,
@@ -139,7 +139,7 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Time
         exits,
         min(approach for approach, _ in exits),
         ticks(max(HANDOVER, gone) if waits else HANDOVER),
-        ticks(min(_begins(plan, Unload) - _begins(plan, Deliver) for plan in plans)),
+        ticks(min(begin_of(Unload, plan) - begin_of(Deliver, plan) for plan in plans)),
         ticks(min(homes)),
         ticks(min(home - room for home, room in zip(homes, behind, strict=True))),
     )
@@ -150,15 +150,16 @@ def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:
     return [use._replace(at=use.at - stop) for use in _uses(plan) if use.at - stop < until - ROUNDING]
 
 
-def _timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:
-    """The steps of a plan on free roads, with their times. A step's answers and bins take its `ticks`."""
+def timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:
+    """Yield the steps of a plan on free roads, with their times. A step's answers and bins take its `ticks`."""
     late = 0.0
     for step, pose, begins, ends in timetable(list(steps), start):
         yield TimedStep(step, pose, begins + late, ends + late + step.ticks * TIME_STEP)
         late += step.ticks * TIME_STEP
 
 
-def _begins(plan: Sequence[TimedStep], kind: type[Step]) -> float:
+def begin_of(kind: type[Step], plan: Sequence[TimedStep]) -> float:
+    """Return when the first step of a kind begins, s."""
     return next(moment.begins for moment in plan if isinstance(moment.step, kind))
 
 

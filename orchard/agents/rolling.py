@@ -8,9 +8,8 @@ from math import inf
 from typing import NamedTuple
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
-from orchard.agents.jobs import TimedJob
 from orchard.agents.ranking import Predictive, PredictiveMemory, free_carriers
-from orchard.agents.rollout import ROUNDS, RollOut, courses_of
+from orchard.agents.rollout import ROUNDS, RollOut, course_of, courses_of
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 
@@ -69,15 +68,11 @@ class Rolling(Predictive):
             courses = self.courses.get(report.picker, [])
             first = max(0, expected[report.picker].number - 1) if courses else 0  # it reports again if its carrier does not come
             for number in range(first, first + len(courses)):
-                job = self.job(report.picker, number)
+                job = course_of(self.courses, report.picker, number).job
                 if (job.lane, job.side) == (report.lane, report.side):
                     reported.setdefault(report.picker, NextBin(number, memory.full[report.name] + job.clearing))
                     break
         return reported
-
-    def job(self, picker: str, number: int) -> TimedJob:
-        """Return the job for a bin of a picker. After its last row it may pick its rows again."""
-        return self.courses[picker][number % len(self.courses[picker])].job
 
     def orders(
         self, now: int, due: list[BinReport], free: Sequence[CarrierReport], reported: dict[str, NextBin], memory: RollingMemory
@@ -97,10 +92,11 @@ class Rolling(Predictive):
         return orders
 
     def remember(self, trip: Trip, carrier: str, memory: RollingMemory) -> None:
-        number, job = trip.bin.number, self.job(trip.picker, trip.bin.number)
+        number, job = trip.bin.number, course_of(self.courses, trip.picker, trip.bin.number).job
         stop = max(trip.bin.stop, trip.sent + job.approach)
         memory.trips[carrier] = trip
-        memory.after[trip.picker] = NextBin(number + 1, stop + job.going_on + self.job(trip.picker, number + 1).ready)
+        following = course_of(self.courses, trip.picker, number + 1).job
+        memory.after[trip.picker] = NextBin(number + 1, stop + job.going_on + following.ready)
 
     def plan(self, now: int, reported: dict[str, NextBin], memory: RollingMemory) -> RollOut:
         """Return where all robots are now, as far as can be known, and up to which bins they go on."""

@@ -64,10 +64,8 @@ class JobCourse:
 
 
 def _events(uses: Sequence[Use]) -> list[CourseEvent]:
-    begins = [(round(use.at / TIME_STEP), use) for use in uses]
-    return [CourseEvent(at + use.ticks, What.FREE, use.place) for at, use in begins] + [
-        CourseEvent(at, What.NEED, use.place) for at, use in begins
-    ]
+    needs = [CourseEvent(round(use.at / TIME_STEP), What.NEED, use.place) for use in uses]
+    return needs + [CourseEvent(need.tick + use.ticks, What.FREE, use.place) for need, use in zip(needs, uses, strict=True)]
 
 
 def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
@@ -80,6 +78,11 @@ def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
     jobs = jobs_of(replace(layout, lanes=tuple(lanes)), ROUNDS)
     return {picker: [JobCourse(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
+
+
+def course_of(courses: Mapping[str, list[JobCourse]], picker: str, number: int) -> JobCourse:
+    """Return the course for a bin of a picker. After its last row it may pick its rows again."""
+    return courses[picker][number % len(courses[picker])]
 
 
 class RobotUnderWay(NamedTuple):
@@ -121,20 +124,15 @@ class RollOut:
         other.taken = {place: list(robots) for place, robots in self.taken.items()}
         return other
 
-    def course(self, picker: str, number: int) -> JobCourse:
-        """Return the course for a bin of a picker. After its last row it may pick its rows again."""
-        courses = self.courses[picker]
-        return courses[number % len(courses)]
-
     def come_out(self, picker: str, number: int, stop: int) -> None:
         """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick on."""
         self.wanted[picker], self.number[picker] = stop, number
         self.taken[f"{picker} is out"] = []
-        self._begin(RobotUnderWay(self.course(picker, number).of_picker, picker, number, AWAY), stop)
+        self._begin(RobotUnderWay(course_of(self.courses, picker, number).of_picker, picker, number, AWAY), stop)
 
     def send(self, picker: str, line: int, tick: int) -> None:
         """Decide at a tick that the carrier at the head of a line leaves for a picker."""
-        number, course = self.number[picker], self.course(picker, self.number[picker])
+        number, course = self.number[picker], course_of(self.courses, picker, self.number[picker])
         self.waited -= self.wanted.pop(picker)
         self.home[line] -= 1
         self.is_open[line] = False
@@ -202,7 +200,7 @@ class RollOut:
         self.waited += tick
         picker, number = robot.picker, robot.number + 1
         if self.number[picker] < number < self.ends[picker]:
-            job, after = self.course(picker, robot.number).job, self.course(picker, number).job
+            job, after = (course_of(self.courses, picker, bin_number).job for bin_number in (robot.number, number))
             self.come_out(picker, number, tick + job.going_on + after.ready)
             for line in self.home:
                 heappush(self.next, (max(tick, self._due(picker)), -1 - line))
@@ -217,7 +215,7 @@ class RollOut:
         heappush(self.next, (tick, -1 - line))
 
     def _due(self, picker: str) -> int:
-        return self.wanted[picker] - self.course(picker, self.number[picker]).job.approach - EARLY
+        return self.wanted[picker] - course_of(self.courses, picker, self.number[picker]).job.approach - EARLY
 
     def _leave(self, tick: int, line: int) -> None:
         """Let the first carrier of a line leave, once it is time for a bin."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.contract.agent import MOST_HOLD, Observation
-from orchard.contract.zone import Zone, beams, in_zone, is_left_freer
+from orchard.contract.zone import Zone, beams, in_zone
 from orchard.field import repeatable
 from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kind_of
@@ -170,11 +170,6 @@ def free_directions(seen: Observation, reach: float, count: int = 13) -> list[fl
 def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) -> bool:
     ahead, left = to_frame(Pose(0.0, 0.0, angle), *points.T)
     return bool(((ahead > 0.0) & (ahead < reach) & (np.abs(left) < half_width)).any())
-
-
-def freer_side(seen: Observation, reach: float) -> int:
-    """Return +1 if there is more room to the left, -1 to the right: by the number of beams that return within a reach."""
-    return 1 if is_left_freer(seen.scan, reach) else -1
 
 
 SILENT_TICKS = 50  # ticks for which a bystander that did not answer is left to the lasers

@@ -4,9 +4,10 @@ import math
 
 import msgspec
 
-from orchard.agents.sense import free_directions, freer_side, is_path_free, path
+from orchard.agents.sense import free_directions, is_path_free, path
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation, State
 from orchard.contract.messages import LAST_TICK, Answer, No, Position, Where
+from orchard.contract.zone import is_left_freer
 from orchard.field.geometry import STILL, Twist, angle_between
 from orchard.field.kinds import KINDS, Kind, kind_of
 from orchard.field.layout import Layout
@@ -126,7 +127,9 @@ def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: floa
         memory.turning = False
         return None
     memory.turning = not is_path_free(seen, 2 * TURN_WITHIN if memory.turning else TURN_WITHIN)
-    return Twist(yaw=min(PI / 2, most_turn)) if memory.turning else Twist(x=speed, yaw=STEER * freer_side(seen, STEER_WITHIN))
+    if memory.turning:
+        return Twist(yaw=min(PI / 2, most_turn))
+    return Twist(x=speed, yaw=STEER if is_left_freer(seen.scan, STEER_WITHIN) else -STEER)
 
 
 def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float) -> Twist | None:

@@ -1,7 +1,7 @@
 """What a laser sees: which of its beams end in a box, and which side is freer. Agents and physics compute both to the same bit."""
 
 from functools import cache, lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,15 +12,6 @@ from orchard.field.kinds import KINDS, Laser, kind_of
 ACROSS = 1e-12  # a beam with a smaller cosine to an axis counts as at a right angle to it
 
 
-class WithScan(Protocol):
-    """An observation, as far as a zone is concerned."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def scan(self) -> np.ndarray: ...
-
-
 class Zone(NamedTuple):
     """A box in the frame of a body's laser, m: x ahead of the laser, y to its left."""
 
@@ -29,7 +20,7 @@ class Zone(NamedTuple):
     y_min: Metres
     y_max: Metres
 
-    def is_occupied(self, seen: WithScan) -> bool:
+    def is_occupied(self, seen: Any) -> bool:
         """Whether a return of an observation's scan lies in the zone."""
         return bool(np.count_nonzero(in_zone(seen.scan, KINDS[kind_of(seen.name)].laser, self)))
 

@@ -5,16 +5,17 @@ roads that each robot has to itself: of `nearest` for a policy of the user's own
 with steps of its own. Another policy may be faster: `proven_seconds` is what none can beat.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import inf
 from statistics import fmean
 
 from orchard.agents.dispatch import is_early
+from orchard.agents.jobs import HANDOVER, TimedStep, begin_of, timed_steps
 from orchard.agents.policies import POLICIES, dispatch_of
-from orchard.agents.robot import ASK, Step
 from orchard.agents.route import OneWay
-from orchard.agents.routes import ROUTES, duration, route_of, timetable, way_to
+from orchard.agents.routes import ROUTES, route_of, way_to
 from orchard.agents.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import HEADINGS, Pose
@@ -29,7 +30,6 @@ from orchard.optimum import NoBound
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again
 PROOF = 0.1  # of the solver's work: at most about half a second
-HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop on
 
 
 class Bounds:
@@ -45,7 +45,7 @@ class Bounds:
         self.wait_seconds = wait  # w, from the full bin to an empty one, if a carrier is free at once
         self.bin_seconds = picking + crossing + wait  # of a picker's time
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
-        self.bay_seconds = handling([Unload()]) + TRAIN  # t_bay, for which one carrier occupies the bay
+        self.bay_seconds = Unload.ticks * TIME_STEP + TRAIN  # t_bay, for which one carrier occupies the bay
         self.terms = {
             "pickers": scenario.pickers / self.bin_seconds,
             "carriers": scenario.carrier_count / (cycle + charging),
@@ -80,47 +80,31 @@ def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
 
 def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float, float, float, float, float, float]:
     """The same times of one pass through a row."""
-    layout, head, side, lane = route.layout, route.queue.place(0), route.sides[one.end], route.layout.lane(one.row)
-    way = route.pick(one, came_over=False) + route.go_on(one, after)
-    driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
+    layout, side, lane = route.layout, route.sides[one.end], route.layout.lane(one.row)
     start = Pose(lane.west if side is route.east else lane.east, lane.y, HEADINGS[side.heading("EAST")])
-    all_of_it = duration(way, start) - driving
-    row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it
+    way = [*timed_steps(route.pick(one, came_over=False) + route.go_on(one, after), start)]
+    driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
+    all_of_it = way[-1].ends - driving
+    row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it - _handling(way)
     if not one.leaves_bin:
-        return picking, all_of_it + handling(way), 0.0, 0.0, row_end, 0.0
-    job = route.fetch(1, one.row, side, "", "")
-    before, out = _until(LeaveBin, way), _until(FetchEmpty, way)
-    left, came_out, approach = duration(before, start) - driving, duration(out, start) - driving, way_to(route, one.row, side)[1]
-    leaving = left + handling([*before, LeaveBin()])
-    going_on = all_of_it - came_out + handling(way[len(out) :])
+        return picking, all_of_it, 0.0, 0.0, row_end, 0.0
+    job, approach = [*timed_steps(route.fetch(1, one.row, side, "", ""), route.queue.place(0))], way_to(route, one.row, side)[1]
+    leaving = next(moment.ends for moment in way if isinstance(moment.step, LeaveBin)) - driving
+    coming_out = begin_of(FetchEmpty, way) - driving - leaving
     # an early carrier leaves when the picker is in the row, or later, and then holds before the lane's place until the picker has come out
-    coming = approach - (picking + leaving if early else 0.0)
-    from_hold = approach - _needs(side.place("D", one.row), job, head, approach)
-    wait = max(coming, came_out - left + from_hold) + HANDOVER
-    driving = sum(ends - begins for step, _, begins, ends in timetable(job, head) if isinstance(step, DriveTo))
-    repairs = layout.scenario.carrying.failure.share * driving
-    battery, moves, stands = layout.scenario.carrying.battery, duration(job, head), handling(job) + repairs
-    charging = battery.hours_to_charge * (moves + battery.standing * stands) / (battery.hours or inf)
-    return picking, leaving + going_on, wait, moves + stands, row_end, charging
+    coming, stop = approach - (picking + leaving if early else 0.0), begin_of(Deliver, job)
+    hold = next((at for moment in job for place, at in moment.needs if place == side.place("D", one.row)), stop)
+    wait = max(coming, coming_out + stop - hold) + HANDOVER
+    driven = sum(moment.ends - moment.begins for moment in job if isinstance(moment.step, DriveTo))
+    battery, repairs = layout.scenario.carrying.battery, layout.scenario.carrying.failure.share * driven
+    cycle, stands = job[-1].ends + repairs, _handling(job) + repairs
+    charging = battery.hours_to_charge * (cycle - stands + battery.standing * stands) / (battery.hours or inf)
+    return picking, all_of_it - coming_out, wait, cycle, row_end, charging
 
 
-def _until(kind: type[Step], steps: list[Step]) -> list[Step]:
-    return steps[: next(i for i, step in enumerate(steps) if isinstance(step, kind))]
-
-
-def _needs(place: str, steps: list[Step], start: Pose, never: float) -> float:
-    """Return the time at which a robot must have a place, s; `never` if it needs none."""
-    for step, pose, begins, _ in timetable(steps, start):
-        for gate in step.needs if isinstance(step, DriveTo) else []:
-            if place in gate.places:
-                here = pose.x if isinstance(step, DriveTo) and step.x is not None else pose.y
-                return begins + abs(gate.at - here)
-    return never
-
-
-def handling(steps: list[Step]) -> float:
-    """Return the time that steps take beside all drives and turns, s: for bins, and for answers."""
-    return sum(step.ticks for step in steps) * TIME_STEP
+def _handling(plan: Sequence[TimedStep]) -> float:
+    """The time that a plan takes beside all drives and turns, s: for bins, and for answers."""
+    return sum(moment.step.ticks for moment in plan) * TIME_STEP
 
 
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:

@@ -1,6 +1,7 @@
 """The documents of the interface, from the table of keys: keyspace.md, docs/protocol.md, docs/messages.md and docs/asyncapi.json."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,7 +14,6 @@ from orchard.contract.agent import MOST_HOLD, MOST_ZONES, Heard, Mail, Reply
 from orchard.contract.mail import digest_of
 from orchard.contract.messages import MAX_PAYLOAD, Claim, Places
 from orchard.contract.zone import ACROSS
-from orchard.field.kinds import AROUND, KINDS
 from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import GET_SECONDS
 from orchard.net.ending import GOES_SECONDS
@@ -42,8 +42,7 @@ def keyspace() -> str:
 def protocol() -> str:
     """Return the text of docs/protocol.md."""
     shown = _digest_example()
-    beams = KINDS["carrier"].laser.beams
-    return _filled("protocol.md", digest_of=shown[0], digest=shown[1], around=AROUND.beams, front=beams, gaps=beams - 1)
+    return _filled("protocol.md", digest_of=shown[0], digest=shown[1])
 
 
 def _filled(name: str, **more: Any) -> str:
@@ -94,8 +93,8 @@ def messages() -> str:
     parts = sorted({part for type_ in types for part in parts_of(type_)} - set(types), key=lambda part: part.__name__)
     where = {type_: [f"`{what}`" for what, key in TABLE.items() if type_ in _types_of(key)] for type_ in types}
     lines = [NOTE + (TEMPLATES / "messages.md.in").read_text()]
-    lines += [_struct(type_, f"On {', '.join(where[type_])}. ") for type_ in types]
-    lines += ["## Maps in messages\n", *map(_struct, parts), *(_union(*item) for item in UNIONS.items())]
+    lines += [_struct(type_, parts, f"On {', '.join(where[type_])}. ") for type_ in types]
+    lines += ["## Maps in messages\n", *(_struct(part, parts) for part in parts), *(_union(*item) for item in UNIONS.items())]
     return "\n".join(lines)
 
 
@@ -103,14 +102,18 @@ def _types_of(key: Key) -> list[type]:
     return list(dict.fromkeys(type_ for type_ in (key.message, *key.replies) if type_))
 
 
-def _struct(type_: type, where: str = "") -> str:
-    lines = "".join(f"{name}: {kind}{note and '; '}{note}\n" for name, kind, note in rows_of(type_))
+def _struct(type_: type, parts: Sequence[type], where: str = "") -> str:
+    base = type_.__base__ if type_.__base__ in parts else None
+    above = list(rows_of(base)) if base else []
+    lines = f"the fields of {base.__name__}\n" if base else ""
+    lines += "".join(f"{name}: {kind}{note and '; '}{note}\n" for name, kind, note in rows_of(type_) if (name, kind, note) not in above)
     example = f"\n{_shown(shown)}\n" if (shown := EXAMPLES.get(type_)) else ""
     return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n```text\n{(lines + example).strip()}\n```\n"
 
 
 def _doc(type_: type) -> str:
-    return " ".join((type_.__doc__ or "").split())
+    """What a type is for: the first paragraph of its docstring."""
+    return " ".join(cleandoc(type_.__doc__ or "").partition("\n\n")[0].split())
 
 
 def _shown(message: Any) -> str:
@@ -130,8 +133,7 @@ def _union(title: str, union: Any) -> str:
     lines = []
     for member in get_args(union):
         fields = ", ".join(f"`{name}` {kind}" for name, kind, _ in rows_of(member))
-        meaning = _doc(member).partition(". An agent lists")[0]
-        lines.append(f"- `{struct_of(member).tag}`{fields and f' ({fields})'}: {meaning}\n")
+        lines.append(f"- `{struct_of(member).tag}`{fields and f' ({fields})'}: {_doc(member)}\n")
     return f"### The {title}\n\nA map with `type` and these fields.\n\n{''.join(lines)}"
 
 

@@ -6,11 +6,12 @@ from typing import Any, get_args
 
 from msgspec import inspect
 
-from orchard.contract.messages import FASTEST, Answer, Deed, Request
+from orchard.contract.messages import FASTEST, Answer, Deed, Request, Tick
 from orchard.wire.messages import FARTHEST
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
 WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))  # bounds that docs/templates/messages.md.in names once
+TICKS = get_args(Tick)[1].description  # which that template says once
 MEMBERS = {member for union in UNIONS.values() for member in get_args(union)}
 
 
@@ -30,7 +31,7 @@ def rows_of(type_: type) -> Iterator[tuple[str, str, str]]:
     for field in struct.fields:
         if not (is_message and field.encode_name in ("run", "tick")):
             bare, note = _bare(field.type)
-            yield field.encode_name, type_name(bare) + ("" if field.required else "?"), note
+            yield field.encode_name, type_name(bare) + ("" if field.required else "?"), "" if note == TICKS else note
 
 
 def parts_of(type_: type) -> set[type]:

@@ -65,8 +65,8 @@ QUANTITIES = {
     "gain": (_gain, "efficiency, change in %"),
     "efficiency": (lambda efficiency, alone: 100.0 * efficiency, "efficiency, %"),
 }
-SLOW = "their robots drive faster than a person who carries, ours as fast: 6 of ours have {six:.1f} %"
-HALF = "a carrier comes half a round after the call; their robots drive faster than a person who carries"
+SLOW = "their robots are faster than a person who carries: 6 of ours have {six:.1f} %"
+HALF = "a carrier comes half a round after the call, and their robots drive faster than a person who carries, ours as fast"
 SURE = "their robots guess from a tray's weight when it is full; a bin here knows"
 ONE = "a cart takes many boxes to the road, a carrier here takes one bin"
 CREW = (0.80, NEAREST), (0.80, PREDICTIVE)

@@ -36,7 +36,7 @@ KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; mat
 Session = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 Owner = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", description=OWNER)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
-Zero = Annotated[float, Meta(ge=0.0, le=0.0, description="0")]
+Zero = Annotated[float, Meta(ge=0.0, le=0.0)]
 Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 Box = tuple[Metres, Metres, Metres, Metres]
 Ranges = Annotated[bytes, Meta(max_length=4096, description=RANGES)]
@@ -123,7 +123,7 @@ class TwistMessage(SubMessage):
 class OtherEnd(SubMessage):
     """The body that is coupled to this one: the bin of a robot, or the robot of a bin."""
 
-    name: Annotated[Name, Meta(description="its name")]
+    name: Name
     pose: PoseMessage
     twist: TwistMessage
 
@@ -184,7 +184,7 @@ class AskedOf(NamedTuple):
 class OtherSeen(SubMessage):
     """The body that is coupled to a body of `Seen`."""
 
-    name: Annotated[KnownName, Meta(description="its name")]
+    name: KnownName
     state: Annotated[tuple[Metres, Metres, Unit, Unit, Speed, Speed, Speed], Meta(description="its seven numbers, as in `states`")]
     ranges: Annotated[Ranges | None, Meta(description="for a robot that tows: the ranges of its bin; else nil")] = None
 
@@ -301,7 +301,7 @@ class RunInfo(Message):
 class Place(SubMessage):
     """A body at the start of the run."""
 
-    name: Annotated[Name, Meta(description="its name")]
+    name: Name
     kind: Annotated[Name, Meta(description="its kind, a name in `kinds`")]
     pose: PoseMessage
     bin: Annotated[str, Meta(description="the bin on its bar; '' for none")] = ""

@@ -80,11 +80,16 @@ def test_every_map_in_a_message_refuses_unknown_fields_as_keyspace_says(type_):
     assert [part.cls for part in maps_in(inspect.type_info(type_)) if not part.forbid_unknown_fields] == []
 
 
+def described(name):
+    (text,) = re.findall(rf"^### {name}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
+    return text + "".join(described(base) for base in re.findall(r"^the fields of (\w+)$", text, re.M))
+
+
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
 def test_each_map_in_a_message_is_described_once_with_all_its_fields(type_):
     for part in maps_in(inspect.type_info(type_)):
         if part.cls not in MEMBERS:
-            (text,) = re.findall(rf"^### {part.cls.__name__}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
+            text = described(part.cls.__name__)
             left_out = ("run", "tick") if part.cls in EXAMPLES else ()
             assert [f.encode_name for f in part.fields if f.encode_name not in left_out and f"\n{f.encode_name}: " not in text] == []
 

@@ -46,7 +46,8 @@ def test_every_file_of_the_package_that_is_no_code_is_installed():
 
 def test_all_metadata_name_the_version():
     assert f"version: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
-    assert tomllib.loads((ROOT / "bridges" / "ros2" / "pyproject.toml").read_text())["project"]["version"] == PROJECT["version"]
+    bridges = {tomllib.loads(path.read_text())["project"]["version"] for path in ROOT.glob("bridges/*/pyproject.toml")}
+    assert bridges == {PROJECT["version"]}
 
 
 def test_the_quick_part_of_the_suite_is_there():

@@ -1,0 +1,36 @@
+"""What a vehicle can do at a node, and what it obeys at once: as orders name it, and as its factsheet declares it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatch
+
+
+@dataclass(frozen=True)
+class Action:
+    """An action at a node. `nodes`: where it is possible; `needs_load`: whether it needs the parameter `loadId`."""
+
+    nodes: str
+    needs_load: bool
+    description: str
+
+    def is_done_at(self, node: str) -> bool:
+        return fnmatch(node, self.nodes)
+
+
+PICK, DROP, HAND_OVER, UNLOAD = "pick", "drop", "handOver", "unload"
+ACTIONS: Mapping[str, Action] = {
+    PICK: Action("*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"),
+    DROP: Action("*/stop/*", False, "uncouple the bin; it stays where it stands"),
+    HAND_OVER: Action("*/stop/*", True, "leave the empty bin to the picker that has left the full bin loadId, and wait until it has it"),
+    UNLOAD: Action("bay", False, "stand in the bay until the bin is empty"),
+}
+IGNORED = ("stationType", "stationName", "loadType")  # parameters that change nothing here
+
+INSTANT: Mapping[str, str] = {
+    "startPause": "stand, until stopPause",
+    "stopPause": "go on",
+    "cancelOrder": "drive on to the next node at most, finish a running action, and forget the order",
+    "stateRequest": "send the state",
+    "factsheetRequest": "send the factsheet",
+    "clearInstantActions": "forget the instant actions that are finished or failed",
+}

@@ -1,0 +1,31 @@
+"""The full bins that wait for a carrier: what fleet control must know, and VDA 5050 has no message for."""
+
+from typing import Any
+
+from orchard import Mail
+from orchard.contract.messages import Call
+
+REMEMBERED = 25  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
+
+
+class Calls:
+    """The calls that the vehicles of a bridge hear. A bin that calls again waits: no carrier with an agent of its own came."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, int] = {}  # bin -> tick at which it was heard first
+        self._last: dict[str, tuple[int, Call]] = {}  # bin -> tick at which it was heard last, its call
+
+    def hear(self, mail: Mail, tick: int) -> None:
+        """Note the calls in the mail of a vehicle."""
+        for heard in mail.requests:
+            if isinstance(heard.body, Call):
+                self._first.setdefault(heard.sender, tick)
+                self._last[heard.sender] = tick, heard.body
+
+    def waiting(self, tick: int) -> list[dict[str, Any]]:
+        """Return the bins that wait, in the order in which they began to call: `loadId`, the `station`, `since` which tick."""
+        for name in [name for name, (at, _) in self._last.items() if tick - at > REMEMBERED]:
+            del self._last[name], self._first[name]
+        again = {name: call for name, (at, call) in self._last.items() if at > self._first[name]}
+        calls = sorted(again.items(), key=lambda item: (item[1].since, item[0]))
+        return [{"loadId": name, "station": f"{call.side}/{call.lane}", "since": call.since} for name, call in calls]

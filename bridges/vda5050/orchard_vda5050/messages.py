@@ -1,0 +1,189 @@
+"""What a vehicle says of itself, as VDA 5050 writes it: messages without their header, which `line` adds when it sends them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+from typing import Any, Literal
+
+import msgspec
+
+from orchard import Observation
+from orchard.field.kinds import KINDS
+from orchard.field.scenario import TIME_STEP
+from orchard_vda5050.actions import ACTIONS, IGNORED, INSTANT
+from orchard_vda5050.graph import Graph
+from orchard_vda5050.lif import MAP, SERIES
+from orchard_vda5050.order import ActionState, Edge, Error, Node, OrderState
+
+Message = dict[str, Any]
+
+BIN, FULL = "empty bin", "full bin"  # types of loads
+CARRIER, FRUIT = KINDS["carrier"], KINDS["bin"]
+MAP_STATE = {"mapId": MAP, "mapVersion": "1", "mapStatus": "ENABLED"}
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a vehicle does at a tick. `is_away`: it drives to the queue by itself, and fleet control is not in control."""
+
+    is_driving: bool
+    is_paused: bool
+    is_laden: bool
+    is_charging: bool
+    is_blocked: bool
+    is_away: bool
+
+
+def state_of(
+    seen: Observation,
+    status: Status,
+    order: OrderState,
+    instant: Sequence[ActionState],
+    errors: Sequence[Error],
+    waits_for: str,
+    graph: Graph,
+) -> Message:
+    """Return the message `state`. `errors`: beside those of orders; `waits_for`: what holds it up, for people."""
+    nodes, edges = ([], []) if status.is_away else (order.nodes, order.edges)
+    last = graph.nodes.get(order.last_node)
+    base = [node for node in nodes if node.released]
+    return {
+        "maps": [MAP_STATE],
+        "orderId": order.order_id,
+        "orderUpdateId": order.update_id,
+        "lastNodeId": order.last_node,
+        "lastNodeSequenceId": order.last_sequence,
+        "nodeStates": [_node(node) for node in nodes],
+        "edgeStates": [_edge(edge) for edge in edges],
+        "mobileRobotPosition": _position(seen),
+        "velocity": _velocity(seen),
+        "loads": _loads(seen, status.is_laden),
+        "driving": status.is_driving,
+        "paused": status.is_paused,
+        "newBaseRequest": len(base) < len(nodes) and len(base) <= 1,
+        "distanceSinceLastNode": hypot(seen.x - last.x, seen.y - last.y) if last else 0.0,
+        "actionStates": msgspec.to_builtins(order.actions),
+        "instantActionStates": msgspec.to_builtins(instant),
+        "powerSupply": {"stateOfCharge": 100.0 * seen.charge, "charging": status.is_charging},
+        "operatingMode": "MANUAL" if status.is_away else "AUTOMATIC",
+        "errors": msgspec.to_builtins([*order.errors, *errors]),
+        "information": [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}] if waits_for else [],
+        "safetyState": {"activeEmergencyStop": "NONE", "fieldViolation": status.is_blocked},
+    }
+
+
+def visualization_of(seen: Observation, state_header_id: int) -> Message:
+    """Return the message `visualization`. `state_header_id`: the headerId of the newest state."""
+    return {"referenceStateHeaderId": state_header_id, "mobileRobotPosition": _position(seen), "velocity": _velocity(seen)}
+
+
+def connection_of(state: Literal["ONLINE", "OFFLINE", "CONNECTION_BROKEN"]) -> Message:
+    """Return the message `connection`."""
+    return {"connectionState": state}
+
+
+def factsheet_of(state_seconds: float) -> Message:
+    """Return the message `factsheet`. `state_seconds`: the time between two states, unless something happens."""
+    return {
+        "typeSpecification": {
+            "seriesName": SERIES,
+            "seriesDescription": "simulated carrier of bins of kiwifruit; its bin follows it on a bar",
+            "mobileRobotKinematics": "DIFFERENTIAL",
+            "mobileRobotClass": "TUGGER",
+            "maximumLoadMass": 0.0,  # the mass of bins is not simulated
+            "localizationTypes": ["NATURAL"],
+            "navigationTypes": ["VIRTUAL_LINE_GUIDED"],
+        },
+        "physicalParameters": {
+            "minimumSpeed": 0.0,
+            "maximumSpeed": CARRIER.speed,
+            "maximumAngularSpeed": CARRIER.turn,
+            "maximumAcceleration": CARRIER.speed / TIME_STEP,
+            "maximumDeceleration": CARRIER.speed / TIME_STEP,
+            "minimumHeight": CARRIER.height,
+            "maximumHeight": CARRIER.height,
+            "width": CARRIER.width,
+            "length": CARRIER.length,
+        },
+        "protocolLimits": {
+            "maximumStringLengths": {},
+            "maximumArrayLengths": {},
+            "timing": {"minimumOrderInterval": TIME_STEP, "minimumStateInterval": TIME_STEP, "defaultStateInterval": state_seconds},
+        },
+        "protocolFeatures": {
+            "optionalParameters": [
+                {"parameter": "order.nodes.nodePosition", "support": "SUPPORTED"},
+                {"parameter": "order.nodes.nodePosition.allowedDeviationXY", "support": "SUPPORTED", "description": "of the first node"},
+                {"parameter": "order.edges.maximumSpeed", "support": "SUPPORTED"},
+            ],
+            "mobileRobotActions": [*map(_declared, ACTIONS), *map(_declared_instant, INSTANT)],
+        },
+        "mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "alone", "vertices": _box(0.0, CARRIER.length, CARRIER.width)}]},
+        "loadSpecification": {"loadPositions": ["bar"], "loadSets": [_load_set(BIN), _load_set(FULL)]},
+    }
+
+
+def _node(node: Node) -> Message:
+    at = node.node_position
+    position = {"nodePosition": {"x": at.x, "y": at.y, "mapId": at.map_id}} if at else {}
+    return {"nodeId": node.node_id, "sequenceId": node.sequence_id, "released": node.released} | position
+
+
+def _edge(edge: Edge) -> Message:
+    return {"edgeId": edge.edge_id, "sequenceId": edge.sequence_id, "released": edge.released}
+
+
+def _position(seen: Observation) -> Message:
+    here = {"x": seen.x, "y": seen.y, "theta": seen.pose.yaw, "mapId": MAP, "localized": True}
+    return here | ({"deviationRange": seen.accuracy} if seen.accuracy else {})
+
+
+def _velocity(seen: Observation) -> Message:
+    return {"vx": seen.twist.x, "vy": seen.twist.y, "omega": seen.twist.yaw}
+
+
+def _loads(seen: Observation, is_laden: bool) -> list[Message]:
+    kind = FULL if is_laden else BIN
+    return [{"loadId": seen.hitch.name, "loadType": kind, "loadPosition": "bar", **_shape()}] if seen.hitch else []
+
+
+def _shape() -> Message:
+    place = {"x": -CARRIER.tows, "y": 0.0, "z": 0.0}
+    return {"boundingBoxReference": place, "loadDimensions": {"length": FRUIT.length, "width": FRUIT.width, "height": FRUIT.height}}
+
+
+def _load_set(kind: str) -> Message:
+    return {"setName": kind, "loadType": kind, "loadPositions": ["bar"], **_shape()}
+
+
+def _box(x: float, length: float, width: float) -> list[Message]:
+    corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+    return [{"x": x + a * length / 2, "y": b * width / 2} for a, b in corners]
+
+
+def _declared(kind: str) -> Message:
+    action = ACTIONS[kind]
+    load = {"key": "loadId", "valueDataType": "STRING", "isOptional": not action.needs_load, "description": "the name of a bin"}
+    ignored = [{"key": key, "valueDataType": "STRING", "isOptional": True, "description": "changes nothing"} for key in IGNORED]
+    return {
+        "actionType": kind,
+        "actionDescription": f"{action.description}; possible at {action.nodes}",
+        "actionScopes": ["NODE"],
+        "actionParameters": [load, *ignored],
+        "blockingTypes": ["HARD"],
+        "pauseAllowed": False,
+        "cancelAllowed": False,
+    }
+
+
+def _declared_instant(kind: str) -> Message:
+    order = [{"key": "orderId", "valueDataType": "STRING", "isOptional": True, "description": "fails if the active order is another one"}]
+    return {
+        "actionType": kind,
+        "actionDescription": INSTANT[kind],
+        "actionScopes": ["INSTANT"],
+        "actionParameters": order if kind == "cancelOrder" else [],
+        "blockingTypes": ["NONE"],
+        "pauseAllowed": False,
+        "cancelAllowed": False,
+    }

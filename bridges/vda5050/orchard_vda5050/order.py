@@ -1,0 +1,320 @@
+"""Orders, and which of them a vehicle takes: what it knows of its order, and how that changes. No clock, no network, no robot.
+
+Field names are those of VDA 5050. What the standard asks for in each case is in its chapters on orders, cancelling and errors.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from math import hypot
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from orchard_vda5050.actions import ACTIONS, IGNORED
+from orchard_vda5050.graph import Graph
+from orchard_vda5050.lif import MAP
+
+Count = Annotated[int, Meta(ge=0, lt=2**32)]
+Status = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"]
+Level = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
+UNUSABLE = ("trajectory", "corridor", "orientation", "direction", "reachOrientationBeforeEntering", "maximumRotationSpeed")  # of an edge
+MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own map
+
+# -- messages of fleet control
+
+
+class Parameter(msgspec.Struct):
+    key: str
+    value: Any
+
+
+class ActionOrder(msgspec.Struct, rename="camel"):
+    """An action in an order, or an instant action."""
+
+    action_type: str
+    action_id: str
+    blocking_type: Literal["NONE", "SINGLE", "SOFT", "HARD"]
+    action_parameters: list[Parameter] = []
+
+    def value(self, key: str) -> Any:
+        """Return a parameter; None if it is not there."""
+        return next((one.value for one in self.action_parameters if one.key == key), None)
+
+
+class Deviation(msgspec.Struct):
+    a: float
+    b: float
+
+
+class NodePosition(msgspec.Struct, rename="camel"):
+    x: float
+    y: float
+    map_id: str
+    theta: float | None = None
+    allowed_deviation: Deviation | None = msgspec.field(default=None, name="allowedDeviationXY")
+
+
+class Node(msgspec.Struct, rename="camel"):
+    node_id: str
+    sequence_id: Count
+    released: bool
+    actions: list[ActionOrder]
+    node_position: NodePosition | None = None
+
+
+class Edge(msgspec.Struct, rename="camel"):
+    edge_id: str
+    sequence_id: Count
+    released: bool
+    actions: list[ActionOrder]
+    maximum_speed: float | None = None
+
+
+class Header(msgspec.Struct, rename="camel"):
+    header_id: Count
+    timestamp: str
+    version: str
+    manufacturer: str
+    serial_number: str
+
+
+class Order(Header):
+    order_id: str
+    order_update_id: Count
+    nodes: list[Node]
+    edges: list[Edge]
+
+    @property
+    def content(self) -> bytes:
+        """A digest of what it orders."""
+        return hashlib.blake2b(msgspec.msgpack.encode((self.nodes, self.edges)), digest_size=16).digest()
+
+
+class InstantActions(Header):
+    actions: list[ActionOrder]
+
+
+# -- what a vehicle knows
+
+
+class ActionState(msgspec.Struct, rename="camel"):
+    action_id: str
+    action_type: str
+    action_status: Status = "WAITING"
+
+
+class Reference(msgspec.Struct, rename="camel"):
+    reference_key: str
+    reference_value: str
+
+
+class Error(msgspec.Struct, rename="camel"):
+    error_type: str
+    error_level: Level
+    error_references: list[Reference]
+    error_description: str
+
+
+class OrderState(msgspec.Struct):
+    """The order of a vehicle. `nodes` and `edges` lie ahead; the base comes before the horizon."""
+
+    order_id: str = ""
+    update_id: int = 0
+    content: bytes = b""
+    last_node: str = ""
+    last_sequence: int = 0
+    nodes: list[Node] = []
+    edges: list[Edge] = []
+    actions: list[ActionState] = []
+    queue: list[ActionOrder] = []  # of the last node, not done; the first one runs
+    errors: list[Error] = []
+    is_cancelled: bool = False
+
+    @property
+    def is_idle(self) -> bool:
+        return not self.nodes and not self.queue
+
+    @property
+    def decision_point(self) -> tuple[str, int]:
+        """The last node of the base."""
+        base = [(node.node_id, node.sequence_id) for node in self.nodes if node.released]
+        return base[-1] if base else (self.last_node, self.last_sequence)
+
+    def loads(self) -> Iterator[str]:
+        """Yield the bins that the order names."""
+        actions = [*self.queue, *(action for node in self.nodes for action in node.actions)]
+        yield from (str(load) for action in actions if (load := action.value("loadId")))
+
+    def set(self, action_id: str, status: Status) -> None:
+        """Note how far an action is."""
+        for state in self.actions:
+            if state.action_id == action_id:
+                state.action_status = status
+
+
+class Rejected(Exception):
+    """Raised for an order that the vehicle does not take: the error that it reports."""
+
+    def __init__(self, error_type: str, why: str, references: Mapping[str, object], level: Level = "WARNING") -> None:
+        super().__init__(why)
+        named = [Reference(key, str(value)) for key, value in references.items()]
+        self.error = Error(error_type, level, named, why)
+
+
+def read(payload: bytes) -> Order:
+    """Return the order in a payload. Raises Rejected for one that is malformed."""
+    known: dict[str, object] = {}
+    try:
+        data = msgspec.json.decode(payload)
+        known = {key: data[key] for key in ("orderId", "orderUpdateId") if isinstance(data, dict) and key in data}
+        order = msgspec.convert(data, Order)
+        _check_sequence(order)
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise Rejected("VALIDATION_FAILURE", f"not an order: {error}", known) from None
+    for edge, raw in zip(order.edges, data["edges"], strict=True):
+        if unusable := [name for name in UNUSABLE if name in raw]:
+            raise Rejected(
+                "UNSUPPORTED_PARAMETER", f"edge {edge.edge_id}: cannot use {', '.join(unusable)}", {"parameter": unusable[0]}, "CRITICAL"
+            )
+    return order
+
+
+def _check_sequence(order: Order) -> None:
+    if len(order.edges) != len(order.nodes) - 1:
+        raise ValueError(f"{len(order.nodes)} nodes and {len(order.edges)} edges: there must be one edge less than nodes")
+    parts = [part for pair in zip(order.nodes, [*order.edges, None], strict=True) for part in pair if part is not None]
+    if [part.sequence_id for part in parts] != list(range(parts[0].sequence_id, parts[0].sequence_id + len(parts))):
+        raise ValueError("sequenceId must grow by 1, from a node to its edge to the next node")
+    released = [part.released for part in parts]
+    if not released[0] or sorted(released, reverse=True) != released or (len(parts) > 1 and sum(released) % 2 == 0):
+        raise ValueError("the base must come first, and begin and end with a node")
+
+
+def take(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> OrderState:
+    """Return what a vehicle at (x, y) knows with a new order or an update. Raises Rejected.
+
+    An order that it has already changes nothing.
+    """
+    named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
+    is_new = order.order_id != state.order_id or not state.order_id
+    if is_new and not state.is_idle:
+        raise Rejected("OTHER_ORDER_ACTIVE", f"busy with order {state.order_id}", {"orderId": order.order_id})
+    if not is_new and order.order_update_id < state.update_id:
+        raise Rejected("OUTDATED_ORDER_UPDATE", f"has update {state.update_id} of this order", named)
+    if not is_new and order.order_update_id == state.update_id:
+        if order.content != state.content:
+            raise Rejected("SAME_ORDER_UPDATE_ID", "has an order of this number that says something else", named)
+        return state
+    if not is_new and state.is_cancelled:
+        raise Rejected("ORDER_UPDATE_FOLLOWING_CANCEL", "this order is cancelled", named)
+    first = order.nodes[0]
+    if is_new and order.order_update_id != 0:
+        raise Rejected("VALIDATION_FAILURE", "the orderUpdateId of a new order must be 0: an order before it is lost", named)
+    if not is_new and (first.node_id, first.sequence_id) != state.decision_point:
+        name, sequence = state.decision_point
+        raise Rejected(
+            "VALIDATION_FAILURE", f"the update must begin with the last node of the base, {name} with sequenceId {sequence}", named
+        )
+    _check_ways(order, graph)
+    _check_actions(order)
+    if is_new:
+        _check_start(first, graph, x, y)
+        return _begun(state, order)
+    return _continued(state, order)
+
+
+def _check_start(first: Node, graph: Graph, x: float, y: float) -> None:
+    """The vehicle must stand on the first node."""
+    node, room = graph.nodes[first.node_id], MATCHES
+    if first.node_position is not None and first.node_position.allowed_deviation is not None:
+        room += first.node_position.allowed_deviation.b
+    if hypot(node.x - x, node.y - y) > room:
+        far = f"{first.node_id} is {hypot(node.x - x, node.y - y):.1f} m away"
+        raise Rejected("START_NODE_OUT_OF_RANGE", far, {"nodeId": first.node_id})
+
+
+def _check_ways(order: Order, graph: Graph) -> None:
+    """All nodes must be in the vehicle's map, and be joined there."""
+    for node in order.nodes:
+        at = node.node_position
+        if at is not None and at.map_id != MAP:
+            raise Rejected("UNKNOWN_MAP_ID", f"the only map is {MAP}", {"orderId": order.order_id, "mapId": at.map_id})
+        if at is not None and at.theta is not None:
+            raise Rejected("UNSUPPORTED_PARAMETER", "cannot use theta: an edge says where it faces", {"parameter": "theta"}, "CRITICAL")
+        known = graph.nodes.get(node.node_id)
+        if known is None or (at is not None and hypot(known.x - at.x, known.y - at.y) > MATCHES):
+            raise Rejected("NO_ROUTE_TO_TARGET", f"no node {node.node_id} there", {"orderId": order.order_id, "nodeId": node.node_id})
+    for start, end in zip(order.nodes, order.nodes[1:], strict=False):
+        if start.node_id != end.node_id and (start.node_id, end.node_id) not in graph.edges:
+            why = f"no edge from {start.node_id} to {end.node_id}"
+            raise Rejected("NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id})
+
+
+def _check_actions(order: Order) -> None:
+    named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
+    if edge := next((edge for edge in order.edges if edge.actions), None):
+        raise Rejected("INVALID_ORDER_ACTION", f"edge {edge.edge_id}: no action is possible on edges", named)
+    for node in order.nodes:
+        for action in node.actions:
+            if why := _why_not(action, node.node_id):
+                raise Rejected("INVALID_ORDER_ACTION", why, named | {"actionId": action.action_id})
+            if unknown := [one.key for one in action.action_parameters if one.key not in ("loadId", *IGNORED)]:
+                why = f"{action.action_type}: cannot use {', '.join(unknown)}"
+                raise Rejected("UNSUPPORTED_PARAMETER", why, {"parameter": unknown[0], "actionId": action.action_id}, "CRITICAL")
+
+
+def _why_not(action: ActionOrder, node: str) -> str:
+    kind = ACTIONS.get(action.action_type)
+    if kind is None:
+        return f"no action {action.action_type}; there are {', '.join(ACTIONS)}"
+    if not kind.is_done_at(node):
+        return f"{action.action_type} is not possible at {node}, only at {kind.nodes}"
+    if kind.needs_load and not isinstance(action.value("loadId"), str):
+        return f"{action.action_type} needs the parameter loadId, the name of a bin"
+    return ""
+
+
+def _states(nodes: list[Node]) -> list[ActionState]:
+    return [ActionState(action.action_id, action.action_type) for node in nodes for action in node.actions]
+
+
+def _begun(state: OrderState, order: Order) -> OrderState:
+    first = order.nodes[0]
+    own = order.order_id, order.order_update_id, order.content, first.node_id, first.sequence_id
+    return OrderState(*own, order.nodes[1:], order.edges, _states(order.nodes), list(first.actions))
+
+
+def _continued(state: OrderState, order: Order) -> OrderState:
+    """The update takes the place of the horizon. Its first node is known, and so are the actions there."""
+    horizon = {action.action_id for node in state.nodes if not node.released for action in node.actions}
+    return msgspec.structs.replace(
+        state,
+        update_id=order.order_update_id,
+        content=order.content,
+        nodes=[*(node for node in state.nodes if node.released), *order.nodes[1:]],
+        edges=[*(edge for edge in state.edges if edge.released), *order.edges],
+        actions=[*(action for action in state.actions if action.action_id not in horizon), *_states(order.nodes[1:])],
+        errors=[],
+    )
+
+
+def arrive(state: OrderState) -> None:
+    """The vehicle is at the next node: its actions are to be done there."""
+    node = state.nodes.pop(0)
+    del state.edges[0]
+    state.last_node, state.last_sequence, state.queue = node.node_id, node.sequence_id, list(node.actions)
+
+
+def cancel(state: OrderState, is_driving: bool) -> None:
+    """Give up all that has not begun. A vehicle that drives goes on to the next node; an action that runs is finished."""
+    going = 1 if is_driving else 0
+    state.nodes, state.edges = [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:going]], state.edges[:going]
+    state.queue, state.is_cancelled = [one for one in state.queue if _status(state, one) == "RUNNING"], True
+    for action in state.actions:
+        if action.action_status == "WAITING":
+            action.action_status = "FAILED"
+
+
+def _status(state: OrderState, action: ActionOrder) -> str:
+    return next(one.action_status for one in state.actions if one.action_id == action.action_id)

@@ -1,0 +1,213 @@
+"""A carrier that does what fleet control orders: an agent of the Orchard whose plan is an order of VDA 5050.
+
+At each tick it takes the messages that have come, follows its order, and says how far it is. It drives with the steps of the Orchard's own
+carriers, so it takes turns on the roads with them and stops for obstacles. Its memory holds its order: another process can go on with it.
+"""
+
+from typing import Any, Protocol
+
+import msgspec
+from msgspec.structs import replace
+
+from orchard import Action, Carrier, Heard, Layout, Mail, No, Observation, Yes, with_steps
+from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
+from orchard.field.geometry import STILL
+from orchard.field.scenario import TIME_STEP
+from orchard_vda5050 import order as orders
+from orchard_vda5050.actions import INSTANT, UNLOAD
+from orchard_vda5050.calls import Calls
+from orchard_vda5050.driver import Driver, Drop, Duty, HandOver, Onward, VehicleMemory
+from orchard_vda5050.graph import BAY, Graph
+from orchard_vda5050.lif import edge_id
+from orchard_vda5050.messages import Message, Status, factsheet_of, state_of, visualization_of
+from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, Rejected
+
+ON_A_NODE = 0.05  # m
+
+
+class Port(Protocol):
+    """The vehicle's side of the line to fleet control."""
+
+    def take(self) -> list[tuple[str, bytes]]:
+        """Return the messages that have come since the last tick: topic and payload."""
+
+    def send(self, topic: str, message: Message) -> None:
+        """Send a message."""
+
+    @property
+    def state_header_id(self) -> int:
+        """The headerId of the newest state."""
+
+
+class Timing(msgspec.Struct, frozen=True):
+    """In seconds of simulated time: between two states; between two visualizations, 0 for none; until a vehicle that is left standing on
+    the roads drives to the queue by itself."""
+
+    state: float = 1.0
+    visualization: float = 0.0
+    patience: float = 300.0
+
+
+class Vehicle(Carrier):
+    """A carrier as a vehicle of VDA 5050."""
+
+    Memory: type[VehicleMemory] = VehicleMemory
+    holds = True
+
+    def __init__(self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing) -> None:
+        super().__init__(layout, name)
+        self.Memory = with_steps(VehicleMemory, (Onward, Drop, HandOver, *self.route.Steps))
+        self.name, self.graph, self.timing = name, graph, timing
+        self.home = graph.lines[(self.number - 1) // layout.queue.places]
+        self._before = self.route.may_fail(layout.scenario.carrying.failure)
+        self._port, self._calls = port, calls
+        self._sent, self._shown = -1.0, -1.0  # s at which a state and a visualization were sent
+        self._news: object = None  # what was new in the newest state
+        self._charge = 1.0  # at the tick before
+
+    def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
+        memory = memory or self.Memory(plan=[Onward()])
+        robot = Driver(seen, mail, memory, self.bystanders, self.graph, self._before)
+        duty = robot.duty
+        self._calls.hear(mail, seen.tick)
+        for topic, payload in self._port.take():
+            self._obey(robot, topic, payload)
+        robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
+        if duty.phase == "action" and (why := robot.why_failed()):
+            robot.fails(why)
+        self._mind(robot)
+        if seen.charge > 0.0 and not (duty.is_paused and duty.phase == "edge"):
+            robot.follow()
+            robot.ask_ahead()
+        self._close_cancelling(duty)
+        action = robot.finish()
+        until = seen.tick + max(1, round(self.timing.state / TIME_STEP))
+        action.hold = action.hold and replace(action.hold, until=min(action.hold.until, until))
+        memory.duty = msgspec.msgpack.encode(duty)
+        self._report(robot, action)
+        return action
+
+    def answer(self, robot: Any, heard: Heard) -> Answer:
+        """Offer the vehicle to a bin that its order names, and agree with no other one."""
+        body, is_ordered = heard.body, heard.sender in robot.duty.order.loads()
+        if isinstance(body, CarrierQuery):
+            return CarrierStatus(", ".join(robot.duty.order.loads()), False, 0.0)
+        if isinstance(body, Call) and is_ordered:
+            return Offer(robot.pose.x, robot.pose.y, 0.0)
+        if isinstance(body, Come) and is_ordered:
+            robot.duty.pickers[heard.sender] = body.picker
+            return Yes()
+        return No("fleet control orders otherwise" if isinstance(body, Call | Come) else "a carrier knows nothing of that")
+
+    # -- what fleet control wants
+
+    def _obey(self, robot: Driver, topic: str, payload: bytes) -> None:
+        duty = robot.duty
+        try:
+            if topic == "order":
+                order = orders.read(payload)
+                if duty.is_away:
+                    raise Rejected("MOBILE_ROBOT_NOT_AVAILABLE", "it drives to the queue by itself", {"orderId": order.order_id})
+                before, duty.order = duty.order, orders.take(duty.order, order, self.graph, robot.pose.x, robot.pose.y)
+                duty.is_halted = duty.is_halted and duty.order.order_id == before.order_id
+            elif topic == "instantActions":
+                for action in msgspec.json.decode(payload, type=orders.InstantActions).actions:
+                    self._obey_at_once(robot, action)
+        except Rejected as rejected:
+            duty.order.errors = [*(e for e in duty.order.errors if e.error_type != rejected.error.error_type), rejected.error]
+        except (ValueError, RecursionError) as error:
+            duty.errors = [Rejected("VALIDATION_FAILURE", f"not an instant action: {error}", {}).error]
+        self._news = None
+
+    def _obey_at_once(self, robot: Driver, action: ActionOrder) -> None:
+        duty, state = robot.duty, ActionState(action.action_id, action.action_type, "FINISHED")
+        if action.action_type in INSTANT:
+            duty.errors = []
+        match action.action_type:
+            case "startPause" | "stopPause":
+                duty.is_paused = action.action_type == "startPause"
+            case "cancelOrder":
+                state.action_status = self._cancel(robot, action)
+            case "factsheetRequest":
+                self._port.send("factsheet", factsheet_of(self.timing.state))
+            case "clearInstantActions":
+                duty.instant = [one for one in duty.instant if one.action_status == "RUNNING"]
+            case "stateRequest":
+                pass  # a state is sent after each message
+            case _:
+                state.action_status = "FAILED"
+                why = f"no instant action {action.action_type}; there are {', '.join(INSTANT)}"
+                duty.errors = [Rejected("INVALID_INSTANT_ACTION", why, {"actionId": action.action_id}).error]
+        duty.instant = [*duty.instant, state]
+
+    def _cancel(self, robot: Driver, action: ActionOrder) -> orders.Status:
+        duty, wanted = robot.duty, action.value("orderId")
+        if duty.order.is_idle or duty.is_away or wanted not in (None, duty.order.order_id):
+            duty.errors = [Rejected("NO_ORDER_TO_CANCEL", "no such order is active", {"actionId": action.action_id}).error]
+            return "FAILED"
+        self._give_up(robot)
+        return "RUNNING"
+
+    def _give_up(self, robot: Driver) -> None:
+        duty, last = robot.duty, self.graph.nodes.get(robot.duty.order.last_node)
+        is_there = last is not None and abs(last.x - robot.pose.x) + abs(last.y - robot.pose.y) < ON_A_NODE
+        if duty.phase == "edge" and is_there:
+            duty.phase, robot.memory.plan = "", [Onward()]
+        orders.cancel(duty.order, duty.phase == "edge")
+        duty.is_halted = False
+
+    def _close_cancelling(self, duty: Duty) -> None:
+        for state in duty.instant:
+            if state.action_status == "RUNNING" and duty.order.is_idle and not duty.phase:
+                state.action_status = "FINISHED"
+
+    # -- a vehicle that is left alone
+
+    def _mind(self, robot: Driver) -> None:
+        """A vehicle that is left standing on the roads would jam all others: it drives to the queue by itself."""
+        duty, order = robot.duty, robot.duty.order
+        may_go = bool(order.nodes and order.nodes[0].released) or bool(duty.phase) or bool(order.queue)
+        has_more = not duty.is_paused and not duty.is_halted and may_go
+        if has_more or order.last_node.startswith("queue/") or not order.last_node:
+            duty.is_away = duty.is_away and has_more
+            duty.idle_since = -1
+            return
+        duty.idle_since = robot.seen.tick if duty.idle_since < 0 else duty.idle_since
+        if (robot.seen.tick - duty.idle_since) * TIME_STEP >= self.timing.patience:
+            self._drive_home(robot)
+
+    def _drive_home(self, robot: Driver) -> None:
+        """Give the order up and drive to the queue, a full bin through the bay."""
+        duty = robot.duty
+        self._give_up(robot)
+        duty.is_paused, duty.is_away, duty.idle_since, order = False, True, -1, duty.order
+        start = order.nodes[-1].node_id if order.nodes else order.last_node
+        to_bay = self.graph.way(start, [BAY]) if duty.is_laden else []
+        way = [*to_bay, *self.graph.way(BAY if to_bay else start, [self.home])]
+        for name in way:
+            sequence = order.decision_point[1] + 1
+            unload = [ActionOrder(UNLOAD, f"{UNLOAD} {sequence}", "HARD")] if duty.is_laden and name == BAY else []
+            order.edges = [*order.edges, Edge(edge_id(self.graph.edges[order.decision_point[0], name]), sequence, True, [])]
+            order.nodes = [*order.nodes, Node(name, sequence + 1, True, unload)]
+
+    # -- what it says
+
+    def _report(self, robot: Driver, action: Action) -> None:
+        """Send a state when it is due, and at once when something has happened."""
+        duty, seen, now = robot.duty, robot.seen, robot.seen.tick * TIME_STEP
+        status = Status(
+            is_driving=action.twist != STILL,
+            is_paused=duty.is_paused,
+            is_laden=duty.is_laden,
+            is_charging=seen.charge > self._charge,
+            is_blocked=action.state == "stopped",
+            is_away=duty.is_away,
+        )
+        self._charge = seen.charge
+        news = robot.memory.duty, status, seen.hitch and seen.hitch.name
+        if news != self._news or now - self._sent >= self.timing.state - TIME_STEP / 2:
+            self._port.send("state", state_of(seen, status, duty.order, duty.instant, duty.errors, action.waits_for, self.graph))
+            self._news, self._sent = news, now
+        if self.timing.visualization and now - self._shown >= self.timing.visualization - TIME_STEP / 2:
+            self._port.send("visualization", visualization_of(seen, self._port.state_header_id))
+            self._shown = now

@@ -1,0 +1,143 @@
+"""A fleet control, written from the standard alone: it knows a LIF map, the messages of VDA 5050, and the list of full bins that wait.
+
+It imports nothing of the Orchard and nothing of the bridge. `send` takes a vehicle, a topic and a message; messages come by `hear`.
+"""
+
+import heapq
+from itertools import count, pairwise
+
+RELEASED = 4  # nodes of the base that it releases at once
+HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
+
+
+class Master:
+    def __init__(self, lif, send, released=RELEASED):
+        (layout,) = lif["layouts"]
+        self.map = {node["nodeId"]: node for node in layout["nodes"]}
+        self.edges = {(edge["startNodeId"], edge["endNodeId"]): edge["edgeId"] for edge in layout["edges"]}
+        self.stations = {station["stationId"]: station["interactionNodeIds"] for station in layout["stations"]}
+        self.onward = {name: [] for name in self.map}
+        for start, end in self.edges:
+            self.onward[start].append(end)
+        self.newest, self.jobs, self.calls = {}, {}, []
+        self.homes = {}  # vehicle -> the line of the queue in which it was first seen: it goes back there
+        self.send, self.released, self.headers, self.finished = send, released, count(), []
+
+    def hear(self, serial, topic, message):
+        """A message of a vehicle."""
+        self.newest.setdefault(topic, {})[serial] = message
+        if topic == "state":
+            self.homes.setdefault(serial, "/".join(message["lastNodeId"].split("/")[:2]))
+            self.follow(serial, message)
+
+    @property
+    def states(self):
+        return self.newest.get("state", {})
+
+    def hear_calls(self, calls):
+        self.calls = calls
+
+    # -- jobs
+
+    def assign(self):
+        """Send a free vehicle, the nearest one, to each full bin that waits."""
+        for call in self.calls:
+            free = [serial for serial in self.states if self.is_free(serial)]
+            if any(job["load"] == call["loadId"] for job in self.jobs.values()) or not free:
+                continue
+            stop, _ = self.stations[call["station"]]
+            ways = {serial: self.way(self.states[serial]["lastNodeId"], stop) for serial in free}
+            nearest = min(free, key=lambda serial: (self.length(ways[serial]), serial))
+            self.begin(nearest, call)
+
+    def is_free(self, serial):
+        state = self.states[serial]
+        is_idle = not state["nodeStates"] and all(one["actionStatus"] in ("FINISHED", "FAILED") for one in state["actionStates"])
+        return is_idle and serial not in self.jobs and state["operatingMode"] == "AUTOMATIC" and state["loads"] and not state["paused"]
+
+    def begin(self, serial, call):
+        load, (stop, bin_node) = call["loadId"], self.stations[call["station"]]
+        start = self.states[serial]["lastNodeId"]
+        ways = [self.way(start, stop), self.way(stop, bin_node), self.way(bin_node, "bay"), self.way("bay", self.homes[serial])]
+        actions = {stop: ("handOver", load), bin_node: ("pick", load), "bay": ("unload", None)}
+        self.drive(serial, load, [start, *(name for way in ways for name in way[1:])], actions)
+
+    def drive(self, serial, load, names, actions):
+        order = f"{load} {next(self.headers)}"
+        self.jobs[serial] = {"load": load, "order": order, "update": 0, "names": names, "actions": actions, "base": self.released}
+        self.order(serial, first=0)
+
+    def order(self, serial, first):
+        """Send an order or an update: from node number `first` to the end, with the base up to what is released."""
+        job = self.jobs[serial]
+        nodes = [self.node(job, number) for number in range(first, len(job["names"]))]
+        edges = [
+            {
+                "edgeId": self.edges[job["names"][number], job["names"][number + 1]],
+                "sequenceId": 2 * number + 1,
+                "released": number + 1 <= job["base"],
+                "actions": [],
+            }
+            for number in range(first, len(job["names"]) - 1)
+        ]
+        self.publish(serial, "order", {"orderId": job["order"], "orderUpdateId": job["update"], "nodes": nodes, "edges": edges})
+
+    def node(self, job, number):
+        name = job["names"][number]
+        kind, load = job["actions"].get(name, ("", None))
+        parameters = [{"key": "loadId", "value": load}] if load else []
+        action = {"actionType": kind, "actionId": f"{job['order']} {kind}", "blockingType": "HARD", "actionParameters": parameters}
+        at = self.map[name]["nodePosition"] | {"mapId": self.map[name]["mapId"]}
+        return {
+            "nodeId": name,
+            "sequenceId": 2 * number,
+            "released": number <= job["base"],
+            "nodePosition": at,
+            "actions": [action] if kind else [],
+        }
+
+    def follow(self, serial, state):
+        """Release more of a job where the base runs short. Forget it at its end."""
+        job = self.jobs.get(serial)
+        if job and job["order"] is None and not state["nodeStates"] and state["instantActionStates"][-1]["actionStatus"] == "FINISHED":
+            self.drive(serial, "", self.way(state["lastNodeId"], self.homes[serial]), {})
+            job = self.jobs[serial]
+        if job is None or state["orderId"] != job["order"] or state["orderUpdateId"] != job["update"]:
+            return
+        if any(error["errorType"] == "ACTION_FAILED" for error in state["errors"]):
+            self.jobs[serial] |= {"order": None}
+            self.instant(serial, "cancelOrder", orderId=state["orderId"])
+        elif state["newBaseRequest"]:
+            last, job["base"], job["update"] = job["base"], job["base"] + self.released, job["update"] + 1
+            self.order(serial, first=last)
+        elif not state["nodeStates"] and all(one["actionStatus"] == "FINISHED" for one in state["actionStates"]):
+            self.finished.append(self.jobs.pop(serial)["load"])
+
+    def instant(self, serial, kind, **parameters):
+        """Send an instant action; return its id."""
+        given = [{"key": key, "value": value} for key, value in parameters.items()]
+        action = {"actionType": kind, "actionId": f"{kind} {next(self.headers)}", "blockingType": "NONE", "actionParameters": given}
+        self.publish(serial, "instantActions", {"actions": [action]})
+        return action["actionId"]
+
+    def publish(self, serial, topic, message):
+        self.send(serial, topic, {"headerId": next(self.headers), **HEADER, "serialNumber": serial} | message)
+
+    # -- ways
+
+    def way(self, start, end):
+        """The nodes of the shortest way, both ends among them."""
+        queue, known = [(0.0, [start])], set()
+        while queue:
+            length, names = heapq.heappop(queue)
+            if names[-1] == end:
+                return names
+            if names[-1] not in known:
+                known.add(names[-1])
+                for onward in self.onward[names[-1]]:
+                    heapq.heappush(queue, (length + self.length([names[-1], onward]), [*names, onward]))
+        raise ValueError(f"no way from {start} to {end}")
+
+    def length(self, names):
+        places = [self.map[name]["nodePosition"] for name in names]
+        return sum(abs(a["x"] - b["x"]) + abs(a["y"] - b["y"]) for a, b in pairwise(places))

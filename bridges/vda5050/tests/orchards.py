@@ -1,0 +1,83 @@
+"""An orchard in this process whose carriers are vehicles, and a line to a fleet control: in virtual time, without a network."""
+
+import json
+from itertools import count
+
+from master import Master
+from orchard_vda5050.calls import Calls
+from orchard_vda5050.graph import graph_of
+from orchard_vda5050.lif import lif_of
+from orchard_vda5050.vehicle import Timing, Vehicle
+
+from orchard import Carrier, Local, Scenario
+
+HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
+
+EACH_SECOND = Timing()
+
+
+class Wire:
+    """A port whose messages a test takes and gives. It writes and reads all of them as JSON, as a real line does."""
+
+    def __init__(self, serial):
+        self.serial, self.inbox, self.sent, self.headers, self.is_up = serial, [], [], count(), True
+
+    def take(self):
+        taken, self.inbox = self.inbox, []
+        return taken
+
+    def send(self, topic, message):
+        if self.is_up:
+            self.sent.append(
+                (topic, json.loads(json.dumps({"headerId": next(self.headers), **HEADER, "serialNumber": self.serial} | message)))
+            )
+
+    @property
+    def state_header_id(self):
+        return 0
+
+    def give(self, topic, message):
+        if self.is_up:
+            self.inbox.append((topic, json.dumps(message).encode()))
+
+
+class Fleet:
+    """The orchard, its vehicles and their fleet control. `names`: the carriers that are vehicles, or all."""
+
+    def __init__(self, scenario, names=None, timing=EACH_SECOND, released=4):
+        self.run = Local(Scenario(**{"dispatch": "nearest"} | scenario))
+        layout = self.run.engine.layout
+        self.graph, self.calls = graph_of(layout, Carrier(layout, "carrier_01").route), Calls()
+        self.wires = {name: Wire(name) for name in names or [name for name in layout.names if name.startswith("carrier")]}
+        for name, wire in self.wires.items():
+            self.run.play(name, Vehicle(layout, name, self.graph, wire, self.calls, timing))
+        self.master = Master(
+            lif_of(self.graph, "test", HEADER["timestamp"]), lambda name, *message: self.wires[name].give(*message), released
+        )
+        self.heard = []
+        self.has_master = True
+
+    def tick(self):
+        events = self.run.tick()
+        for name, wire in self.wires.items():
+            for topic, message in wire.sent:
+                self.heard.append((name, topic, message))
+                if self.has_master:
+                    self.master.hear(name, topic, message)
+            wire.sent.clear()
+        if self.has_master:
+            self.master.hear_calls(self.calls.waiting(self.run.engine.tick))
+            self.master.assign()
+        return events
+
+    def until(self, condition, seconds=600.0):
+        """Tick until a condition is true. Return what it is."""
+        end = self.run.engine.tick + 10 * seconds
+        while not (found := condition()):
+            assert self.run.engine.tick < end and not self.run.engine.over, f"not within {seconds} s: {self.run.engine.over}"
+            self.tick()
+        return found
+
+    def state(self, name):
+        """The newest state of a vehicle."""
+        return next(message for who, topic, message in reversed(self.heard) if (who, topic) == (name, "state"))

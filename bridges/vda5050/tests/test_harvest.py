@@ -1,0 +1,72 @@
+"""Harvests in which a fleet control drives the carriers, in virtual time; all messages are as the standard has them."""
+
+import json
+
+import pytest
+from orchard_vda5050.messages import connection_of, factsheet_of
+from orchard_vda5050.vehicle import Timing
+from orchards import HEADER, Fleet
+from standard import check
+
+SMALL = {"rows": 3, "pickers": 2, "carriers": 2}
+
+
+def checked(fleet):
+    """Check all messages of both sides, as they are sent."""
+    send = fleet.master.send
+
+    def send_checked(name, topic, message):
+        check(topic, message)
+        send(name, topic, message)
+
+    fleet.master.send = send_checked
+    return fleet
+
+
+def harvested(fleet):
+    """Drive the harvest to its end. Return the collisions of vehicles."""
+    bumps = []
+    while not fleet.run.engine.over:
+        assert fleet.run.engine.tick < 20_000, [fleet.state(name) for name in fleet.wires]
+        bumps += [event for event in fleet.tick() if event.what == "collision" and event.who in fleet.wires]
+    for _, topic, message in fleet.heard:
+        check(topic, message)
+    return bumps
+
+
+@pytest.mark.parametrize(
+    ("scenario", "released"),
+    [
+        (SMALL, 1),
+        (SMALL, 99),
+        (SMALL | {"route": "one-way", "carriers": 3}, 4),
+    ],
+    ids=str,
+)
+def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scenario, released):
+    fleet = checked(Fleet(scenario, released=released, timing=Timing(visualization=5.0)))
+    assert harvested(fleet) == []
+    done = [e for name in fleet.wires for e in fleet.state(name)["errors"]]
+    assert done == [] and {topic for _, topic, _ in fleet.heard} == {"state", "visualization"}
+
+
+def test_some_carriers_are_driven_by_a_fleet_control_and_the_others_by_their_own_agents():
+    fleet = Fleet(SMALL | {"carriers": 3}, names=["carrier_02"])
+    assert harvested(fleet) == []
+    assert fleet.master.finished and len(fleet.master.finished) < fleet.run.engine.layout.bins
+
+
+def test_the_same_run_gives_the_same_messages():
+    runs = [Fleet(SMALL), Fleet(SMALL)]
+    for fleet in runs:
+        for _ in range(1500):
+            fleet.tick()
+    assert runs[0].heard == runs[1].heard
+
+
+@pytest.mark.parametrize(
+    "message", [("factsheet", factsheet_of(1.0)), ("connection", connection_of("CONNECTION_BROKEN"))], ids=lambda pair: pair[0]
+)
+def test_what_is_sent_once_is_as_the_standard_has_it(message):
+    topic, body = message
+    check(topic, json.loads(json.dumps({"headerId": 0, **HEADER, "serialNumber": "carrier_01"} | body)))

@@ -1,0 +1,177 @@
+"""Which orders a vehicle takes, and how it rejects the others: functions of data, without a robot."""
+
+import json
+from functools import reduce
+
+import pytest
+from orchard_vda5050 import order as orders
+from orchard_vda5050.graph import graph_of
+from orchard_vda5050.order import OrderState, Rejected
+
+from orchard import Carrier, Scenario, lay_out
+
+LAYOUT = lay_out(Scenario(rows=3, pickers=2))
+GRAPH = graph_of(LAYOUT, Carrier(LAYOUT, "carrier_01").route)
+START = GRAPH.nodes["queue/1"]
+WAY = ["queue/1", *GRAPH.way("queue/1", ["east/stop/1"])]
+HEADER = {
+    "headerId": 0,
+    "timestamp": "2026-01-01T00:00:00.000Z",
+    "version": "3.0.0",
+    "manufacturer": "orchard",
+    "serialNumber": "carrier_01",
+}
+
+
+def node(name, sequence, released=True, actions=(), **more):
+    return {"nodeId": name, "sequenceId": sequence, "released": released, "actions": list(actions)} | more
+
+
+def action(kind="handOver", key="loadId", value="bin_01", number=1):
+    parameters = [{"key": key, "value": value}] if key else []
+    return {"actionType": kind, "actionId": f"action {number}", "blockingType": "HARD", "actionParameters": parameters}
+
+
+def order(update=0, first=0, released=99, actions=(), order_id="one"):
+    """An order from node number `first` of the way to its end, with `actions` there."""
+    nodes = [node(name, 2 * n, n <= released) for n, name in enumerate(WAY)][first:]
+    nodes[-1]["actions"] = list(actions)
+    edges = [{"edgeId": "", "sequenceId": 2 * n + 1, "released": n < released, "actions": []} for n in range(first, len(WAY) - 1)]
+    return HEADER | {"orderId": order_id, "orderUpdateId": update, "nodes": nodes, "edges": edges}
+
+
+def taken(state, message):
+    return orders.take(state, orders.read(json.dumps(message).encode()), GRAPH, START.x, START.y)
+
+
+def changed(message, path, value):
+    """Change a part of a message; None removes it."""
+    *way, last = path
+    part = reduce(lambda part, key: part[key], way, message)
+    if value is None:
+        del part[last]
+    else:
+        part[last] = value
+    return message
+
+
+HEIGHT = {"actionParameters": [{"key": "loadId", "value": "bin_01"}, {"key": "height", "value": 1.0}]}
+
+
+def placed(**more):
+    """An order whose first node has a position."""
+    return changed(order(), ["nodes", 0, "nodePosition"], {"x": START.x, "y": START.y, "mapId": "orchard"} | more)
+
+
+BEGUN = taken(OrderState(), order(released=2))
+CANCELLED = taken(OrderState(), order(released=2))
+orders.cancel(CANCELLED, is_driving=False)
+DONE = OrderState("one", 3, b"", WAY[2], 4)
+
+
+@pytest.mark.parametrize(
+    ("error_type", "state", "message"),
+    [
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["nodes", 0, "nodeId"], None)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["orderUpdateId"], "0")),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["orderUpdateId"], -1)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["headerId"], None)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges"], [])),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["nodes"], [])),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["nodes", 1, "sequenceId"], 3)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["nodes", 0, "released"], False)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 0, "released"], False)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(released=2), ["edges", 2, "released"], True)),
+        ("VALIDATION_FAILURE", OrderState(), order(update=1)),
+        ("VALIDATION_FAILURE", BEGUN, order(update=1, first=1)),
+        ("VALIDATION_FAILURE", BEGUN, order(update=1, first=3)),
+        ("VALIDATION_FAILURE", DONE, order(update=4, first=1)),
+        ("UNSUPPORTED_PARAMETER", OrderState(), changed(order(), ["edges", 0, "trajectory"], {"controlPoints": []})),
+        ("UNSUPPORTED_PARAMETER", OrderState(), order(actions=[action() | HEIGHT])),
+        ("UNSUPPORTED_PARAMETER", OrderState(), placed(theta=0)),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action("fly")])),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action("unload", key="")])),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(key="")])),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value=3)])),
+        ("INVALID_ORDER_ACTION", OrderState(), changed(order(), ["edges", 0, "actions"], [action("drop")])),
+        ("OTHER_ORDER_ACTIVE", BEGUN, order(order_id="two")),
+        ("OUTDATED_ORDER_UPDATE", DONE, order(update=2, first=2)),
+        ("SAME_ORDER_UPDATE_ID", BEGUN, order(released=3)),
+        ("ORDER_UPDATE_FOLLOWING_CANCEL", CANCELLED, order(update=1, first=2)),
+        ("START_NODE_OUT_OF_RANGE", OrderState(), changed(changed(order(), ["nodes"], [node("bay", 0)]), ["edges"], [])),
+        ("NO_ROUTE_TO_TARGET", OrderState(), changed(order(), ["nodes", 1, "nodeId"], "nowhere")),
+        ("NO_ROUTE_TO_TARGET", OrderState(), changed(order(), ["nodes", 1, "nodeId"], "bay")),
+        ("NO_ROUTE_TO_TARGET", OrderState(), placed(x=0.0)),
+        ("UNKNOWN_MAP_ID", OrderState(), placed(mapId="cellar")),
+    ],
+)  # fmt: skip
+def test_an_order_is_rejected_with_the_standards_error(error_type, state, message):
+    before = repr(state)
+    with pytest.raises(Rejected) as rejected:
+        taken(state, message)
+    assert rejected.value.error.error_type == error_type and rejected.value.error.error_description
+    assert repr(state) == before
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"[]", b"{}", b"null", b"\xff", b'{"orderId": 3}', b"[" * 100_000], ids=lambda payload: str(payload[:12])
+)
+def test_what_is_no_order_is_rejected(payload):
+    with pytest.raises(Rejected, match="not an order"):
+        orders.read(payload)
+
+
+def test_a_rejected_order_is_named():
+    with pytest.raises(Rejected) as rejected:
+        taken(OrderState(), changed(order(), ["nodes", 0, "nodeId"], None))
+    named = {one.reference_key: one.reference_value for one in rejected.value.error.error_references}
+    assert named == {"orderId": "one", "orderUpdateId": "0"}
+
+
+def test_an_order_that_comes_twice_changes_nothing():
+    assert taken(BEGUN, order(released=2)) is BEGUN
+
+
+def test_fields_that_the_standard_may_add_are_ignored():
+    assert taken(OrderState(), order() | {"new": 1}).order_id == "one"
+
+
+def test_an_update_extends_the_base_and_replaces_the_horizon():
+    begun = taken(OrderState(), order(released=2, actions=[action(number=1)]))
+    assert [one.action_id for one in begun.actions] == ["action 1"] and begun.decision_point == (WAY[2], 4)
+    updated = taken(begun, order(update=1, first=2, actions=[action(number=2)]))
+    assert [(one.node_id, one.sequence_id, one.released) for one in updated.nodes] == [(name, 2 * n, True) for n, name in enumerate(WAY)][
+        1:
+    ]
+    assert [one.sequence_id for one in updated.edges] == [2 * n + 1 for n in range(len(WAY) - 1)]
+    assert [one.action_id for one in updated.actions] == ["action 2"]
+
+
+def test_an_order_that_is_done_goes_on_with_an_update_at_its_last_node():
+    updated = taken(DONE, order(update=7, first=2))
+    assert (updated.last_node, updated.last_sequence, len(updated.nodes)) == (WAY[2], 4, len(WAY) - 3)
+
+
+def test_actions_can_be_added_at_the_decision_point_by_a_node_of_the_same_name():
+    begun = taken(OrderState(), changed(changed(order(), ["nodes"], [node(WAY[0], 0)]), ["edges"], []))
+    again = order(update=1) | {
+        "nodes": [node(WAY[0], 0), node(WAY[0], 2)],
+        "edges": [{"edgeId": "", "sequenceId": 1, "released": True, "actions": []}],
+    }
+    assert [one.sequence_id for one in taken(begun, again).nodes] == [2]
+
+
+def test_the_first_node_may_allow_a_vehicle_to_stand_further_away():
+    far = START.x - 3.0
+    position = {"x": START.x, "y": START.y, "mapId": "orchard", "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0}}
+    message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode())
+    assert orders.take(OrderState(), message, GRAPH, far, START.y).order_id == "one"
+
+
+def test_a_cancelled_order_leaves_a_vehicle_that_drives_its_next_node():
+    begun = taken(OrderState(), order(released=2, actions=[action()]))
+    orders.cancel(begun, is_driving=True)
+    assert [one.node_id for one in begun.nodes] == WAY[1:2] and not begun.is_idle
+    assert [one.action_status for one in begun.actions] == ["FAILED"]
+    orders.arrive(begun)
+    assert begun.is_idle and begun.order_id == "one"

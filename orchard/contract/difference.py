@@ -25,6 +25,8 @@ def difference(before: Any, after: Any, where: str) -> str:
 
 
 def _is_same(before: Any, after: Any) -> bool:
+    if before is after:
+        return True
     kind = type(before)
     if kind is not type(after):
         return kind is int and type(after) is float and bool(before == after)

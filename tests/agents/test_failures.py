@@ -13,11 +13,11 @@ from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 
 VARIED = {"spread": {"distribution": "lognormal", "cv": 0.3}, "failure": {"mean_between": 60.0, "mean_repair": 20.0}}
 OFTEN = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
-SHORT = 1500  # ticks: rows are picked, pickers fail, and bins are exchanged
+SHORT = 1100  # ticks: rows are picked, pickers fail, and bins are exchanged
 
 
 def varied(seed: int = 1, **changes) -> Scenario:
-    values = {"rows": 3, "picking_speed": 0.6, "seed": seed, "picking": VARIED, "carrying": OFTEN}
+    values = {"rows": 3, "row_length": 40.0, "picking_speed": 0.6, "seed": seed, "picking": VARIED, "carrying": OFTEN}
     return Scenario(**{**values, "tractor": False, **NOBODY_ABOUT, **changes})
 
 

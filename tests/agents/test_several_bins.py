@@ -1,5 +1,6 @@
 """Several bins a row: a bin that fills inside a row is left at its end, and one that is part full there goes on with the next row."""
 
+from functools import cache
 from itertools import pairwise
 from math import ceil
 from typing import Any
@@ -18,6 +19,7 @@ from orchard.field.rows import Block
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_ORDERS, ROW_RULES, Scenario
 from orchard.local import Local
 from orchard.sim.lookahead import CheckedHolds, Lookahead
+from orchard.sim.snapshot import Snapshot
 from orchard.tables.exchanges import exchanges
 
 # -- the passes of a picker
@@ -68,15 +70,19 @@ def in_turn(first: float, last: float, metres: float) -> float:
     return first if round(abs(last - first)) % 2 else outward(first, last, metres)
 
 
-def assert_all_is_picked_into_bins_and_delivered(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every: int = 0) -> None:
+def harvested(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every: int = 0) -> Stage:
     """`kill_every`: ticks after which new agents go on in place of all; 0: never."""
     stage = Stage(scenario, holds=holds)
     while kill_every and not stage.local.engine.over and stage.world.tick < 2_000_000:
         stage.run(kill_every / 10)
         start_afresh(stage.local)
     stage.run_to_the_end(200_000.0)
+    return stage
+
+
+def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
     stage.assert_no_collisions()
-    world, layout = stage.world, stage.world.layout
+    world, layout, scenario = stage.world, stage.world.layout, stage.world.layout.scenario
     of_each = [sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()]
     bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in of_each)
     assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
@@ -111,31 +117,38 @@ def harvest_of(name: str) -> Scenario:
     return orchard_of(UNEQUAL, **HARVESTS[name]) if "surveyed" in name else empty_orchard(row_length=30.0, **HARVESTS[name])
 
 
+@cache
+def snapshots_of(name: str) -> tuple[Stage, list[Snapshot]]:
+    """A whole harvest, and snapshots on its way and at its end."""
+    stage, kept = Stage(harvest_of(name)), []
+    while not stage.local.engine.over and stage.world.tick < 2_000_000:
+        stage.tick()
+        if stage.world.tick % 1500 == 700:
+            kept.append(stage.local.snapshot())
+    assert stage.local.engine.violations() == []
+    return stage, [*kept, stage.local.snapshot()]
+
+
 @pytest.mark.parametrize("name", HARVESTS)
 def test_all_is_picked_into_bins_and_delivered(name):
-    assert_all_is_picked_into_bins_and_delivered(harvest_of(name))
+    assert_all_is_picked_into_bins_and_delivered(snapshots_of(name)[0])
 
 
 def test_no_hold_is_wrong():
-    assert_all_is_picked_into_bins_and_delivered(harvest_of("two-way, and from both ends"), CheckedHolds)
+    assert_all_is_picked_into_bins_and_delivered(harvested(harvest_of("two-way, and from both ends"), CheckedHolds))
 
 
 @pytest.mark.soak
 @settings(max_examples=60, phases=[Phase.generate])
 @given(orchards(), st.sampled_from([Lookahead, CheckedHolds]), st.sampled_from([0, 7, 100, 1011]))
 def test_random_harvests_finish_without_a_collision(values, holds, kill_every):
-    assert_all_is_picked_into_bins_and_delivered(empty_orchard(**values), holds, kill_every)
+    assert_all_is_picked_into_bins_and_delivered(harvested(empty_orchard(**values), holds, kill_every))
 
 
 @pytest.mark.parametrize("name", ["bins that go on with the next row", "bins that are full where the row ends"])
 def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash(name):
     """Each stretch of the run ends with the state, the memories and the mail with which the next one begins."""
-    local, kept = Local(harvest_of(name)), []
-    while not local.engine.over:
-        local.tick()
-        if local.engine.tick % 1500 == 700 or local.engine.over:
-            kept.append(local.snapshot())
-    for begun, meant in pairwise(kept):
+    for begun, meant in pairwise(snapshots_of(name)[1]):
         again = Local.resume(begun)
         while again.engine.tick < meant.world["tick"]:
             if again.engine.tick % 250 == 0:

@@ -14,7 +14,7 @@ import matplotlib
 from matplotlib.figure import Figure
 from rich.progress import track
 
-from orchard.discrete.long_run import long_run
+from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, PREDICTIVE, Animals, People, Scenario
 from orchard.report.bounds import Bounds

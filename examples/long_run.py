@@ -14,7 +14,7 @@ from rich.progress import track
 from rich.table import Table
 
 from orchard import Scenario
-from orchard.discrete.long_run import long_run
+from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
 

@@ -23,7 +23,7 @@ from orchard.bags.replay import SCENARIO
 from orchard.contract.events import Velocities
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, VEHICLES, kind_of, select_agents
 from orchard.field.layout import lay_out
-from orchard.view.drives import STILL, Drives, State, ranges_of
+from orchard.view.reader import STILL, Drives, State, ranges_of
 from orchard.view.recorder import SCAN_BEAMS
 
 VERSION: Literal[9] = 9  # of a bag's metadata: that of ROS 2 Jazzy

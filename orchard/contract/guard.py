@@ -3,7 +3,8 @@
 import logging
 import traceback
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from copy import deepcopy
 from itertools import chain
 from types import FrameType
 from typing import Any
@@ -15,7 +16,6 @@ from orchard.contract.agent import STATES, Action, Agent, Heard, Hold, Mail, Obs
 from orchard.contract.difference import difference, parts_of
 from orchard.contract.mail import copy_of
 from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
-from orchard.contract.repeating import Repetition
 from orchard.field import plugins
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
@@ -188,6 +188,35 @@ class Guard:
             return body
         fields = msgspec.to_builtins(body, order="deterministic")
         return CustomMessage(fields.pop("type"), fields)
+
+
+class Repetition:
+    """Asks a copy of an agent, as it was made, what the agent was asked, and compares the two answers."""
+
+    def __init__(self, name: str, agent: Agent) -> None:
+        self._name, self._made, self._is_logged = name, _copy_of(agent), False
+
+    def compare(self, tick: int, action: Any, ask: Callable[[Agent], Any]) -> None:
+        """Let `ask` ask a fresh copy. If it answers otherwise, log the first difference, once, and let the action's state be `broken`."""
+        try:
+            other = ask(_copy_of(self._made))
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
+            words = f"its answer: an action, then, asked again, {type(error).__name__}: {error}"
+        else:
+            words = difference(action, other, "its answer")
+        if words and isinstance(action, Action):  # the guard refuses what is no action
+            if not self._is_logged:
+                log.error("%s is not repeatable, tick %d: %s", self._name, tick, words)
+            self._is_logged, action.state = True, "broken"
+
+
+def _copy_of(agent: Any) -> Any:
+    try:
+        return deepcopy(agent)
+    except MISTAKES as error:
+        reraise_ctrl_c(error)
+        return agent
 
 
 def _ask(agent: Any, observation: Observation, mail: Mail, memory: Any) -> Any:

@@ -10,7 +10,7 @@ from orchard.bags.export import chosen, export
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.terminal import FINISHED, console, exit_on_errors, print_error, print_line
-from orchard.view.drives import Drives, RecordingError, read_drives
+from orchard.view.reader import Drives, RecordingError, read_drives
 
 HEAD = b"\x89MCAP0\r\n"  # with which each MCAP file begins
 

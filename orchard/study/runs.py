@@ -19,8 +19,7 @@ from msgspec import Meta
 
 import orchard
 from orchard.agents.dispatcher import PolicyFault
-from orchard.discrete.harvest import DiscreteHarvest, Jam
-from orchard.discrete.long_run import long_run
+from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
 from orchard.field.layout import lay_out
 from orchard.field.plugins import MISTAKES, is_own, load_plugin, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.scenario import Scenario

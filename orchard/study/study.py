@@ -15,11 +15,10 @@ from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
 from orchard.report.bounds import Bounds, proven_seconds
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
-from orchard.study.fleet import ALL_IT_TAKES, is_open, more_numbers, most_carriers, numbered
 from orchard.study.replications import Replications, confirmed
 from orchard.study.result import Check, Goal, Horizon, Interval, Model, Models, Row, Standing, StoppedBy, StudyResult
 from orchard.study.runs import RunRecord, software
-from orchard.study.settings import CARRIERS, Setting, settings_of
+from orchard.study.settings import ALL_IT_TAKES, CARRIERS, Setting, is_open, more_numbers, most_carriers, numbered, settings_of
 from orchard.study.store import Store
 from orchard.study.words import answer, counted, orchard_words
 from orchard.study.workers import Workers, processes, scheduled

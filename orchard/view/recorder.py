@@ -16,11 +16,10 @@ from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.blueprint import TIMELINE, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
-from orchard.view.drives import SCENARIO, VELOCITIES
 from orchard.view.files import RecordingFile
 from orchard.view.legend import log_legend
 from orchard.view.names import FOCUS, Focus, NameView, log_focus
-from orchard.view.reader import LEFT_OUT, MISSING, SINCE
+from orchard.view.reader import LEFT_OUT, MISSING, SCENARIO, SINCE, VELOCITIES
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 

@@ -10,7 +10,7 @@ from stage import Stage, empty_orchard
 
 from orchard import Local, Scenario
 from orchard.contract.messages import pack, unpack
-from orchard.discrete.long_run import long_run
+from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check

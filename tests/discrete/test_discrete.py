@@ -11,8 +11,7 @@ from stage import ONE_WAY
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
 from orchard.discrete.calls import Dispatched
-from orchard.discrete.harvest import DiscreteHarvest
-from orchard.discrete.long_run import long_run
+from orchard.discrete.harvest import DiscreteHarvest, long_run
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds

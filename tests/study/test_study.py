@@ -11,10 +11,9 @@ from orchard.field.shipped import load_or_shipped
 from orchard.study import settings
 from orchard.study import study as module
 from orchard.study.comparing import LOOKS
-from orchard.study.fleet import more_numbers, most_carriers
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
-from orchard.study.settings import Setting, varied_of
+from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
 from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.words import setting_words
 

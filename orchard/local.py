@@ -11,6 +11,7 @@ Start reading here, and then follow the data:
 `orchard.server.loop` is the same loop with the network in the middle.
 """
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,6 +22,7 @@ from orchard.contract.guard import Guard
 from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
+from orchard.fork import forked
 from orchard.report.plan import present_plan
 from orchard.sim.engine import Engine
 from orchard.sim.lookahead import Lookahead
@@ -74,6 +76,13 @@ class Local:
         memories = {name: None if memory is None else pack(memory) for name, memory in self.memories.items()}
         scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
         return Snapshot("", scenario, engine.as_data(), engine.digest, memories, letters, engine.figures_as_data(), sorted(self.agents))
+
+    def fork(self, stop: Sequence[str] = (), **changes: Any) -> "Local":
+        """Return a run that goes on from this moment with some values changed, as with `with_changes`: see `orchard.fork`.
+
+        `stop`: robots that stand from now on. This run stays as it is. Agents that are not of the scenario are left behind.
+        """
+        return Local.resume(forked(self.snapshot(), changes, stop))
 
     def play(self, name: str, agent: Agent) -> None:
         """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guard`).

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import msgspec
 
 from orchard.agents.bin import CALL_AGAIN
-from orchard.agents.robot import PlanExecutor
+from orchard.agents.robot import PlanExecutor, Step
 from orchard.agents.routes import route_of
 from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
@@ -96,13 +96,21 @@ class Carrier:
         calls[bin_name].offered = min(calls[bin_name].offered, robot.seen.tick)
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
+    def course(self, memory: CarrierMemory) -> list[Step]:
+        """Return the steps of which the plan in a memory is a part, for whichever line of the queue."""
+        job, numbers = memory.job, dict.fromkeys((self.number, self.number + self.layout.first_charging))
+        jobs = [self.fetch(number, job) for number in numbers] if job else []
+        return sum(jobs, self.route.wait_in_queue())
+
+    def fetch(self, number: int, job: Job) -> list[Step]:
+        return self.route.fetch(number, job.lane, self.route.sides[job.side], job.picker, job.bin)
+
     def is_next(self, robot: PlanExecutor) -> bool:
         return can_leave(self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.doubt)
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        number = self.route.number(self.number, robot.pose.y)
-        plan = self.route.fetch(number, come.lane, self.route.sides[come.side], come.picker, bin_name)
+        plan = self.fetch(self.route.number(self.number, robot.pose.y), robot.memory.job)
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
         robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():

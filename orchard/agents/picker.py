@@ -1,6 +1,6 @@
 """The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty one."""
 
-from orchard.agents.robot import PlanExecutor
+from orchard.agents.robot import PlanExecutor, Step
 from orchard.agents.routes import route_of
 from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
@@ -42,6 +42,10 @@ class Picker:
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()
         return robot.finish()
+
+    def course(self, memory: PickerMemory) -> list[Step]:
+        """Return the steps of which the plan in a memory is a part."""
+        return self.steps if memory.planned >= 0 else []
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
         """Answer a carrier that brings a bin: yes, once the bin is coupled and the place where it stands is taken over."""

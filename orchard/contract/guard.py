@@ -34,7 +34,7 @@ class Guard:
         `trusted`: it is built in, with all that it uses. So only that is checked which mail may spoil: tests check the rest.
         """
         self.name, self._names, self._trusted = name, names, trusted
-        self._agent: Any = agent
+        self.agent: Any = agent
         self.Memory = getattr(agent, "Memory", dict)
         self._memory: Any = None  # the one in its last action
         self._packed: bytes | None = None  # the same as msgpack, of an agent that is not trusted
@@ -66,11 +66,11 @@ class Guard:
 
     def check(self) -> None:
         """From now on, check whether the agent is repeatable, unless it is built in."""
-        if not self._trusted and self._agent is not None and self._repetition is None:
-            self._repetition = Repetition(self.name, self._agent)
+        if not self._trusted and self.agent is not None and self._repetition is None:
+            self._repetition = Repetition(self.name, self.agent)
 
     def _trusted_action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
-        action: Action = self._agent.tick(observation, mail, memory)
+        action: Action = self.agent.tick(observation, mail, memory)
         self._checked_twist(action.twist)
         if action.requests:
             self._refuse_addresses([to for to, _ in action.requests])
@@ -79,7 +79,7 @@ class Guard:
     def _action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         if memory is not self._memory:  # it comes from elsewhere
             self._packed = _packed_or_none(memory)
-        if self._agent is None:
+        if self.agent is None:
             return _standing(memory)
         action = self._checked(self._answer(observation, mail, memory))
         self._keep(action)
@@ -88,7 +88,7 @@ class Guard:
     def _answer(self, observation: Observation, mail: Mail, memory: Any) -> Any:
         """What an own agent returns, which gets arrays and mail of its own: what it changes in them changes nothing for others."""
         own = copy_of(mail)
-        action = _ask(self._agent, observation, self._typed(own), memory)
+        action = _ask(self.agent, observation, self._typed(own), memory)
         if self._repetition is not None:
             again = self._typed(copy_of(mail)), self._unpacked_memory()
             self._repetition.compare(observation.tick, action, lambda fresh: _ask(fresh, observation, *again))

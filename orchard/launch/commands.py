@@ -20,7 +20,8 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
-from orchard.launch.options import BoundOptions, ExportOptions, HarvestOptions, ReplayOptions, SecureOptions
+from orchard.launch.fork import fork_of
+from orchard.launch.options import BoundOptions, ExportOptions, ForkOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
 from orchard.launch.runs import Runs, alone, check_writable
@@ -29,7 +30,7 @@ from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
 from orchard.server.snapshots import examine, sole
-from orchard.sim.snapshot import Snapshot, SnapshotError, newest
+from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
 from orchard.view.files import is_recording, parts_of, remove_further_parts, viewer_program, window
 
 EPILOG = """A clone keeps recordings and snapshots in its folder runs/, an installed package in the user's own data directory.
@@ -69,27 +70,42 @@ unnamed.command(cls=options.Command, help=options.HELP, epilog=EPILOG)(harvest_w
 app.command("replay", cls=options.Command, help=REPLAY, epilog=EPILOG)(options.with_options(ReplayOptions)(harvest))
 
 
+FORKED = "Go on with a run from any moment, with something changed: docs/how-to.md."
+app.command("fork", cls=options.Command, help=FORKED, epilog=EPILOG)(options.with_options(ForkOptions)(harvest))
+
+
 def _request(chosen: HarvestOptions) -> RunRequest:
     runs = Runs(runs_folder())
-    before = None if chosen.resume is None else _snapshot(chosen, chosen.resume, runs)
+    before = _before(chosen, runs)
     if before is not None:
         scenario = check(before.scenario, "the snapshot's scenario")
     else:
         scenario = _scenario(chosen.scenario, chosen.changes) if chosen.replay is None else _replayed(chosen, chosen.replay)
     check_plugins(lay_out(scenario))
-    request = RunRequest(chosen, scenario, runs.recording(chosen.record), runs.snapshots(chosen.resume), before, runs.folder)
+    recording = runs.recording(chosen.record)
+    snapshots = runs.new_snapshots(recording) if chosen.resume is None else runs.snapshots(chosen.resume)
+    request = RunRequest(chosen, scenario, recording, snapshots, before, runs.folder)
     if chosen.summary is not None:
         check_writable(chosen.summary)
     if chosen.table is not None:
         from orchard.tables.folder import check_folder
 
         str(chosen.table).encode()  # pyarrow takes no other names
-        check_folder(chosen.table, scenario, None if before is None else before.tick)
+        check_folder(chosen.table, scenario, None if before is None or chosen.resume is None else before.tick)
     if chosen.web is not None:
         check_ports(chosen.web)
     if request.recording is not None or chosen.is_live:
         window() if chosen.view else viewer_program()
+    if before is not None and chosen.resume is None:
+        store(*as_file(before), snapshots, before.run)  # physics begins with it
     return request
+
+
+def _before(chosen: HarvestOptions, runs: Runs) -> Snapshot | None:
+    """The snapshot with which a run begins; None for a run from its start."""
+    if isinstance(chosen, ForkOptions):
+        return fork_of(chosen, runs, terminal.print_error)
+    return None if chosen.resume is None else _snapshot(chosen, chosen.resume, runs)
 
 
 def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:

@@ -188,6 +188,7 @@ class LaunchedRun:
             patience=given.patience or PATIENCE,
             recorded=request.recording is not None or given.is_live,
             snapshots=str(request.snapshots.resolve()),
+            keyframes=given.keyframes,
             table=None if given.table is None else str(given.table.resolve()),
             result=str(result),
             resume=request.resumed is not None,

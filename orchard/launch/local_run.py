@@ -75,7 +75,8 @@ def run(
     agents = _replayed(request)
     local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
     engine = local.engine
-    snapshot_writer = SnapshotWriter(request.snapshots, ThreadPoolExecutor(max_workers=1), time.monotonic)
+    executor, keyframes = ThreadPoolExecutor(max_workers=1), request.options.keyframes
+    snapshot_writer = SnapshotWriter(request.snapshots, executor, time.monotonic, keyframe_seconds=keyframes)
     account = RunAccount(engine, request.resumed, snapshot_writer, request.options.table, time.monotonic)
     pacer, ticks = Pacer(request.options.pace, time.monotonic), last_tick(request.options.duration)
     with sole(request.snapshots), interruptible(local) as is_stopped:
@@ -83,12 +84,12 @@ def run(
             engine.rehearse()  # it may compile: that is no time of the run
             account.figures.begin()
             while not (why := account.why_over(ticks) or ("stopped" if is_stopped() else "")):
-                if account.snapshot_writer.is_due():
-                    account.keep(_snapshot(local, account, request))
                 if left := pacer.wait():
                     time.sleep(min(left, NAP_SECONDS))
                     continue
                 pacer.begin()
+                if account.snapshot_writer.is_due(engine.tick):
+                    account.keep(_snapshot(local, account, request))
                 events = local.tick()
                 account.update(events, local.post.written.get(engine.tick - 1, {}))
                 if look is not None:

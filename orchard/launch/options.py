@@ -2,6 +2,7 @@
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
@@ -19,6 +20,7 @@ from orchard.contract.messages import LAST_TICK
 from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, TIME_STEP
 from orchard.field.shipped import DEFAULT, names
+from orchard.server.snapshots import KEYFRAME_SECONDS
 
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
 LONGEST = LAST_TICK * TIME_STEP  # s, simulated: the time of the last tick that fits on the wire
@@ -40,13 +42,14 @@ COMMANDS = {
     "secure": "make the certificates of a secured run",
     "layout": "import the rows of an orchard of your own",
     "study": "compare settings: how many carriers, which policy, which route",
+    "fork": "go on with a run from any moment, with something changed",
     "bound": "prove how short a harvest could be, whatever sends the carriers",
     "benchmark": "score a dispatch policy in twenty orchards, beside the built-in ones",
 }
 HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
     f"  {name:10}{what}" for name, what in COMMANDS.items()
 )
-ORCHARD, RUN, OUTPUT, NETWORK = "The orchard", "The run", "What it shows and writes", "Several machines"
+FORK, ORCHARD, RUN, OUTPUT, NETWORK = "The fork", "The orchard", "The run", "What it shows and writes", "Several machines"
 
 # -- parsers; all of them raise BadParameter
 
@@ -86,6 +89,17 @@ def _folder(text: str) -> Path:
     if not text.strip():
         raise BadParameter("expected the name of a folder")
     return Path(text)
+
+
+MOMENT = re.compile(r"(?:(\d{1,6}):)?(\d{1,8}(?:\.\d)?)")
+
+
+def _moment(text: str) -> int:
+    """Return the tick of a moment."""
+    found = MOMENT.fullmatch(text)
+    if found is None or (found[1] and float(found[2]) >= 60.0):
+        raise BadParameter(f"{text}: expected a simulated time, in s or as M:SS")
+    return round((60 * int(found[1] or 0) + float(found[2])) / TIME_STEP)
 
 
 def _patience(value: float | None) -> float | None:
@@ -183,6 +197,7 @@ class HarvestOptions:
     view: bool = flag(OUTPUT, "--view", "Open the viewer and watch live. Its window stays; Ctrl-C closes it.")
     web: int | None = option(OUTPUT, "Watch live in a browser on this machine.", "PORT", min=1024, max=65534)
     summary: Path | None = option(OUTPUT, "Write the summary to this file.", "FILE.json")
+    keyframes: float = option(OUTPUT, "Simulated seconds between two moments kept for forks.", "SECONDS", default=KEYFRAME_SECONDS, min=0.1)
     table: Path | None = option(OUTPUT, "Write Parquet tables to this folder: docs/how-to.md.", "DIR", parser=_folder)
     progress: Style = "text"
     listen: str | None = option(NETWORK, "Address where other machines may join: tcp/0.0.0.0:7447.", "ENDPOINT")
@@ -193,7 +208,7 @@ class HarvestOptions:
     check_agents: bool = flag(RUN, "--check-agents", "Check that own agents are repeatable: docs/extending.md.")
     check_holds: bool = flag(RUN, "--check-holds", "Check that no agent holds its velocity too long.")
     ignore_holds: bool = flag(RUN, "--ignore-holds", "Ask all agents at every tick: same result, slower.")
-    resume: str | None = option(RUN, "Continue a run from its newest snapshot.", "DIR|last")
+    resume: str | None = option(RUN, "Continue a run from its newest snapshot.", "RUN|last")
     replay: Path | None = option(RUN, "Let the velocities in a bag drive its robots: docs/ros2.md.", "FILE.mcap")
     own_code: bool = flag(RUN, "--own-code", "Import the code that the scenario in a bag names: docs/ros2.md.")
     secure: Path | None = option(NETWORK, "Admit only the roles of `orchard secure DIR`; with --only: DIR/<role>.", "DIR")
@@ -270,6 +285,28 @@ class ReplayOptions(HarvestOptions):
     """The options of a harvest in which a bag drives its robots."""
 
     replay: Annotated[Path, Argument(metavar="FILE.mcap", help="The bag.", show_default=False)] = field()
+
+
+def _left_out() -> Any:
+    """Return the field of a dataclass that is no option of a command, but of the one from which it derives."""
+    return field(default=None, init=False)
+
+
+PARENT = "The run: last, its name, its recording, or its folder of snapshots."
+CHANGED = "What changes: carriers=+1, dispatch=nearest, people.workers=0 (repeatable)."
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForkOptions(HarvestOptions):
+    """The options of a run that goes on from a moment of another one."""
+
+    run: Annotated[str, Argument(metavar="RUN", help=PARENT, show_default=False)] = field()
+    at: int = option(FORK, "The moment, simulated: s, or M:SS.", "M:SS", default=..., parser=_moment)
+    settings: list[str] | None = option(FORK, CHANGED, "KEY=VALUE", "--set")
+    stop: list[str] | None = option(FORK, "Robots that stand from then on (repeatable).", "ROBOT|KIND")
+    scenario: None = _left_out()
+    resume: None = _left_out()
+    replay: None = _left_out()
 
 
 def named(parameters: Iterable[str]) -> str:

@@ -1,6 +1,7 @@
 """The folder of runs, for recordings and snapshots: names for new ones, and the newest of the existing ones."""
 
 import fcntl
+import glob
 import itertools
 import os
 from collections.abc import Iterable, Iterator
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from orchard.sim.snapshot import SnapshotError
+from orchard.sim.snapshot import SNAPSHOT, SnapshotError
 from orchard.view.files import check_recording, is_further_part
 
 LAST = "last"  # for --resume: the run with the newest snapshots
@@ -25,7 +26,7 @@ class Runs:
         """Return the path of a new recording, None for "none". Raises OSError or ValueError."""
         if wanted == "none":
             return None
-        path = self.folder / f"{_now()}-{os.getpid()}.rrd" if wanted is None else Path(wanted)
+        path = self.folder / f"{_new_name()}.rrd" if wanted is None else Path(wanted)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             check_writable(path)
@@ -39,18 +40,31 @@ class Runs:
         """Return the first part of the newest recording; None if there is none."""
         return _newest(itertools.filterfalse(is_further_part, self.folder.glob("*.rrd")))
 
-    def snapshots(self, resume: str | None) -> Path:
-        """Return the folder for the snapshots of a new run, or of the one to `resume`. Raises SnapshotError."""
-        if resume is None:
-            return self.folder / f"{_now()}-{os.getpid()}.snapshots"
-        if resume != LAST:
-            if not Path(resume).is_dir():
-                raise SnapshotError(f"{resume}: no such folder; expected one with snapshots of a run, NAME.snapshots, or {LAST}")
-            return Path(resume)
-        last = _newest(path for path in self.folder.glob("*.snapshots") if any(path.glob("*.snapshot")))
+    def new_snapshots(self, recording: Path | None) -> Path:
+        """Return the folder for the snapshots of a new run. It is named after its recording, if that is in the folder of runs too."""
+        is_here = recording is not None and recording.resolve().parent == self.folder.resolve()
+        name = recording.stem if recording is not None and is_here else f"{'' if recording is None else recording.stem + '-'}{_new_name()}"
+        return self.folder / f"{name}.snapshots"
+
+    def snapshots(self, run: str, suffix: str = SNAPSHOT) -> Path:
+        """Return the folder with the snapshots, or keyframes, of a run: its folder, recording or name, or "last". Raises SnapshotError."""
+        if run != LAST:
+            folder = next((path for path in self._named(run) if path.is_dir()), None)
+            if folder is None:
+                expected = f"expected the folder, the recording or the name of a run, NAME.snapshots, NAME.rrd or NAME, or {LAST}"
+                raise SnapshotError(f"{run}: no snapshots of such a run; {expected}")
+            return folder
+        last = _newest(path for path in self.folder.glob("*.snapshots") if any(path.glob(f"*{suffix}")))
         if last is None:
             raise SnapshotError(f"{self.folder}: no run there to resume; a run leaves its snapshots there when it is stopped")
         return last
+
+    def _named(self, run: str) -> Iterator[Path]:
+        """The folders that may be meant by the name of a run, or by its recording."""
+        yield Path(run)
+        name = Path(run).stem if run.endswith(".rrd") else run
+        yield self.folder / f"{name}.snapshots"
+        yield from sorted(self.folder.glob(f"{glob.escape(Path(name).name)}-harvest-*.snapshots"), reverse=True)
 
 
 @contextmanager
@@ -92,5 +106,5 @@ def _newest(paths: Iterable[Path]) -> Path | None:
     return max(paths, key=lambda path: path.stat().st_mtime, default=None)
 
 
-def _now() -> str:
-    return f"harvest-{datetime.now():%Y%m%d-%H%M%S}"
+def _new_name() -> str:
+    return f"harvest-{datetime.now():%Y%m%d-%H%M%S}-{os.getpid()}"

@@ -25,7 +25,7 @@ from orchard.contract.printed import diverted, printed
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.report.summary import Outcome, as_table, limit_sentence, sentence, unusual_figures, write_summary
-from orchard.sim.snapshot import SnapshotError, newest
+from orchard.sim.snapshot import SNAPSHOT, SnapshotError, newest
 from orchard.view.files import remove_half_packed
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
@@ -145,7 +145,8 @@ def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
     recording, folder = request.recording, request.snapshots
     code = _report_result(request, result, why)
     if why == "harvested":
-        shutil.rmtree(folder, ignore_errors=True)
+        for snapshot in folder.glob(f"*{SNAPSHOT}"):  # keyframes stay, for forks
+            snapshot.unlink(missing_ok=True)
     elif folder.is_dir():
         with suppress(SnapshotError):  # none is usable
             newest(folder, [])
@@ -208,7 +209,7 @@ def _what_to_try(request: RunRequest) -> str:
     """The command that asks how many carriers are worth it, for the orchard of the run as it was typed."""
     options, scenario = request.options, request.scenario
     more = "" if options.verbose else "--verbose shows all figures"
-    if (options.scenario is None and (options.resume or options.replay)) or scenario.agents or not scenario.sensors.are_exact:
+    if request.resumed is not None or (options.scenario is None and options.replay) or scenario.agents or not scenario.sensors.are_exact:
         return f"To try next: {more or typed('view')}"
     changes = {name: value for name, value in options.changes.items() if name not in ("carriers", "seed")}
     varied = [word for one in ("carriers", *(f"{name}={value}" for name, value in changes.items())) for word in ("--vary", one)]

@@ -96,7 +96,7 @@ class RunLoop:
         self._drivers.begin(seen, self._pacer.begin())
         self._engine.account()
         self.run.report()
-        if self.run.account.snapshot_writer.is_due():
+        if self.run.account.snapshot_writer.is_due(self._engine.tick):
             self.run.keep()
         self._await_step()
         self.run.step()

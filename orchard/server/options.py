@@ -10,7 +10,7 @@ from orchard.contract.agent import Holds
 from orchard.contract.messages import LAST_TICK
 from orchard.field.scenario import TIME_STEP
 from orchard.net.options import Positive, ProcessOptions, option
-from orchard.server.snapshots import SNAPSHOT_SECONDS
+from orchard.server.snapshots import KEYFRAME_SECONDS, SNAPSHOT_SECONDS
 from orchard.wire.keys import PREFIX
 from orchard.wire.messages import Mode
 
@@ -39,6 +39,7 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     recorded: Annotated[bool, option("", "the first tick waits for a logger, at most 10 s")] = False
     snapshots: Annotated[str | None, option("DIR", "folder for snapshots of the run")] = None
     snapshot_every: Annotated[Positive, option("SECONDS", "wall time, above 0, between two snapshots; default: 2")] = SNAPSHOT_SECONDS
+    keyframes: Annotated[Positive, option("SECONDS", "simulated time, above 0, between two keyframes; default: 60")] = KEYFRAME_SECONDS
     table: Annotated[str | None, option("DIR", "folder for tables of the run; those of the same run there go on")] = None
     result: Annotated[str | None, option("FILE", "file for the end of the run, whose message may be lost on the network")] = None
     resume: Annotated[bool, option("", "continue from the newest snapshot in the folder, if there is one")] = False

@@ -53,7 +53,7 @@ class Run:
         self.control = SimulationControl(clock, partial(self.publisher.publish, "simulation_state"), self.id, lambda: engine.tick)
         self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
-        snapshot_writer = SnapshotWriter(options.snapshot_folder, bus.executor, bus.clock, options.snapshot_every)
+        snapshot_writer = SnapshotWriter(options.snapshot_folder, bus.executor, bus.clock, options.snapshot_every, options.keyframes)
         self.account = RunAccount(engine, before, snapshot_writer, options.table, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 

@@ -9,10 +9,13 @@ from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from orchard.contract.messages import LAST_TICK
+from orchard.field.scenario import TIME_STEP
 from orchard.net.refusals import RefusalTotals
-from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
+from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, Snapshot, SnapshotError, as_file, newest, store
 
 SNAPSHOT_SECONDS = 2.0  # s of wall time between two snapshots
+KEYFRAME_SECONDS = 60.0  # s, simulated, between two keyframes
 KEPT_SECONDS = 2.0  # that the reply to an emergency stop waits for the disk
 
 log = logging.getLogger("orchard")
@@ -37,17 +40,29 @@ def sole(folder: Path | None) -> Iterator[None]:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a folder, if there is one. An executor does that: a slow disk does not delay the run."""
+    """Writes snapshots into a folder, if there is one. An executor does that: a slow disk does not delay the run.
 
-    def __init__(self, folder: Path | None, executor: Executor, clock: Callable[[], float], seconds: float = SNAPSHOT_SECONDS) -> None:
+    Those at multiples of a distance in simulated time are keyframes too: they stay when the run goes on, and after its end.
+    """
+
+    def __init__(
+        self,
+        folder: Path | None,
+        executor: Executor,
+        clock: Callable[[], float],
+        seconds: float = SNAPSHOT_SECONDS,
+        keyframe_seconds: float = KEYFRAME_SECONDS,
+    ) -> None:
+        """`seconds`: of wall time between two snapshots. `keyframe_seconds`: simulated, between two keyframes."""
         self.folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
+        self._keyframe_ticks = max(1, round(min(keyframe_seconds, LAST_TICK) / TIME_STEP))
         self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
         self._failed = False
 
-    def is_due(self) -> bool:
+    def is_due(self, tick: int) -> bool:
         is_idle = self._writing is None or self._writing.done()
-        return self.folder is not None and is_idle and self._clock() >= self._due
+        return self.folder is not None and (tick % self._keyframe_ticks == 0 or (is_idle and self._clock() >= self._due))
 
     def keep(self, snapshot: Snapshot) -> None:
         """Write a snapshot after the one that is being written. It replaces an older one that still waits."""
@@ -55,7 +70,10 @@ class SnapshotWriter:
             return
         if self._writing is not None:
             self._writing.cancel()
-        self._writing = self._executor.submit(self._store, *as_file(snapshot), self.folder, snapshot.run)
+        name, content = as_file(snapshot)
+        self._writing = self._executor.submit(self._store, name, content, self.folder, snapshot.run)
+        if snapshot.tick % self._keyframe_ticks == 0:
+            self._executor.submit(self._store, name.replace(SNAPSHOT, KEYFRAME), content, self.folder, snapshot.run)
         self._due = self._clock() + self._seconds
 
     def _store(self, name: str, content: bytes, folder: Path, run: str) -> bool:

@@ -73,7 +73,7 @@ class Invariants:
 
     def _check_places(self, world: World) -> None:
         self._record(world.tick, _misplaced_bins(world))
-        self._record(world.tick, _overlapping_bodies(world))
+        self._record(world.tick, overlapping_bodies(world))
 
     def _record(self, tick: int, found: Iterator[tuple[str, str]]) -> None:
         """Record violations, (invariant and body, sentence), the first time only: most violations last for many ticks."""
@@ -172,7 +172,8 @@ def _name(names: tuple[str, ...], i: int) -> str:
 # -- bodies
 
 
-def _overlapping_bodies(world: World) -> Iterator[tuple[str, str]]:
+def overlapping_bodies(world: World) -> Iterator[tuple[str, str]]:
+    """Yield ("inside BODY OTHER", sentence) for each solid body that overlaps another one, or a fence, trunk or post."""
     fixed, names = world.fixed, world.layout.names
     walls = fixed.walls, fixed.wall_frame, fixed.wall_begin, fixed.wall_members
     for i, k in overlaps(world.pose, fixed.shapes, fixed.solid, *walls).tolist():

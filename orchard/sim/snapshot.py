@@ -19,7 +19,8 @@ VERSION = 9
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
-NAME = "tick-%09d.snapshot"
+STEM, SNAPSHOT, KEYFRAME = "tick-%09d", ".snapshot", ".keyframe"  # keyframes stay: from each of them a run can be forked
+NAME = STEM + SNAPSHOT
 RUN = "run"  # file: the id of the run that writes its snapshots into the folder
 
 
@@ -57,20 +58,23 @@ def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
 def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
     """Write a file of `as_file` into a run's folder, remove those that it outdates, and return its path. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / name
+    path, others = folder / name, list[Path]()
     if run_of(folder) != run:
+        others = list(folder.glob("tick-*"))
         write_whole(folder / RUN, run.encode())
     write_whole(path, content)
-    for old in [*_outdated(path), *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
+    for old in [*(others or _outdated(path)), *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
         old.unlink(missing_ok=True)
     return path
 
 
 def _outdated(path: Path) -> list[Path]:
-    """Return the files that a new one outdates: all but the KEPT last ones; all, if the run has begun, perhaps again after a reset."""
-    written = sorted(_newest_first(path.parent), key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
+    """Return the files that a new one outdates: all but the KEPT last ones, or no keyframe; all, if the run has begun, perhaps again after
+    a reset."""
+    written = _newest_first(path.parent, path.suffix)
+    written.sort(key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
     others = [old for old in written if old != path]  # a clock that was set back must not remove this one
-    return others if path.name == NAME % 0 else others[KEPT - 1 :]
+    return others if path.stem == STEM % 0 else [] if path.suffix == KEYFRAME else others[KEPT - 1 :]
 
 
 def read(path: Path) -> Snapshot:
@@ -106,13 +110,21 @@ def run_of(folder: Path) -> str:
         return ""
 
 
-def newest(folder: Path, refused: list[str], run: str = "", examine: Callable[[Snapshot], object] = lambda snapshot: snapshot) -> Snapshot:
+def newest(
+    folder: Path,
+    refused: list[str],
+    run: str = "",
+    examine: Callable[[Snapshot], object] = lambda snapshot: snapshot,
+    until: int | None = None,
+) -> Snapshot:
     """Return the newest usable snapshot in a folder; append the faults of others to `refused`. Raises SnapshotError if there is none.
 
     `run`: the id of the run to which it must belong; '' for that of the folder. `examine`: raises SnapshotError for impossible content.
+    `until`: the newest one up to this tick, which may be a keyframe.
     """
     expected = run or run_of(folder)
-    for path in _newest_first(folder):
+    known = _newest_first(folder, SNAPSHOT) if until is None else _newest_first(folder, KEYFRAME, SNAPSHOT)
+    for path in known if until is None else [path for path in known if path.stem <= STEM % until]:
         try:
             found = read(path)
             if found.run != expected:
@@ -133,5 +145,11 @@ def _examined(path: Path, snapshot: Snapshot, examine: Callable[[Snapshot], obje
         raise SnapshotError(f"{path}: {error}") from error
 
 
-def _newest_first(folder: Path) -> list[Path]:
-    return sorted(folder.glob("tick-*.snapshot"), reverse=True)
+def ticks_of(folder: Path) -> list[int]:
+    """Return the ticks of which a folder has a keyframe or a snapshot, which may be damaged."""
+    stems = {path.stem.removeprefix("tick-") for path in _newest_first(folder, KEYFRAME, SNAPSHOT)}
+    return sorted(int(tick) for tick in stems if tick.isdecimal())
+
+
+def _newest_first(folder: Path, *suffixes: str) -> list[Path]:
+    return sorted((path for suffix in suffixes for path in folder.glob(f"tick-*{suffix}")), reverse=True)

@@ -87,7 +87,7 @@ def _values(text: str) -> list[Any] | str:
             return FORM
         span = _RANGE.fullmatch(part.strip())
         if span is None:
-            found.append(_value(part.strip()))
+            found.append(value_of(part.strip()))
             continue
         first, last, step = int(span[1]), int(span[2]), int(span[3] or 1)
         if step < 1 or last < first:
@@ -99,7 +99,8 @@ def _values(text: str) -> list[Any] | str:
     return f"{twice[0]}: given twice" if twice else found
 
 
-def _value(text: str) -> Any:
+def value_of(text: str) -> Any:
+    """Return the number, word or null that a user has typed."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):

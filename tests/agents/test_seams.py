@@ -72,7 +72,7 @@ def test_every_agent_can_be_started_afresh_from_its_bytes(name):
 
 
 def test_the_farthest_bin_is_fetched_first_by_that_policy():
-    policy = Local(scenario(**EXAMPLES["dispatch"])).agents["dispatch"]._agent.policy
+    policy = Local(scenario(**EXAMPLES["dispatch"])).agents["dispatch"].agent.policy
     bins = [BinReport(f"bin_0{lane}", lane, "east", f"picker_0{lane}", since=0, metres=10.0 * lane) for lane in (1, 2)]
     carriers = [CarrierReport("carrier_01", job="", is_next=True, metres=0.0)]
     assert policy.assign(0, bins, carriers, policy.Memory()) == [Assignment("bin_02", "carrier_01")]

@@ -1,0 +1,196 @@
+"""A run that goes on with something changed: what may change under way, and the snapshot with the changes."""
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from operator import getitem
+from typing import Any
+
+import numpy as np
+
+from orchard.agents.catalogue import make_agents
+from orchard.agents.robot import Step
+from orchard.contract.agent import STATES
+from orchard.contract.messages import Written, pack, unpack
+from orchard.field.kinds import DISPATCH
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import Problem, ScenarioError
+from orchard.field.scenario import with_changes
+from orchard.sim.engine import Engine
+from orchard.sim.invariants import overlapping_bodies
+from orchard.sim.restore import fitting, world_from
+from orchard.sim.snapshot import Snapshot
+from orchard.sim.world import NONE, World
+
+_GROUND = "the orchard, its roads and what fills a bin stay as they are while a run goes on"
+_ROWS = "which picker picks which rows is settled when a run begins; a picker can be stopped"
+_COURSES = "robots are on courses that were made for it"
+FIXED: Mapping[str, str] = {  # what cannot change under way -> why
+    **dict.fromkeys(("rows", "row_length", "row_width", "survey", "bay", "route", "metres_per_bin", "bins_per_row", "crop"), _GROUND),
+    **dict.fromkeys(("pickers", "rows_to_pickers", "order_in_row"), _ROWS),
+    "sensors": _COURSES,
+}
+NULL_OR_NOT = ("picking.failure.mean_between", "carrying.failure.mean_between", "carrying.battery.hours")  # what cannot change either
+
+Names = Mapping[str, str]  # pairs of names that are swapped
+
+
+def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] = ()) -> Snapshot:
+    """Return the snapshot of a run that goes on from this one with some values of its scenario changed.
+
+    `changes`: dotted path -> value, as for `with_changes`. `stop`: names or kinds of robots that stand from now on, until they are reset.
+
+    What is random from now on follows from the seed: with another one people and animals walk elsewhere, robots fail at other times, and
+    what is left of the rows takes another time. A carrier that is added begins at its place in the queue; one that waits there with an
+    empty bin is taken away. People, animals and weeds that are added begin at their starts. A new robot counts as resting until now.
+
+    Raises SnapshotError, ScenarioError for what cannot change or has no place, ValueError for a word in `stop` that is no robot's.
+    """
+    before = world_from(snapshot)
+    layout = lay_out(with_changes(before.layout.scenario, **changes))
+    _check_changes(before.layout, layout)
+    swapped = _swapped(before, snapshot, layout)
+    with fitting(snapshot):
+        memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped))
+        letters = [(tick, unpack(pack(_renamed(_plain(written), swapped)), dict[str, Written])) for tick, written in snapshot.letters]
+    world = _world(before, World(layout), swapped)
+    figures = _renamed(snapshot.figures, swapped)
+    resting = [world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES]
+    figures["states"]["ticks"] = {name: list(resting) for name in layout.names} | figures["states"]["ticks"]
+    engine = Engine(world, snapshot.digest, figures)
+    if stop:
+        engine.stop(stop)
+    figures |= engine.figures_as_data()
+    owned = sorted(name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents)
+    scenario = layout.scenario.model_dump()
+    return Snapshot(snapshot.run, scenario, engine.as_data(), engine.digest, memories, letters, figures, owned, snapshot.lost)
+
+
+def _check_changes(before: Layout, now: Layout) -> None:
+    """Raise ScenarioError for what cannot change under way."""
+    old, new = before.scenario.model_dump(), now.scenario.model_dump()
+    why = {path: why for path, why in FIXED.items() if old[path] != new[path]}
+    why |= {path: _COURSES for path in NULL_OR_NOT if (_at(old, path) is None) != (_at(new, path) is None)}
+    if _lines(before) != _lines(now) and not why:
+        why["carriers"] = "the lines of the queue would be others, and carriers are on their way to those that there are"
+    if why:
+        raise ScenarioError([_refused(f"cannot change under way: {text}", path, _at(new, path)) for path, text in why.items()])
+
+
+def _refused(why: str, path: str = "", value: object = "") -> Problem:
+    return Problem("changes", why, path, str(value))
+
+
+def _lines(layout: Layout) -> tuple[Any, ...]:
+    """What says in which line of the queue each carrier waits. A single line may become longer."""
+    queue = layout.queue
+    return queue.lines, layout.first_charging, queue.places if len(queue.lines) > 1 else 0
+
+
+def _at(values: Mapping[str, Any], path: str) -> Any:
+    return reduce(getitem, path.split("."), values)
+
+
+# -- names: the carriers that are taken away, and their bins, change names with the last ones
+
+
+def _swapped(before: World, snapshot: Snapshot, now: Layout) -> Names:
+    carriers = [start.name for start in before.layout.starts if start.kind == "carrier"]
+    count = len(carriers) - now.scenario.carrier_count
+    if count <= 0:
+        return {}
+    free = [name for name in carriers if _is_free(before, name, snapshot.memories.get(name))]
+    if len(free) < count:
+        words = f"only {len(free)} of them wait in the queue with an empty bin at this moment"
+        raise ScenarioError([_refused(f"{count} cannot be taken away: {words}", "carriers", now.scenario.carrier_count)])
+    names, bins = before.layout.names, sorted(name for name in before.layout.names if name not in now.index and name.startswith("bin"))
+    taken = [names[before.coupled[before.index[name]]] for name in free[-count:]]
+    return _pairs(free[-count:], carriers[-count:]) | _pairs(taken, bins)
+
+
+def _is_free(world: World, carrier: str, memory: bytes | None) -> bool:
+    """Whether a carrier stands in the queue with an empty bin, and has no job."""
+    i = world.index[carrier]
+    stands = world.coupled[i] != NONE and not world.fill[world.coupled[i]] and not world.twist[i].any()
+    is_called = memory is not None and (unpack(memory, Any) or {}).get("job") is not None
+    return bool(stands and world.layout.queue.area.contains(*world.pose[i, :2]) and not is_called)
+
+
+def _pairs(some: Sequence[str], others: Sequence[str]) -> dict[str, str]:
+    """Each name that is only in one of both sequences, with its partner."""
+    pairs = list(zip([name for name in some if name not in others], [name for name in others if name not in some], strict=True))
+    return dict(pairs) | {other: name for name, other in pairs}
+
+
+def _renamed(data: Any, swapped: Names) -> Any:
+    """Return plain data with names swapped in all of it, also in what is packed in it."""
+    match data:
+        case dict():
+            return {_renamed(key, swapped): _renamed(value, swapped) for key, value in data.items()}
+        case list() | tuple():
+            return [_renamed(value, swapped) for value in data]
+        case str():
+            return swapped.get(data, data)
+        case bytes() if swapped and data:
+            return pack(_renamed(unpack(data, Any), swapped))
+    return data
+
+
+def _plain(data: Any) -> Any:
+    return unpack(pack(data), Any)
+
+
+# -- the world
+
+
+def _world(before: World, world: World, swapped: Names) -> World:
+    """Let a new world go on from one before. Raises ScenarioError for a new body without a place."""
+    index = world.index
+    kept = [name for name in index if swapped.get(name, name) in before.index]
+    here, there = [index[name] for name in kept], [before.index[swapped.get(name, name)] for name in kept]
+    bodies, place = len(before.layout.names), dict(zip(there, here, strict=True))
+    for name, value in before.state.items():
+        if isinstance(value, np.ndarray) and len(value) == bodies and name != "row_ends":
+            getattr(world, name)[here] = value[there]
+        else:
+            setattr(world, name, value)
+    world.coupled[here] = [place.get(j, NONE) for j in before.coupled[there].tolist()]
+    for what, _ in overlapping_bodies(world):
+        new = [word for word in what.split() if word in index and word not in kept]
+        if new:
+            others = " and ".join(word for word in what.split()[1:] if word not in new)
+            raise ScenarioError([_refused(f"{new[0]} has no place at this moment: {others} is there")])
+    return world
+
+
+# -- what agents remember
+
+
+def _memories(before: Layout, now: Layout, memories: Mapping[str, bytes | None]) -> dict[str, bytes | None]:
+    """Return the memories with which agents go on. Their courses are those of the layout now. An agent of another class begins anew if
+    the memory is not its own; so does the dispatcher if the policy or the carriers are others: it hears of all bins within 2 s."""
+    old, new = make_agents(before), make_agents(now)
+    is_other = before.scenario.dispatch != now.scenario.dispatch or before.scenario.carrier_count != now.scenario.carrier_count
+    kept = dict[str, bytes | None]()
+    for name, memory in memories.items():
+        if name not in new or (name == DISPATCH and is_other):
+            continue
+        try:
+            remembered = None if memory is None else unpack(memory, new[name].Memory)
+        except ValueError:
+            if before.scenario.own_classes == now.scenario.own_classes:
+                raise
+            continue
+        course, other = (getattr(agents[name].agent, "course", None) for agents in (old, new))
+        if remembered is not None and course and other:
+            remembered.plan = _plan(remembered.plan, course(remembered), other(remembered))
+            memory = pack(remembered)
+        kept[name] = memory
+    return kept
+
+
+def _plan(plan: list[Step], before: list[Step], now: list[Step]) -> list[Step]:
+    """Return a plan that was a part of a course as a part of the course now. A plan that was done ends where the course ends now."""
+    steps = [(was, step) for was, step in zip(before, now, strict=True) if was != step]
+    if not plan and steps and before[-1] != now[-1]:
+        return now[-1:]
+    return [next((step for was, step in steps if was == present), present) for present in plan]

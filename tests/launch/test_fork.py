@@ -1,0 +1,208 @@
+"""A run goes on from any of its moments with something changed: what may change, where it begins, and what a user is told."""
+
+import re
+import signal
+
+import pytest
+from command_line import orchard, running, scenario_file, summary_of, wait_until_simulated
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from local_runs import SHORT, SMALL, local_hash, played
+from stage import empty_orchard
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario, with_changes
+from orchard.folders import runs_folder
+from orchard.launch.fork import WatchedRun, clock
+from orchard.launch.options import _moment as moment
+from orchard.local import Local
+from orchard.report.metrics import collisions
+from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, as_file, store, ticks_of
+
+TWO_WAY = Scenario(**empty_orchard().model_dump() | {"route": "two-way", "rows": 4, "carriers": 3, "row_length": 30.0})
+LATEST = 1800  # a tick at which a harvest of it still goes on
+
+
+def run_out(local: Local) -> WatchedRun:
+    """Run it to its end, which is none of a jam."""
+    run = WatchedRun(local.snapshot())
+    run.go_on(60_000)
+    engine = run.local.engine
+    assert (engine.over, run.figures.jam, engine.violations(), collisions(engine.world)) == (True, [], [], 0)
+    return run
+
+
+CHANGES = [
+    {"carriers": 4},
+    {"carriers": 2},
+    {"carriers": 1},
+    {"seed": 7, "picking.spread.distribution": "gamma", "picking_speed": 0.5},
+    {"dispatch": "nearest"},
+    {"dispatch": "rolling", "carriers": 4},
+    {"people.workers": 2, "animals.dogs": 1, "weeds": 3, "tractor": True},
+    {"carriers": 2, "people.visitors": 1},
+]
+
+
+@settings(max_examples=16)
+@given(st.integers(0, LATEST), st.sampled_from(CHANGES))
+def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
+    before = played(TWO_WAY, tick)
+    try:
+        run = run_out(before.fork(**changes))
+    except ScenarioError as error:
+        assert "changes: " in str(error)
+        assert re.search("carriers.*cannot be taken away|has no place at this moment", str(error))
+    else:
+        assert run.local.engine.layout.scenario == with_changes(TWO_WAY, **changes)
+
+
+def test_a_fork_without_changes_has_the_hash_of_its_parent_and_leaves_it_as_it_is():
+    parent = played(SMALL, 300)
+    fork = played(parent.fork(), 500)
+    assert parent.engine.tick == 300
+    assert fork.engine.hash == played(parent, 500).engine.hash == local_hash(SMALL, 500)
+
+
+def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
+    parent = played(TWO_WAY, 300)
+    jobs = [memory.job.bin for name, memory in parent.memories.items() if name.startswith("carrier") and memory.job]
+    assert 0 < len(jobs) < 3
+    fork = parent.fork(carriers=3 - 1)
+    memories = [memory for name, memory in fork.memories.items() if name.startswith("carrier")]
+    assert len(memories) == 2
+    assert len([memory for memory in memories if memory.job]) == len(jobs)
+    with pytest.raises(ScenarioError, match=r"carriers = 1: cannot be taken away|carriers = 1: 2 cannot be taken away"):
+        played(TWO_WAY, 1400).fork(carriers=1)
+
+
+def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
+    varying = with_changes(SMALL, **{"picking.spread.distribution": "gamma", "picking_speed": 0.4, "picking.failure.mean_between": 120.0})
+    parent = played(varying, 200)
+    one, other = parent.fork(seed=5), parent.fork(seed=6)
+    assert one.engine.digest == other.engine.digest == parent.engine.digest
+    speeds = [run.memories["picker_01"].plan for run in (one, other)]
+    assert speeds[0] != speeds[1]
+    assert run_out(one).tick != run_out(other).tick
+
+
+def test_a_robot_may_be_stopped_and_an_unknown_one_is_named():
+    fork = played(played(SMALL, 100).fork(stop=["picker_02"]), 300)
+    i = fork.engine.layout.index["picker_02"]
+    assert fork.engine.world.stopped[i]
+    assert fork.engine.world.distance[i] == played(SMALL, 100).engine.world.distance[i]
+    with pytest.raises(ValueError, match="picker_09"):
+        fork.fork(stop=["picker_09"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"rows": 4}, r"changes: rows = 4: cannot change under way: the orchard, its roads and what fills a bin stay as they are"),
+        ({"pickers": 3}, "which picker picks which rows is settled when a run begins; a picker can be stopped"),
+        ({"sensors.gnss.white": 0.01}, "robots are on courses that were made for it"),
+        ({"carrying.failure.mean_between": 900.0}, "robots are on courses that were made for it"),
+        ({"carriers": 12}, "carriers = 12: cannot change under way: the lines of the queue would be others"),
+        ({"dispatch": "fastest"}, "changes: dispatch = 'fastest': must be"),
+    ],
+)
+def test_what_cannot_change_is_named_with_the_reason(changes, why):
+    with pytest.raises(ScenarioError, match=why):
+        played(SMALL, 20).fork(**changes)
+
+
+# -- the command
+
+
+@pytest.fixture(scope="module")
+def harvest(tmp_path_factory):
+    """A harvest of many processes with a keyframe every 20 s: its recording, and its summary."""
+    folder = tmp_path_factory.mktemp("harvest")
+    recording, summary = runs_folder() / "parent.rrd", folder / "parent.json"
+    orchard(scenario_file(folder, SHORT), "--hosts", 1, "--keyframes", 20, "--record", recording, "--summary", summary)
+    return recording, summary_of(summary)
+
+
+def test_keyframes_stay_after_a_harvest_and_a_fork_of_many_processes_without_changes_has_its_hash(harvest, tmp_path):
+    recording, parent = harvest
+    ticks = ticks_of(recording.with_suffix(".snapshots"))
+    assert ticks == list(range(0, parent["ticks"], 200))
+    path, table = tmp_path / "fork.json", tmp_path / "tables"
+    done = orchard("fork", recording, "--at", "1:23.5", "--hosts", 2, "--record", tmp_path / "f.rrd", "--summary", path, "--table", table)
+    fork = summary_of(path)
+    assert fork["hash"] == parent["hash"]
+    figures = set(fork) - {"hosts", "wall_seconds", "times_real_time", "asked_share", "recording_parts", "recording_gaps"}
+    assert {name: fork[name] for name in figures} == {name: parent[name] for name in figures}
+    assert fork["recording_gaps"] == [[0.0, 83.6]], "its recording begins with it"
+    assert f"hash {parent['hash']}" in done.stdout
+
+
+def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
+    path = tmp_path / "fork.json"
+    orchard("fork", harvest[0], "--at", 60, "--set", "carriers=+1", "--seed", 7, "--mode", "local", "--record", "none", "--summary", path)
+    fork = summary_of(path)
+    assert (fork["finished"], fork["scenario"]["carriers"], fork["scenario"]["seed"], fork["violations"]) == (True, 2, 7, [])
+    stopped = "--at", "2:00", "--stop", "picker_02", "--duration", 130
+    orchard("fork", "last", *stopped, "--mode", "local", "--record", "none", "--summary", path)
+    assert summary_of(path)["stopped_seconds"] == {"picker_02": 10.0}
+
+
+def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_too(tmp_path):
+    file, path = scenario_file(tmp_path, SMALL), tmp_path / "fork.json"
+    with running(file, "--mode", "local", "--speed", 20, "--keyframes", 5, "--record", "none") as run:
+        wait_until_simulated(run, 11.0)
+        (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
+        orchard("fork", folder, "--at", 7, "--mode", "local", "--duration", 12, "--record", "none", "--summary", path)
+        assert summary_of(path)["hash"] == local_hash(SMALL, 120)
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=30)
+    orchard("fork", folder.stem, "--at", "0:08", "--mode", "local", "--duration", 12, "--record", "none", "--summary", path)
+    assert summary_of(path)["hash"] == local_hash(SMALL, 120)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--at", "90:00"], r"parent.snapshots: 90:00 is after the end of the run, at \d:\d\d"),
+        (["--at", "1:75"], "--at: 1:75: expected a simulated time, in s or as M:SS"),
+        (["--at", 60, "--set", "carriers"], "--set carriers: expected KEY=VALUE"),
+        (["--at", 60, "--set", "dispatch=+1"], "--set dispatch: it has no number to which something can be added"),
+        (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
+        (["--at", 60, "--stop", "robot"], "robot"),
+        ([], "--at is missing"),
+    ],
+)
+def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, told):
+    assert re.search(told, orchard("fork", harvest[0], *words, "--mode", "local", "--record", "none", code=2).stderr)
+
+
+def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are_told(harvest, tmp_path):
+    folder = tmp_path / "copy.snapshots"
+    folder.mkdir()
+    for file in harvest[0].with_suffix(".snapshots").iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    (folder / f"tick-000000600{KEYFRAME}").write_bytes(b"torn")
+    quick = "--mode", "local", "--record", "none", "--duration", 62
+    assert f"not used: {folder}/tick-000000600.keyframe: not a snapshot" in orchard("fork", folder, "--at", 61, *quick).stderr
+    for tick in (0, 200, 400):
+        (folder / f"tick-{tick:09d}{KEYFRAME}").unlink()
+    assert "no keyframe up to 0:30; its first one is at 1:00" in orchard("fork", folder, "--at", 30, *quick, code=2).stderr
+    assert "nowhere: no snapshots of such a run" in orchard("fork", "nowhere", "--at", 30, *quick, code=2).stderr
+
+
+def test_a_run_in_which_a_robot_was_stopped_between_two_keyframes_is_told(tmp_path):
+    def keep(run: Local) -> None:
+        name, content = as_file(run.snapshot())
+        store(name.replace(SNAPSHOT, KEYFRAME), content, tmp_path)
+
+    local = played(SMALL, 200)
+    keep(local)
+    local.engine.stop(["picker_01"])
+    keep(played(local, 300))
+    done = orchard("fork", tmp_path, "--at", 25, "--mode", "local", "--record", "none", "--duration", 26)
+    assert "after 0:20 the run was not left to its own agents" in done.stderr
+
+
+@given(st.integers(0, 10**7))
+def test_a_moment_is_read_as_it_is_written(tick):
+    assert moment(clock(tick)) == tick

@@ -20,7 +20,7 @@ from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
-from orchard.launch.fork import fork_of
+from orchard.launch.fork import fork_of, parent_of
 from orchard.launch.options import BoundOptions, ExportOptions, ForkOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
@@ -84,7 +84,7 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     check_plugins(lay_out(scenario))
     recording = runs.recording(chosen.record)
     snapshots = runs.new_snapshots(recording) if chosen.resume is None else runs.snapshots(chosen.resume)
-    request = RunRequest(chosen, scenario, recording, snapshots, before, runs.folder)
+    request = RunRequest(chosen, scenario, recording, snapshots, before, parent_of(chosen, runs), runs.folder)
     if chosen.summary is not None:
         check_writable(chosen.summary)
     if chosen.table is not None:

@@ -9,7 +9,7 @@ from typing import Any
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check
 from orchard.fork import forked
-from orchard.launch.options import ForkOptions
+from orchard.launch.options import ForkOptions, HarvestOptions
 from orchard.launch.runs import Runs
 from orchard.local import Local
 from orchard.server.figures import RunFigures
@@ -101,6 +101,13 @@ def _present(scenario: Scenario, path: str) -> float:
     if not isinstance(values, int | float):
         raise ValueError(f"--set {path}: it has no number to which something can be added; expected KEY=VALUE")
     return values
+
+
+def parent_of(chosen: HarvestOptions, runs: Runs) -> dict[str, Any] | None:
+    """Return what a summary says of the run from which a fork goes on; None if the run is no fork."""
+    if not isinstance(chosen, ForkOptions):
+        return None
+    return {"run": runs.snapshots(chosen.run, KEYFRAME).stem, "seconds": chosen.at / TICKS_PER_SECOND}
 
 
 def fork_of(chosen: ForkOptions, runs: Runs, say: Say) -> Snapshot:

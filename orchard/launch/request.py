@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from orchard.field.scenario import Scenario
 from orchard.launch.options import HarvestOptions
@@ -23,6 +24,7 @@ class RunRequest:
     recording: Path | None
     snapshots: Path  # the folder for snapshots
     resumed: Snapshot | None = None  # the snapshot from which the run is resumed
+    forked_from: dict[str, Any] | None = None  # of a fork, the name of the run and the moment, s
     notes: Path | None = None  # folder for the note with which `run.py stop` finds the run; None: no note
 
     @cached_property

@@ -168,6 +168,7 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
 
         remove_half_packed(recording)
         result |= missing(recording, result["ticks"])
+    result |= {} if request.forked_from is None else {"forked_from": request.forked_from}
     outcome = msgspec.convert(result, Outcome)
     _print_result(request, result, outcome)
     if slow := speed_not_kept(request, outcome):

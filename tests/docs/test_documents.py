@@ -30,6 +30,7 @@ COMMANDS = [line for block in BLOCKS if (block.language, block.name) == ("sh", "
 INSTALLING = ("clone", "activate", "package")  # blocks that .ci/run does with the clone and the wheel that it has
 KEYS_OF_SOME_RUNS = (
     *("recording_parts", "recording_gaps", "messages_dropped"),  # with a recording
+    "forked_from",
     *("ticks_late", "velocities_missed", "answer_milliseconds"),  # in realtime
 )
 

@@ -68,7 +68,7 @@ def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
 
 
 def test_a_folder_to_resume_that_is_not_there_is_told_and_not_made(tmp_path):
-    with pytest.raises(SnapshotError, match="no such folder"):
+    with pytest.raises(SnapshotError, match="typo: no snapshots of such a run; expected the folder"):
         Runs(tmp_path).snapshots(str(tmp_path / "typo"))
     assert not (tmp_path / "typo").exists()
 

@@ -107,14 +107,15 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"metres_per_bin": 11.0, "order_in_row": "outward", "picking_speed": 0.2},
         **{"picking": FAILURE, "dispatch": "assignment"},
     },
-    "sensors with errors": {"pickers": 3, "metres_per_bin": 20.0, "sensors": GNSS},
-    "outward, and sensors with errors": {"metres_per_bin": 12.0, "order_in_row": "outward", "sensors": GNSS},
+    "sensors with errors": {"pickers": 3, "carriers": 3, "metres_per_bin": 20.0, "sensors": GNSS},
+    "outward, and sensors with errors": {"carriers": 2, "metres_per_bin": 12.0, "order_in_row": "outward", "sensors": GNSS},
     "surveyed rows": {"metres_per_bin": 14.0, "order_in_row": "outward"},
 }
 
 
 def harvest_of(name: str) -> Scenario:
-    return orchard_of(UNEQUAL, **HARVESTS[name]) if "surveyed" in name else empty_orchard(row_length=30.0, **HARVESTS[name])
+    values = {"carriers": 4, **HARVESTS[name]}
+    return orchard_of(UNEQUAL, **values) if "surveyed" in name else empty_orchard(row_length=30.0, **values)
 
 
 @cache

@@ -13,7 +13,6 @@ from stage import Stage, empty_orchard
 
 from orchard.agents.carrier import HeardCall, hear_calls
 from orchard.agents.picker import Picker
-from orchard.agents.sense import freer_side
 from orchard.agents.steps import DriveTo
 from orchard.agents.walker import Person, WalkerMemory, ticks_within
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation
@@ -206,10 +205,10 @@ def test_another_freer_side_ends_a_hold_a_change_on_one_side_does_not():
     stage, watcher = passed_by(1.5, -32.5, freer_within=3.0)  # on its right, and on its way to the left
     sides = []
     for _ in range(110):
-        sides.append(freer_side(stage.local.engine.observe()["worker_01"], 3.0))
+        sides.append(is_left_freer(stage.local.engine.observe()["worker_01"].scan, 3.0))
         stage.tick()
     changes = [tick for tick in range(1, 110) if sides[tick] != sides[tick - 1]]
-    assert sides[0] == 1 and changes
+    assert sides[0] and changes
     assert watcher.asked == [0, *changes]
 
 

@@ -46,11 +46,11 @@ def span(limits: tuple[float, float]) -> str:
     return f"{limits[0]:g} to {limits[1]:.0f}"
 
 
-def number_problem(text: str, limits: tuple[float, float], is_whole: bool = False, also: str = "") -> str:
+def number_problem(text: str, limits: tuple[float, float], also: str = "") -> str:
     """Return the problem of a text, with the words `also`; '' if it is a number within the limits."""
     number = number_of(text)
-    is_right = not isinstance(number, str) and isinstance(number, int) >= is_whole and limits[0] <= number <= limits[1]
-    return "" if is_right else f"must be a {'whole ' if is_whole else ''}number from {span(limits)}{also}{hint(text)}"
+    is_right = not isinstance(number, str) and limits[0] <= number <= limits[1]
+    return "" if is_right else f"must be a number from {span(limits)}{also}{hint(text)}"
 
 
 FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page

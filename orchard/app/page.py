@@ -26,6 +26,7 @@ STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
 PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
 WATCH_SECONDS = 0.3  # s between two updates of the run
+NOT_OPENED = "This file was not opened"
 FIRST = (
     "Choose a scenario at the top, change what you like, and press Run. Watch the harvest under Picture; Summary tells how well it went."
 )
@@ -69,7 +70,8 @@ class Page:
             ui.button(words, on_click=partial(self._take, scenario)).props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
         limit = 10 * LARGEST_FILE  # bytes; above LARGEST_FILE, `parse` reports a file that is read
-        self._upload = ui.upload(on_upload=self._open, on_rejected=self._rejected, max_file_size=limit, auto_upload=True)
+        too_large = partial(complain, NOT_OPENED, ["The file is too large for a scenario, or it is not a .yaml file."])
+        self._upload = ui.upload(on_upload=self._open, on_rejected=too_large, max_file_size=limit, auto_upload=True)
         self._upload.props("accept=.yaml,.yml").classes("hidden")
         button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")
         self._save = button("Save", self._download, "save", "download")
@@ -99,9 +101,9 @@ class Page:
         try:
             scenario = parse(content.decode("utf-8-sig"), event.file.name)
         except UnicodeDecodeError:
-            complain("This file was not opened", [f"{event.file.name}: not UTF-8 text"])
+            complain(NOT_OPENED, [f"{event.file.name}: not UTF-8 text"])
         except ScenarioError as error:
-            complain("This file was not opened", [str(problem) for problem in error.problems])
+            complain(NOT_OPENED, [str(problem) for problem in error.problems])
         else:
             await self._offer(scenario, event.file.name)
 
@@ -109,13 +111,10 @@ class Page:
         """Take a scenario. Ask first if it names own classes: to check them already runs them."""
         classes = scenario.own_classes
         if refused := from_elsewhere(classes, Path.cwd()):
-            complain("This file was not opened", [f"{file}: {words}" for words in refused])
+            complain(NOT_OPENED, [f"{file}: {words}" for words in refused])
         elif not classes or await may_run(classes, file):
             self._take(scenario)
             ui.notify(f"{file} opened", type="positive")
-
-    def _rejected(self) -> None:
-        complain("This file was not opened", ["The file is too large for a scenario, or it is not a .yaml file."])
 
     def _download(self) -> None:
         if self.draft.scenario is not None:

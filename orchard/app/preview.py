@@ -10,6 +10,7 @@ from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
 
+CARRIERS = "7 for every 10 pickers; the study tells how many are worth it"  # by default
 DEEP = 2.0  # from this many times its width on, a plan is shown as wide as the page
 
 
@@ -22,11 +23,7 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
         ("Limit", f"{bounds.bins_per_hour:.1f} bins/h", "what this policy allows in a long harvest without traffic"),
         ("Bottleneck", bounds.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
-        (
-            "Carriers",
-            str(scenario.carrier_count),
-            "as set" if scenario.carriers else "7 for every 10 pickers; the study tells how many are worth it",
-        ),
+        ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else CARRIERS),
         ("Bins", str(bins), f"one for each robot; the harvest fills {layout.bins}"),
         ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
         ("Harvest field", f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m", "from fence to fence"),

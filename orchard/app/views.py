@@ -32,11 +32,8 @@ class ProgressView:
         with ui.element("div").classes("progress") as self._box:
             self._badge = ui.badge().props("data-view=state")
             self._title = ui.label().classes("run-title").props("data-view=run-title")
-            self._bar = (
-                ui.linear_progress(value=0, show_value=False, size="10px")
-                .props('rounded instant-feedback aria-label="Progress of the run"')
-                .classes("grow")
-            )
+            self._bar = ui.linear_progress(value=0, show_value=False, size="10px").classes("grow")
+            self._bar.props('rounded instant-feedback aria-label="Progress of the run"')
             self._words = ui.label().classes("figure-line").props("data-view=progress")
         self._box.set_visibility(False)
 
@@ -49,9 +46,7 @@ class ProgressView:
         known = run.headline
         self._bar.set_value(1.0 if state is RunState.finished else known.fraction if known else 0.0)
         is_unknown = not known and not state.is_over
-        self._bar.props(
-            f"color={STATE_COLOURS[state]} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate"
-        )
+        self._bar.props(f"{colour} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate")
         self._words.set_text(_progress(known, state) if known else "starting" if is_unknown else "")
 
 

@@ -52,7 +52,8 @@ class Guard:
             reraise_ctrl_c(error)
             _advise(error)
             if not self._failed:
-                place = _indented(traceback.format_exc(limit=-3))
+                lines = traceback.format_exc(limit=-3).splitlines()
+                place = "\n".join(f"  {printable(line, 500)}" for line in lines)  # none of them looks like one of the program's own
                 log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, place)
             self._failed = True
             action = _standing(memory if self._trusted else self._unpacked_memory())
@@ -313,11 +314,6 @@ def _is_shallow(data: Any, levels: int) -> bool:
 def _refuse_more(what: str, count: int, most: int) -> None:
     if count > most:
         raise ValueError(f"{count} {what} in one tick; at most {most}")
-
-
-def _indented(words: str) -> str:
-    """A traceback for a log: harmless, and indented, so that no line of it looks like one of the program's own."""
-    return "\n".join(f"  {printable(line, 500)}" for line in words.splitlines())
 
 
 def place_in_agent(frame: FrameType | None) -> str:

@@ -91,10 +91,8 @@ class Progress:
     def __init__(self, console: Console, as_json: bool = False, until: float | None = None) -> None:
         """`as_json`: lines are objects {"progress": {...}}. `until`: simulated time at which the run ends, s."""
         self.console, self._as_json, self._until = console, as_json, until
-        is_live = console.is_terminal and not as_json
-        self._live = (
-            Live(console=console, refresh_per_second=4, transient=True, redirect_stdout=False, redirect_stderr=False) if is_live else None
-        )
+        live = Live(console=console, refresh_per_second=4, transient=True, redirect_stdout=False, redirect_stderr=False)
+        self._live = live if console.is_terminal and not as_json else None
         self._printed = 0.0  # s, monotonic time of the last plain line
         self._seen: dict[str, None] = {}  # names of all robots shown so far, in order
         self._has_begun = threading.Event()  # the first figures have come

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from orchard.contract.agent import AHEAD, IN_TURN, Action, state_of
+from orchard.contract.agent import Action, state_of
 from orchard.contract.events import STOPPED, Event
 from orchard.contract.messages import Written, type_of
 from orchard.field.kinds import kind_of
@@ -90,9 +90,7 @@ def _replaced(old: list[Said], news: Mapping[int, Said]) -> list[Said]:
 def _said_of(world: World, name: str, action: Action | None) -> Said:
     if action is None:
         return SILENT
-    waits_for = action.waits_for
-    if waits_for in (AHEAD, IN_TURN):
-        waits_for = with_names(world, name, waits_for)
+    waits_for = with_names(world, name, action.waits_for)
     return state_of(action), printable(action.doing) or None, printable(waits_for) or None
 
 

@@ -1,5 +1,6 @@
 """The full bins that wait for a carrier: what fleet control must know, and VDA 5050 has no message for."""
 
+from collections.abc import Callable
 from typing import Any
 
 from orchard import Mail
@@ -11,7 +12,10 @@ REMEMBERED = 25  # ticks for which a call counts: by then the bin has called aga
 class Calls:
     """The calls that the vehicles of a bridge hear. A bin that calls again waits: no carrier with an agent of its own came."""
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[list[dict[str, Any]]], None]) -> None:
+        """`tell`: what is called with the list of those that wait, when it has changed."""
+        self._tell = tell
+        self._told: list[dict[str, Any]] = []
         self._first: dict[str, int] = {}  # bin -> tick at which it was heard first
         self._last: dict[str, tuple[int, Call]] = {}  # bin -> tick at which it was heard last, its call
 
@@ -21,8 +25,12 @@ class Calls:
             if isinstance(heard.body, Call):
                 self._first.setdefault(heard.sender, tick)
                 self._last[heard.sender] = tick, heard.body
+        waiting = self._waiting(tick)
+        if waiting != self._told:
+            self._told = waiting
+            self._tell(waiting)
 
-    def waiting(self, tick: int) -> list[dict[str, Any]]:
+    def _waiting(self, tick: int) -> list[dict[str, Any]]:
         """Return the bins that wait, in the order in which they began to call: `loadId`, the `station`, `since` which tick."""
         for name in [name for name, (at, _) in self._last.items() if tick - at > REMEMBERED]:
             del self._last[name], self._first[name]

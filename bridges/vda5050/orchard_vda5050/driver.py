@@ -35,6 +35,7 @@ class Duty(msgspec.Struct):
     is_paused: bool = False
     is_halted: bool = False  # by an action that has failed
     is_laden: bool = False  # the bin on its bar is a full one
+    owes: str = ""  # the full bin that it has promised to take along: it has left its empty bin for it
     is_away: bool = False  # it drives to the queue by itself
     idle_since: int = -1  # tick since which nothing is released on the roads; -1: it has something to do, or stands off the roads
 
@@ -130,7 +131,7 @@ class Driver(PlanExecutor):
         if why := self._why_not(kind):
             self.fails(why)
             return False
-        steps: dict[str, list[Step]] = {PICK: [TakeBin(load)], DROP: [Drop()], HAND_OVER: [Drop(), HandOver(load)], UNLOAD: [Unload()]}
+        steps: dict[str, list[Step]] = {PICK: [TakeBin(load)], DROP: [Drop()], HAND_OVER: [HandOver(load)], UNLOAD: [Unload()]}
         self.next([*steps[kind], Onward()])
         return True
 
@@ -146,9 +147,11 @@ class Driver(PlanExecutor):
         duty = self.duty
         duty.order.set(action.action_id, "FINISHED")
         duty.is_laden = action.action_type == PICK or (duty.is_laden and action.action_type not in (UNLOAD, DROP))
+        if action.action_type == HAND_OVER:
+            duty.owes = str(action.value("loadId"))
         if action.action_type == PICK:
-            duty.pickers.pop(action.value("loadId"), None)
-            self.memory.delivered = ""
+            duty.pickers.pop(str(action.value("loadId")), None)
+            self.memory.delivered, duty.owes = "", ""
 
     def why_failed(self) -> str:
         """Why the present action has taken too long; '' if it has not."""

@@ -14,9 +14,14 @@ from msgspec import structs
 
 from orchard import DriveTo, Face, Layout, OneWay, Pose, Side, Step
 from orchard.agents.steps import Free, Need
+from orchard.field.kinds import KINDS
 
 BAY = "bay"
+QUEUE = "queue/"  # the beginning of the names of the queue's nodes
 NEAR = 0.5  # m from a node within which a vehicle stands on it
+NEAR_IN_QUEUE = 2.0  # m, the same in the queue, where vehicles stand closer at the start than later
+RADIUS = KINDS["carrier"].radius  # m
+PITCH = 4.15  # m from one node in a line of the queue to the next: a vehicle behind another one reaches the next
 
 
 @dataclass(frozen=True)
@@ -47,10 +52,16 @@ class Graph:
     lines: tuple[str, ...]
     stations: Mapping[str, tuple[str, ...]]
 
+    @property
+    def bins(self) -> list[str]:
+        """The nodes at which full bins are coupled."""
+        return [nodes[1] for nodes in self.stations.values() if len(nodes) > 1]
+
     def at(self, x: float, y: float) -> str:
         """Return the node on which a vehicle at (x, y) stands; '' if there is none."""
         near = min(self.nodes.values(), key=lambda node: hypot(node.x - x, node.y - y))
-        return near.name if hypot(near.x - x, near.y - y) <= NEAR else ""
+        most = NEAR_IN_QUEUE if near.name.startswith(QUEUE) else NEAR
+        return near.name if hypot(near.x - x, near.y - y) <= most else ""
 
     def way(self, start: str, ends: Iterable[str]) -> list[str]:
         """Return the nodes of the shortest way to the nearest of some nodes, the first one left out. Raises ValueError if there is none."""
@@ -92,8 +103,9 @@ def graph_of(layout: Layout, route: OneWay) -> Graph:
     named: dict[tuple[float, float], str] = {}
     stations: dict[str, tuple[str, ...]] = {BAY: (BAY,)}
     for head in range(0, layout.queue_places, layout.queue.places):
-        line = f"queue/{head // layout.queue.places + 1}"
-        slots = [layout.queue.place(head + slot) for slot in range(min(layout.queue.places, layout.queue_places - head))]
+        line = f"{QUEUE}{head // layout.queue.places + 1}"
+        first, count = layout.queue.place(head), min(layout.queue.places, layout.queue_places - head)
+        slots = [first._replace(x=first.x - PITCH * slot) for slot in range(count)]
         named |= {_point(pose): f"{line}/{slot + 1}" if slot else line for slot, pose in enumerate(slots)}
         stations[line] = (line,)
         bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
@@ -112,19 +124,33 @@ def graph_of(layout: Layout, route: OneWay) -> Graph:
             loop = _legs(route.loop_to_full_bin(lane.number, side), stop)
             named |= dict(zip((_point(stop), _point(loop[-1].end)), stations[name], strict=True))
             legs += [*loop, *_legs(route.go_to_bay(lane.number, side), loop[-1].end)]
-            legs += _legs(_over_to_the_other_road(route, lane.number, side, stop), stop)
+            legs += _legs(_over_to_the_other_road(route, side, lane.number, stop), stop)
     return _joined(legs, named, stations)
 
 
-def _over_to_the_other_road(route: OneWay, lane: int, side: Side, stop: Pose) -> list[Step]:
-    """The way home for a carrier that has nothing to do at a lane: from its stop over to the road of the full bins, and along it."""
-    _, turn, along, *onward = route.go_to_bay(lane, side)
+def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) -> list[Step]:
+    """The way home for a carrier that has nothing to do at a lane: from its stop over to the road of the full bins, and along it.
+
+    It needs the places of that road between which it turns, as one that drives along it: one after the other, never two at once. The
+    longest way to the bay knows those of all lanes.
+    """
+    ways = [route.go_to_bay(one.number, side) for one in route.layout.lanes]
+    _, turn, along, *onward = max(ways, key=lambda way: len(way[2].frees) if isinstance(way[2], DriveTo) else 0)
     assert isinstance(turn, Face) and isinstance(along, DriveTo)
     ahead = -1.0 if turn.heading == "SOUTH" else 1.0
-    ways = {place: ahead * (gate.at - stop.y) for gate in along.needs for place in gate.places}
-    passed = [place for gate in along.frees for place in gate.places if ahead * (gate.at - stop.y) > 0.0 >= ways.get(place, 0.0)]
-    leave = [Need(passed), Face(side.heading("WEST")), DriveTo(x=side.x(route.F_ROAD))]
-    return [*leave, Face(turn.heading), Free([side.place("D", lane)]), along, *onward]
+    enters = {place: ahead * (gate.at - stop.y) for gate in along.needs for place in gate.places}
+    leaves = {place: ahead * (gate.at - stop.y) for gate in along.frees for place in gate.places}
+    around = [place for place in leaves if leaves[place] > -RADIUS and enters.get(place, -inf) < RADIUS]
+    needs = [Need([place]) for place in sorted(around, key=lambda place: leaves[place])]
+    return [
+        *needs,
+        Face(side.heading("WEST")),
+        DriveTo(x=side.x(route.F_ROAD)),
+        Face(turn.heading),
+        Free([side.place("D", lane)]),
+        along,
+        *onward,
+    ]
 
 
 def _legs(steps: Iterable[Step], start: Pose) -> list[Leg]:
@@ -173,7 +199,7 @@ def _joined(legs: list[Leg], named: dict[tuple[float, float], str], stations: Ma
         start, end = named[_point(leg.start)], named[_point(leg.end)]
         edges[start, end] = Edge(start, end, abs(leg.end.x - leg.start.x) + abs(leg.end.y - leg.start.y), leg.steps)
     nodes = {name: Node(name, x, y) for (x, y), name in named.items()}
-    return Graph(nodes, edges, tuple(name for name in stations if name.startswith("queue/")), stations)
+    return Graph(nodes, edges, tuple(name for name in stations if name.startswith(QUEUE)), stations)
 
 
 def _freed(steps: Iterable[Step]) -> list[str]:

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from orchard_vda5050.actions import ACTIONS, IGNORED
-from orchard_vda5050.graph import Graph
+from orchard_vda5050.graph import QUEUE, Graph
 from orchard_vda5050.lif import MAP
 
 Count = Annotated[int, Meta(ge=0, lt=2**32)]
@@ -219,13 +219,15 @@ def take(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> O
     _check_ways(order, graph)
     _check_actions(order)
     if is_new:
-        _check_start(first, graph, x, y)
+        _check_start(state, first, graph, x, y)
         return _begun(state, order)
     return _continued(state, order)
 
 
-def _check_start(first: Node, graph: Graph, x: float, y: float) -> None:
-    """The vehicle must stand on the first node."""
+def _check_start(state: OrderState, first: Node, graph: Graph, x: float, y: float) -> None:
+    """The vehicle must stand on the first node. In the queue it may stand beyond it, behind another one."""
+    if first.node_id == state.last_node and first.node_id.startswith(QUEUE):
+        return
     node, room = graph.nodes[first.node_id], MATCHES
     if first.node_position is not None and first.node_position.allowed_deviation is not None:
         room += first.node_position.allowed_deviation.b

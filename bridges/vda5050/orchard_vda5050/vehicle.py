@@ -4,6 +4,7 @@ At each tick it takes the messages that have come, follows its order, and says h
 carriers, so it takes turns on the roads with them and stops for obstacles. Its memory holds its order: another process can go on with it.
 """
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import msgspec
@@ -14,13 +15,13 @@ from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus,
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
 from orchard_vda5050 import order as orders
-from orchard_vda5050.actions import INSTANT, UNLOAD
+from orchard_vda5050.actions import INSTANT, PICK, UNLOAD
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver, Drop, Duty, HandOver, Onward, VehicleMemory
-from orchard_vda5050.graph import BAY, Graph
+from orchard_vda5050.graph import BAY, QUEUE, Graph
 from orchard_vda5050.lif import edge_id
 from orchard_vda5050.messages import Message, Status, factsheet_of, state_of, visualization_of
-from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, Rejected
+from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, OrderState, Parameter, Rejected
 
 ON_A_NODE = 0.05  # m
 
@@ -149,11 +150,15 @@ class Vehicle(Carrier):
         return "RUNNING"
 
     def _give_up(self, robot: Driver) -> None:
+        """Give up the order at the next node; a vehicle that has not left the last one yet stays there."""
         duty, last = robot.duty, self.graph.nodes.get(robot.duty.order.last_node)
         is_there = last is not None and abs(last.x - robot.pose.x) + abs(last.y - robot.pose.y) < ON_A_NODE
-        if duty.phase == "edge" and is_there:
-            duty.phase, robot.memory.plan = "", [Onward()]
-        orders.cancel(duty.order, duty.phase == "edge")
+        if duty.phase == "edge" and not is_there:
+            orders.cancel(duty.order, is_driving=True)
+        elif duty.phase == "action":
+            orders.cancel(duty.order, is_driving=False)
+        else:
+            self._stop(robot)
         duty.is_halted = False
 
     def _close_cancelling(self, duty: Duty) -> None:
@@ -166,29 +171,44 @@ class Vehicle(Carrier):
     def _mind(self, robot: Driver) -> None:
         """A vehicle that is left standing on the roads would jam all others: it drives to the queue by itself."""
         duty, order = robot.duty, robot.duty.order
-        may_go = bool(order.nodes and order.nodes[0].released) or bool(duty.phase) or bool(order.queue)
-        has_more = not duty.is_paused and not duty.is_halted and may_go
-        if has_more or order.last_node.startswith("queue/") or not order.last_node:
-            duty.is_away = duty.is_away and has_more
+        is_queued = order.last_node.startswith(QUEUE)
+        if duty.is_away and is_queued and (order.is_idle or robot.seen.twist == STILL):
+            self._stop(robot)
+            duty.is_away = False
+        may_go = bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
+        if is_queued or not order.last_node or (may_go and not duty.is_paused and not duty.is_halted):
             duty.idle_since = -1
             return
         duty.idle_since = robot.seen.tick if duty.idle_since < 0 else duty.idle_since
         if (robot.seen.tick - duty.idle_since) * TIME_STEP >= self.timing.patience:
             self._drive_home(robot)
 
+    def _stop(self, robot: Driver) -> None:
+        """Give up the order where the vehicle stands."""
+        robot.duty.phase, robot.memory.plan = "", [Onward()]
+        orders.cancel(robot.duty.order, is_driving=False)
+
     def _drive_home(self, robot: Driver) -> None:
-        """Give the order up and drive to the queue, a full bin through the bay."""
-        duty = robot.duty
+        """Give the order up and drive to the queue, through the bay with a full bin, also with one that it has promised to take."""
+        duty, order = robot.duty, robot.duty.order
         self._give_up(robot)
-        duty.is_paused, duty.is_away, duty.idle_since, order = False, True, -1, duty.order
-        start = order.nodes[-1].node_id if order.nodes else order.last_node
-        to_bay = self.graph.way(start, [BAY]) if duty.is_laden else []
-        way = [*to_bay, *self.graph.way(BAY if to_bay else start, [self.home])]
-        for name in way:
-            sequence = order.decision_point[1] + 1
-            unload = [ActionOrder(UNLOAD, f"{UNLOAD} {sequence}", "HARD")] if duty.is_laden and name == BAY else []
-            order.edges = [*order.edges, Edge(edge_id(self.graph.edges[order.decision_point[0], name]), sequence, True, [])]
-            order.nodes = [*order.nodes, Node(name, sequence + 1, True, unload)]
+        duty.is_paused, duty.is_away, duty.idle_since = False, True, -1
+        promised, duty.owes = duty.owes, ""
+        if promised:
+            self._add(order, self.graph.bins, PICK, promised)
+        if promised or duty.is_laden:
+            self._add(order, [BAY], UNLOAD)
+        self._add(order, [self.home])
+
+    def _add(self, order: OrderState, ends: Sequence[str], kind: str = "", load: str = "") -> None:
+        """Add the way from the end of the base to the nearest of some nodes, and an action there."""
+        name, sequence = order.decision_point
+        for after in self.graph.way(name, ends):
+            order.edges = [*order.edges, Edge(edge_id(self.graph.edges[name, after]), sequence + 1, True, [])]
+            order.nodes = [*order.nodes, Node(after, sequence + 2, True, [])]
+            name, sequence = after, sequence + 2
+        if kind and order.nodes:
+            order.nodes[-1].actions.append(ActionOrder(kind, f"{kind} {sequence}", "HARD", [Parameter("loadId", load)] if load else []))
 
     # -- what it says
 

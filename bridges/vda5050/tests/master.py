@@ -7,6 +7,7 @@ import heapq
 from itertools import count, pairwise
 
 RELEASED = 4  # nodes of the base that it releases at once
+AGAIN = 5  # states without an answer to an order, after which it sends the order again
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
 
 
@@ -26,6 +27,8 @@ class Master:
     def hear(self, serial, topic, message):
         """A message of a vehicle."""
         self.newest.setdefault(topic, {})[serial] = message
+        if topic == "connection" and message["connectionState"] != "ONLINE":
+            self.jobs.pop(serial, None)
         if topic == "state":
             self.homes.setdefault(serial, "/".join(message["lastNodeId"].split("/")[:2]))
             self.follow(serial, message)
@@ -53,7 +56,9 @@ class Master:
     def is_free(self, serial):
         state = self.states[serial]
         is_idle = not state["nodeStates"] and all(one["actionStatus"] in ("FINISHED", "FAILED") for one in state["actionStates"])
-        return is_idle and serial not in self.jobs and state["operatingMode"] == "AUTOMATIC" and state["loads"] and not state["paused"]
+        is_mine = state["operatingMode"] == "AUTOMATIC" and not state["paused"] and serial not in self.jobs
+        is_here = self.newest.get("connection", {}).get(serial, {}).get("connectionState", "ONLINE") == "ONLINE"
+        return is_here and is_idle and is_mine and state["loads"]
 
     def begin(self, serial, call):
         load, (stop, bin_node) = call["loadId"], self.stations[call["station"]]
@@ -61,6 +66,7 @@ class Master:
         ways = [self.way(start, stop), self.way(stop, bin_node), self.way(bin_node, "bay"), self.way("bay", self.homes[serial])]
         actions = {stop: ("handOver", load), bin_node: ("pick", load), "bay": ("unload", None)}
         self.drive(serial, load, [start, *(name for way in ways for name in way[1:])], actions)
+        self.jobs[serial]["call"] = call
 
     def drive(self, serial, load, names, actions):
         order = f"{load} {next(self.headers)}"
@@ -80,7 +86,8 @@ class Master:
             }
             for number in range(first, len(job["names"]) - 1)
         ]
-        self.publish(serial, "order", {"orderId": job["order"], "orderUpdateId": job["update"], "nodes": nodes, "edges": edges})
+        job |= {"silent": 0, "sent": {"orderId": job["order"], "orderUpdateId": job["update"], "nodes": nodes, "edges": edges}}
+        self.publish(serial, "order", job["sent"])
 
     def node(self, job, number):
         name = job["names"][number]
@@ -102,7 +109,12 @@ class Master:
         if job and job["order"] is None and not state["nodeStates"] and state["instantActionStates"][-1]["actionStatus"] == "FINISHED":
             self.drive(serial, "", self.way(state["lastNodeId"], self.homes[serial]), {})
             job = self.jobs[serial]
-        if job is None or state["orderId"] != job["order"] or state["orderUpdateId"] != job["update"]:
+        if job is None or job["order"] is None:
+            return
+        if (state["orderId"], state["orderUpdateId"]) != (job["order"], job["update"]):
+            job["silent"] += 1
+            if job["silent"] % AGAIN == 0:
+                self.publish(serial, "order", job["sent"])
             return
         if any(error["errorType"] == "ACTION_FAILED" for error in state["errors"]):
             self.jobs[serial] |= {"order": None}

@@ -14,6 +14,8 @@ from orchard import Carrier, Local, Scenario
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
 
 EACH_SECOND = Timing()
+QUIET = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0, "tractor": False}
+SMALL = {"rows": 3, "row_length": 24.0, "picking_speed": 1.0, "pickers": 2, "carriers": 2} | QUIET
 
 
 class Wire:
@@ -47,7 +49,7 @@ class Fleet:
     def __init__(self, scenario, names=None, timing=EACH_SECOND, released=4):
         self.run = Local(Scenario(**{"dispatch": "nearest"} | scenario))
         layout = self.run.engine.layout
-        self.graph, self.calls = graph_of(layout, Carrier(layout, "carrier_01").route), Calls()
+        self.graph, self.calls = graph_of(layout, Carrier(layout, "carrier_01").route), Calls(self.hear_calls)
         self.wires = {name: Wire(name) for name in names or [name for name in layout.names if name.startswith("carrier")]}
         for name, wire in self.wires.items():
             self.run.play(name, Vehicle(layout, name, self.graph, wire, self.calls, timing))
@@ -56,6 +58,9 @@ class Fleet:
         )
         self.heard = []
         self.has_master = True
+
+    def hear_calls(self, waiting):
+        self.master.hear_calls(waiting)
 
     def tick(self):
         events = self.run.tick()
@@ -66,9 +71,13 @@ class Fleet:
                     self.master.hear(name, topic, message)
             wire.sent.clear()
         if self.has_master:
-            self.master.hear_calls(self.calls.waiting(self.run.engine.tick))
             self.master.assign()
         return events
+
+    def cut(self, name, is_up=False):
+        """Cut the line of a vehicle, or mend it. Its broker says so to fleet control."""
+        self.wires[name].is_up = is_up
+        self.master.hear(name, "connection", {"connectionState": "ONLINE" if is_up else "CONNECTION_BROKEN"})
 
     def until(self, condition, seconds=600.0):
         """Tick until a condition is true. Return what it is."""
@@ -79,5 +88,8 @@ class Fleet:
         return found
 
     def state(self, name):
-        """The newest state of a vehicle."""
-        return next(message for who, topic, message in reversed(self.heard) if (who, topic) == (name, "state"))
+        """The newest state that a vehicle has sent."""
+        return next((message for who, topic, message in reversed(self.heard) if (who, topic) == (name, "state")), {"nodeStates": []})
+
+    def pose(self, name):
+        return self.run.seen[name].pose

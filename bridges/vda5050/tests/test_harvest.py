@@ -5,10 +5,8 @@ import json
 import pytest
 from orchard_vda5050.messages import connection_of, factsheet_of
 from orchard_vda5050.vehicle import Timing
-from orchards import HEADER, Fleet
+from orchards import HEADER, SMALL, Fleet
 from standard import check
-
-SMALL = {"rows": 3, "pickers": 2, "carriers": 2}
 
 
 def checked(fleet):
@@ -39,7 +37,7 @@ def harvested(fleet):
     [
         (SMALL, 1),
         (SMALL, 99),
-        (SMALL | {"route": "one-way", "carriers": 3}, 4),
+        ({"rows": 3, "row_length": 24.0, "carriers": 3, "route": "one-way"}, 4),
     ],
     ids=str,
 )
@@ -51,7 +49,7 @@ def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scen
 
 
 def test_some_carriers_are_driven_by_a_fleet_control_and_the_others_by_their_own_agents():
-    fleet = Fleet(SMALL | {"carriers": 3}, names=["carrier_02"])
+    fleet = Fleet(SMALL | {"carriers": 3}, names=["carrier_01"])
     assert harvested(fleet) == []
     assert fleet.master.finished and len(fleet.master.finished) < fleet.run.engine.layout.bins
 

@@ -1,0 +1,76 @@
+"""`orchard-vda5050`, or `python -m orchard_vda5050`: drive the carriers of a run by orders, or write the map of an orchard."""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from orchard import Carrier, Scenario, ScenarioError, lay_out, load
+from orchard.processes import agents
+from orchard_vda5050 import fleet
+from orchard_vda5050.graph import graph_of
+from orchard_vda5050.lif import lif_of
+
+HELP = {
+    "broker": "mqtt://host:port, or mqtts://user:password@host:port",
+    "interface": "first part of the topics",
+    "manufacturer": "part of the topics",
+    "state": "simulated seconds between two states, unless something happens",
+    "visualization": "simulated seconds between two visualizations; 0: none",
+    "patience": "simulated seconds after which a vehicle that is left standing on the roads drives to the queue by itself",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit code: 0 after a run, 2 for what a user can correct."""
+    options = _parser().parse_args(argv)
+    try:
+        return int(options.do(options))
+    except (ValueError, OSError, ScenarioError) as error:
+        print(f"orchard-vda5050: {error}", file=sys.stderr)
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="orchard-vda5050", description="Drive carriers of the Orchard by orders of VDA 5050.")
+    commands = parser.add_subparsers(required=True)
+    drive = commands.add_parser("drive", help="drive carriers of a run by orders", formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    drive.add_argument("endpoint", help="where the run listens, such as tcp/127.0.0.1:7447")
+    drive.add_argument("--robots", nargs="+", default=["carrier"], help="the carriers, or the kind")
+    drive.add_argument("--secure", metavar="DIR", help="directory of the role, in a secured run")
+    for name, default in fleet.DEFAULTS.items():
+        drive.add_argument(f"--{name}", default=default, type=type(default), help=HELP[name])
+    drive.set_defaults(do=_drive)
+    lif = commands.add_parser("lif", help="write the roads of an orchard as a LIF map")
+    lif.add_argument("file", type=Path, help="the file to write")
+    lif.add_argument("scenario", nargs="?", type=Path, help="SCENARIO.yaml; without one, the default orchard")
+    lif.set_defaults(do=_write_lif)
+    return parser
+
+
+def _drive(options: argparse.Namespace) -> int:
+    for name in fleet.DEFAULTS:
+        os.environ[fleet.ENVIRONMENT + name.upper()] = str(getattr(options, name))
+    fleet.broker(), fleet.timing()  # a mistake in them is said at once
+    words = ["--connect", options.endpoint, "--agents", "orchard_vda5050.fleet:vehicles"]
+    words += [word for robot in options.robots for word in ("--only", robot)] + (["--secure", options.secure] if options.secure else [])
+    try:
+        return agents.main(words)
+    finally:
+        fleet.lines().close()
+
+
+def _write_lif(options: argparse.Namespace) -> int:
+    layout = lay_out(load(options.scenario) if options.scenario else Scenario())
+    graph = graph_of(layout, Carrier(layout, "carrier_01").route)
+    made_at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    options.file.write_text(json.dumps(lif_of(graph, "the Orchard", made_at), indent=1) + "\n")
+    print(f"{options.file}: {len(graph.nodes)} nodes, {len(graph.edges)} edges")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

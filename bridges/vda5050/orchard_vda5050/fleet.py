@@ -1,0 +1,81 @@
+"""The vehicles of a run, as a host process of the Orchard asks for them: `vehicles(layout, names)`."""
+
+import os
+from collections.abc import Collection, Mapping
+from functools import cache
+
+from orchard import Carrier, Layout
+from orchard.field.kinds import kind_of
+from orchard_vda5050.calls import Calls
+from orchard_vda5050.graph import graph_of
+from orchard_vda5050.line import Broker, Line, Notices, broker_at
+from orchard_vda5050.messages import connection_of, factsheet_of
+from orchard_vda5050.vehicle import Timing, Vehicle
+
+ENVIRONMENT = "ORCHARD_VDA5050_"  # and a name in capitals: the settings of `vehicles`
+DEFAULTS: Mapping[str, str | float] = {
+    "broker": "mqtt://127.0.0.1:1883",
+    "interface": "vda5050",
+    "manufacturer": "orchard",
+    "state": 1.0,
+    "visualization": 0.0,
+    "patience": 300.0,
+}
+
+
+def setting(name: str) -> str:
+    """Return a setting: from the environment, or its default."""
+    return os.environ.get(ENVIRONMENT + name.upper(), str(DEFAULTS[name]))
+
+
+def broker() -> Broker:
+    """Return the broker of the settings. Raises ValueError for one that cannot be."""
+    return broker_at(*map(setting, ("broker", "interface", "manufacturer")))
+
+
+def timing() -> Timing:
+    """Return the times of the settings. Raises ValueError for one that is no number of seconds."""
+    try:
+        times = Timing(*(float(setting(name)) for name in ("state", "visualization", "patience")))
+    except ValueError as error:
+        raise ValueError(f"a time must be a number of seconds: {error}") from None
+    if not (times.state >= 0.1 and times.visualization >= 0.0 and times.patience > 0.0):
+        raise ValueError(f"{times}: states need at least 0.1 s, and patience more than 0")
+    return times
+
+
+class Lines:
+    """The lines of all vehicles to one broker. A run that is reset keeps them."""
+
+    def __init__(self) -> None:
+        self._broker, self._lines = broker(), dict[str, Line]()
+        self._greets = [("connection", connection_of("ONLINE")), ("factsheet", factsheet_of(timing().state))]
+        self.notices = Notices(self._broker)
+
+    def of(self, name: str) -> Line:
+        """Return the line of a vehicle, which is opened when it is first asked for."""
+        if name not in self._lines:
+            self._lines[name] = Line(self._broker, name, ("order", "instantActions"), self._greets)
+        return self._lines[name]
+
+    def close(self) -> None:
+        for line in self._lines.values():
+            line.close()
+        self.notices.close()
+
+
+@cache
+def lines() -> Lines:
+    """Return the lines of this process."""
+    return Lines()
+
+
+def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Vehicle]:
+    """Return an agent for each of these carriers, with a line to fleet control. Raises ValueError for what cannot be a vehicle."""
+    if wrong := [name for name in names if kind_of(name) != "carrier"]:
+        raise ValueError(f"{', '.join(wrong)}: only carriers are vehicles")
+    if layout.scenario.dispatch != "nearest":
+        raise ValueError(f"dispatch {layout.scenario.dispatch}: fleet control sends the carriers; start the run with --dispatch nearest")
+    times, calls = timing(), Calls(lines().notices.tell)
+    graph = graph_of(layout, Carrier(layout, next(iter(names))).route)
+    return {name: Vehicle(layout, name, graph, lines().of(name), calls, times) for name in names}

@@ -1,0 +1,140 @@
+"""A broker, an orchard, a bridge and a fleet control: processes on this machine. The fleet control is this one."""
+
+import json
+import os
+import shlex
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+from master import Master
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion
+
+FOLDER = Path(__file__).parents[1]
+BEGIN_SECONDS = 120.0  # the first start of an orchard on a machine compiles
+MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
+
+
+def free_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return taken.getsockname()[1]
+
+
+@contextmanager
+def started(words, log):
+    """A process that is ended by its id at the end."""
+    with open(log, "ab") as output, subprocess.Popen(words, stdout=output, stderr=subprocess.STDOUT, cwd=log.parent) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def answers(port):
+    with socket.socket() as caller:
+        return caller.connect_ex(("127.0.0.1", port)) == 0
+
+
+@contextmanager
+def broker(folder, port):
+    """A mosquitto on loopback, which answers."""
+    assert MOSQUITTO, "mosquitto is missing: apt-get install mosquitto"
+    (folder / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\n")
+    with started([MOSQUITTO, "-c", str(folder / "mosquitto.conf")], folder / "broker.log") as process:
+        end = time.monotonic() + 20.0
+        while not answers(port):
+            assert time.monotonic() < end and process.poll() is None, (folder / "broker.log").read_text()
+            time.sleep(0.02)
+        yield process
+
+
+class Control(Master):
+    """The fleet control, on its MQTT client: it acts on what arrives in the client's thread."""
+
+    def __init__(self, lif, port):
+        super().__init__(lif, self.publish_to)
+        self.heard, self.is_active = [], True
+        self.client = Client(CallbackAPIVersion.VERSION2, client_id="control")
+        self.client.reconnect_delay_set(1, 1)
+        self.client.on_connect = lambda client, *_: [client.subscribe(topic) for topic in ("vda5050/v3/orchard/#", "vda5050/calls")]
+        self.client.on_message = self.arrived
+        self.client.connect("127.0.0.1", port, 5)
+        self.client.loop_start()
+
+    def publish_to(self, serial, topic, message):
+        self.client.publish(f"vda5050/v3/orchard/{serial}/{topic}", json.dumps(message))
+
+    def arrived(self, _client, _data, message):
+        *_, serial, topic = message.topic.split("/")
+        body = json.loads(message.payload)
+        if topic == "calls":
+            self.hear_calls(body)
+        elif topic in ("state", "connection", "factsheet"):
+            self.heard.append((serial, topic, body))
+            self.hear(serial, topic, body)
+        if self.is_active:
+            self.assign()
+
+    def follow(self, serial, state):
+        if self.is_active:
+            super().follow(serial, state)
+
+    def close(self):
+        self.client.disconnect()
+        self.client.loop_stop()
+
+    def until(self, condition, seconds=30.0):
+        """Wait until a condition is true; return what it is."""
+        end = time.monotonic() + seconds
+        while not (found := condition()):
+            assert time.monotonic() < end, f"not within {seconds} s: {self.newest}"
+            time.sleep(0.01)
+        return found
+
+    def connection(self, serial):
+        return self.newest.get("connection", {}).get(serial, {}).get("connectionState")
+
+
+class Scene:
+    """An orchard, and a bridge to it."""
+
+    def __init__(self, folder, endpoint, orchard, bridge):
+        self.folder, self.endpoint, self.orchard, self.bridge = folder, endpoint, orchard, bridge
+
+    def told(self):
+        return (self.folder / "bridge.log").read_text()
+
+
+def bridging(endpoint, broker_port, folder, *words):
+    """A process that is a bridge."""
+    command = [sys.executable, "-m", "orchard_vda5050", "drive", endpoint, "--broker", f"mqtt://127.0.0.1:{broker_port}", *words]
+    return started(command, folder / "bridge.log")
+
+
+@contextmanager
+def scene(folder, scenario, broker_port, orchard_words=(), bridge_words=()):
+    """An orchard whose carriers are vehicles, with a broker at a port."""
+    (folder / "orchard.yaml").write_text(json.dumps({"dispatch": "nearest"} | scenario))
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    words = [*shlex.split(os.environ["ORCHARD"]), str(folder / "orchard.yaml"), "--without", "carrier"]
+    words += ["--listen", endpoint, "--record", "none", *orchard_words]
+    os.environ |= {"ORCHARD_RUNS": str(folder / "runs"), "PYTHONPATH": str(FOLDER)}
+    with started(words, folder / "orchard.log") as orchard, bridging(endpoint, broker_port, folder, *bridge_words) as bridge:
+        yield Scene(folder, endpoint, orchard, bridge)
+
+
+def lif(folder):
+    """The map that the bridge writes for the orchard in a folder."""
+    words = [sys.executable, "-m", "orchard_vda5050", "lif", str(folder / "map.lif.json"), str(folder / "orchard.yaml")]
+    subprocess.run(words, cwd=FOLDER, check=True, capture_output=True, timeout=60)
+    return json.loads((folder / "map.lif.json").read_text())

@@ -1,0 +1,109 @@
+"""What goes wrong between a vehicle and its fleet control, in virtual time."""
+
+import pytest
+from orchard_vda5050.vehicle import Timing
+from orchards import SMALL, Fleet
+from standard import check
+
+
+def begun(released=4, patience=60.0):
+    """A fleet one of whose vehicles is on its way; and its name."""
+    fleet = Fleet(SMALL, released=released, timing=Timing(patience=patience))
+    name = fleet.until(lambda: next((name for name in fleet.wires if fleet.state(name)["nodeStates"]), None))
+    fleet.until(lambda: not fleet.state(name)["lastNodeId"].startswith("queue/"))
+    return fleet, name
+
+
+def stands_at(fleet, name):
+    """The node at which a vehicle stands; None while it moves or is between two."""
+    seen = fleet.run.seen[name]
+    return fleet.graph.at(seen.x, seen.y) if not any(seen.twist) else None
+
+
+def stands_in_the_queue(fleet, name):
+    return (stands_at(fleet, name) or "").startswith("queue/")
+
+
+def finishes(fleet):
+    while not fleet.run.engine.over:
+        assert fleet.run.engine.tick < 15_000, [fleet.state(name) for name in fleet.wires]
+        fleet.tick()
+    for _, topic, message in fleet.heard:
+        check(topic, message)
+    return True
+
+
+def test_a_vehicle_whose_line_is_cut_drives_to_the_end_of_its_base_and_goes_on_when_it_is_mended():
+    fleet, name = begun(patience=1000.0)
+    base = [node["nodeId"] for node in fleet.state(name)["nodeStates"] if node["released"]]
+    fleet.wires[name].is_up = False
+    fleet.until(lambda: stands_at(fleet, name) == base[-1])
+    for _ in range(100):
+        fleet.tick()
+    assert stands_at(fleet, name) == base[-1]
+    fleet.wires[name].is_up = True
+    fleet.until(lambda: fleet.state(name)["lastNodeId"] == base[-1])
+    assert fleet.state(name)["newBaseRequest"]
+    assert finishes(fleet) and fleet.state(name)["errors"] == []
+
+
+def test_an_order_that_is_lost_is_sent_again():
+    fleet, _ = begun()
+    send, lost = fleet.master.send, []
+    fleet.master.send = lambda *message: send(*message) if len(lost) == 3 or lost.append(message) else None
+    fleet.until(lambda: len(lost) == 3)
+    assert finishes(fleet)
+
+
+def test_an_update_after_one_that_is_lost_is_rejected_and_the_vehicle_stays_within_its_base():
+    fleet, name = begun(released=2)
+    fleet.has_master = False
+    job = fleet.master.jobs[name]
+    job |= {"base": job["base"] + 2, "update": job["update"] + 2}
+    fleet.master.order(name, first=job["base"])
+    fleet.until(lambda: fleet.state(name)["errors"])
+    (error,) = fleet.state(name)["errors"]
+    assert error["errorType"] == "VALIDATION_FAILURE" and "must begin with the last node of the base" in error["errorDescription"]
+    fleet.until(lambda: fleet.state(name)["newBaseRequest"] and not fleet.state(name)["driving"])
+
+
+@pytest.mark.parametrize("after", ["out", "stop", "turn", "bay"])
+def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_others_finish(after):
+    """Its fleet control vanishes on the way out, at the picker, with a promise to take a full bin, and with one on its bar."""
+    fleet, name = begun(released=1)
+    job = fleet.master.jobs[name]
+    stop, bin_node = (next(node for node in job["names"] if f"/{what}/" in node) for what in ("stop", "bin"))
+    names = {"out": fleet.state(name)["lastNodeId"], "stop": stop, "turn": job["names"][job["names"].index(stop) + 1], "bay": bin_node}
+    fleet.until(lambda: fleet.state(name)["lastNodeId"] == names[after] and all_done(fleet, name, names[after], job))
+    fleet.cut(name)
+    fleet.until(lambda: stands_in_the_queue(fleet, name))
+    fleet.cut(name, is_up=True)
+    assert finishes(fleet)
+    assert fleet.state(name)["operatingMode"] == "AUTOMATIC"
+
+
+def all_done(fleet, name, node, job):
+    """Whether the actions at a node are finished."""
+    actions = {state["actionId"]: state["actionStatus"] for state in fleet.state(name)["actionStates"]}
+    kind = job["actions"].get(node)
+    return kind is None or actions.get(f"{job['order']} {kind[0]}") == "FINISHED"
+
+
+def test_a_vehicle_that_drives_home_by_itself_says_so_and_takes_no_order():
+    fleet, name = begun(released=1)
+    fleet.has_master = False
+    fleet.until(lambda: fleet.state(name)["operatingMode"] == "MANUAL")
+    assert fleet.state(name)["nodeStates"] == []
+    fleet.master.drive(name, "new", ["queue/1"], {})
+    fleet.until(lambda: fleet.state(name)["errors"])
+    assert [error["errorType"] for error in fleet.state(name)["errors"]] == ["MOBILE_ROBOT_NOT_AVAILABLE"]
+    fleet.until(lambda: fleet.state(name)["operatingMode"] == "AUTOMATIC")
+    assert fleet.state(name)["lastNodeId"].startswith("queue/")
+
+
+def test_a_bin_that_another_carrier_fetches_fails_the_action_and_the_order_can_be_cancelled():
+    fleet, name = begun(released=99)
+    other = next(one for one in fleet.wires if one != name)
+    fleet.master.begin(other, fleet.master.jobs[name]["call"])
+    fleet.until(lambda: any(error["errorType"] == "ACTION_FAILED" for error in fleet.state(other)["errors"]))
+    assert finishes(fleet)

@@ -1,0 +1,72 @@
+"""What a vehicle obeys at once."""
+
+import pytest
+from test_faults import begun, finishes
+
+
+def status(fleet, name, action):
+    return next((one["actionStatus"] for one in fleet.state(name)["instantActionStates"] if one["actionId"] == action), None)
+
+
+def test_a_vehicle_that_is_paused_stands_and_goes_on():
+    fleet, name = begun()
+    pause = fleet.master.instant(name, "startPause")
+    fleet.until(lambda: status(fleet, name, pause) == "FINISHED" and fleet.state(name)["paused"])
+    here = fleet.pose(name)
+    for _ in range(50):
+        fleet.tick()
+    assert fleet.pose(name) == here and not fleet.state(name)["driving"]
+    resume = fleet.master.instant(name, "stopPause")
+    fleet.until(lambda: status(fleet, name, resume) == "FINISHED" and fleet.state(name)["driving"])
+    assert finishes(fleet)
+
+
+def test_a_cancelled_order_ends_at_the_next_node_and_a_new_one_begins_there():
+    fleet, name = begun()
+    fleet.has_master = False
+    fleet.until(lambda: fleet.state(name)["distanceSinceLastNode"] > 1.0)
+    state = fleet.state(name)
+    cancel = fleet.master.instant(name, "cancelOrder", orderId=state["orderId"])
+    fleet.until(lambda: status(fleet, name, cancel) == "RUNNING")
+    fleet.until(lambda: status(fleet, name, cancel) == "FINISHED")
+    after = fleet.state(name)
+    assert after["lastNodeId"] == state["nodeStates"][0]["nodeId"] and not after["nodeStates"] and not after["driving"]
+    assert {one["actionStatus"] for one in after["actionStates"]} == {"FAILED"} and after["orderId"] == state["orderId"]
+    fleet.has_master = True
+    fleet.master.jobs.clear()
+    assert finishes(fleet)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "error"),
+    [
+        ("cancelOrder", {"orderId": "another"}, "NO_ORDER_TO_CANCEL"),
+        ("initializePosition", {}, "INVALID_INSTANT_ACTION"),
+        ("fly", {}, "INVALID_INSTANT_ACTION"),
+    ],
+)
+def test_what_a_vehicle_cannot_do_fails_and_is_said(kind, parameters, error):
+    fleet, name = begun()
+    action = fleet.master.instant(name, kind, **parameters)
+    fleet.until(lambda: status(fleet, name, action) == "FAILED")
+    (told,) = fleet.state(name)["errors"]
+    assert told["errorType"] == error and told["errorReferences"] == [{"referenceKey": "actionId", "referenceValue": action}]
+    fine = fleet.master.instant(name, "stateRequest")
+    fleet.until(lambda: status(fleet, name, fine) == "FINISHED" and fleet.state(name)["errors"] == [])
+
+
+def test_a_factsheet_is_sent_on_request_and_finished_instant_actions_are_forgotten():
+    fleet, name = begun()
+    request = fleet.master.instant(name, "factsheetRequest")
+    fleet.until(lambda: status(fleet, name, request) == "FINISHED")
+    assert fleet.master.newest["factsheet"][name]["typeSpecification"]["seriesName"] == "orchard-carrier"
+    fleet.master.instant(name, "clearInstantActions")
+    fleet.until(lambda: [one["actionType"] for one in fleet.state(name)["instantActionStates"]] == ["clearInstantActions"])
+
+
+@pytest.mark.parametrize("payload", [b"{", b"[]", b'{"actions": 3}'])
+def test_what_is_no_instant_action_is_said(payload):
+    fleet, name = begun()
+    fleet.wires[name].inbox.append(("instantActions", payload))
+    fleet.until(lambda: fleet.state(name)["errors"])
+    assert fleet.state(name)["errors"][0]["errorType"] == "VALIDATION_FAILURE"

@@ -1,0 +1,70 @@
+"""The line over a real broker: a harvest, with the broker and the bridge killed on the way; and mistakes, told in words."""
+
+import os
+
+import pytest
+from orchard_vda5050.__main__ import main
+from orchard_vda5050.fleet import vehicles
+from orchards import SMALL
+from standard import check
+
+from orchard import Scenario, lay_out
+from processes import BEGIN_SECONDS, Control, bridging, broker, free_port, lif, scene
+
+FLEET = ("carrier_01", "carrier_02")
+
+
+def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_killed(tmp_path):
+    port = free_port()
+    with broker(tmp_path, port) as first, scene(tmp_path, SMALL, port) as run:
+        control = Control(lif(tmp_path), port)
+        try:
+            is_busy = lambda: next((name for name in FLEET if control.states.get(name, {}).get("nodeStates")), None)  # noqa: E731
+            busy = control.until(is_busy, BEGIN_SECONDS)
+            first.kill()
+            first.wait()
+            with broker(tmp_path, port):
+                before = len(control.heard)
+                control.until(lambda: len(control.heard) > before + 10 and control.states[busy]["orderId"])
+                order = control.states[busy]["orderId"]
+                run.bridge.kill()
+                control.until(lambda: all(control.connection(name) == "CONNECTION_BROKEN" for name in FLEET))
+                with bridging(run.endpoint, port, tmp_path):
+                    control.until(lambda: all(control.connection(name) == "ONLINE" for name in FLEET), BEGIN_SECONDS)
+                    control.until(lambda: control.heard[-1][1] == "state")
+                    assert control.states[busy]["orderId"] in (order, *(job["order"] for job in control.jobs.values()))
+                    assert run.orchard.wait(BEGIN_SECONDS) == 0
+                    control.until(lambda: all(control.connection(name) == "OFFLINE" for name in FLEET))
+        finally:
+            control.close()
+    for _, topic, message in control.heard:
+        check(topic, message)
+    assert {topic for _, topic, _ in control.heard} == {"state", "connection", "factsheet"} and control.finished
+    assert "3 of 3 rows" in (tmp_path / "orchard.log").read_text() and "Traceback" not in run.told()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--broker", "127.0.0.1"], "must be as mqtt://127.0.0.1:1883"),
+        (["--manufacturer", "a/b"], "a part of a topic"),
+        (["--patience", "nan"], "patience more than 0"),
+        (["--state", "0"], "states need at least 0.1 s"),
+    ],
+)
+def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
+    monkeypatch.setattr("os.environ", dict(os.environ))
+    assert main(["drive", "tcp/127.0.0.1:7447", *words]) == 2
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("scenario", "names", "told"),
+    [
+        ({"dispatch": "predictive"}, ["carrier_01"], "start the run with --dispatch nearest"),
+        ({"dispatch": "nearest"}, ["carrier_01", "picker_01"], "picker_01: only carriers are vehicles"),
+    ],
+)
+def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):
+    with pytest.raises(ValueError, match=told):
+        vehicles(lay_out(Scenario(**SMALL | scenario)), names)

@@ -26,13 +26,9 @@ LEARNED = ["carrier_01", "picker_02"]
 MAKERS = [lambda: single_env(SMALL, "carrier_01"), lambda: parallel_env(SMALL, LEARNED), lambda: dispatch_env(SMALL)]
 
 
-@pytest.mark.parametrize("deeds", [False, True])
-def test_pettingzoo(deeds):
-    parallel_api_test(parallel_env(SMALL, LEARNED, deeds=deeds), num_cycles=60)
-
-
-def test_pettingzoo_to_the_end_of_episodes():
-    parallel_api_test(parallel_env(SMALL, LEARNED, longest=15), num_cycles=40)
+@pytest.mark.parametrize("options", [{}, {"deeds": True}, {"longest": 15}])  # the last one: to the end of episodes
+def test_pettingzoo(options):
+    parallel_api_test(parallel_env(SMALL, LEARNED, **options), num_cycles=60)
 
 
 def test_seeds_by_pettingzoo():
@@ -125,12 +121,6 @@ class Driven:
         return replace(action, twist=Twist(forward, 0.0, turn))
 
 
-def test_a_seed_begins_the_episode_of_that_scenario():
-    env = single_env(SMALL, "carrier_01")
-    env.reset(seed=9)
-    assert env.local.engine.layout.scenario == Scenario(**SMALL.model_dump() | {"seed": 9})
-
-
 def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed():
     def seeds(env):
         found = []
@@ -161,15 +151,17 @@ def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_n
     assert seed_of(env) == seed_of(other)
 
 
-def test_a_curriculum_changes_the_scenario():
+def test_a_curriculum_changes_the_scenario_of_one_episode():
     env = single_env(SMALL, "carrier_01")
     observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
     assert env.local.engine.layout.scenario.rows == 4 and env.observation_space.contains(observation)
-    env.reset(seed=3)
-    assert env.local.engine.layout.scenario.rows == SMALL.rows
+    env.reset(seed=9)
+    assert env.local.engine.layout.scenario == with_changes(SMALL, seed=9)
 
 
-def test_an_episode_is_truncated_and_has_to_be_reset():
+def test_an_episode_is_truncated_and_there_is_no_step_before_a_reset():
+    with pytest.raises(ResetNeeded):
+        single_env(SMALL, "carrier_01").step(np.zeros(2))
     env = parallel_env(SMALL, LEARNED, longest=3)
     env.reset()
     ends = [env.step({})[2:4] for _ in range(3)]
@@ -180,25 +172,18 @@ def test_an_episode_is_truncated_and_has_to_be_reset():
         env.step({})
 
 
-def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows():
+def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows_and_others_do_nothing():
     env = single_env(SMALL, "carrier_01", deeds=True)
     _, info = env.reset()
+    assert all(env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20))
     bars, masks = [], []
-    for deed in (0, 2, 0, 1, 0):
+    for deed in (1, 2, 0, 1, 0):  # the first one is not allowed
         observation, *_, after = env.step({"velocity": np.zeros(2), "deed": deed})
         bars.append(float(observation["bar"][0]))
         masks.append(info["action_mask"]["deed"].tolist())
         info = after
     assert bars == [1.0, 0.0, 0.0, 1.0, 1.0]
     assert masks == [[1, 0, 1], [1, 0, 1], [1, 1, 0], [1, 1, 0], [1, 0, 1]]
-
-
-def test_a_mask_fits_the_action_space_and_what_it_forbids_does_nothing():
-    env = single_env(SMALL, "carrier_01", deeds=True)
-    _, info = env.reset()
-    assert all(env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20))
-    observation, *_ = env.step({"velocity": np.zeros(2), "deed": 1})
-    assert observation["bar"][0] == 1.0
 
 
 def follow(reward, name, ticks, command=lambda info: info["scripted"], scenario=SMALL):
@@ -211,14 +196,16 @@ def follow(reward, name, ticks, command=lambda info: info["scripted"], scenario=
     return rewards, env.local.engine.world
 
 
-def test_picking_counts_the_metres_in_the_own_bin():
-    rewards, world = follow("picking", "picker_01", 300)
-    assert sum(rewards) == pytest.approx(world.fill[world.coupled[world.index["picker_01"]]]) and sum(rewards) > 20.0
+COUNTED = [  # reward -> what it counts, and the least that it comes to
+    ("picking", "picker_01", 300, lambda world, i: world.fill[world.coupled[i]], 20.0),
+    ("goal", "tractor_01", 100, lambda world, i: world.distance[i], 5.0),
+]
 
 
-def test_goal_counts_metres_on_the_way():
-    rewards, world = follow("goal", "tractor_01", 100)
-    assert sum(rewards) == pytest.approx(world.distance[world.index["tractor_01"]]) and sum(rewards) > 5.0
+@pytest.mark.parametrize(("reward", "name", "ticks", "counted", "least"), COUNTED)
+def test_picking_counts_the_metres_in_the_own_bin_and_goal_those_on_the_way(reward, name, ticks, counted, least):
+    rewards, world = follow(reward, name, ticks)
+    assert sum(rewards) == pytest.approx(counted(world, world.index[name])) and sum(rewards) > least
 
 
 def test_imitation_is_best_for_our_agent():
@@ -327,11 +314,6 @@ IMPORTS = [
 @pytest.mark.parametrize(("program", "words"), IMPORTS)
 def test_the_import_says_what_to_install_and_loads_neither_zenoh_nor_rerun(program, words):
     assert words in python("-c", f"import sys; {program}", code=1).stderr
-
-
-def test_no_step_before_a_reset():
-    with pytest.raises(ResetNeeded):
-        single_env(SMALL, "carrier_01").step(np.zeros(2))
 
 
 @settings(max_examples=15)

@@ -223,23 +223,26 @@ def test_all_queryables_reply_as_often_as_they_like_and_then_it_is_final(net):
     assert items[3] == Final("ticket")
 
 
-@on_both
-def test_a_refusal_is_an_error_and_the_end(net):
+def asked(net, key="a", seconds=LONG):
+    """A session that asks another one, the other one, and the query that it has heard."""
     asker, other = net.client(), net.client()
     other.answer("a")
     asker.sleep(SHORT)
-    asker.ask("a", b"", 1)
-    heard(other, 1, Query)[0].refuse("no")
+    asker.ask(key, b"", 1, seconds)
+    return asker, other, *heard(other, 1, Query)
+
+
+@on_both
+def test_a_refusal_is_an_error_and_the_end(net):
+    asker, _, query = asked(net)
+    query.refuse("no")
     assert heard(asker, 2, Replied | Final) == [Replied(1, b"", "no"), Final(1)]
 
 
 @on_both
 def test_a_query_with_wildcards_has_the_key_that_was_asked(net):
-    asker, other = net.client(), net.client()
-    other.answer("a/b")
-    asker.sleep(SHORT)
-    asker.ask("a/*", b"", 1)
-    assert heard(other, 1, Query)[0].key == "a/*"
+    _, _, query = asked(net, "*")
+    assert query.key == "*"
 
 
 @on_both
@@ -262,26 +265,18 @@ def test_a_session_answers_its_own_query(net):
 
 @on_both
 def test_a_query_that_nobody_drops_ends_with_its_time(net):
-    asker, other = net.client(), net.client()
-    other.answer("a")
-    asker.sleep(SHORT)
-    begun = asker.clock()
-    asker.ask("a", b"", 1, 1.0)
-    (query,) = heard(other, 1, Query)
+    begun = net.router.clock()
+    asker, _, query = asked(net, seconds=1.0)
     query.reply(b"!")
     assert heard(asker, 3, Replied | Final) == [Replied(1, b"!", ""), Replied(1, b"", TIMED_OUT), Final(1)]
-    assert asker.clock() - begun >= 0.9
+    assert asker.clock() - begun >= SHORT + 0.9
     query.reply(b"late")
     assert is_silent(asker)
 
 
 @on_both
 def test_a_query_is_final_when_the_session_that_should_answer_goes(net):
-    asker, other = net.client(), net.client()
-    other.answer("a")
-    asker.sleep(SHORT)
-    asker.ask("a", b"", 1, 100.0)
-    heard(other, 1, Query)
+    asker, other, _ = asked(net, seconds=100.0)
     net.close(other)
     assert heard(asker, 1, Replied | Final) == [Final(1)]
 

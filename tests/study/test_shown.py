@@ -56,10 +56,7 @@ ANSWERS = [
         of(NINE, TEN, best=TEN, unsure=(NINE,), stopped_by="seeds"),
         "10 carriers: 84.0 ± 0.6 bins an hour; 80 runs of each are too few to tell 9 from 10.",
     ),
-    (
-        of(replace(LONE, replications=1), stopped_by="budget"),
-        "9 carriers: 84.1 bins an hour in the one run so far.",
-    ),
+    (of(replace(LONE, replications=1), stopped_by="budget"), "9 carriers: 84.1 bins an hour in the one run so far."),
     (
         of(NINE, TEN, best=TEN, ties=(NINE,), beyond={"carriers": 11}),
         "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as carriers 11 may be better.",
@@ -172,14 +169,11 @@ def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
     assert max(map(len, lines)) <= 80 and "…" not in "".join(lines)
 
 
-def test_a_column_without_a_figure_is_left_out():
+def test_a_column_without_a_figure_and_a_key_with_one_value_are_left_out():
     heads, lines = table.words(by_policies())
     assert {"a bin", "checked", "harvest, s", "optimum, s"}.isdisjoint(heads)
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
     assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
-
-
-def test_a_key_with_one_value_has_no_column():
     assert "rows" not in table.words(replace(whole(), varied={"rows": [20], **whole().varied}))[0]
 
 

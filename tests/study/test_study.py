@@ -44,42 +44,38 @@ def test_values_are_numbers_words_and_ranges() -> None:
 
 
 def test_each_combination_is_a_setting_and_a_scenario() -> None:
+    assert [setting.values for setting in settings_of(Scenario(), {})] == [{}]
     found = settings_of(Scenario(rows=10), {"people.workers": [0, 4], "carriers": [3, 4]})
     assert [setting.words for setting in found] == [f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)]
     assert found[1].scenario == with_changes(Scenario(rows=10), carriers=4, **{"people.workers": 0})
 
 
-def test_without_anything_that_varies_there_is_one_setting() -> None:
-    assert [setting.values for setting in settings_of(Scenario(), {})] == [{}]
-
-
 MISTAKES = [
-    (["carriers=0..5"], ["--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 120"]),
-    (["carrier=1..3"], ["--vary carrier=1..3: carrier: unknown key; did you mean carriers?"]),
-    (["carriers=5..1"], ["--vary carriers=5..1: 5..1: this range is empty"]),
-    (["carriers=1..9..0"], ["--vary carriers=1..9..0: 1..9..0: this range is empty"]),
-    (["pickers"], ["--vary pickers: must be KEY=VALUE"]),
-    (["carriers=1,,2"], ["--vary carriers=1,,2: must be KEY=VALUE"]),
-    (["=1"], ["--vary =1: must be KEY=VALUE"]),
-    (["carriers=1..3,2"], ["--vary carriers=1..3,2: 2: given twice"]),
-    (["carriers=1,2", "carriers=3"], ["--vary carriers=3: carriers: this key varies already"]),
-    (["rows=1..999999999"], ["--vary rows=1..999999999: 1..999999999: more than 10,000 values"]),
-    (["rows=3..20", "pickers=2..20", "carriers=1..40"], ["--vary rows, pickers, carriers: 13,680 settings; at most 10,000"]),
-    (["seed=1..5"], ["--vary seed=1..5: seed: each replication has its own seed"]),
-    (["prices.per_bin=-1,2"], ["--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"]),
-    (["picking_speed=NaN"], ["--vary picking_speed=nan: picking_speed = nan: must be null or a number from 0.001 to 1.0"]),
+    (["carriers=0..5"], "--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 120"),
+    (["carrier=1..3"], "--vary carrier=1..3: carrier: unknown key; did you mean carriers?"),
+    (["carriers=5..1"], "--vary carriers=5..1: 5..1: this range is empty"),
+    (["carriers=1..9..0"], "--vary carriers=1..9..0: 1..9..0: this range is empty"),
+    (["pickers"], "--vary pickers: must be KEY=VALUE"),
+    (["carriers=1,,2"], "--vary carriers=1,,2: must be KEY=VALUE"),
+    (["=1"], "--vary =1: must be KEY=VALUE"),
+    (["carriers=1..3,2"], "--vary carriers=1..3,2: 2: given twice"),
+    (["carriers=1,2", "carriers=3"], "--vary carriers=3: carriers: this key varies already"),
+    (["rows=1..999999999"], "--vary rows=1..999999999: 1..999999999: more than 10,000 values"),
+    (["rows=3..20", "pickers=2..20", "carriers=1..40"], "--vary rows, pickers, carriers: 13,680 settings; at most 10,000"),
+    (["seed=1..5"], "--vary seed=1..5: seed: each replication has its own seed"),
+    (["prices.per_bin=-1,2"], "--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"),
+    (["picking_speed=NaN"], "--vary picking_speed=nan: picking_speed = nan: must be null or a number from 0.001 to 1.0"),
     (
         ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
-        ["the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row"],
+        "the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row",
     ),
 ]
 
 
 @pytest.mark.parametrize(("words", "told"), MISTAKES)
-def test_mistakes_are_told_with_their_place(words: list[str], told: list[str]) -> None:
-    found = problems(*words)
-    assert len(found) == len(told)
-    assert all(line.startswith(start) for line, start in zip(found, told, strict=True)), found
+def test_mistakes_are_told_with_their_place(words: list[str], told: str) -> None:
+    (found,) = problems(*words)
+    assert found.startswith(told)
 
 
 def test_all_mistakes_are_told_at_once() -> None:
@@ -319,9 +315,8 @@ def test_the_long_run_and_costs(tmp_path):
 def test_a_budget_for_one_run_of_each_gives_an_answer_that_says_how_little_it_knows(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "LOOKS", ())
     one = study(CHANCE, {"carriers": [1, 2, 3]}, replace(AMPLE, store=tmp_path / "s.db"))
-    assert {row.replications for row in one.table} == {1} and "equal" not in [row.standing for row in one.table if row.setting != one.best][
-        :1
-    ]
+    assert {row.replications for row in one.table} == {1}
+    assert next(row.standing for row in one.table if row.setting != one.best) != "equal"
     assert "not enough runs to tell" in one.answer and one.seconds_needed > 0.0
 
 

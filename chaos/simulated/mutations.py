@@ -102,7 +102,7 @@ def _forgets_no_mail(self: mailbox.Mailbox, tick: int) -> None:
 
 
 def _first_in_folder(folder: Any, run: str = "") -> Any:
-    for path in snapshot._newest_first(folder):
+    for path in snapshot._newest_first(folder, snapshot.SNAPSHOT):
         return snapshot.read(path)
     return None
 

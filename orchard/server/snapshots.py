@@ -58,6 +58,7 @@ class SnapshotWriter:
         self._keyframe_ticks = max(1, round(min(keyframe_seconds, LAST_TICK) / TIME_STEP))
         self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
+        self._is_keyframe = False  # what is being written, or waits
         self._failed = False
 
     def is_due(self, tick: int) -> bool:
@@ -65,20 +66,21 @@ class SnapshotWriter:
         return self.folder is not None and (tick % self._keyframe_ticks == 0 or (is_idle and self._clock() >= self._due))
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Write a snapshot after the one that is being written. It replaces an older one that still waits."""
+        """Write a snapshot after the one that is being written. It replaces an older one that still waits, but no keyframe."""
         if self.folder is None:
             return
-        if self._writing is not None:
+        if self._writing is not None and not self._is_keyframe:
             self._writing.cancel()
         name, content = as_file(snapshot)
-        self._writing = self._executor.submit(self._store, name, content, self.folder, snapshot.run)
-        if snapshot.tick % self._keyframe_ticks == 0:
-            self._executor.submit(self._store, name.replace(SNAPSHOT, KEYFRAME), content, self.folder, snapshot.run)
+        self._is_keyframe = snapshot.tick % self._keyframe_ticks == 0
+        names = [name, name.replace(SNAPSHOT, KEYFRAME)] if self._is_keyframe else [name]
+        self._writing = self._executor.submit(self._store, names, content, self.folder, snapshot.run)
         self._due = self._clock() + self._seconds
 
-    def _store(self, name: str, content: bytes, folder: Path, run: str) -> bool:
+    def _store(self, names: list[str], content: bytes, folder: Path, run: str) -> bool:
         try:
-            store(name, content, folder, run)
+            for name in names:
+                store(name, content, folder, run)
         except OSError as error:
             if not self._failed:
                 log.error(

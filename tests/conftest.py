@@ -13,6 +13,7 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import QUICK_START
 from orchard.memory import collect_seldom
+from orchard.report import metrics
 from orchard.sim.engine import Engine
 from orchard.sim.kernels.cache import are_compiled
 
@@ -68,6 +69,12 @@ def invariants_hold(monkeypatch):
         assert self._invariants.violations == []
 
     monkeypatch.setattr(Engine, "account", account_and_look)
+
+
+@pytest.fixture
+def soon_jammed(monkeypatch):
+    """A run counts as jammed when for two minutes, not ten, nothing has gone on."""
+    monkeypatch.setattr(metrics, "JAM_SECONDS", 120.0)
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
-from orchard.report import metrics
 from orchard.report.bounds import Bounds
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 from orchard.sim.snapshot import Snapshot
@@ -61,8 +60,7 @@ def test_a_battery_is_used_with_time_by_less_while_its_carrier_stands_and_charge
     assert stage.local.engine.observe()["carrier_01"].charge == 1.0
 
 
-def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed(monkeypatch):
-    monkeypatch.setattr(metrics, "JAM_SECONDS", 120.0)
+def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed(soon_jammed):
     stage = Stage(charging({"hours": 0.05, "standing": 1.0, "reserve": 0.0}, carriers=1))
     stage.run_until(lambda: bool(stage.happened("flat")), 200)
     at = stage.pose("carrier_01")

@@ -23,7 +23,6 @@ from orchard.agents.policies import dispatch_of
 from orchard.contract.agent import Heard, Mail, Reply, without_body
 from orchard.contract.messages import CarrierQuery, CarrierStatus, Fetch
 from orchard.field.scenario import DISPATCH_POLICIES
-from orchard.report import metrics
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 
 NEEDS_SCIPY = pytest.mark.skipif(find_spec("scipy") is None, reason="scipy, the extra `study`, is not installed")
@@ -204,8 +203,7 @@ def test_without_that_hold_the_early_carrier_shuts_the_picker_in(monkeypatch):
     assert stage.local.actions["carrier_01"].waits_for == "picker_01"
 
 
-def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_that_names_its_bin(monkeypatch):
-    monkeypatch.setattr(metrics, "JAM_SECONDS", 120.0)
+def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_that_names_its_bin(soon_jammed):
     stage = Stage(small("predictive", rows=3))
     stage.run_until(lambda: any(getattr(memory, "job", None) for memory in stage.local.memories.values()), 100)
     waited_for = next(memory.job for memory in stage.local.memories.values() if getattr(memory, "job", None))

@@ -32,7 +32,7 @@ def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_
 @pytest.mark.parametrize(
     ("stands", "x", "named"), [("worker_01", 38.75, "worker_01 ahead"), ("carrier_02", 41.0, "bin_04 of carrier_02 ahead")]
 )
-def test_a_jam_names_who_is_in_the_way(stands, x, named):
+def test_a_jam_names_who_is_in_the_way(soon_jammed, stands, x, named):
     orchard = empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST)
     stage = Stage(orchard, **{name: Standing() for name in ("worker_01", "carrier_02")})
     stage.put(stands, x, 17.0)
@@ -41,9 +41,9 @@ def test_a_jam_names_who_is_in_the_way(stands, x, named):
     assert named in stage.account.message("run", {}).waits_for["carrier_01"]
 
 
-def test_a_run_in_which_somebody_works_is_not_jammed():
+def test_a_run_in_which_somebody_works_is_not_jammed(soon_jammed):
     stage = Stage(empty_orchard(picking_speed=0.02))
-    stage.run(700)
+    stage.run(140)
     assert stage.account.jam == []
 
 

@@ -107,14 +107,14 @@ def test_a_stop_in_the_middle_of_coupling_ends_well_when_it_is_reset():
     assert stage.world.delivered == 3
 
 
-def test_an_orchard_that_is_stopped_for_long_is_not_jammed_and_one_that_was_is_again():
+def test_an_orchard_that_is_stopped_for_long_is_not_jammed_and_one_that_was_is_again(soon_jammed):
     stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
     stage.run(100)
     stage.local.engine.stop()
-    stage.run(700)
+    stage.run(140)
     assert stage.account.jam == []
     stage.local.engine.reset()
-    stage.run(590)
+    stage.run(110)
     assert stage.account.jam == []
     stage.run_until(lambda: stage.account.jam != [], 20)
 

@@ -127,10 +127,13 @@ def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
     browser.until(lambda: browser.tree_lines() == 5, "a plan of 4 rows")
 
 
+def open_file(page, file, text):
+    file.write_text(text)
+    page.one("input[type=file]").send_keys(str(file))
+
+
 def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
-    file = tmp_path / "bad.yaml"
-    file.write_text("rows: 999\npikers: 3\n")
-    browser.one("input[type=file]").send_keys(str(file))
+    open_file(browser, tmp_path / "bad.yaml", "rows: 999\npikers: 3\n")
     told = browser.until(lambda: browser.view("complaint").text, "a complaint")
     assert "bad.yaml:1: rows = 999" in told
     assert "did you mean pickers" in told
@@ -139,9 +142,8 @@ def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
 
 def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     """With picking that varies, which has limits of its own, and a number that no browser holds."""
-    file = tmp_path / "mine.yaml"
-    file.write_text("rows: 12\npickers: 4\ncarriers: 9\npicking_speed: 0.5\npicking: {spread: {distribution: gamma, cv: 0.4}}\n")
-    browser.one("input[type=file]").send_keys(str(file))
+    text = "rows: 12\npickers: 4\ncarriers: 9\npicking_speed: 0.5\npicking: {spread: {distribution: gamma, cv: 0.4}}\n"
+    open_file(browser, tmp_path / "mine.yaml", text)
     browser.until(lambda: browser.tree_lines() == 13, "a plan of 12 rows")
     browser.until(lambda: browser.field("carriers").get_attribute("value") == browser.figure("Carriers") == "9", "as many carriers")
     assert browser.field("picking.spread.cv").get_attribute("value") == "0.4"
@@ -172,9 +174,6 @@ def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(
     assert browser.field("picking_rate").get_attribute("value") == "1.5"
     browser.fill("picking_rate", 40)
     browser.until(lambda: "must be 0.033 to 32.727 where 110 m of row fill a bin" in browser.problem("picking_rate"), "a limit in words")
-
-
-skip_without_packages()
 
 
 @pytest.fixture
@@ -257,14 +256,12 @@ def test_a_run_in_realtime_takes_numbers_only(small):
 
 def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloads, tmp_path):
     file = tmp_path / "own.yaml"
-    file.write_text("agents: {picker_01: subprocess.Popen}\n")
-    small.one("input[type=file]").send_keys(str(file))
+    open_file(small, file, "agents: {picker_01: subprocess.Popen}\n")
     assert "subprocess.Popen is not in" in small.until(lambda: small.view("complaint").text, "a complaint")
     small.click("[data-view=complaint] button")
-    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Eastward}\n")
     for decision in ("refuse-classes", "trust-classes"):
         assert not small.view("classes").is_displayed(), "not before the user trusts the file"
-        small.one("input[type=file]").send_keys(str(file))
+        open_file(small, file, "rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Eastward}\n")
         question = small.until(lambda: small.view("question").text, "a question")
         assert "own.yaml runs code" in question and "picker_01: tests.support.own_agents.Eastward" in question
         small.press(decision)
@@ -283,9 +280,7 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
 
 
 def test_an_agents_hostile_words_are_only_words(small, tmp_path):
-    file = tmp_path / "hostile.yaml"
-    file.write_text("rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Hostile}\n")
-    small.one("input[type=file]").send_keys(str(file))
+    open_file(small, tmp_path / "hostile.yaml", "rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Hostile}\n")
     small.press("trust-classes")
     small.until(lambda: small.view("classes").is_displayed(), "the class is taken")
     small.fill("duration", 5)

@@ -198,8 +198,6 @@ def test_dark_stays_after_a_reload(browser):
     browser.until(lambda: is_dark(browser) == was_dark, "as before")
 
 
-skip_without_packages()
-
 EMPTY = {"people.workers": 0, "people.visitors": 0, "animals.dogs": 0, "animals.cats": 0}
 
 

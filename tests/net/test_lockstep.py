@@ -20,18 +20,13 @@ from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
 
+SLOW = pytest.param(2, "calling_agents:slow", marks=pytest.mark.processes)  # slow agents and slow handlers
 
-@pytest.mark.parametrize("hosts", [1, 2, AGENTS])
-def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hosts):
+
+@pytest.mark.parametrize(("hosts", "agents"), [(1, TOY), (2, TOY), (AGENTS, TOY), SLOW])
+def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hosts, agents):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    fleet.share(hosts, TOY)
-    assert fleet.end() == undisturbed
-
-
-@pytest.mark.processes
-def test_slow_agents_and_slow_handlers_change_nothing(fleet, undisturbed):
-    fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    fleet.share(2, "calling_agents:slow")
+    fleet.share(hosts, agents)
     assert fleet.end() == undisturbed
 
 

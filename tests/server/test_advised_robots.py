@@ -178,8 +178,7 @@ def going(drivers, session, names):
         drivers.token(name, session, False)
 
 
-def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another():
-    run = Run(SMALL, "run1", 10)
+def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another(run):
     drivers, retired = run.physics.run.drivers, run.physics.bus.retired
     one, other = drivers.roster.names[:2]
     coming(drivers, "first", [one, other])
@@ -190,8 +189,7 @@ def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another():
     assert retired == [KEYS.of("seen", session="first")]
 
 
-def test_nothing_is_kept_of_a_session_that_is_not_waited_for():
-    run = Run(SMALL, "run1", 10)
+def test_nothing_is_kept_of_a_session_that_is_not_waited_for(run):
     drivers, retired = run.physics.run.drivers, run.physics.bus.retired
     names = drivers.roster.names[:2]
     coming(drivers, "first", names)
@@ -201,8 +199,7 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for():
     assert retired == [KEYS.of("seen", session="first")]
 
 
-def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold():
-    run = Run(SMALL, "run1", 10)
+def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold(run):
     drivers = run.physics.run.drivers
     silent, other = ["worker_01", "traffic"], ["picker_01"]
     coming(drivers, "first", silent), coming(drivers, "second", other)

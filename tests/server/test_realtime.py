@@ -46,11 +46,13 @@ def driven(one, clock, ticks):
     return speeds
 
 
-def test_a_velocity_drives_on_until_its_half_second_is_over():
+def test_a_velocity_drives_on_until_its_half_second_is_over_and_an_older_one_is_refused():
     one, clock = live()
     one.open(0)
     one.take("picker_01", *driving(0))
-    assert driven(one, clock, 8) == [1.0] * 5 + [0.0] * 3
+    assert driven(one, clock, 9) == [1.0] * 5 + [0.0] * 4
+    with pytest.raises(Refused, match="past tick"):
+        one.take("picker_01", *driving(3))
 
 
 @pytest.mark.parametrize(
@@ -103,15 +105,6 @@ def test_the_newest_velocity_counts_although_it_is_late():
             one.take("picker_01", *wrong)
     with pytest.raises(Refused, match="not the owner"):
         one.take("picker_01", *driving(2, owner="b"))
-
-
-def test_what_is_older_than_half_a_second_is_refused():
-    one, clock = live()
-    for tick in range(10):
-        one.open(tick)
-        clock.now += STEP
-    with pytest.raises(Refused, match="past tick"):
-        one.take("picker_01", *driving(3))
 
 
 def test_an_exact_velocity_drives_one_step_and_only_from_the_pose_that_it_answers():

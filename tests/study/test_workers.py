@@ -137,8 +137,6 @@ def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wro
 
 
 def address_in(file: Path) -> str:
-    import json
-
     eventually(lambda: file.exists() and file.read_text().endswith("}"))
     return json.loads(file.read_text())["address"]
 

@@ -3,7 +3,7 @@
 import io
 import signal
 from contextlib import ExitStack, nullcontext
-from time import monotonic
+from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -78,6 +78,7 @@ def deaf(tmp_path, monkeypatch):
         fleet.start(ProcessSpec("agents 1", "deaf", []))
         while not begun:
             assert fleet.exit_code("agents 1") is None, said
+            sleep(0.01)
         yield fleet, said
 
 

@@ -40,9 +40,8 @@ def harvest(disk: Path, seconds: float, *arguments: object, **streams: object) -
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(small_disk, tmp_path, mode):
     path = tmp_path / "summary.json"
-    done = harvest(
-        small_disk, DURATION, "--mode", mode, "--summary", path, "--speed", 10
-    )  # slow enough that the recording fills the disk first
+    slow = "--speed", 10  # enough that the recording fills the disk first
+    done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
     said = done.stdout + done.stderr
     assert done.returncode == 0, said
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(DURATION * 10))

@@ -10,7 +10,7 @@ from code_blocks import block, commands
 from command_line import line_with, orchard, starting, summary_of
 from fleet import ROOT, SECONDS, until
 from local_runs import SMALL, TICKS, TOY, local_hash
-from machines import machines, needs_machines, slowed, unplugged, within
+from machines import machines, needs_machines, run_both, slowed, unplugged, within
 
 from orchard.field.scenario import Scenario
 from orchard.net.zenoh_bus import router
@@ -67,14 +67,7 @@ def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tm
     first, second = commands(block("docs/how-to.md", "two machines"))
     first += ["--rows", "3", "--duration", "60", "--record", "none", "--summary", str(tmp_path / "summary.json")]
     with machines("a") as (host, guest):
-        one = subprocess.Popen([*within(host), *first], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        try:
-            said = line_with("carrier: left to other processes", one)
-            other = subprocess.run([*within(guest), *second], capture_output=True, text=True, timeout=3 * SECONDS)
-            rest, _ = one.communicate(timeout=SECONDS)
-        finally:
-            one.kill()
-    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
+        run_both(host, first, guest, second)
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 600)
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from code_blocks import block, commands
-from command_line import line_with, orchard, scenario_file, summary_of
+from command_line import orchard, scenario_file, summary_of
 from fleet import SECONDS, Process
 from local_runs import SMALL, local_hash
-from machines import machines, needs_machines, within
+from machines import machines, needs_machines, run_both, within
 from secured_run import KEYS, Somebody
 from typer.testing import CliRunner
 
@@ -254,14 +254,7 @@ def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_t
         subprocess.run(command, cwd=here, check=True, timeout=SECONDS)
     shutil.copytree(here / "roles" / "shed", there / "shed")
     with machines("d") as (host, guest):
-        one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        try:
-            said = line_with("carrier: left to other processes", one)
-            other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
-            rest, _ = one.communicate(timeout=SECONDS)
-        finally:
-            one.kill()
-    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
+        run_both(host, first, guest, second, here, there)
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 300)
 
 

@@ -4,8 +4,11 @@ import os
 import shutil
 import subprocess
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
+from command_line import line_with
+from fleet import SECONDS
 
 
 def why_not() -> str:
@@ -50,6 +53,18 @@ def _plug(host: str, guest: str, n: int) -> None:
 
 def within(name: str) -> list[str]:
     return ["ip", "netns", "exec", name]
+
+
+def run_both(host: str, first: list[str], guest: str, second: list[str], here: Path | None = None, there: Path | None = None) -> None:
+    """Run a command that leaves carriers to others, and the guest's once it waits for them. Both must end well."""
+    one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        said = line_with("carrier: left to other processes", one)
+        other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
+        rest, _ = one.communicate(timeout=SECONDS)
+    finally:
+        one.kill()
+    assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr
 
 
 @contextmanager

@@ -3,65 +3,61 @@
 from orchard import Assignment, BinReport
 
 
-class AtOnce:
-    """An early policy that sends a carrier as soon as a bin reports: much too early."""
-
+class Own:
     Memory = dict
-    early = True
 
     def __init__(self, layout):
         pass
+
+
+class AtOnce(Own):
+    """An early policy that sends a carrier as soon as a bin reports: much too early."""
+
+    early = True
 
     def assign(self, now, bins, carriers, memory):
         free = [carrier.name for carrier in carriers if carrier.is_next]
         return [Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)]
 
 
-class Bad:
-    Memory = dict
-
-    def __init__(self, layout):
-        pass
-
-
-class Raising(Bad):
+class Raising(Own):
     def assign(self, now, bins, carriers, memory):
         raise LookupError("no such bin here")
 
 
-class Inventing(Bad):
+class Inventing(Own):
     def assign(self, now, bins, carriers, memory):
         bins.append(BinReport("bin_77", 1, "east", "picker_01", 0, 0.0))
         return [Assignment("bin_77", "carrier_01")]
 
 
-class Overworking(Bad):
+class Overworking(Own):
     def assign(self, now, bins, carriers, memory):
         return [Assignment(report.name, "carrier_01") for report in bins] * 2
 
 
-class Leaving(Bad):
+class Leaving(Own):
     def assign(self, now, bins, carriers, memory):
         raise SystemExit(0)
 
 
-class Hoarding(Bad):
+class Hoarding(Own):
     def assign(self, now, bins, carriers, memory):
         memory["past"] = "x" * 20_000
         return []
 
 
-class Silent(Bad):
+class Silent(Own):
     def assign(self, now, bins, carriers, memory):
         memory["bins"] = set(bins)
 
 
-class Idle(Bad):
+class Idle(Own):
     def assign(self, now, bins, carriers, memory):
         return []
 
 
-class FarthestOfMine(Bad):
+class FarthestOfMine(Own):
     """Farthest first, as a reader of docs/extending.md would write it."""
 
     def assign(self, now, bins, carriers, memory):

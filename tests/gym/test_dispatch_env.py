@@ -100,8 +100,8 @@ def test_mistakes():
 
 
 FAULTS = [("Raising", "LookupError: no such bin here", 'raise LookupError("no such bin here")'),
- ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available", "class Inventing(Bad):"),
- ("Silent", "TypeError: assign returned None", "class Silent(Bad):")]  # fmt: skip
+ ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available", "class Inventing(Own):"),
+ ("Silent", "TypeError: assign returned None", "class Silent(Own):")]  # fmt: skip
 
 
 @pytest.mark.parametrize(("policy", "fault", "line"), FAULTS)

@@ -8,16 +8,17 @@ from nicegui import ui
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import shares
 
+History = Mapping[str, Sequence[float]]  # of a run, as in its summary
 Points = list[list[float]]  # [simulated min, value]
 Course = Mapping[str, Points]  # title of a chart -> its line
 BINS, WAITING, BUSY = "Bins delivered", "Pickers that wait, %", "Carriers at work, %"
 
 
-def course_of(history: Mapping[str, Sequence[float]], scenario: Scenario) -> Course:
-    """Return figures of a run over time. `history`: as in the summary, as far as the run has got."""
+def course_of(history: History, scenario: Scenario, since: float = 0.0) -> Course:
+    """Return figures of a run over time, from a moment on, s. `history`: as in the summary, as far as the run has got."""
 
     def points(values: Iterable[float]) -> Points:
-        return [[round(s / 60.0, 2), round(value, 1)] for s, value in zip(history["seconds"], values, strict=True)]
+        return [[round(s / 60.0, 2), round(value, 1)] for s, value in zip(history["seconds"], values, strict=True) if s > since]
 
     waited = shares(history, "pickers_waited_seconds", scenario.pickers)
     busy = shares(history, "carriers_busy_seconds", scenario.carrier_count)
@@ -39,8 +40,8 @@ class Charts:
         with ui.element("div").classes("charts"):
             self._charts = {title: _chart(title) for title in STEPS}
 
-    def show(self, courses: Mapping[str, Course]) -> None:
-        """Draw these runs, by name. A figure that is known of none of them has no chart."""
+    def show(self, courses: Mapping[str, Course], marks: Sequence[float] = ()) -> None:
+        """Draw these runs, by name, and mark moments, s. A figure that is known of none of them has no chart."""
         if courses == self._shown:
             return
         self._shown = dict(courses)
@@ -53,8 +54,14 @@ class Charts:
         for title, (box, chart) in self._charts.items():
             lines = {name: points for name, course in courses.items() if (points := course[title])}
             box.set_visibility(bool(lines))
-            chart.options["series"] = [_line(name, points, STEPS[title], n) for n, (name, points) in enumerate(lines.items())]
+            series = [_line(name, points, STEPS[title], n) for n, (name, points) in enumerate(lines.items())]
+            chart.options["series"] = [*series, _marks(marks)]
             chart.update()
+
+
+def _marks(moments: Sequence[float]) -> dict[str, Any]:
+    look = {"silent": True, "symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
+    return {"type": "line", "data": [], "markLine": look | {"data": [{"xAxis": round(at / 60.0, 2)} for at in moments]}}
 
 
 def colour(number: int) -> str:
@@ -86,4 +93,4 @@ def _options() -> dict[str, Any]:
 
 def _line(name: str, points: Points, step: str, number: int) -> dict[str, Any]:
     look = {"type": "line", "showSymbol": False, "lineStyle": {"width": 2}, "color": colour(number)}
-    return look | {"name": name, "step": step or False, "data": [[0.0, 0.0], *points]}
+    return look | {"name": name, "step": step or False, "data": points}

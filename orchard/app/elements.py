@@ -24,6 +24,12 @@ def button(words: str, act: Callable[..., Any], action: str, icon: str | None = 
     return ui.button(words, icon=icon, on_click=act).props(f"{props} no-caps data-action={action}")
 
 
+def several(names: list[str], chosen: list[str], field: str, label: str, act: Callable[..., Any] | None = None) -> ui.select:
+    """Return a choice of any number of names. `field`: its name for tests."""
+    some = ui.select(names, value=chosen, multiple=True, on_change=act).classes("several")
+    return some.props(f'dense outlined options-dense display-value-html=false data-field={field} aria-label="{label}"')
+
+
 @contextmanager
 def dialog(title: str, lines: Iterable[str] = (), view: str = "complaint") -> Iterator[ui.dialog]:
     """Open a dialog with a title and lines, to which more can be added. `view`: its name for tests."""

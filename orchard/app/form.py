@@ -10,12 +10,15 @@ from orchard.app.elements import button, heading, note
 from orchard.app.own_classes import AGENTS
 from orchard.field.scenario import Scenario
 
+FIGURES = 4  # significant digits of a number that the program works out
+
 
 class Control:
     """A labelled value, its limits and its problem: a switch, a choice, or a number, perhaps with a slider."""
 
-    def __init__(self, entry: Entry, draft: Draft) -> None:
-        self.entry, self._draft = entry, draft
+    def __init__(self, entry: Entry, draft: Draft, where: str = "") -> None:
+        """`where`: goes before its name for tests."""
+        self.entry, self._draft, name = entry, draft, where + entry.path
         self._slider: ui.slider | None = None
         self._automatic: ui.checkbox | None = None
         with ui.element("div").classes("field") as self.box:
@@ -25,13 +28,13 @@ class Control:
                 ui.label(entry.limits).classes("field-limits")
             with ui.element("div").classes("field-body"):
                 self._value: Any = self._switch() if entry.kind is bool else self._choice() if entry.choices else self._number()
-                self._value.props(f'data-field={entry.path} aria-label="{entry.label}"')
+                self._value.props(f'data-field={name} aria-label="{entry.label}"')
             if entry.optional:
                 self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes("field-more")
-                self._automatic.props(f'dense size=sm data-field={entry.path}-automatic aria-label="{entry.label}: {entry.none}"')
-            self._problem = note(f"data-problem={entry.path} role=alert")
-            self._meaning = note(f"data-meaning={entry.path}", "field-mark")
-            self._mark = note(f"data-mark={entry.path}", "field-mark")
+                self._automatic.props(f'dense size=sm data-field={name}-automatic aria-label="{entry.label}: {entry.none}"')
+            self._problem = note(f"data-problem={name} role=alert")
+            self._meaning = note(f"data-meaning={name}", "field-mark")
+            self._mark = note(f"data-mark={name}", "field-mark")
 
     def _switch(self) -> ui.switch:
         self.box.classes("inline")
@@ -61,7 +64,7 @@ class Control:
 
     def show_chosen(self, number: float) -> None:
         if self._automatic is not None and self._automatic.value:
-            self._value.set_value(shown(number))
+            self._value.set_value(shown(float(f"{number:.{FIGURES}g}")))
 
     def explain(self, meaning: str) -> None:
         self._meaning.set_text(meaning)
@@ -105,7 +108,6 @@ FOR_EXPERTS = {
     ),
 }
 _BASIC = [*AGENTS, *(path for paths in GROUPS.values() for path in paths)]
-FIGURES = 4  # significant digits of a number that the program works out
 
 
 class Form:
@@ -143,7 +145,7 @@ class Form:
         if draft.scenario is not None:
             chosen = draft.scenario.chosen
             for path, number in chosen.items():
-                self._controls[path].show_chosen(float(f"{number:.{FIGURES}g}"))
+                self._controls[path].show_chosen(number)
             self._controls["bins_per_row"].explain(f"a bin fills in {chosen['metres_per_bin']:.{FIGURES}g} m of row")
             self._controls["picking_rate"].explain(f"a picker goes {chosen['picking_speed']:.{FIGURES}g} m/s")
         if any(path not in _BASIC for path in draft.problems):

@@ -15,6 +15,7 @@ from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.draft import number_of, number_problem, shown, span
 from orchard.app.runs_view import Record
+from orchard.app.what_if import Fork
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import SAMPLED
@@ -61,14 +62,15 @@ class RunSettings:
         return {name: words for name, words in told.items() if words}
 
 
-def command(settings: RunSettings, files: Files, web_port: int) -> list[str]:
+def command(settings: RunSettings, files: Files, web_port: int, fork: Fork | None = None) -> list[str]:
     """Return the command line of a run. The live picture is at `web_port`, its data at the next port."""
+    what = [str(files.scenario)] if fork is None else ["fork", *fork.words]
     speed = "max" if settings.is_fastest else shown(float(settings.speed))
     duration = ["--duration", shown(float(settings.duration))] if settings.duration.strip() else []
     live = ["--web", str(web_port)] if settings.live else []
     where = ["--record", str(files.recording), "--summary", str(files.summary)]
-    program = [sys.executable, "-u", "-P", "-m", "orchard", str(files.scenario)]
-    return [*program, "--mode", settings.mode, "--progress", "json", "--speed", speed, *duration, *live, *where]
+    program = [sys.executable, "-u", "-P", "-m", "orchard"]
+    return [*program, *what, "--mode", settings.mode, "--progress", "json", "--speed", speed, *duration, *live, *where]
 
 
 FASTEST = 50  # x real time, the maximum of the slider; the text field accepts more
@@ -151,18 +153,18 @@ class RunControls:
 
 
 class Run(PageCommand):
-    """One run."""
+    """One run, perhaps a fork of another one."""
 
-    def __init__(self, scenario: Scenario, settings: RunSettings, files: Files) -> None:
-        self.settings = settings
+    def __init__(self, scenario: Scenario, settings: RunSettings, files: Files, fork: Fork | None = None) -> None:
+        self.settings, self.fork = settings, fork
         self.port, self.views_port = free_pair(), free_pair()
         self._shown = [data_uri(self.port)]  # the live run, and later the parts of its recording
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
-        self._course: dict[str, list[float]] = {name: [] for name in SAMPLED}  # what the lines of progress say
+        self._course = {name: [*fork.history[name]] if fork else [] for name in SAMPLED}  # and what the lines of progress say
         for_page(lay_out(scenario)).save("orchard", files.views)
         self._servers = [serve_web(self.views_port, str(files.views))]  # of the views, and later of the recording
-        super().__init__(scenario, files, command(settings, files, self.port))
+        super().__init__(scenario, files, command(settings, files, self.port, fork))
 
     def words_of(self, line: str) -> str | None:
         words = super().words_of(line)
@@ -196,7 +198,8 @@ class Run(PageCommand):
     @property
     def course(self) -> Course:
         known = self._course if self.summary is None else self.summary["history"]
-        return course_of({name: list(values) for name, values in known.items()}, self.scenario)
+        since = self.fork.seconds if self.fork else 0.0
+        return course_of({name: list(values) for name, values in known.items()}, self.scenario, since)
 
     @property
     def is_complete(self) -> bool:

@@ -16,6 +16,7 @@ from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView, derive
 from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
+from orchard.app.what_if import Fork
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, parse, to_yaml
@@ -59,7 +60,7 @@ class Page:
             with ui.element("section").classes("form").props('aria-label="Settings of the orchard"'):
                 self.form = Form(self.draft)
             with ui.element("div").classes("middle"):
-                self.stage = Stage(self.runs.folder, self.studies, self.desk, lambda: self.draft.scenario, self._offer)
+                self.stage = Stage(self.runs.folder, self.studies, self.desk, lambda: self.draft.scenario, self._offer, self._go_on)
                 with ui.element("section").classes("figures").props('aria-label="Figures before the run"'):
                     self.figures = FiguresView()
 
@@ -83,7 +84,7 @@ class Page:
         with ui.element("section").classes("run-card").props('aria-label="The run"'):
             with ui.element("div").classes("wishes-and-run"):
                 self.wishes = RunControls(self.desk.settings)
-                self.start_button = button("Run", self._start, "run", "play_arrow", "unelevated")
+                self.start_button = button("Run", lambda: self._start(self.draft.scenario), "run", "play_arrow", "unelevated")
                 self.stop_button = button("Stop", self._stop, "stop", "stop", "unelevated color=negative")
             self.first = ui.label(FIRST).classes("figure-line").props("data-view=first")
             self.trouble = note("data-view=trouble role=alert")
@@ -109,12 +110,13 @@ class Page:
 
     async def _offer(self, scenario: Scenario, file: str) -> None:
         """Take a scenario. Ask first if it names own classes: to check them already runs them."""
-        classes = scenario.own_classes
-        if refused := from_elsewhere(classes, Path.cwd()):
-            complain(NOT_OPENED, [f"{file}: {words}" for words in refused])
-        elif not classes or await may_run(classes, file):
+        if await _is_trusted(scenario, file):
             self._take(scenario)
             ui.notify(f"{file} opened", type="positive")
+
+    async def _go_on(self, scenario: Scenario, fork: Fork) -> None:
+        if await _is_trusted(scenario, fork.parent):
+            self._start(scenario, fork)
 
     def _download(self) -> None:
         if self.draft.scenario is not None:
@@ -140,12 +142,12 @@ class Page:
         self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=PATIENCE)
         self._dark.set_value(self.desk.dark)
 
-    def _start(self) -> None:
-        scenario, settings = self.draft.scenario, self.wishes.settings
+    def _start(self, scenario: Scenario | None, fork: Fork | None = None) -> None:
+        settings = self.wishes.settings
         if scenario is None or settings.problems:
             return
         try:
-            self.runs.start(partial(Run, scenario, settings))
+            self.runs.start(partial(Run, scenario, settings, fork=fork))
         except (OSError, RuntimeError) as error:
             complain("The harvest was not started", [str(error)])
         self._watch()
@@ -201,6 +203,14 @@ class Page:
         self._seen = harvest, state.is_over
         self.progress.show(harvest, state)
         self.stage.show(harvest, state)
+
+
+async def _is_trusted(scenario: Scenario, file: str) -> bool:
+    """Whether its own classes may run here: from elsewhere they may not, and else the user is asked."""
+    classes = scenario.own_classes
+    if refused := from_elsewhere(classes, Path.cwd()):
+        complain(NOT_OPENED, [f"{file}: {words}" for words in refused])
+    return not refused and (not classes or await may_run(classes, file))
 
 
 def complain(title: str, lines: list[str]) -> None:

@@ -1,6 +1,6 @@
 """The runs that have ended: their summaries, a list, and those that are chosen side by side."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -8,11 +8,11 @@ from typing import Any
 
 import msgspec
 from nicegui import ui
-from nicegui.events import TableSelectionEventArguments
 
 from orchard.app.charts import Charts, Course, course_of
 from orchard.app.draft import entries, flat, title_of, words_of
 from orchard.app.elements import button, heading, note, table
+from orchard.app.what_if import GoOn, moment, what_if
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
@@ -20,6 +20,13 @@ from orchard.report.metrics import SAMPLED
 from orchard.report.progress import Headline
 
 MOST = 200  # runs in the list
+
+
+class Moment(msgspec.Struct, frozen=True):
+    """The run from which a fork goes on, and when."""
+
+    run: str = ""
+    seconds: float = 0.0
 
 
 class Record(Headline):
@@ -31,6 +38,7 @@ class Record(Headline):
     picker_waiting_seconds: float
     scenario: dict[str, Any]
     history: dict[str, list[float]]
+    forked_from: Moment = Moment()  # the default: of no fork
 
     def __post_init__(self) -> None:
         if not self.history.keys() >= set(SAMPLED) or len({len(values) for values in self.history.values()}) != 1:
@@ -48,16 +56,20 @@ class PastRun:
 
     @property
     def course(self) -> Course:
-        return course_of(self.record.history, self.scenario)
+        return course_of(self.record.history, self.scenario, self.record.forked_from.seconds)
+
+    @property
+    def since(self) -> str:
+        """From which moment on it is a fork: from 2:30; '' if it is none."""
+        return f"from {moment(self.record.forked_from.seconds)}" if self.record.forked_from.run else ""
 
     @property
     def figures(self) -> dict[str, str]:
         """The figures with their units, by name, as in the list of runs."""
         known = self.record
-        minutes, seconds = divmod(round(known.sim_seconds), 60)  # not hours: the list sorts by the first number
         return {
             "Bins": f"{known.bins_delivered} of {known.bins}",
-            "Simulated": f"{minutes}:{seconds:02d} min",
+            "Simulated": f"{moment(known.sim_seconds)} min",  # not hours: the list sorts by the first number
             "Bins per hour": f"{known.bins_per_hour:.1f}",
             "Mean wait": f"{known.picker_waiting_seconds:.0f} s",
             "Carriers at work": f"{100 * known.carrier_utilisation:.0f} %",
@@ -86,6 +98,7 @@ def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
 
 
 COLUMNS = ("Ended", "Scenario", "Mode", "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
+UNDER_PARENT = "(value, row) => value === row.Ended ? row.under + value : value"
 BY_NUMBER = "(a, b) => a.localeCompare(b, 'en', {numeric: true})"  # 10:24 min comes after 9:50 min
 CHECKBOX = "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', ' + props.row.Scenario\" />"
 MOST_NAMED = 5  # files that are passed over
@@ -95,13 +108,14 @@ PAGE = 8  # runs on a page of the list
 class RunsView:
     """The list, and below it the comparison of the runs that are chosen."""
 
-    def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]]) -> None:
-        """`folder`: of the runs. `take`: sets the form to a run's scenario, under the run's name."""
-        self._folder, self._take = folder, take
+    def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]], go_on: GoOn) -> None:
+        """`folder`: of the runs. `take`: sets the form to a run's scenario, under the run's name. `go_on`: as for `what_if`."""
+        self._folder, self._take, self._go_on = folder, take, go_on
         self._past: dict[str, PastRun] = {}
-        columns = [{"name": name, "label": name, "field": name, "align": "left", "sortable": True, ":sort": BY_NUMBER} for name in COLUMNS]
+        column = {"align": "left", "sortable": True, ":sort": BY_NUMBER, ":format": UNDER_PARENT}
+        columns = [{"name": name, "label": name, "field": name} | column for name in COLUMNS]
         self._hint = ui.label("Runs that have ended are listed here. Choose two or more to compare them.").classes("hint")
-        self._list = ui.table(rows=[], columns=columns, row_key="name", selection="multiple", pagination=PAGE, on_select=self._choose)
+        self._list = ui.table(rows=[], columns=columns, row_key="name", selection="multiple", pagination=PAGE, on_select=self._show_chosen)
         self._list.classes("runs").props("flat dense wrap-cells :rows-per-page-options=[0] data-view=runs")
         self._list.add_slot("header-selection", "Compare")
         self._list.add_slot("body-selection", CHECKBOX)
@@ -110,30 +124,34 @@ class RunsView:
             self._charts = Charts()
             self._sides = ui.element("div").classes("summary sides")
             self._use = button("Set the form to this scenario", self._use_chosen, "use-scenario")
-        self._compare([])
+        self._show_chosen()
 
-    def refresh(self) -> None:
+    def refresh(self, *names: str) -> None:
+        """List the runs that there are now, and choose these; without names, those that were chosen."""
+        chosen = names or [row["name"] for row in self._list.selected]
         runs, others = past_runs(self._folder)
         self._past = {past.name: past for past in runs}
-        self._list.rows = [_row(past) for past in self._past.values()]
-        self._hint.set_visibility(not self._past or not self._list.selected)
+        self._list.rows = [_row(line[-1], len(line)) for line in lines(self._past)]
         self._list.set_visibility(bool(self._past))
         more = [f"and {len(others) - MOST_NAMED} more"] if len(others) > MOST_NAMED else []
         self._others.set_text("\n".join([*others[:MOST_NAMED], *more]))
+        self._list.selected = [row for row in self._list.rows if row["name"] in chosen]
+        self._show_chosen()
 
-    def _choose(self, event: TableSelectionEventArguments) -> None:
-        self._compare([self._past[row["name"]] for row in self._list.selected if row["name"] in self._past])
-
-    def _compare(self, chosen: list[PastRun]) -> None:
+    def _show_chosen(self) -> None:
+        chosen = [self._past[row["name"]] for row in self._list.selected if row["name"] in self._past]
         self._comparison.set_visibility(bool(chosen))
         self._hint.set_visibility(not chosen)
         self._use.set_visibility(len(chosen) == 1)
-        self._charts.show({_name(past): past.course for past in chosen})
+        marks = [past.record.forked_from.seconds for past in chosen if past.since]
+        self._charts.show({_name(past): past.course for past in chosen}, marks)
         self._sides.clear()
         with self._sides:
             if chosen:
                 heading(3, title_of(chosen[0].scenario) if len(chosen) == 1 else "Side by side")
                 table(_lines(chosen), ["", *map(_name, chosen)])
+            if len(chosen) == 1:
+                what_if(self._folder / f"{chosen[0].name}.snapshots", chosen[0].scenario, chosen[0].record.history, self._go_on)
 
     async def _use_chosen(self) -> None:
         past = self._past[self._list.selected[0]["name"]]
@@ -141,11 +159,29 @@ class RunsView:
 
 
 def _name(past: PastRun) -> str:
-    return f"{past.ended:%d %b %H:%M:%S}"
+    return f"{past.ended:%d %b %H:%M:%S}{past.since and f', {past.since}'}"
 
 
-def _row(past: PastRun) -> dict[str, str]:
-    known = {"name": past.name, "Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}", "Scenario": title_of(past.scenario), "Mode": past.record.mode}
+def lines(known: Mapping[str, PastRun]) -> list[list[PastRun]]:
+    """Return a line for each run, from its first ancestor to itself, in the order of the list: forks stand under their parent."""
+    found, order = [], {name: number for number, name in enumerate(known)}
+    for past in known.values():
+        line = [past]
+        while (parent := known.get(line[0].record.forked_from.run)) and parent not in line:
+            line.insert(0, parent)
+        found.append(line)
+    return sorted(found, key=lambda line: [order[past.name] for past in line])
+
+
+def _row(past: PastRun, depth: int) -> dict[str, str]:
+    under = "\u2003" * (depth - 1) + (past.since and f"\u21b3 {past.since}, ")
+    known = {
+        "name": past.name,
+        "under": under,
+        "Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}",
+        "Scenario": title_of(past.scenario),
+        "Mode": past.record.mode,
+    }
     return known | past.figures
 
 

@@ -10,7 +10,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
-from orchard.app.elements import button, heading, note, table
+from orchard.app.elements import button, heading, note, several, table
 from orchard.app.own_classes import CHOICES
 from orchard.app.study_run import Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
@@ -74,8 +74,7 @@ class StudyView:
             self._enter(**{field: tuple(name for name in names if name in event.value)})
 
         with self._labelled(name):
-            some = ui.select(names, value=chosen, multiple=True, on_change=choose).classes("study-choice")
-            some.props(f'dense outlined options-dense display-value-html=false data-field=study-{field} aria-label="{name}"')
+            several(names, chosen, f"study-{field}", name, choose)
 
     # -- user actions
 

@@ -18,6 +18,7 @@ from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
 from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
+from orchard.app.what_if import GoOn
 from orchard.field.scenario import Scenario
 from orchard.report.progress import Headline
 from orchard.report.summary import Outcome, as_table, clock, limit_sentence, sentence, share_picked, six_figures
@@ -175,8 +176,8 @@ View = TypeVar("View")
 class Stage:
     """The large part of the page. All views stay loaded; one is visible."""
 
-    def __init__(self, folder: Path, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
-        """`folder`: of the runs. `desk`, `drafted` and `take`: as for `StudyView`."""
+    def __init__(self, folder: Path, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take, go_on: GoOn) -> None:
+        """`folder`: of the runs. `desk`, `drafted` and `take`: as for `StudyView`. `go_on`: as for `what_if`."""
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
             self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes("stage-choice")
             self._choice.props("dense no-caps unelevated data-field=stage")
@@ -184,7 +185,7 @@ class Stage:
             self._picture = self._panel("Picture", PictureView)
             self._summary = self._panel("Summary", SummaryView)
             self._messages = self._panel("Messages", MessagesView)
-            self._past = self._panel("Runs", lambda: RunsView(folder, take))
+            self._past = self._panel("Runs", lambda: RunsView(folder, take, go_on))
             self._panel("Study", lambda: StudyView(studies, desk, drafted, take))
 
     def _panel(self, name: str, build: Callable[[], View]) -> View:
@@ -209,5 +210,8 @@ class Stage:
             view.show(run, state)
 
     def turn_to_run(self, run: Run, state: RunState) -> None:
-        live = "Picture" if run.settings.live else "Messages"
-        self._choice.set_value("Summary" if state.is_over else live)
+        view = "Summary" if state.is_over else "Picture" if run.settings.live else "Messages"
+        if run.fork is not None and run.summary is not None:
+            self._past.refresh(run.fork.parent, run.files.name)
+            view = "Runs"
+        self._choice.set_value(view)

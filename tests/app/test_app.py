@@ -1,6 +1,7 @@
 """The page as a person fills it in, and runs from it: a real server, real runs, and headless Chromium."""
 
 import http.client
+import json
 import re
 import socket
 import subprocess
@@ -12,6 +13,7 @@ import pytest
 from local_runs import local_hash
 from own_agents import Hostile
 from page_server import ROOT, RUN_SECONDS, page, skip_without_packages, wait_for
+from selenium.webdriver.common.keys import Keys
 
 from orchard.app.charts import STEPS
 from orchard.field.scenario import Scenario, load
@@ -363,3 +365,44 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     assert "3 rows, 2 pickers, 2 carriers, seed 1" in small.view("result").text, "whatever the form says now"
     small.until(lambda: not small.one("[data-mark=rows]").is_displayed(), "nothing runs")
     assert not is_locked(small)
+
+
+@pytest.fixture
+def parent(small, server):
+    """A run of the small orchard, chosen in the list of runs, where it is the newest. A fork of it ends after 4 min."""
+    small.switch("fastest", True)
+    file = run_to_its_end(small, server[1])
+    small.fill("duration", 240)
+    small.turn_to("Runs")
+    small.unchoose_runs()
+    small.click("[data-view=runs] tbody .q-checkbox")
+    small.until(lambda: small.view("moment").text == "3:00", "its time line: the keyframe in the middle of 7 min")
+    return file.stem
+
+
+def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one(small, parent, server):
+    small.one("[data-field=moment] [tabindex='0']").send_keys(Keys.ARROW_LEFT)
+    small.until(lambda: small.view("moment").text == "2:59", "an earlier moment")
+    small.switch("fork-carriers-automatic", False)
+    small.fill("fork-carriers", 121)
+    small.press("fork")
+    small.until(lambda: "from 1 to 120" in small.problem("fork-carriers"), "what is wrong, at its field")
+    small.fill("fork-carriers", 3)
+    small.pick("fork-stop", "picker_02")
+    small.escape()
+    small.press("fork")
+    compared = small.until(lambda: text if "Side by side" in (text := small.view("comparison").text) else "", "both", RUN_SECONDS)
+    assert compared.count(", from 2:59") == 2, "in the legend and in the table"
+    above, below, *_ = [row.text for row in small.view("runs").find_elements("css selector", "tbody tr")]
+    assert "from" not in above and "from 2:59" in below and "3 carriers" in below, "it stands under its parent"
+    fork = json.loads(max(server[1].glob("*.json")).read_text())
+    assert fork["forked_from"] == {"run": parent, "seconds": 179.0}
+    assert (fork["scenario"]["carriers"], fork["sim_seconds"], fork["stopped_seconds"]["picker_02"]) == (3, 240.0, 61.0)
+
+
+def test_why_a_run_cannot_go_on_so_is_told_in_the_words_of_the_command(small, parent):
+    small.switch("fork-carriers-automatic", False)
+    small.fill("fork-carriers", 1)
+    small.press("fork")
+    small.tell_state("failed", RUN_SECONDS)
+    small.until(lambda: "1 cannot be taken away: only 0 of them wait in the queue" in small.view("summary").text, "why")

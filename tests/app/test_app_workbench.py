@@ -52,15 +52,8 @@ def three_runs(server):
 def listed(browser, three_runs):
     browser.turn_to("Runs")
     browser.until(lambda: "3 rows, 2 pickers, 2 carriers, seed 3" in browser.view("runs").text, "the runs are listed")
-    browser.until(lambda: not unchoose(browser), "none of them is chosen")
+    browser.unchoose_runs()
     return browser
-
-
-def unchoose(browser):
-    chosen = browser.driver.find_elements("css selector", "[data-view=runs] [aria-checked=true]")
-    for run in chosen[:1]:
-        run.click()
-    return chosen
 
 
 def choose(browser, title):

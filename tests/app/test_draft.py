@@ -15,7 +15,7 @@ from orchard.app.desks import MOST, desk_of
 from orchard.app.draft import LABELS, Draft, draft_of, entries, flat, query_of, title_of
 from orchard.app.harvest_run import Run, RunSettings, command
 from orchard.app.own_classes import from_elsewhere
-from orchard.app.runs_view import differences, past_runs
+from orchard.app.runs_view import differences, lines, past_runs
 from orchard.app.study_run import StudyRun, StudySettings, study_command
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
@@ -243,6 +243,18 @@ def test_past_runs_are_the_summaries_and_any_other_file_is_named(tmp_path):
     assert past.scenario.agents == {"picker": "no.such.Class"}, "it is read, and no class is looked for"
     assert [words.partition(".json is passed over: ")[0] for words in others] == sorted([*STRANGE, "list", "half", "nothing", "deep"])
     assert all(any(why in words for words in others) for _, why in STRANGE.values())
+
+
+def test_forks_stand_under_their_parent_whatever_summaries_say(tmp_path):
+    """Newest first, as any list of runs. Two that name each other stay in the list, and so does a run that names itself."""
+    parents = {"old": None, "first": "old", "other": "gone", "of_first": "first", "second": "old", "own": "own", "a": "b", "b": "a"}
+    for number, (name, parent) in enumerate(parents.items()):
+        since = {} if parent is None else {"forked_from": {"run": parent, "seconds": 59.9}}
+        (tmp_path / f"{name}.json").write_text(json.dumps(SUMMARY | since))
+        os.utime(tmp_path / f"{name}.json", (number, number))
+    shown = [[past.name for past in line] for line in lines({past.name: past for past in past_runs(tmp_path)[0]})]
+    assert shown[-4:] == [["old"], ["old", "second"], ["old", "first"], ["old", "first", "of_first"]]
+    assert sorted(line[-1] for line in shown) == sorted(parents)
 
 
 def test_what_a_command_prints_and_leaves_that_is_no_result_is_named(tmp_path, monkeypatch):

@@ -136,6 +136,15 @@ class Browser:
     def turn_to(self, view: str) -> None:
         self.choose("stage", view)
 
+    def unchoose_runs(self) -> None:
+        self.until(lambda: not self._unchoose(), "no run is chosen")
+
+    def _unchoose(self) -> list[WebElement]:
+        chosen = self.driver.find_elements(By.CSS_SELECTOR, "[data-view=runs] [aria-checked=true]")
+        for run in chosen[:1]:
+            self._pressed(run)
+        return chosen
+
     def press(self, action: str) -> None:
         self.click(f"[data-action={action}]")
 

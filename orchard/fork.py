@@ -11,7 +11,7 @@ from orchard.agents.catalogue import make_agents
 from orchard.agents.robot import Step
 from orchard.contract.agent import STATES
 from orchard.contract.messages import Written, pack, unpack
-from orchard.field.kinds import DISPATCH
+from orchard.field.kinds import DISPATCH, kind_of, number_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import with_changes
@@ -31,6 +31,11 @@ FIXED: Mapping[str, str] = {  # what cannot change under way -> why
 }
 NULL_OR_NOT = ("picking.failure.mean_between", "carrying.failure.mean_between", "carrying.battery.hours")  # what cannot change either
 
+
+class NotNow(ScenarioError):
+    """A change that cannot be at this moment, and may be at another one: what it adds has no place, or what it takes away is at work."""
+
+
 Names = Mapping[str, str]  # pairs of names that are swapped
 
 
@@ -43,7 +48,8 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     what is left of the rows takes another time. A carrier that is added begins at its place in the queue; one that waits there with an
     empty bin is taken away. People, animals and weeds that are added begin at their starts. A new robot counts as resting until now.
 
-    Raises SnapshotError, ScenarioError for what cannot change or has no place, ValueError for a word in `stop` that is no robot's.
+    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot at this moment, ValueError for a word in `stop` that
+    is no robot's.
     """
     before = world_from(snapshot)
     layout = lay_out(with_changes(before.layout.scenario, **changes))
@@ -101,7 +107,7 @@ def _swapped(before: World, snapshot: Snapshot, now: Layout) -> Names:
     free = [name for name in carriers if _is_free(before, name, snapshot.memories.get(name))]
     if len(free) < count:
         words = f"only {len(free)} of them wait in the queue with an empty bin at this moment"
-        raise ScenarioError([_refused(f"{count} cannot be taken away: {words}", "carriers", now.scenario.carrier_count)])
+        raise NotNow([_refused(f"{count} cannot be taken away: {words}", "carriers", now.scenario.carrier_count)])
     names, bins = before.layout.names, sorted(name for name in before.layout.names if name not in now.index and name.startswith("bin"))
     taken = [names[before.coupled[before.index[name]]] for name in free[-count:]]
     return _pairs(free[-count:], carriers[-count:]) | _pairs(taken, bins)
@@ -154,12 +160,32 @@ def _world(before: World, world: World, swapped: Names) -> World:
         else:
             setattr(world, name, value)
     world.coupled[here] = [place.get(j, NONE) for j in before.coupled[there].tolist()]
-    for what, _ in overlapping_bodies(world):
-        new = [word for word in what.split() if word in index and word not in kept]
-        if new:
-            others = " and ".join(word for word in what.split()[1:] if word not in new)
-            raise ScenarioError([_refused(f"{new[0]} has no place at this moment: {others} is there")])
+    for name in [name for name in index if name not in kept and kind_of(name) == "carrier"]:
+        _put_into_its_line(world, name)
+    for name in index:
+        if name not in kept and (other := _in_the_way(world, name)):
+            raise NotNow([_refused(f"{name} has no place at this moment: {other} is there")])
     return world
+
+
+def _put_into_its_line(world: World, carrier: str) -> None:
+    """Put a new carrier, with its bin, to the first place of its line of the queue that is free, if there is one."""
+    i, queue, number = world.index[carrier], world.layout.queue, number_of(carrier) - 1
+    first = number - number % queue.places
+    bin_, start = int(world.coupled[i]), world.pose[i].copy()
+    for place in sorted(range(first, first + queue.places), key=lambda place: abs(place - number)):
+        world.pose[[i, bin_], 0] += queue.place(place).x - world.pose[i, 0]
+        if not any(_in_the_way(world, world.layout.names[body]) for body in (i, bin_)):
+            break
+    else:
+        world.pose[[i, bin_], 0] += start[0] - world.pose[i, 0]
+    world.reckoned[[i, bin_]] = world.pose[[i, bin_]]
+
+
+def _in_the_way(world: World, name: str) -> str:
+    """The body or obstacle that a body overlaps; '' if there is none."""
+    pairs = (what.removeprefix("inside ").split(" ", 1) for what, _ in overlapping_bodies(world))
+    return next((other if one == name else one for one, other in pairs if name in (one, other)), "")
 
 
 # -- what agents remember

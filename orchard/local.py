@@ -60,9 +60,9 @@ class Local:
         self._digests: dict[str, bytes] = {}  # name -> digest of the mail that the agent heard at that tick
 
     @classmethod
-    def resume(cls, snapshot: Snapshot, check_agents: bool = False, holds: type[Lookahead] = Lookahead) -> "Local":
+    def resume(cls, snapshot: Snapshot, check_agents: bool = False, holds: type[Lookahead] = Lookahead, is_hashed: bool = True) -> "Local":
         """Return the run of a snapshot, which continues at the snapshot's tick, as often as you resume it. Raises SnapshotError."""
-        engine = Engine.resume(snapshot, holds)
+        engine = Engine.resume(snapshot, holds, is_hashed)
         local = cls(engine.layout.scenario, check_agents=check_agents)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
         memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}

@@ -71,7 +71,17 @@ app.command("replay", cls=options.Command, help=REPLAY, epilog=EPILOG)(options.w
 
 
 FORKED = "Go on with a run from any moment, with something changed: docs/how-to.md."
-app.command("fork", cls=options.Command, help=FORKED, epilog=EPILOG)(options.with_options(ForkOptions)(harvest))
+
+
+@app.command("fork", cls=options.Command, help=FORKED, epilog=EPILOG)
+@options.with_options(ForkOptions)
+def fork(chosen: ForkOptions) -> None:
+    if not chosen.asks_for_futures:
+        harvest(chosen)
+    chosen.check()
+    with terminal.needs_extra("Several futures", "study"):
+        from orchard.launch.futures import run_futures
+    raise typer.Exit(run_futures(chosen, Runs(runs_folder())))
 
 
 def _request(chosen: HarvestOptions) -> RunRequest:

@@ -1,7 +1,8 @@
 """The moments of a run that has left keyframes, and a run that goes on from one of them with changes."""
 
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,9 @@ def clock(tick: int) -> str:
 class WatchedRun:
     """A run in local mode with its figures, from a snapshot on."""
 
-    def __init__(self, snapshot: Snapshot) -> None:
+    def __init__(self, snapshot: Snapshot, is_hashed: bool = True) -> None:
         """Raises SnapshotError."""
-        self.local = Local.resume(snapshot)
+        self.local = Local.resume(snapshot, is_hashed=is_hashed)
         self.figures = RunFigures(self.local.engine, lambda: 0.0, snapshot.figures)
         self._before = snapshot
 
@@ -41,12 +42,13 @@ class WatchedRun:
         return self.local.engine.tick
 
     @property
-    def is_over(self) -> bool:
-        return self.local.engine.over or bool(self.figures.fault)
+    def ended(self) -> str:
+        """Why the run is over; "duration" if it could go on."""
+        return "harvested" if self.local.engine.over else self.figures.fault or "duration"
 
-    def go_on(self, until: int) -> None:
+    def go_on(self, until: float) -> None:
         """Go on to a tick, at most to the end of the run."""
-        while self.tick < until and not self.is_over:
+        while self.tick < until and self.ended == "duration":
             self.figures.update(self.local.tick())
 
     def snapshot(self) -> Snapshot:
@@ -103,19 +105,26 @@ def _present(scenario: Scenario, path: str) -> float:
     return values
 
 
+@contextmanager
+def named_as_typed() -> Iterator[None]:
+    """In this context, changes that cannot be are those of the command line."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError([replace(problem, file="command line") for problem in error.problems]) from None
+
+
 def parent_of(chosen: HarvestOptions, runs: Runs) -> dict[str, Any] | None:
     """Return what a summary says of the run from which a fork goes on; None if the run is no fork."""
     if not isinstance(chosen, ForkOptions):
         return None
-    return {"run": runs.snapshots(chosen.run, KEYFRAME).stem, "seconds": chosen.at / TICKS_PER_SECOND}
+    return {"run": runs.snapshots(chosen.run, KEYFRAME).stem, "seconds": (chosen.at or 0) / TICKS_PER_SECOND}
 
 
 def fork_of(chosen: ForkOptions, runs: Runs, say: Say) -> Snapshot:
     """Return the first moment of the fork that a user has chosen. Raises SnapshotError, ScenarioError or ValueError."""
-    moment = snapshot_at(runs.snapshots(chosen.run, KEYFRAME), chosen.at, say)
-    try:
+    moment = snapshot_at(runs.snapshots(chosen.run, KEYFRAME), chosen.at or 0, say)
+    with named_as_typed():
         fork = forked(moment, changes_of(chosen, check(moment.scenario)), chosen.stop or [])
-    except ScenarioError as error:
-        raise ScenarioError([replace(problem, file="command line") for problem in error.problems]) from None
     fork.run = uuid.uuid4().hex[:16]
     return fork

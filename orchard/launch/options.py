@@ -293,6 +293,8 @@ def _left_out() -> Any:
 
 
 PARENT = "The run: last, its name, its recording, or its folder of snapshots."
+FUTURES = "Compare N futures of the moment, as it was and as changed, in place of a run. Default for --bisect: 8."
+BISECT = "Find the last moment, up to --at, from which some future does not end so."
 CHANGED = "What changes: carriers=+1, dispatch=nearest, people.workers=0 (repeatable)."
 
 
@@ -301,12 +303,29 @@ class ForkOptions(HarvestOptions):
     """The options of a run that goes on from a moment of another one."""
 
     run: Annotated[str, Argument(metavar="RUN", help=PARENT, show_default=False)] = field()
-    at: int = option(FORK, "The moment, simulated: s, or M:SS.", "M:SS", default=..., parser=_moment)
+    at: int | None = option(FORK, "The moment, simulated: s, or M:SS.", "M:SS", parser=_moment)
     settings: list[str] | None = option(FORK, CHANGED, "KEY=VALUE", "--set")
     stop: list[str] | None = option(FORK, "Robots that stand from then on (repeatable).", "ROBOT|KIND")
+    futures: int | None = option(FORK, FUTURES, "N", min=1, max=1000)
+    bisect: str | None = option(FORK, BISECT, "jam|collision|FIGURE<NUMBER")
+    picture: Path | None = option(FORK, "Draw the futures of --bisect over the moments.", "FILE.svg|png")
     scenario: None = _left_out()
     resume: None = _left_out()
     replay: None = _left_out()
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
+        yield from super()._faults()
+        if self.at is None and self.bisect is None:
+            yield "--at", "is missing: the moment at which the fork begins"
+        asks = "--futures" if self.bisect is None else "--bisect"
+        if self.asks_for_futures and self.seed is not None:
+            yield "--seed", f"each future has a seed of its own; leave out {asks}, or --seed"
+        if self.asks_for_futures and self.stop and self.duration is None:
+            yield "--duration", "is missing: a harvest does not end while robots stand"
+
+    @property
+    def asks_for_futures(self) -> bool:
+        return self.futures is not None or self.bisect is not None
 
 
 def named(parameters: Iterable[str]) -> str:

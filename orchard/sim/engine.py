@@ -65,10 +65,10 @@ class Engine:
         return cls(World(lay_out(scenario)), holds=holds, is_hashed=is_hashed)
 
     @classmethod
-    def resume(cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead) -> "Engine":
+    def resume(cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead, is_hashed: bool = True) -> "Engine":
         """Return the orchard of a snapshot. Raises SnapshotError if the snapshot is inconsistent."""
         with fitting(snapshot):
-            return cls(world_from(snapshot), snapshot.digest, snapshot.figures, holds)
+            return cls(world_from(snapshot), snapshot.digest, snapshot.figures, holds, is_hashed)
 
     def rehearse(self) -> None:
         """Do a step in a separate world with the same bodies, so that all kernels are compiled, or loaded, before the first tick."""

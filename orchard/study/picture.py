@@ -7,7 +7,7 @@ grey. Values that are no numbers stand side by side, as points with their interv
 import io
 import re
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -185,24 +185,47 @@ def _draw_axis(axes: Axes, content: Content) -> None:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
+def save_futures(path: Path, rates: Mapping[float, Sequence[float]], shares: Mapping[float, float], decided: float | None) -> None:
+    """Draw the futures of moments, min: bins an hour of each, and the share of them that end well. `decided`: the last good moment.
+
+    Raises as `save` does.
+    """
+    drawing = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+    top, beneath = drawing.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    for at, some in rates.items():
+        top.plot([at] * len(some), some, ls="", marker="o", ms=4, color=COLOURS[0], alpha=0.6)
+    top.set_ylabel("bins an hour")
+    beneath.plot([*shares], [100.0 * share for share in shares.values()], color=COLOURS[1], marker="o", ms=4)
+    beneath.set_ylim(-5.0, 105.0)
+    beneath.set_ylabel("end well, %")
+    beneath.set_xlabel("the moment from which they begin, min", color=INK)
+    for axes in (top, beneath):
+        _style(axes)
+        if decided is not None:
+            axes.axvline(decided, color=INK, lw=1, ls="--")
+    _save(drawing, path)
+
+
 # -- files
 
 
 def save(result: StudyResult, path: Path) -> None:
     """Write the picture in the format of its name, such as .svg or .png. Raises ValueError for another one, or OSError."""
-    drawing = _on_white(result)
+    _save(figure(result), path)
+
+
+def _save(drawing: Figure, path: Path) -> None:
     if (kind := path.suffix.removeprefix(".").lower()) not in drawing.canvas.get_supported_filetypes():
         raise ValueError(f"{path}: a picture's name ends in .svg or .png")
-    path.write_bytes(_written(drawing, kind))
+    path.write_bytes(_written(_on_white(drawing), kind))
 
 
 def svg(result: StudyResult) -> str:
     """Return the picture as a file of SVG, on white."""
-    return _written(_on_white(result), "svg").decode()
+    return _written(_on_white(figure(result)), "svg").decode()
 
 
-def _on_white(result: StudyResult) -> Figure:
-    drawing = figure(result)
+def _on_white(drawing: Figure) -> Figure:
     drawing.patch.set_alpha(1.0)
     drawing.patch.set_facecolor("white")
     return drawing

@@ -1,9 +1,11 @@
 """A run goes on from any of its moments with something changed: what may change, where it begins, and what a user is told."""
 
 import re
+import shlex
 import signal
 
 import pytest
+from code_blocks import block
 from command_line import orchard, running, scenario_file, summary_of, wait_until_simulated
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -44,7 +46,7 @@ CHANGES = [
 ]
 
 
-@settings(max_examples=16)
+@settings(max_examples=10)
 @given(st.integers(0, LATEST), st.sampled_from(CHANGES))
 def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
     before = played(TWO_WAY, tick)
@@ -77,7 +79,7 @@ def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
 
 
 def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
-    varying = with_changes(SMALL, **{"picking.spread.distribution": "gamma", "picking_speed": 0.4, "picking.failure.mean_between": 120.0})
+    varying = with_changes(SHORT, **{"picking.spread.distribution": "gamma", "picking_speed": 0.5, "picking.failure.mean_between": 120.0})
     parent = played(varying, 200)
     one, other = parent.fork(seed=5), parent.fork(seed=6)
     assert one.engine.digest == other.engine.digest == parent.engine.digest
@@ -170,6 +172,29 @@ def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_too(tmp_path)
     assert summary_of(path)["hash"] == local_hash(SMALL, 120)
 
 
+def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_until_when_a_change_would_have_helped(harvest, tmp_path):
+    one, compared, bisected = (shlex.split(line)[3:] for line in block("docs/how-to.md", "fork a run").splitlines())
+    path, picture = tmp_path / "found.json", tmp_path / "futures.svg"
+    orchard("fork", harvest[0], *one, "--mode", "local", "--record", "none", "--summary", path)
+    gained = harvest[1]["sim_seconds"] - summary_of(path)["sim_seconds"]
+    assert gained > 0.0
+    told = orchard("fork", harvest[0], *compared, "--summary", path).stdout
+    assert f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (nothing is random)." in told
+    futures = summary_of(path)["futures"]
+    assert [len(some) for some in futures.values()] == [1, 1]
+    assert futures["as it was"][0]["sim_seconds"] == harvest[1]["sim_seconds"]
+    limit = harvest[1]["sim_seconds"] - gained / 2.0
+    asked = [word.replace("500", str(limit)).replace("futures.svg", str(picture)) for word in bisected]
+    told = orchard("fork", harvest[0], *asked, "--summary", path).stdout
+    found = summary_of(path)
+    decided = found["decided_seconds"]
+    assert f": decided after {clock(round(10 * decided))}: the future ends well" in told
+    ends = {float(at): any(one["sim_seconds"] <= limit for one in some) for at, some in found["futures"].items()}
+    assert max(at for at, well in ends.items() if well) == decided
+    assert min(at for at in ends if at > decided) - decided <= 1.0
+    assert "end well, %" in picture.read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -179,7 +204,11 @@ def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_too(tmp_path)
         (["--at", 60, "--set", "dispatch=+1"], "--set dispatch: it has no number to which something can be added"),
         (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
         (["--at", 60, "--stop", "robot"], "robot"),
-        ([], "--at is missing"),
+        ([], "--at: is missing: the moment at which the fork begins"),
+        (["--at", 60, "--futures", 2, "--seed", 3], "--seed: each future has a seed of its own; leave out --futures, or --seed"),
+        (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
+        (["--bisect", "jams"], "--bisect jams: expected jam, collision, or a figure of the summary"),
+        (["--bisect", "speed<3"], "--bisect speed<3: expected jam, collision, or a figure of the summary"),
     ],
 )
 def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, told):

@@ -1,0 +1,242 @@
+"""The futures of a run: how it may go on from a moment, as it was and with changes, and until when it could still have ended well.
+
+A future is a run in local mode from that moment to its end. Each has a seed of its own, for all that is random from there on.
+"""
+
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import chain, islice
+from operator import gt, lt
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.box import SIMPLE_HEAD
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
+from rich.table import Table
+
+from orchard.field.problems import ScenarioError
+from orchard.field.repeatable import draw
+from orchard.field.scenario import TICKS_PER_SECOND, check, with_changes
+from orchard.fork import NotNow, forked
+from orchard.launch.fork import WatchedRun, changes_of, clock, named_as_typed, snapshot_at
+from orchard.launch.options import ForkOptions
+from orchard.launch.runs import Runs, check_writable
+from orchard.launch.study import failures, stoppable
+from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, own_classes_run, print_error, print_line
+from orchard.report.summary import write_summary
+from orchard.server.options import last_tick
+from orchard.sim.snapshot import KEYFRAME, Snapshot, SnapshotError, ticks_of
+from orchard.study.comparing import interval
+from orchard.study.picture import save_futures
+from orchard.study.result import Interval
+from orchard.study.settings import Setting
+from orchard.study.words import interval_words
+from orchard.study.workers import Workers, processes
+
+CONFIDENCE = 0.95
+MOST_MOMENTS = 12  # from which futures begin, before the last good one is searched for
+FUTURES = 8
+NEAR = TICKS_PER_SECOND  # ticks, to which it is found
+SHOWN = {"sim_seconds": "ends at, s", "bins_per_hour": "bins/h", "picker_waiting_seconds": "wait, s", "collisions": "collisions"}
+MINUTE = 60 * TICKS_PER_SECOND
+CONDITION = re.compile(r"([a-z_]+)([<>])(\d+(?:\.\d+)?)")
+EXPECTED = "expected jam, collision, or a figure of the summary that is too small or too large, such as bins_per_hour<20"
+
+Future = dict[str, Any]  # the figures of its summary, and why it `ended`
+
+
+class Branch(NamedTuple):
+    """What is changed at a moment: dotted path -> value, and the robots that stand from then on."""
+
+    changes: dict[str, Any]
+    stop: Sequence[str] = ()
+
+
+def live(until: float, job: tuple[int, Snapshot]) -> Future:
+    """Return what a future gives that is over at a tick `until` at the latest. `job`: its number, and its first moment."""
+    run = WatchedRun(job[1], is_hashed=False)
+    run.go_on(until)
+    return run.figures.figures() | {"ended": run.ended}
+
+
+class Stopped(Exception):
+    """The user has stopped the command."""
+
+
+class Futures:
+    """Lives futures side by side."""
+
+    def __init__(self, chosen: ForkOptions, workers: Workers, goes_on: Callable[[], bool], shown: Progress) -> None:
+        self._count, self._workers, self._goes_on = chosen.futures or FUTURES, workers, goes_on
+        self._live, self._shown, self._task = partial(live, last_tick(chosen.duration)), shown, shown.add_task("", total=0)
+
+    def of(self, moment: Snapshot, *branches: Branch) -> list[Snapshot]:
+        """Return the first moments of all futures, branch by branch on the same seeds. Raises ScenarioError for what cannot change."""
+        scenario = check(moment.scenario)
+        is_random = any(Setting({}, with_changes(scenario, **branch.changes)).is_random for branch in branches)
+        drawn = [int(draw(scenario.seed, "future", number)[0] * 2**53) for number in range(self._count)]
+        seeds = drawn if is_random else [scenario.seed]
+        return [forked(moment, {**branch.changes, "seed": seed}, branch.stop) for branch in branches for seed in seeds]
+
+    def live(self, begun: Sequence[Snapshot]) -> list[Future]:
+        """Return what these futures give. Raises Stopped."""
+        done = dict[int, Future]()
+        self._shown.update(self._task, completed=0, total=len(begun))
+        for (number, _), future in self._workers.do(self._live, list(enumerate(begun)), self._goes_on):
+            done[number] = future
+            self._shown.advance(self._task)
+        if len(done) < len(begun):
+            raise Stopped
+        return [done[number] for number in range(len(begun))]
+
+
+@contextmanager
+def _futures(chosen: ForkOptions) -> Iterator[Futures]:
+    columns = BarColumn(bar_width=20), TimeElapsedColumn()
+    with (
+        stoppable() as is_stopped,
+        processes() as workers,
+        Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown,
+    ):
+        yield Futures(chosen, workers, lambda: not is_stopped(), shown)
+
+
+def run_futures(chosen: ForkOptions, runs: Runs) -> int:
+    """Live the futures that a user asks for, print and write what they give. Return the exit code."""
+    with own_classes_run(), exit_on_errors(ScenarioError, SnapshotError, OSError, ValueError), failures():
+        folder = runs.snapshots(chosen.run, KEYFRAME)
+        for path in filter(None, (chosen.summary, chosen.picture)):
+            check_writable(path)
+        try:
+            with named_as_typed(), _futures(chosen) as futures:
+                found = _compared(chosen, folder, futures) if chosen.bisect is None else _bisected(chosen, folder, futures)
+        except Stopped:
+            print_error("stopped; nothing is kept")
+            return FAILED
+        if chosen.summary is not None:
+            write_summary(chosen.summary, found)
+    return FINISHED
+
+
+# -- two branches
+
+
+def _compared(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
+    """Print the futures of a moment as it was and, if something is changed, with that. Return all of them."""
+    moment = snapshot_at(folder, chosen.at or 0, print_error)
+    changed = Branch(changes_of(chosen, check(moment.scenario)), chosen.stop or [])
+    branches = {"as it was": Branch({}), **({_words(changed): changed} if any(changed) else {})}
+    found = futures.live(futures.of(moment, *branches.values()))
+    count = len(found) // len(branches)
+    lived = {words: found[i * count : (i + 1) * count] for i, words in enumerate(branches)}
+    table = _table("", *branches)
+    for key, head in SHOWN.items():
+        table.add_row(head, *(interval_words(_mean(key, some), " ±") for some in lived.values()))
+    table.add_row("ended well", *(f"{len(_well(some))} of {len(some)}" for some in lived.values()))
+    first, *rest = lived.items()
+    for words, some in rest:
+        print_line(_difference(words, first[1], some))
+    console.print(table)
+    return {"at_seconds": moment.tick / TICKS_PER_SECOND, "futures": lived}
+
+
+def _words(branch: Branch) -> str:
+    return ", ".join([*(f"{key}={value}" for key, value in branch.changes.items()), *(f"{name} stopped" for name in branch.stop)])
+
+
+def _difference(words: str, before: Sequence[Future], now: Sequence[Future]) -> str:
+    """The answer: by how much earlier the futures end, in pairs of one seed."""
+    pairs = [(was["sim_seconds"], one["sim_seconds"]) for was, one in zip(before, now, strict=True) if len(_well([was, one])) == 2]
+    if not pairs:
+        return f"With {words} no pair of futures ends well."
+    earlier = interval([was - one for was, one in pairs], CONFIDENCE)
+    half, mean = round(10 * (earlier.high - earlier.mean)), round(10 * earlier.mean)
+    count = f"{len(pairs)} pairs of futures, {100 * CONFIDENCE:g} % confidence" if len(pairs) > 1 else "nothing is random"
+    return f"With {words} the harvest ends {clock(abs(mean))} ± {clock(half)} min {'earlier' if mean >= 0 else 'later'} ({count})."
+
+
+def _well(futures: Sequence[Future]) -> list[Future]:
+    return [one for one in futures if one["ended"] in ("harvested", "duration")]
+
+
+def _mean(key: str, futures: Sequence[Future]) -> Interval | None:
+    values = [float(one[key]) for one in _well(futures)]
+    return interval(values, CONFIDENCE) if values else None
+
+
+def _table(*heads: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False)
+    for number, head in enumerate(heads):
+        table.add_column(head, justify="right" if number else "left", overflow="fold")
+    return table
+
+
+# -- the moment of the decision
+
+
+def badly(condition: str, known: Collection[str]) -> Callable[[Future], bool]:
+    """Return what tells whether a future ends badly. `known`: the figures. Raises ValueError for a condition that is none."""
+    if condition == "jam":
+        return lambda future: not _well([future])
+    if condition == "collision":
+        return lambda future: future["collisions"] > 0
+    found = CONDITION.fullmatch(condition)
+    if found is None or found[1] not in known:
+        raise ValueError(f"--bisect {condition}: {EXPECTED}")
+    key, compare, limit = found[1], lt if found[2] == "<" else gt, float(found[3])
+    return lambda future: not _well([future]) or bool(compare(future[key], limit))
+
+
+def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
+    """Print the last moment from which some future ends well, and the futures of all moments that were tried. Return these."""
+    known = [tick for tick in ticks_of(folder) if chosen.at is None or tick <= chosen.at]
+    figures = WatchedRun(snapshot_at(folder, known[0], print_error)).figures.figures()
+    is_bad = badly(chosen.bisect or "", [key for key, figure in figures.items() if isinstance(figure, int | float)])
+    lived: dict[int, list[Future]] = {}
+
+    def ends_well(*ticks: int) -> bool:
+        """Whether some future of the last of these moments ends well. Those at which what is asked cannot be changed have none."""
+        begun = {tick: _begun(chosen, snapshot_at(folder, tick, print_error), futures) for tick in ticks}
+        found = iter(futures.live([*chain(*begun.values())]))
+        lived.update({tick: [*islice(found, len(some))] for tick, some in begun.items()})
+        return any(not is_bad(one) for one in lived[ticks[-1]])
+
+    ends_well(*known[:: -(-len(known) // MOST_MOMENTS)])
+    good = max((tick for tick, some in lived.items() if any(not is_bad(one) for one in some)), default=None)
+    bad = min((tick for tick in lived if good is not None and tick > good), default=None)
+    while good is not None and bad is not None and bad - good > NEAR:
+        middle = (good + bad) // 2
+        good, bad = (middle, bad) if ends_well(middle) else (good, middle)
+    shares = {tick: sum(not is_bad(one) for one in some) / max(1, len(some)) for tick, some in sorted(lived.items())}
+    print_line(_decision(chosen.bisect or "", good, bad, min(lived), max(map(len, lived.values()))))
+    table = _table("from", "end well", *SHOWN.values())
+    for tick, share in shares.items():
+        figures = (interval_words(_mean(key, lived[tick]), " ±") for key in SHOWN)
+        count = len(lived[tick])
+        table.add_row(clock(tick), f"{round(share * count)} of {count}" if count else "not now", *figures)
+    console.print(table)
+    if chosen.picture is not None:
+        rates = {tick / MINUTE: [one["bins_per_hour"] for one in _well(some)] for tick, some in lived.items()}
+        ends_well_by_minute = {tick / MINUTE: share for tick, share in shares.items()}
+        save_futures(chosen.picture, rates, ends_well_by_minute, None if good is None else good / MINUTE)
+    decided = None if good is None else good / TICKS_PER_SECOND
+    found = {tick / TICKS_PER_SECOND: lived[tick] for tick in shares}
+    return {"condition": chosen.bisect, "decided_seconds": decided, "futures": found}
+
+
+def _begun(chosen: ForkOptions, moment: Snapshot, futures: Futures) -> list[Snapshot]:
+    try:
+        return futures.of(moment, Branch(changes_of(chosen, check(moment.scenario)), chosen.stop or []))
+    except NotNow:
+        return []
+
+
+def _decision(condition: str, good: int | None, bad: int | None, first: int, count: int) -> str:
+    some = f"some of {count} futures end well" if count > 1 else "the future ends well, as nothing is random,"
+    if good is None:
+        return f"{condition}: decided before {clock(first)}: none of {count} futures ends well."
+    if bad is None:
+        return f"{condition}: not decided: {some} from {clock(good)}, the last moment."
+    return f"{condition}: decided after {clock(good)}: {some} from there, and none from {clock(bad)}."

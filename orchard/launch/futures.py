@@ -213,9 +213,9 @@ def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, 
     print_line(_decision(chosen.bisect or "", good, bad, min(lived), max(map(len, lived.values()))))
     table = _table("from", "end well", *SHOWN.values())
     for tick, share in shares.items():
-        figures = (interval_words(_mean(key, lived[tick]), " ±") for key in SHOWN)
+        means = (interval_words(_mean(key, lived[tick]), " ±") for key in SHOWN)
         count = len(lived[tick])
-        table.add_row(clock(tick), f"{round(share * count)} of {count}" if count else "not now", *figures)
+        table.add_row(clock(tick), f"{round(share * count)} of {count}" if count else "not now", *means)
     console.print(table)
     if chosen.picture is not None:
         rates = {tick / MINUTE: [one["bins_per_hour"] for one in _well(some)] for tick, some in lived.items()}

@@ -4,16 +4,18 @@ import argparse
 import json
 import os
 import sys
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from orchard import Carrier, Scenario, ScenarioError, lay_out, load
+from orchard import BusError, Carrier, Scenario, ScenarioError, connect, lay_out, load
 from orchard.processes import agents
 from orchard_vda5050 import fleet
 from orchard_vda5050.graph import graph_of
 from orchard_vda5050.lif import lif_of
 
+AGAIN_SECONDS = 1.0  # between two looks for a run
 HELP = {
     "broker": "mqtt://host:port, or mqtts://user:password@host:port",
     "interface": "first part of the topics",
@@ -29,6 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     try:
         return int(options.do(options))
+    except KeyboardInterrupt:
+        return 0
     except (ValueError, OSError, ScenarioError) as error:
         print(f"orchard-vda5050: {error}", file=sys.stderr)
         return 2
@@ -57,10 +61,25 @@ def _drive(options: argparse.Namespace) -> int:
     fleet.broker(), fleet.timing()  # a mistake in them is said at once
     words = ["--connect", options.endpoint, "--agents", "orchard_vda5050.fleet:vehicles"]
     words += [word for robot in options.robots for word in ("--only", robot)] + (["--secure", options.secure] if options.secure else [])
+    wait_for_a_run(options.endpoint, options.secure)
     try:
         return agents.main(words)
     finally:
         fleet.lines().close()
+
+
+def wait_for_a_run(endpoint: str, secure: str | None) -> None:
+    """Return when there is a run. Say what it waits for."""
+    said = ""
+    while True:
+        try:
+            with connect(endpoint, secure=secure):
+                return
+        except BusError as why:
+            if str(why) != said:
+                said = str(why)
+                print(f"orchard-vda5050: waiting for a run: {said}", file=sys.stderr, flush=True)
+            time.sleep(AGAIN_SECONDS)
 
 
 def _write_lif(options: argparse.Namespace) -> int:

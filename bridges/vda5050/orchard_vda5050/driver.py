@@ -28,7 +28,7 @@ class Duty(msgspec.Struct):
 
     order: OrderState = msgspec.field(default_factory=OrderState)
     phase: str = ""
-    began: int = 0  # tick at which the present edge or action began
+    began: int = 0  # tick at which the newest action began
     instant: list[ActionState] = []
     errors: list[Error] = []  # beside those of orders
     pickers: dict[str, str] = {}  # full bin -> the picker that has left it, since the bin has sent for this vehicle
@@ -85,15 +85,12 @@ class HandOver(Step, frozen=True):
 class Driver(PlanExecutor):
     """A vehicle at one tick: it turns its order into steps."""
 
-    def __init__(self, seen: Observation, mail: Mail, memory: VehicleMemory, bystanders: Any, graph: Graph, before: Sequence[Step]) -> None:
+    def __init__(
+        self, seen: Observation, mail: Mail, memory: VehicleMemory, duty: Duty, bystanders: Any, graph: Graph, before: Sequence[Step]
+    ) -> None:
         """`before`: the steps before each drive."""
         super().__init__(seen, mail, memory, bystanders)
-        self.graph, self._before = graph, before
-        self.duty = (
-            msgspec.msgpack.decode(memory.duty, type=Duty)
-            if memory.duty
-            else Duty(OrderState(last_node=self.graph.at(self.pose.x, self.pose.y)))
-        )
+        self.duty, self.graph, self._before = duty, graph, before
 
     def goes_on(self) -> bool:
         """Note what is finished, and add the steps of what is next. Return False if there is nothing."""
@@ -102,7 +99,7 @@ class Driver(PlanExecutor):
             orders.arrive(order)
         elif duty.phase == "action":
             self._finish(order.queue.pop(0))
-        duty.phase, duty.began = "", self.seen.tick
+        duty.phase = ""
         if order.queue and not duty.is_halted:
             return self._begin(order.queue[0])
         if order.nodes and order.nodes[0].released and not (duty.is_paused or duty.is_halted):
@@ -125,7 +122,7 @@ class Driver(PlanExecutor):
 
     def _begin(self, action: ActionOrder) -> bool:
         kind, load = action.action_type, str(action.value("loadId") or "")
-        self.duty.phase = "action"
+        self.duty.phase, self.duty.began = "action", self.seen.tick
         self.memory.doing, self.memory.state = f"{kind} {load}".strip(), "handling a bin"
         self.duty.order.set(action.action_id, "RUNNING")
         if why := self._why_not(kind):

@@ -24,12 +24,16 @@ MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own ma
 # -- messages of fleet control
 
 
-class Parameter(msgspec.Struct):
+class Part(msgspec.Struct, rename="camel", gc=False):
+    """A part of a message. There are many, and none refers back to what holds it: they need no garbage collection."""
+
+
+class Parameter(Part):
     key: str
     value: Any
 
 
-class ActionOrder(msgspec.Struct, rename="camel"):
+class ActionOrder(Part):
     """An action in an order, or an instant action."""
 
     action_type: str
@@ -42,12 +46,12 @@ class ActionOrder(msgspec.Struct, rename="camel"):
         return next((one.value for one in self.action_parameters if one.key == key), None)
 
 
-class Deviation(msgspec.Struct):
+class Deviation(Part):
     a: float
     b: float
 
 
-class NodePosition(msgspec.Struct, rename="camel"):
+class NodePosition(Part):
     x: float
     y: float
     map_id: str
@@ -55,7 +59,7 @@ class NodePosition(msgspec.Struct, rename="camel"):
     allowed_deviation: Deviation | None = msgspec.field(default=None, name="allowedDeviationXY")
 
 
-class Node(msgspec.Struct, rename="camel"):
+class Node(Part):
     node_id: str
     sequence_id: Count
     released: bool
@@ -63,7 +67,7 @@ class Node(msgspec.Struct, rename="camel"):
     node_position: NodePosition | None = None
 
 
-class Edge(msgspec.Struct, rename="camel"):
+class Edge(Part):
     edge_id: str
     sequence_id: Count
     released: bool
@@ -98,18 +102,18 @@ class InstantActions(Header):
 # -- what a vehicle knows
 
 
-class ActionState(msgspec.Struct, rename="camel"):
+class ActionState(Part):
     action_id: str
     action_type: str
     action_status: Status = "WAITING"
 
 
-class Reference(msgspec.Struct, rename="camel"):
+class Reference(Part):
     reference_key: str
     reference_value: str
 
 
-class Error(msgspec.Struct, rename="camel"):
+class Error(Part):
     error_type: str
     error_level: Level
     error_references: list[Reference]

@@ -65,11 +65,12 @@ class Vehicle(Carrier):
         self._sent, self._shown = -1.0, -1.0  # s at which a state and a visualization were sent
         self._news: object = None  # what was new in the newest state
         self._charge = 1.0  # at the tick before
+        self._known = b"", Duty()  # the newest duty, packed and as it is
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         memory = memory or self.Memory(plan=[Onward()])
-        robot = Driver(seen, mail, memory, self.bystanders, self.graph, self._before)
-        duty = robot.duty
+        duty = self._duty_in(memory, seen)
+        robot = Driver(seen, mail, memory, duty, self.bystanders, self.graph, self._before)
         self._calls.hear(mail, seen.tick)
         for topic, payload in self._port.take():
             self._obey(robot, topic, payload)
@@ -85,8 +86,16 @@ class Vehicle(Carrier):
         until = seen.tick + max(1, round(self.timing.state / TIME_STEP))
         action.hold = action.hold and replace(action.hold, until=min(action.hold.until, until))
         memory.duty = msgspec.msgpack.encode(duty)
+        self._known = memory.duty, duty
         self._report(robot, action)
         return action
+
+    def _duty_in(self, memory: VehicleMemory, seen: Observation) -> Duty:
+        """Return the duty in a memory, which is read only if it is not the one that this vehicle wrote last."""
+        (packed, duty), self._known = self._known, (b"", Duty())  # an error in this tick may leave it half changed
+        if memory.duty and memory.duty != packed:
+            return msgspec.msgpack.decode(memory.duty, type=Duty)
+        return duty if memory.duty else Duty(OrderState(last_node=self.graph.at(seen.x, seen.y)))
 
     def answer(self, robot: Any, heard: Heard) -> Answer:
         """Offer the vehicle to a bin that its order names, and agree with no other one."""

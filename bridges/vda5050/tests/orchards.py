@@ -10,6 +10,7 @@ from orchard_vda5050.lif import lif_of
 from orchard_vda5050.vehicle import Timing, Vehicle
 
 from orchard import Carrier, Local, Scenario
+from orchard.sim.lookahead import Lookahead
 
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
 
@@ -46,8 +47,8 @@ class Wire:
 class Fleet:
     """The orchard, its vehicles and their fleet control. `names`: the carriers that are vehicles, or all."""
 
-    def __init__(self, scenario, names=None, timing=EACH_SECOND, released=4):
-        self.run = Local(Scenario(**{"dispatch": "nearest"} | scenario))
+    def __init__(self, scenario, names=None, timing=EACH_SECOND, released=4, holds=Lookahead):
+        self.run = Local(Scenario(**{"dispatch": "nearest"} | scenario), holds=holds)
         layout = self.run.engine.layout
         self.graph, self.calls = graph_of(layout, Carrier(layout, "carrier_01").route), Calls(self.hear_calls)
         self.wires = {name: Wire(name) for name in names or [name for name in layout.names if name.startswith("carrier")]}

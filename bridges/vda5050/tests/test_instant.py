@@ -1,7 +1,10 @@
 """What a vehicle obeys at once."""
 
 import pytest
+from orchards import SMALL, Fleet
 from test_faults import begun, finishes
+
+from orchard.sim.lookahead import IgnoredHolds, Lookahead
 
 
 def status(fleet, name, action):
@@ -70,3 +73,12 @@ def test_what_is_no_instant_action_is_said(payload):
     fleet.wires[name].inbox.append(("instantActions", payload))
     fleet.until(lambda: fleet.state(name)["errors"])
     assert fleet.state(name)["errors"][0]["errorType"] == "VALIDATION_FAILURE"
+
+
+@pytest.mark.parametrize("holds", [Lookahead, IgnoredHolds])
+def test_a_vehicle_to_which_nothing_happens_sends_a_state_each_second(holds):
+    """In real time it is asked at every tick."""
+    fleet = Fleet(SMALL, holds=holds)
+    for _ in range(101):
+        fleet.tick()
+    assert [len([1 for name, _, _ in fleet.heard if name == one]) for one in fleet.wires] == [11, 11]

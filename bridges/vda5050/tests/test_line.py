@@ -1,14 +1,15 @@
 """The line over a real broker: a harvest, with the broker and the bridge killed on the way; and mistakes, told in words."""
 
 import os
+from contextlib import nullcontext
 
 import pytest
-from orchard_vda5050.__main__ import main
+from orchard_vda5050 import __main__ as command
 from orchard_vda5050.fleet import vehicles
 from orchards import SMALL
 from standard import check
 
-from orchard import Scenario, lay_out
+from orchard import BusError, Scenario, lay_out
 from processes import BEGIN_SECONDS, Control, bridging, broker, free_port, lif, scene
 
 FLEET = ("carrier_01", "carrier_02")
@@ -54,7 +55,7 @@ def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_k
 )
 def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
     monkeypatch.setattr("os.environ", dict(os.environ))
-    assert main(["drive", "tcp/127.0.0.1:7447", *words]) == 2
+    assert command.main(["drive", "tcp/127.0.0.1:7447", *words]) == 2
     assert told in capsys.readouterr().err
 
 
@@ -68,3 +69,17 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
 def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):
     with pytest.raises(ValueError, match=told):
         vehicles(lay_out(Scenario(**SMALL | scenario)), names)
+
+
+def test_a_bridge_waits_for_a_run(capsys, monkeypatch):
+    answers = iter([BusError("no router answers there"), BusError("no router answers there"), None])
+
+    def connect(endpoint, secure):
+        if why := next(answers):
+            raise why
+        return nullcontext()
+
+    monkeypatch.setattr(command, "connect", connect)
+    monkeypatch.setattr(command, "AGAIN_SECONDS", 0.0)
+    command.wait_for_a_run("tcp/127.0.0.1:7447", None)
+    assert capsys.readouterr().err == "orchard-vda5050: waiting for a run: no router answers there\n"

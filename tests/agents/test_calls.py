@@ -48,7 +48,8 @@ class Forgetful:
 
 
 def calling_orchard(**scenario) -> Scenario:
-    return empty_orchard(dispatch=NEAREST, **scenario)
+    """Its first bins are full after 40 s."""
+    return empty_orchard(**{"dispatch": NEAREST, "row_length": 40.0, **scenario})
 
 
 def stage_with(change, **scenario) -> Stage:
@@ -71,7 +72,7 @@ def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
 
 
 def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_line():
-    stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25))
+    stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25, row_length=70.0))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
     assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
 
@@ -105,7 +106,7 @@ def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_o
 def test_a_bin_that_calls_again_says_since_when_it_has_called():
     stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=2000), pickers=2, carriers=1)
     calls = set()
-    while stage.world.tick < 1000:
+    while stage.world.tick < 700:
         stage.tick()
         calls |= {
             (name, body.since) for name, action in stage.local.actions.items() for _, body in action.requests if isinstance(body, Call)
@@ -130,19 +131,21 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
 
 
 def test_carriers_of_several_lines_that_are_free_at_once_each_get_a_bin_soon():
-    stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40))
+    stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40, row_length=70.0))
     stage.run_until(lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85)
 
 
 def test_a_call_that_nobody_answers_is_repeated():
-    stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=2000))
-    stage.run(195)
+    stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=1700))
+    stage.run(165)
     assert exchanges(stage) == []
     assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head_of_another_line():
-    stage = stage_with(lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0), carriers=13)
+    stage = stage_with(
+        lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0), carriers=13, row_length=70.0
+    )
     stage.run_until(lambda: stage.world.delivered == 1, 1000)
     assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
     assert_every_bin_is_taken_once(stage)
@@ -157,20 +160,20 @@ def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_
 
 
 def test_a_carrier_that_came_although_its_answer_was_lost_is_still_the_only_one():
-    stage = stage_with(lambda name, agent: LateAnswerer(agent, until=760))
+    stage = stage_with(lambda name, agent: LateAnswerer(agent, until=460))
     assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
     stage = Stage(calling_orchard())
     for name in [name for name in stage.local.agents if name.startswith("bin")]:
-        stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=1000)
-    stage.run(99)
-    assert stage.pose("carrier_01")[0] == 35.4, "it stays in the queue until the bin has confirmed"
+        stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=700)
+    stage.run(69)
+    assert stage.pose("carrier_01")[0] == pytest.approx(5.4), "it stays in the queue until the bin has confirmed"
     assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_that_forgot_its_job_on_the_way_is_replaced_by_a_new_call():
-    stage = stage_with(lambda name, agent: Forgetful(agent, at=715 if name == "carrier_01" else -1), carriers=3)
+    stage = stage_with(lambda name, agent: Forgetful(agent, at=415 if name == "carrier_01" else -1), carriers=3)
     stage.run_until(lambda: len(exchanges(stage)) == 1, 400)
     assert_every_bin_is_taken_once(stage)

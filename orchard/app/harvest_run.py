@@ -14,15 +14,12 @@ from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.draft import number_of, number_problem, shown, span
+from orchard.app.picture import Picture
 from orchard.app.runs_view import Record
 from orchard.app.what_if import Fork
-from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import SAMPLED
 from orchard.report.progress import Headline
-from orchard.view.blueprint import for_page
-from orchard.view.files import parts_of
-from orchard.view.web import address, data_uri, free_pair, is_open, page_url, serve_web
 
 MODES = {
     "lockstep": "processes over Zenoh, as on separate machines",
@@ -157,14 +154,11 @@ class Run(PageCommand):
 
     def __init__(self, scenario: Scenario, settings: RunSettings, files: Files, fork: Fork | None = None) -> None:
         self.settings, self.fork = settings, fork
-        self.port, self.views_port = free_pair(), free_pair()
-        self._shown = [data_uri(self.port)]  # the live run, and later the parts of its recording
+        self.picture = Picture(scenario, files)
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self._course = {name: [*fork.history[name]] if fork else [] for name in SAMPLED}  # and what the lines of progress say
-        for_page(lay_out(scenario)).save("orchard", files.views)
-        self._servers = [serve_web(self.views_port, str(files.views))]  # of the views, and later of the recording
-        super().__init__(scenario, files, command(settings, files, self.port, fork))
+        super().__init__(scenario, files, command(settings, files, self.picture.port, fork))
 
     def words_of(self, line: str) -> str | None:
         words = super().words_of(line)
@@ -185,15 +179,7 @@ class Run(PageCommand):
         if (record := self.read(self.files.summary, Record)) is not None:
             self.headline, self.summary = record, self.read(self.files.summary, dict[str, Any])
         if self.files.recording.exists():
-            self._shown = list(map(str, parts_of(self.files.recording)))
-            self._servers.append(serve_web(self.port, *self._shown))
-
-    @property
-    def picture(self) -> str:
-        """The address of the picture, live or recorded; '' while its servers do not answer."""
-        ports = self.port, self.port + 1, self.views_port + 1
-        views = address(self.views_port, str(self.files.views))
-        return page_url(self.port, *self._shown, views) if all(map(is_open, ports)) else ""
+            self.picture.play()
 
     @property
     def course(self) -> Course:
@@ -207,9 +193,7 @@ class Run(PageCommand):
 
     def close(self) -> None:
         super().close()
-        for server in self._servers:
-            with server:
-                server.terminate()
+        self.picture.close()
 
 
 Harvests = Latest[Run]

@@ -10,8 +10,10 @@ import msgspec
 from nicegui import ui
 
 from orchard.app.charts import Charts, Course, course_of
+from orchard.app.command import Files
 from orchard.app.draft import entries, flat, title_of, words_of
 from orchard.app.elements import button, heading, note, table
+from orchard.app.picture import Picture, played
 from orchard.app.what_if import GoOn, moment, what_if
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
@@ -124,6 +126,10 @@ class RunsView:
             self._charts = Charts()
             self._sides = ui.element("div").classes("summary sides")
             self._use = button("Set the form to this scenario", self._use_chosen, "use-scenario")
+            self._watch = button("Pictures side by side", self._play, "pictures", "smart_display")
+            self._frames = ui.element("div").classes("frames")
+        self._pictures = list[Picture]()
+        ui.context.client.on_delete(self._stop)
         self._show_chosen()
 
     def refresh(self, *names: str) -> None:
@@ -139,10 +145,13 @@ class RunsView:
         self._show_chosen()
 
     def _show_chosen(self) -> None:
-        chosen = [self._past[row["name"]] for row in self._list.selected if row["name"] in self._past]
+        self._chosen = chosen = [self._past[row["name"]] for row in self._list.selected if row["name"] in self._past]
         self._comparison.set_visibility(bool(chosen))
         self._hint.set_visibility(not chosen)
         self._use.set_visibility(len(chosen) == 1)
+        self._watch.set_visibility(len(chosen) == 2 and all(self._files(past).recording.exists() for past in chosen))
+        self._stop()
+        self._frames.clear()
         marks = [past.record.forked_from.seconds for past in chosen if past.since]
         self._charts.show({_name(past): past.course for past in chosen}, marks)
         self._sides.clear()
@@ -154,8 +163,21 @@ class RunsView:
                 what_if(self._folder / f"{chosen[0].name}.snapshots", chosen[0].scenario, chosen[0].record.history, self._go_on)
 
     async def _use_chosen(self) -> None:
-        past = self._past[self._list.selected[0]["name"]]
-        await self._take(past.scenario, _name(past))
+        await self._take(self._chosen[0].scenario, _name(self._chosen[0]))
+
+    def _files(self, past: PastRun) -> Files:
+        return Files(self._folder, past.name)
+
+    def _play(self) -> None:
+        self._stop()
+        self._frames.clear()
+        with self._frames:
+            self._pictures = [played(past.scenario, self._files(past), f"Picture of {_name(past)}") for past in self._chosen]
+
+    def _stop(self) -> None:
+        for picture in self._pictures:
+            picture.close()
+        self._pictures = []
 
 
 def _name(past: PastRun) -> str:

@@ -14,6 +14,7 @@ from orchard.app.desks import Desk
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, table, tiles
 from orchard.app.harvest_run import Run
+from orchard.app.picture import frame
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
 from orchard.app.study_run import Studies
@@ -87,7 +88,7 @@ class PictureView:
     def __init__(self) -> None:
         self._hint = ui.label().classes("hint")
         self._link = ui.link("Open in a new tab", "", new_tab=True).classes("corner")
-        self._frame = ui.element("iframe").classes("picture").props('data-view=picture allow=fullscreen title="Picture of the run"')
+        self._frame = frame("Picture of the run")
         self._figures = Charts()
         self._shown: tuple[Run, bool] | None = None  # the run in the frame, and whether it was over
         self._bare: Run | None = None  # the run that is known to have no recording
@@ -104,7 +105,7 @@ class PictureView:
             self._figures.show({"": run.course})
         if now == self._shown or not self.is_seen:
             return
-        ready = run.picture
+        ready = run.picture.address
         if ready:
             self._frame.props(f'src="{ready}"')
             self._link.props(f'href="{ready}"')

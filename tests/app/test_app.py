@@ -6,6 +6,7 @@ import re
 import socket
 import subprocess
 import urllib.request
+from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import psutil
@@ -17,7 +18,7 @@ from selenium.webdriver.common.keys import Keys
 
 from orchard.app.charts import STEPS
 from orchard.field.scenario import Scenario, load
-from orchard.view.web import data_uri, free_pair, page_url, serve_web
+from orchard.view.web import data_uri, free_pair, is_open, page_url, serve_web
 
 skip_without_packages()
 
@@ -398,6 +399,17 @@ def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one
     fork = json.loads(max(server[1].glob("*.json")).read_text())
     assert fork["forked_from"] == {"run": parent, "seconds": 179.0}
     assert (fork["scenario"]["carriers"], fork["sim_seconds"], fork["stopped_seconds"]["picker_02"]) == (3, 240.0, 61.0)
+    small.press("pictures")
+    shown = small.until(lambda: two_pictures(small), "both pictures")
+    assert [name in url for name, url in zip((parent, small.view("result").text.split(", ")[-1]), shown, strict=True)] == [True, True]
+    assert [urllib.request.urlopen(url, timeout=10).status for url in shown] == [200, 200]
+    small.unchoose_runs()
+    small.until(lambda: not any(is_open(urlsplit(url).port) for url in shown), "their servers end when they are not seen any more")
+
+
+def two_pictures(page):
+    urls = [frame.get_attribute("src") for frame in page.view("comparison").find_elements("tag name", "iframe")]
+    return urls if len(urls) == 2 and all(urls) else None
 
 
 def test_why_a_run_cannot_go_on_so_is_told_in_the_words_of_the_command(small, parent):

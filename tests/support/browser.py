@@ -142,6 +142,7 @@ class Browser:
     def _unchoose(self) -> list[WebElement]:
         chosen = self.driver.find_elements(By.CSS_SELECTOR, "[data-view=runs] [aria-checked=true]")
         for run in chosen[:1]:
+            self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", run)  # not under the bar on top
             self._pressed(run)
         return chosen
 

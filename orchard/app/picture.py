@@ -1,0 +1,60 @@
+"""Rerun's viewer of a run: its servers, for the live run and later for its recording."""
+
+import subprocess
+
+from nicegui import ui
+
+from orchard.app.command import Files
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+from orchard.view.blueprint import for_page
+from orchard.view.files import parts_of
+from orchard.view.web import address, data_uri, free_pair, is_open, page_url, serve_web
+
+LOOK_SECONDS = 0.3  # s between two looks whether servers answer
+
+
+class Picture:
+    """The picture of a run. `port`: of the viewer; that of live data is the next one."""
+
+    def __init__(self, scenario: Scenario, files: Files) -> None:
+        self.port, self._views_port = free_pair(), free_pair()
+        self._files, self._shown = files, [data_uri(self.port)]
+        for_page(lay_out(scenario)).save("orchard", files.views)
+        self._servers: list[subprocess.Popen[bytes]] = [serve_web(self._views_port, str(files.views))]
+
+    def play(self) -> None:
+        """Serve the recording from now on."""
+        self._shown = list(map(str, parts_of(self._files.recording)))
+        self._servers.append(serve_web(self.port, *self._shown))
+
+    @property
+    def address(self) -> str:
+        """The address of the picture, live or recorded; '' while its servers do not answer."""
+        ports = self.port, self.port + 1, self._views_port + 1
+        views = address(self._views_port, str(self._files.views))
+        return page_url(self.port, *self._shown, views) if all(map(is_open, ports)) else ""
+
+    def close(self) -> None:
+        for server in self._servers:
+            with server:
+                server.terminate()
+
+
+def frame(title: str) -> ui.element:
+    """Add a frame for a picture, which is empty until it has an address."""
+    return ui.element("iframe").classes("picture").props(f'data-view=picture allow=fullscreen title="{title}"')
+
+
+def played(scenario: Scenario, files: Files, title: str) -> Picture:
+    """Add a frame that plays a recording as soon as the servers answer: a new address would reload the viewer."""
+    picture, box = Picture(scenario, files), frame(title)
+    picture.play()
+
+    def point() -> None:
+        if found := picture.address:
+            box.props(f'src="{found}"')
+            timer.cancel()
+
+    timer = ui.timer(LOOK_SECONDS, point)
+    return picture

@@ -1,6 +1,6 @@
 """A run that goes on with something changed: what may change under way, and the snapshot with the changes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
 from operator import getitem
 from typing import Any
@@ -56,7 +56,7 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     _check_changes(before.layout, layout)
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
-        memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped))
+        memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere)
         letters = [(tick, unpack(pack(_renamed(_plain(written), swapped)), dict[str, Written])) for tick, written in snapshot.letters]
     world = _world(before, World(layout), swapped)
     figures = _renamed(snapshot.figures, swapped)
@@ -68,7 +68,8 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     figures |= engine.figures_as_data()
     owned = sorted(name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents)
     scenario = layout.scenario.model_dump()
-    return Snapshot(snapshot.run, scenario, engine.as_data(), engine.digest, memories, letters, figures, owned, snapshot.lost)
+    rest = figures, owned, snapshot.lost, snapshot.elsewhere
+    return Snapshot(snapshot.run, scenario, engine.as_data(), engine.digest, memories, letters, *rest)
 
 
 def _check_changes(before: Layout, now: Layout) -> None:
@@ -191,9 +192,10 @@ def _in_the_way(world: World, name: str) -> str:
 # -- what agents remember
 
 
-def _memories(before: Layout, now: Layout, memories: Mapping[str, bytes | None]) -> dict[str, bytes | None]:
-    """Return the memories with which agents go on. Their courses are those of the layout now. An agent of another class begins anew if
-    the memory is not its own; so does the dispatcher if the policy or the carriers are others: it hears of all bins within 2 s."""
+def _memories(before: Layout, now: Layout, memories: Mapping[str, bytes | None], elsewhere: Collection[str]) -> dict[str, bytes | None]:
+    """Return the memories with which agents go on. Their courses are those of the layout now. An agent of another class, or one in place
+    of a client elsewhere, begins anew if the memory is not its own; so does the dispatcher if the policy or the carriers are others: it
+    hears of all bins within 2 s."""
     old, new = make_agents(before), make_agents(now)
     is_other = before.scenario.dispatch != now.scenario.dispatch or before.scenario.carrier_count != now.scenario.carrier_count
     kept = dict[str, bytes | None]()
@@ -203,7 +205,7 @@ def _memories(before: Layout, now: Layout, memories: Mapping[str, bytes | None])
         try:
             remembered = None if memory is None else unpack(memory, new[name].Memory)
         except ValueError:
-            if before.scenario.own_classes == now.scenario.own_classes:
+            if before.scenario.own_classes == now.scenario.own_classes and name not in elsewhere:
                 raise
             continue
         course, other = (getattr(agents[name].agent, "course", None) for agents in (old, new))

@@ -189,6 +189,7 @@ class LaunchedRun:
             recorded=request.recording is not None or given.is_live,
             snapshots=str(request.snapshots.resolve()),
             keyframes=given.keyframes,
+            without=given.without or [],
             table=None if given.table is None else str(given.table.resolve()),
             result=str(result),
             resume=request.resumed is not None,

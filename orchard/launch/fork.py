@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from orchard.field.kinds import kind_of
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check
 from orchard.fork import forked
@@ -53,7 +54,7 @@ class WatchedRun:
 
     def snapshot(self) -> Snapshot:
         now = self.local.snapshot()
-        now.run, now.lost = self._before.run, self._before.lost
+        now.run, now.lost, now.elsewhere = self._before.run, self._before.lost, self._before.elsewhere
         now.figures = self._before.figures | self.figures.as_data()
         return now
 
@@ -70,7 +71,7 @@ def snapshot_at(folder: Path, tick: int, say: Say) -> Snapshot:
     begun = newest(folder, refused, examine=examine, until=tick)
     for why in refused:
         say(f"not used: {why}")
-    run = WatchedRun(begun)
+    run = WatchedRun(forked(begun, {}))
     run.go_on(tick)
     if run.tick < tick:
         raise SnapshotError(f"{folder}: {clock(tick)} is after the end of the run, at {clock(run.tick)}")
@@ -124,6 +125,8 @@ def parent_of(chosen: HarvestOptions, runs: Runs) -> dict[str, Any] | None:
 def fork_of(chosen: ForkOptions, runs: Runs, say: Say) -> Snapshot:
     """Return the first moment of the fork that a user has chosen. Raises SnapshotError, ScenarioError or ValueError."""
     moment = snapshot_at(runs.snapshots(chosen.run, KEYFRAME), chosen.at or 0, say)
+    if others := [name for name in moment.elsewhere if not {name, kind_of(name)}.intersection(chosen.without or [])]:
+        say(f"clients elsewhere drove {', '.join(others)}: here the agents of the scenario do; --without leaves them to clients again")
     with named_as_typed():
         fork = forked(moment, changes_of(chosen, check(moment.scenario)), chosen.stop or [])
     fork.run = uuid.uuid4().hex[:16]

@@ -36,6 +36,7 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     duration: Annotated[Duration | None, option("SECONDS", "simulated seconds, above 0, after which the run ends")] = None
     patience: Annotated[Positive, option("SECONDS", "wall time, above 0, that an agent may take to answer")] = PATIENCE
     absent: Annotated[list[str], option("KIND|NAME", "the first tick does not wait for these agents (repeatable)")] = []
+    without: Annotated[list[str], option("KIND|NAME", "clients elsewhere drive these agents, which forks say (repeatable)")] = []
     recorded: Annotated[bool, option("", "the first tick waits for a logger, at most 10 s")] = False
     snapshots: Annotated[str | None, option("DIR", "folder for snapshots of the run")] = None
     snapshot_every: Annotated[Positive, option("SECONDS", "wall time, above 0, between two snapshots; default: 2")] = SNAPSHOT_SECONDS

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 from orchard.contract.events import Event
+from orchard.field.kinds import select_agents
 from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import Bus
 from orchard.net.refusals import RefusalTotals
@@ -40,6 +41,7 @@ class Run:
 
     def __init__(self, bus: Bus, keys: Keys, engine: Engine, options: RunOptions, before: Snapshot | None = None) -> None:
         self.engine = engine
+        self._elsewhere = select_agents(engine.layout.agents, options.without, []) if options.without else []
         self._owned_before = before.owned if before else []  # the agents that had a session; some may not come back
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
@@ -105,8 +107,8 @@ class Run:
         scenario = engine.layout.scenario.model_dump()
         owned = sorted(self.drivers.roster.owners) if self.has_begun else self._owned_before
         letters, figures = sorted(recovery_log.letters.items()), self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
-        memories, lost = recovery_log.memories, self.drivers.lost
-        self.account.keep(Snapshot(self.id, scenario, engine.as_data(), engine.digest, memories, letters, figures, owned, lost))
+        memories, rest = recovery_log.memories, (figures, owned, self.drivers.lost, self._elsewhere)
+        self.account.keep(Snapshot(self.id, scenario, engine.as_data(), engine.digest, memories, letters, *rest))
 
     def end(self, why: str) -> End:
         engine, answers = self.engine, self.drivers.answers

@@ -40,6 +40,7 @@ class Snapshot(msgspec.Struct):
     figures: dict[str, Any]  # the run's figures so far
     owned: list[str] = []  # the agents that a session owned
     lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it: from there on the hash is another
+    elsewhere: list[str] = []  # the agents that were left to clients elsewhere
 
     @property
     def tick(self) -> int:

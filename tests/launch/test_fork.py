@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from local_runs import SHORT, SMALL, local_hash, played
 from stage import empty_orchard
 
+from orchard.contract.messages import pack
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.folders import runs_folder
@@ -240,6 +241,17 @@ def test_a_run_in_which_a_robot_was_stopped_between_two_keyframes_is_told(tmp_pa
     keep(played(local, 300))
     done = orchard("fork", tmp_path, "--at", 25, "--mode", "local", "--record", "none", "--duration", 26)
     assert "after 0:20 the run was not left to its own agents" in done.stderr
+
+
+def test_a_fork_says_which_agents_were_clients_elsewhere_and_lets_those_of_the_scenario_begin_anew(tmp_path):
+    snapshot = played(SMALL, 200).snapshot()
+    snapshot.elsewhere, snapshot.memories["picker_01"] = ["picker_01"], pack(["of another program"])
+    name, content = as_file(snapshot)
+    store(name.replace(SNAPSHOT, KEYFRAME), content, tmp_path)
+    path, words = tmp_path / "fork.json", ("fork", tmp_path, "--at", 22, "--mode", "local", "--record", "none", "--duration", 40)
+    told = orchard(*words, "--summary", path).stderr
+    assert "clients elsewhere drove picker_01: here the agents of the scenario do; --without leaves them to clients again" in told
+    assert summary_of(path)["broken_agents"] == []
 
 
 @given(st.integers(0, 10**7))

@@ -41,7 +41,7 @@ class Duty(msgspec.Struct):
 
 
 class VehicleMemory(CarrierMemory):
-    """A carrier's memory. `duty`: a Duty as msgpack, because a memory is compared at each tick, part by part."""
+    """A carrier's memory. `duty`: a Duty as packed msgpack: a memory is small, and compared at each tick, part by part."""
 
     duty: bytes = b""
 

@@ -4,7 +4,7 @@ Field names are those of VDA 5050. What the standard asks for in each case is in
 """
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from math import hypot
 from typing import Annotated, Any, Literal
 
@@ -19,6 +19,7 @@ Count = Annotated[int, Meta(ge=0, lt=2**32)]
 Status = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"]
 Level = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
 UNUSABLE = ("trajectory", "corridor", "orientation", "direction", "reachOrientationBeforeEntering", "maximumRotationSpeed")  # of an edge
+LARGEST = 1 << 20  # bytes of a message
 MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own map
 
 # -- messages of fleet control
@@ -72,7 +73,7 @@ class Edge(Part):
     sequence_id: Count
     released: bool
     actions: list[ActionOrder]
-    maximum_speed: float | None = None
+    maximum_speed: Annotated[float, Meta(gt=0.0)] | None = None
 
 
 class Header(msgspec.Struct, rename="camel"):
@@ -170,6 +171,8 @@ def read(payload: bytes) -> Order:
     """Return the order in a payload. Raises Rejected for one that is malformed."""
     known: dict[str, object] = {}
     try:
+        if len(payload) > LARGEST:
+            raise ValueError(f"{len(payload)} bytes are more than {LARGEST}")
         data = msgspec.json.decode(payload)
         known = {key: data[key] for key in ("orderId", "orderUpdateId") if isinstance(data, dict) and key in data}
         order = msgspec.convert(data, Order)
@@ -195,8 +198,8 @@ def _check_sequence(order: Order) -> None:
         raise ValueError("the base must come first, and begin and end with a node")
 
 
-def take(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> OrderState:
-    """Return what a vehicle at (x, y) knows with a new order or an update. Raises Rejected.
+def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x: float, y: float) -> OrderState:
+    """Return what a vehicle at (x, y) knows with a new order or an update. `bins`: the names of all bins. Raises Rejected.
 
     An order that it has already changes nothing.
     """
@@ -221,7 +224,7 @@ def take(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> O
             "VALIDATION_FAILURE", f"the update must begin with the last node of the base, {name} with sequenceId {sequence}", named
         )
     _check_ways(order, graph)
-    _check_actions(order)
+    _check_actions(order, bins)
     if is_new:
         _check_start(state, first, graph, x, y)
         return _begun(state, order)
@@ -257,26 +260,26 @@ def _check_ways(order: Order, graph: Graph) -> None:
             raise Rejected("NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id})
 
 
-def _check_actions(order: Order) -> None:
+def _check_actions(order: Order, bins: Collection[str]) -> None:
     named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
     if edge := next((edge for edge in order.edges if edge.actions), None):
         raise Rejected("INVALID_ORDER_ACTION", f"edge {edge.edge_id}: no action is possible on edges", named)
     for node in order.nodes:
         for action in node.actions:
-            if why := _why_not(action, node.node_id):
+            if why := _why_not(action, node.node_id, bins):
                 raise Rejected("INVALID_ORDER_ACTION", why, named | {"actionId": action.action_id})
             if unknown := [one.key for one in action.action_parameters if one.key not in ("loadId", *IGNORED)]:
                 why = f"{action.action_type}: cannot use {', '.join(unknown)}"
                 raise Rejected("UNSUPPORTED_PARAMETER", why, {"parameter": unknown[0], "actionId": action.action_id}, "CRITICAL")
 
 
-def _why_not(action: ActionOrder, node: str) -> str:
+def _why_not(action: ActionOrder, node: str, bins: Collection[str]) -> str:
     kind = ACTIONS.get(action.action_type)
     if kind is None:
         return f"no action {action.action_type}; there are {', '.join(ACTIONS)}"
     if not kind.is_done_at(node):
         return f"{action.action_type} is not possible at {node}, only at {kind.nodes}"
-    if kind.needs_load and not isinstance(action.value("loadId"), str):
+    if kind.needs_load and str(action.value("loadId")) not in bins:
         return f"{action.action_type} needs the parameter loadId, the name of a bin"
     return ""
 

@@ -4,6 +4,7 @@ At each tick it takes the messages that have come, follows its order, and says h
 carriers, so it takes turns on the roads with them and stops for obstacles. Its memory holds its order: another process can go on with it.
 """
 
+import zlib
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -11,6 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from orchard import Action, Carrier, Heard, Layout, Mail, No, Observation, Yes, with_steps
+from orchard.contract.agent import LARGEST_MEMORY
 from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
@@ -24,6 +26,12 @@ from orchard_vda5050.messages import Message, Status, factsheet_of, state_of, vi
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, OrderState, Parameter, Rejected
 
 ON_A_NODE = 0.05  # m
+MOST_INSTANT = 50  # instant actions that it remembers
+MOST_BYTES = LARGEST_MEMORY // 2  # of an order in its memory
+
+
+def _packed(data: Any) -> bytes:
+    return zlib.compress(msgspec.msgpack.encode(data), level=1)
 
 
 class Port(Protocol):
@@ -65,7 +73,9 @@ class Vehicle(Carrier):
         self._sent, self._shown = -1.0, -1.0  # s at which a state and a visualization were sent
         self._news: object = None  # what was new in the newest state
         self._charge = 1.0  # at the tick before
-        self._known = b"", Duty()  # the newest duty, packed and as it is
+        self._known = b"", Duty()  # the newest duty, as the memory has it, and as it is
+        self._plain = b""  # the same as msgpack
+        self._bins = frozenset(start.name for start in layout.starts if start.kind == "bin")
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         memory = memory or self.Memory(plan=[Onward()])
@@ -85,17 +95,22 @@ class Vehicle(Carrier):
         action = robot.finish()
         until = seen.tick + max(1, round(self.timing.state / TIME_STEP))
         action.hold = action.hold and replace(action.hold, until=min(action.hold.until, until))
-        memory.duty = msgspec.msgpack.encode(duty)
-        self._known = memory.duty, duty
+        self._keep(memory, duty)
         self._report(robot, action)
         return action
 
     def _duty_in(self, memory: VehicleMemory, seen: Observation) -> Duty:
         """Return the duty in a memory, which is read only if it is not the one that this vehicle wrote last."""
-        (packed, duty), self._known = self._known, (b"", Duty())  # an error in this tick may leave it half changed
-        if memory.duty and memory.duty != packed:
-            return msgspec.msgpack.decode(memory.duty, type=Duty)
+        (written, duty), self._known = self._known, (b"", Duty())  # an error in this tick may leave it half changed
+        if memory.duty and memory.duty != written:
+            return msgspec.msgpack.decode(zlib.decompress(memory.duty), type=Duty)
         return duty if memory.duty else Duty(OrderState(last_node=self.graph.at(seen.x, seen.y)))
+
+    def _keep(self, memory: VehicleMemory, duty: Duty) -> None:
+        """Write the duty into the memory if it has changed."""
+        if (plain := msgspec.msgpack.encode(duty)) != self._plain or not memory.duty:
+            self._plain, memory.duty = plain, _packed(duty)
+        self._known = memory.duty, duty
 
     def answer(self, robot: Any, heard: Heard) -> Answer:
         """Offer the vehicle to a bin that its order names, and agree with no other one."""
@@ -118,9 +133,12 @@ class Vehicle(Carrier):
                 order = orders.read(payload)
                 if duty.is_away:
                     raise Rejected("MOBILE_ROBOT_NOT_AVAILABLE", "it drives to the queue by itself", {"orderId": order.order_id})
-                before, duty.order = duty.order, orders.take(duty.order, order, self.graph, robot.pose.x, robot.pose.y)
-                duty.is_halted = duty.is_halted and duty.order.order_id == before.order_id
-            elif topic == "instantActions":
+                taken = orders.take(duty.order, order, self.graph, self._bins, robot.pose.x, robot.pose.y)
+                if len(_packed(taken)) > MOST_BYTES:
+                    raise Rejected("INSUFFICIENT_MEMORY", "the order is too long", {"orderId": order.order_id}, "URGENT")
+                duty.is_halted = duty.is_halted and taken.order_id == duty.order.order_id
+                duty.order = taken
+            elif topic == "instantActions" and len(payload) <= orders.LARGEST:
                 for action in msgspec.json.decode(payload, type=orders.InstantActions).actions:
                     self._obey_at_once(robot, action)
         except Rejected as rejected:
@@ -148,7 +166,7 @@ class Vehicle(Carrier):
                 state.action_status = "FAILED"
                 why = f"no instant action {action.action_type}; there are {', '.join(INSTANT)}"
                 duty.errors = [Rejected("INVALID_INSTANT_ACTION", why, {"actionId": action.action_id}).error]
-        duty.instant = [*duty.instant, state]
+        duty.instant = [*duty.instant, state][-MOST_INSTANT:]
 
     def _cancel(self, robot: Driver, action: ActionOrder) -> orders.Status:
         duty, wanted = robot.duty, action.value("orderId")

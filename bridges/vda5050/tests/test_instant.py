@@ -1,5 +1,7 @@
 """What a vehicle obeys at once."""
 
+import random
+
 import pytest
 from orchards import SMALL, Fleet
 from test_faults import begun, finishes
@@ -82,3 +84,35 @@ def test_a_vehicle_to_which_nothing_happens_sends_a_state_each_second(holds):
     for _ in range(101):
         fleet.tick()
     assert [len([1 for name, _, _ in fleet.heard if name == one]) for one in fleet.wires] == [11, 11]
+
+
+def sent(fleet, name, change):
+    """Send a vehicle in the queue an order to a stop, after a change of it."""
+    fleet.tick()
+    stop = "east/stop/1"
+    fleet.master.drive(name, "", fleet.master.way(fleet.state(name)["lastNodeId"], stop), {})
+    order = fleet.master.jobs.pop(name)["sent"]
+    change(order)
+    fleet.wires[name].inbox.clear()
+    fleet.master.publish(name, "order", order)
+
+
+def test_a_vehicle_remembers_no_more_than_it_can():
+    """Its memory is limited: more would make it stand for ever."""
+    fleet, name = Fleet(SMALL), "carrier_01"
+    for _ in range(60):
+        fleet.master.instant(name, "stateRequest")
+    ids = ["".join(random.Random(number).choices("0123456789abcdef", k=900)) for number in range(40)]
+    actions = [{"actionType": "drop", "actionId": one, "blockingType": "HARD", "actionParameters": []} for one in ids]
+    sent(fleet, name, lambda order: order["nodes"][-1].update(actions=actions))
+    state = fleet.until(lambda: fleet.state(name)["errors"] and fleet.state(name))
+    assert [error["errorType"] for error in state["errors"]] == ["INSUFFICIENT_MEMORY"] and len(state["instantActionStates"]) == 50
+    sent(fleet, name, lambda order: None)
+    fleet.until(lambda: fleet.state(name)["driving"])
+
+
+def test_an_edge_may_be_driven_more_slowly():
+    fleet, name = Fleet(SMALL), "carrier_01"
+    sent(fleet, name, lambda order: order["edges"][0].update(maximumSpeed=0.3))
+    fleet.until(lambda: fleet.state(name)["velocity"]["vx"] == 0.3)
+    fleet.until(lambda: fleet.state(name)["velocity"]["vx"] == 1.0)

@@ -12,6 +12,7 @@ from orchard import Carrier, Scenario, lay_out
 
 LAYOUT = lay_out(Scenario(rows=3, pickers=2))
 GRAPH = graph_of(LAYOUT, Carrier(LAYOUT, "carrier_01").route)
+BINS = ["bin_01", "bin_02"]
 START = GRAPH.nodes["queue/1"]
 WAY = ["queue/1", *GRAPH.way("queue/1", ["east/stop/1"])]
 HEADER = {
@@ -41,7 +42,7 @@ def order(update=0, first=0, released=99, actions=(), order_id="one"):
 
 
 def taken(state, message):
-    return orders.take(state, orders.read(json.dumps(message).encode()), GRAPH, START.x, START.y)
+    return orders.take(state, orders.read(json.dumps(message).encode()), GRAPH, BINS, START.x, START.y)
 
 
 def changed(message, path, value):
@@ -93,6 +94,9 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action("unload", key="")])),
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(key="")])),
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value=3)])),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value="bin_77")])),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value=["bin_01"])])),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 0, "maximumSpeed"], -1.0)),
         ("INVALID_ORDER_ACTION", OrderState(), changed(order(), ["edges", 0, "actions"], [action("drop")])),
         ("OTHER_ORDER_ACTIVE", BEGUN, order(order_id="two")),
         ("OUTDATED_ORDER_UPDATE", DONE, order(update=2, first=2)),
@@ -114,7 +118,9 @@ def test_an_order_is_rejected_with_the_standards_error(error_type, state, messag
 
 
 @pytest.mark.parametrize(
-    "payload", [b"", b"[]", b"{}", b"null", b"\xff", b'{"orderId": 3}', b"[" * 100_000], ids=lambda payload: str(payload[:12])
+    "payload",
+    [b"", b"[]", b"{}", b"null", b"\xff", b'{"orderId": 3}', b"[" * 100_000, b" " * (1 << 20) + b"{}"],
+    ids=lambda payload: str(payload[:12]),
 )
 def test_what_is_no_order_is_rejected(payload):
     with pytest.raises(Rejected, match="not an order"):
@@ -165,7 +171,7 @@ def test_the_first_node_may_allow_a_vehicle_to_stand_further_away():
     far = START.x - 3.0
     position = {"x": START.x, "y": START.y, "mapId": "orchard", "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0}}
     message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode())
-    assert orders.take(OrderState(), message, GRAPH, far, START.y).order_id == "one"
+    assert orders.take(OrderState(), message, GRAPH, BINS, far, START.y).order_id == "one"
 
 
 def test_a_cancelled_order_leaves_a_vehicle_that_drives_its_next_node():

@@ -160,14 +160,15 @@ def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
     assert summary_of(path)["stopped_seconds"] == {"picker_02": 10.0}
 
 
-def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_too(tmp_path):
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_or_killed_too(tmp_path, end):
     file, path = scenario_file(tmp_path, SMALL), tmp_path / "fork.json"
     with running(file, "--mode", "local", "--speed", 20, "--keyframes", 5, "--record", "none") as run:
         wait_until_simulated(run, 11.0)
         (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
         orchard("fork", folder, "--at", 7, "--mode", "local", "--duration", 12, "--record", "none", "--summary", path)
         assert summary_of(path)["hash"] == local_hash(SMALL, 120)
-        run.send_signal(signal.SIGINT)
+        run.send_signal(end)
         run.communicate(timeout=30)
     orchard("fork", folder.stem, "--at", "0:08", "--mode", "local", "--duration", 12, "--record", "none", "--summary", path)
     assert summary_of(path)["hash"] == local_hash(SMALL, 120)

@@ -117,8 +117,8 @@ class Driver(PlanExecutor):
         for step in known.steps if known else ():
             if isinstance(step, DriveTo) and not step.queueing:
                 yield from self._before
-            slower = edge.maximum_speed is not None and isinstance(step, DriveTo) and edge.maximum_speed < step.speed
-            yield replace(step, speed=edge.maximum_speed) if slower else step
+            slower = edge.speed is not None and isinstance(step, DriveTo) and edge.speed < step.speed
+            yield replace(step, speed=edge.speed) if slower else step
 
     def _begin(self, action: ActionOrder) -> bool:
         kind, load = action.action_type, str(action.value("loadId") or "")

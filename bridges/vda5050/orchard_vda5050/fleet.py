@@ -17,6 +17,7 @@ DEFAULTS: Mapping[str, str | float] = {
     "broker": "mqtt://127.0.0.1:1883",
     "interface": "vda5050",
     "manufacturer": "orchard",
+    "version": "3.0.0",
     "state": 1.0,
     "visualization": 0.0,
     "patience": 300.0,
@@ -30,7 +31,7 @@ def setting(name: str) -> str:
 
 def broker() -> Broker:
     """Return the broker of the settings. Raises ValueError for one that cannot be."""
-    return broker_at(*map(setting, ("broker", "interface", "manufacturer")))
+    return broker_at(*map(setting, ("broker", "interface", "manufacturer", "version")))
 
 
 def timing() -> Timing:

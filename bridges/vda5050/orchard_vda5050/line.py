@@ -4,7 +4,7 @@ A client connects again by itself. What is said while the broker is away is not 
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import count
@@ -17,8 +17,9 @@ from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
 from orchard_vda5050.messages import Message, connection_of
+from orchard_vda5050.older import older
 
-VERSION = "3.0.0"
+VERSIONS: Mapping[str, Callable[[str, Message], Message]] = {"3.0.0": lambda _topic, message: message, "2.1.0": older}  # and its words
 KEEPALIVE_SECONDS = 5  # a broker takes a client for lost after 1.5 times this
 AGAIN_SECONDS = 1  # at least, between two tries to connect
 AGAIN_MOST = 5  # at most
@@ -37,14 +38,17 @@ class Broker:
     password: str | None = None
     interface: str = "vda5050"
     manufacturer: str = "orchard"
+    version: str = "3.0.0"
 
     def topic(self, serial: str, topic: str) -> str:
         """Return the full name of a vehicle's topic."""
-        return f"{self.interface}/v{VERSION[0]}/{self.manufacturer}/{serial}/{topic}"
+        return f"{self.interface}/v{self.version[0]}/{self.manufacturer}/{serial}/{topic}"
 
 
-def broker_at(url: str, interface: str, manufacturer: str) -> Broker:
+def broker_at(url: str, interface: str, manufacturer: str, version: str) -> Broker:
     """Return the broker at a URL such as mqtt://user:password@127.0.0.1:1883. Raises ValueError for one that cannot be."""
+    if version not in VERSIONS:
+        raise ValueError(f"version {version}: there are {', '.join(VERSIONS)}")
     parts = urlsplit(url)
     if parts.scheme not in ("mqtt", "mqtts") or not parts.hostname or parts.path not in ("", "/"):
         raise ValueError(f"broker {url!r}: must be as mqtt://127.0.0.1:1883 or, with TLS, mqtts://user:password@broker.example:8883")
@@ -52,7 +56,7 @@ def broker_at(url: str, interface: str, manufacturer: str) -> Broker:
         raise ValueError(f"{wrong[0]!r}: a part of a topic needs characters, but none of / + # $")
     is_secure = parts.scheme == "mqtts"
     port = parts.port or (8883 if is_secure else 1883)
-    return Broker(parts.hostname, port, is_secure, parts.username, parts.password, interface, manufacturer)
+    return Broker(parts.hostname, port, is_secure, parts.username, parts.password, interface, manufacturer, version)
 
 
 def _client(broker: Broker, name: str) -> Client:
@@ -109,8 +113,9 @@ class Line:
         if topic == "state":
             self.state_header_id = number
         at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        header = {"headerId": number, "timestamp": at, "version": VERSION, "manufacturer": self._broker.manufacturer}
-        return msgspec.json.encode(header | {"serialNumber": self._serial} | message)
+        header = {"headerId": number, "timestamp": at, "version": self._broker.version, "manufacturer": self._broker.manufacturer}
+        body = VERSIONS[self._broker.version](topic, message)
+        return msgspec.json.encode(header | {"serialNumber": self._serial} | body)
 
     def _connected(self, client: Client, *_: Any) -> None:
         for topic in self._subscribes:

@@ -18,7 +18,15 @@ from orchard_vda5050.lif import MAP
 Count = Annotated[int, Meta(ge=0, lt=2**32)]
 Status = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"]
 Level = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
-UNUSABLE = ("trajectory", "corridor", "orientation", "direction", "reachOrientationBeforeEntering", "maximumRotationSpeed")  # of an edge
+UNUSABLE = (  # of an edge
+    "trajectory",
+    "corridor",
+    "orientation",
+    "direction",
+    "reachOrientationBeforeEntering",
+    "maximumRotationSpeed",
+    "maxRotationSpeed",
+)
 LARGEST = 1 << 20  # bytes of a message
 MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own map
 
@@ -57,7 +65,13 @@ class NodePosition(Part):
     y: float
     map_id: str
     theta: float | None = None
-    allowed_deviation: Deviation | None = msgspec.field(default=None, name="allowedDeviationXY")
+    allowed_deviation: Deviation | float | None = msgspec.field(default=None, name="allowedDeviationXY")  # m, in version 2.1
+
+    @property
+    def allowed(self) -> float:
+        """How far from the node a vehicle may be, m."""
+        deviation = self.allowed_deviation
+        return deviation.b if isinstance(deviation, Deviation) else deviation or 0.0
 
 
 class Node(Part):
@@ -73,7 +87,13 @@ class Edge(Part):
     sequence_id: Count
     released: bool
     actions: list[ActionOrder]
-    maximum_speed: Annotated[float, Meta(gt=0.0)] | None = None
+    maximum_speed: Annotated[float, Meta(gt=0.0)] | None = None  # m/s
+    max_speed: Annotated[float, Meta(gt=0.0)] | None = None  # the same in version 2.1
+
+    @property
+    def speed(self) -> float | None:
+        """The speed that is allowed, m/s."""
+        return self.maximum_speed or self.max_speed
 
 
 class Header(msgspec.Struct, rename="camel"):
@@ -236,8 +256,8 @@ def _check_start(state: OrderState, first: Node, graph: Graph, x: float, y: floa
     if first.node_id == state.last_node and first.node_id.startswith(QUEUE):
         return
     node, room = graph.nodes[first.node_id], MATCHES
-    if first.node_position is not None and first.node_position.allowed_deviation is not None:
-        room += first.node_position.allowed_deviation.b
+    if first.node_position is not None:
+        room += first.node_position.allowed
     if hypot(node.x - x, node.y - y) > room:
         far = f"{first.node_id} is {hypot(node.x - x, node.y - y):.1f} m away"
         raise Rejected("START_NODE_OUT_OF_RANGE", far, {"nodeId": first.node_id})

@@ -6,6 +6,8 @@ from typing import Any
 
 from nicegui import ui
 
+from orchard.app.command import Latest
+
 
 def heading(level: int, words: str = "") -> ui.label:
     """Return the text of a new heading. Screen readers go from one heading to the next."""
@@ -22,6 +24,24 @@ def note(props: str, classes: str = "field-problem") -> ui.label:
 def button(words: str, act: Callable[..., Any], action: str, icon: str | None = None, props: str = "flat") -> ui.button:
     """Return a button with its words as they are. `action`: its name for tests."""
     return ui.button(words, icon=icon, on_click=act).props(f"{props} no-caps data-action={action}")
+
+
+class StartAndStop:
+    """Two buttons in one place: one starts a command; while it goes on, its fields are locked, and the other one stops it."""
+
+    def __init__(self, commands: Latest[Any], fields: ui.element, words: str, start: Callable[..., Any], actions: tuple[str, str]) -> None:
+        self._commands, self._fields = commands, fields
+        self._start = button(words, start, actions[0], "play_arrow", "unelevated")
+        self._stop = button("Stop", commands.stop, actions[1], "stop", "unelevated color=negative")
+
+    def update(self, is_right: bool) -> None:
+        """Show the button that fits. `is_right`: whether what is entered can be started."""
+        going = self._commands.going
+        self._fields.props(add="inert" if going else "", remove="" if going else "inert")
+        self._start.set_visibility(going is None)
+        self._start.set_enabled(is_right)
+        self._stop.set_visibility(going is not None)
+        self._stop.set_enabled(going is not None and not going.asked_to_stop)
 
 
 def several(names: list[str], chosen: list[str], field: str, label: str, act: Callable[..., Any] | None = None) -> ui.select:

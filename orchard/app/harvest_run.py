@@ -79,15 +79,12 @@ class RunControls:
     def __init__(self, last: RunSettings) -> None:
         self.settings = last
         self._problems: dict[str, ui.label] = {}
-        with ui.element("div").classes("wishes") as self._box:
+        with ui.element("div").classes("wishes") as self.box:
             self._build_mode()
             self._build_speed()
             self._build_duration()
             ui.switch("Live picture", value=last.live, on_change=self._enters("live")).props("dense data-field=live")
         self._update()
-
-    def lock(self, is_locked: bool) -> None:
-        self._box.props(add="inert" if is_locked else "", remove="" if is_locked else "inert")
 
     # -- layout
 

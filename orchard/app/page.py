@@ -9,7 +9,7 @@ from nicegui import events, run, ui
 
 from orchard.app.desks import Desk
 from orchard.app.draft import query_of
-from orchard.app.elements import button, dialog, note
+from orchard.app.elements import StartAndStop, button, dialog, note
 from orchard.app.form import Form
 from orchard.app.harvest_run import Harvests, Run, RunControls
 from orchard.app.own_classes import from_elsewhere, may_run
@@ -84,8 +84,7 @@ class Page:
         with ui.element("section").classes("run-card").props('aria-label="The run"'):
             with ui.element("div").classes("wishes-and-run"):
                 self.wishes = RunControls(self.desk.settings)
-                self.start_button = button("Run", lambda: self._start(self.draft.scenario), "run", "play_arrow", "unelevated")
-                self.stop_button = button("Stop", self._stop, "stop", "stop", "unelevated color=negative")
+                self.buttons = StartAndStop(self.runs, self.wishes.box, "Run", lambda: self._start(self.draft.scenario), ("run", "stop"))
             self.first = ui.label(FIRST).classes("figure-line").props("data-view=first")
             self.trouble = note("data-view=trouble role=alert")
             self.progress = ProgressView()
@@ -152,10 +151,6 @@ class Page:
             complain("The harvest was not started", [str(error)])
         self._watch()
 
-    def _stop(self) -> None:
-        self.runs.stop()
-        self._watch()
-
     # -- updates
 
     async def _redraw(self) -> None:
@@ -180,12 +175,7 @@ class Page:
     def _update_buttons(self) -> None:
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
         self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value" if wrong else "")
-        going = self.runs.going
-        self.wishes.lock(going is not None)
-        self.start_button.set_visibility(going is None)
-        self.start_button.set_enabled(not wrong)
-        self.stop_button.set_visibility(going is not None)
-        self.stop_button.set_enabled(going is not None and not going.asked_to_stop)
+        self.buttons.update(not wrong)
         for action in (self._save, self._link):
             action.set_enabled(self.draft.scenario is not None)
 
@@ -198,8 +188,6 @@ class Page:
         state = harvest.state
         if before != (harvest, state.is_over):
             self.stage.turn_to_run(harvest, state)
-        elif state.is_over and self.stage.is_settled(harvest):
-            return
         self._seen = harvest, state.is_over
         self.progress.show(harvest, state)
         self.stage.show(harvest, state)

@@ -41,20 +41,28 @@ class Picture:
                 server.terminate()
 
 
-def frame(title: str) -> ui.element:
-    """Add a frame for a picture, which is empty until it has an address."""
-    return ui.element("iframe").classes("picture").props(f'data-view=picture allow=fullscreen title="{title}"')
+class Frame(ui.element):
+    """A frame for a picture, empty until it has an address."""
+
+    def __init__(self, title: str) -> None:
+        super().__init__("iframe")
+        self.classes("picture").props(f'data-view=picture allow=fullscreen title="{title}"')
 
 
-def played(scenario: Scenario, files: Files, title: str) -> Picture:
-    """Add a frame that plays a recording as soon as the servers answer: a new address would reload the viewer."""
-    picture, box = Picture(scenario, files), frame(title)
-    picture.play()
+class Player(Frame):
+    """A frame that plays a recording as soon as its servers answer. They end with the frame."""
 
-    def point() -> None:
-        if found := picture.address:
-            box.props(f'src="{found}"')
-            timer.cancel()
+    def __init__(self, scenario: Scenario, files: Files, title: str) -> None:
+        super().__init__(title)
+        self._picture = Picture(scenario, files)
+        self._picture.play()
+        self._timer = ui.timer(LOOK_SECONDS, self._point)
 
-    timer = ui.timer(LOOK_SECONDS, point)
-    return picture
+    def _point(self) -> None:
+        if found := self._picture.address:
+            self.props(f'src="{found}"')
+            self._timer.cancel()
+
+    def _handle_delete(self) -> None:
+        self._picture.close()
+        super()._handle_delete()

@@ -13,7 +13,7 @@ from orchard.app.charts import Charts, Course, course_of
 from orchard.app.command import Files
 from orchard.app.draft import entries, flat, title_of, words_of
 from orchard.app.elements import button, heading, note, table
-from orchard.app.picture import Picture, played
+from orchard.app.picture import Player
 from orchard.app.what_if import GoOn, moment, what_if
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
@@ -128,9 +128,8 @@ class RunsView:
             self._use = button("Set the form to this scenario", self._use_chosen, "use-scenario")
             self._watch = button("Pictures side by side", self._play, "pictures", "smart_display")
             self._frames = ui.element("div").classes("frames")
-        self._pictures = list[Picture]()
-        ui.context.client.on_delete(self._stop)
-        self._show_chosen()
+        self._comparison.set_visibility(False)
+        self._chosen = list[PastRun]()
 
     def refresh(self, *names: str) -> None:
         """List the runs that there are now, and choose these; without names, those that were chosen."""
@@ -145,12 +144,14 @@ class RunsView:
         self._show_chosen()
 
     def _show_chosen(self) -> None:
-        self._chosen = chosen = [self._past[row["name"]] for row in self._list.selected if row["name"] in self._past]
+        chosen = [self._past[row["name"]] for row in self._list.selected if row["name"] in self._past]
+        if chosen == self._chosen:
+            return
+        self._chosen = chosen
         self._comparison.set_visibility(bool(chosen))
         self._hint.set_visibility(not chosen)
         self._use.set_visibility(len(chosen) == 1)
-        self._watch.set_visibility(len(chosen) == 2 and all(self._files(past).recording.exists() for past in chosen))
-        self._stop()
+        self._watch.set_visibility(len(chosen) == 2 and all((self._folder / f"{past.name}.rrd").exists() for past in chosen))
         self._frames.clear()
         marks = [past.record.forked_from.seconds for past in chosen if past.since]
         self._charts.show({_name(past): past.course for past in chosen}, marks)
@@ -165,19 +166,11 @@ class RunsView:
     async def _use_chosen(self) -> None:
         await self._take(self._chosen[0].scenario, _name(self._chosen[0]))
 
-    def _files(self, past: PastRun) -> Files:
-        return Files(self._folder, past.name)
-
     def _play(self) -> None:
-        self._stop()
         self._frames.clear()
         with self._frames:
-            self._pictures = [played(past.scenario, self._files(past), f"Picture of {_name(past)}") for past in self._chosen]
-
-    def _stop(self) -> None:
-        for picture in self._pictures:
-            picture.close()
-        self._pictures = []
+            for past in self._chosen:
+                Player(past.scenario, Files(self._folder, past.name), f"Picture of {_name(past)}")
 
 
 def _name(past: PastRun) -> str:
@@ -196,15 +189,9 @@ def lines(known: Mapping[str, PastRun]) -> list[list[PastRun]]:
 
 
 def _row(past: PastRun, depth: int) -> dict[str, str]:
-    under = "\u2003" * (depth - 1) + (past.since and f"\u21b3 {past.since}, ")
-    known = {
-        "name": past.name,
-        "under": under,
-        "Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}",
-        "Scenario": title_of(past.scenario),
-        "Mode": past.record.mode,
-    }
-    return known | past.figures
+    place = {"name": past.name, "under": "\u2003" * (depth - 1) + (past.since and f"\u21b3 {past.since}, ")}
+    known = {"Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}", "Scenario": title_of(past.scenario), "Mode": past.record.mode}
+    return place | known | past.figures
 
 
 def _lines(chosen: list[PastRun]) -> list[list[str]]:

@@ -10,7 +10,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.command import STATE_COLOURS
 from orchard.app.desks import Desk
-from orchard.app.elements import button, heading, note, several, table
+from orchard.app.elements import StartAndStop, button, heading, note, several, table
 from orchard.app.own_classes import CHOICES
 from orchard.app.study_run import Studies, StudyRun
 from orchard.field.scenario import Scenario, check, with_changes
@@ -40,8 +40,7 @@ class StudyView:
             with ui.element("div").classes("study-fields") as self._fields:
                 self._build_fields()
             with ui.element("div").classes("study-buttons"):
-                self._start_button = button("Start", self._start, "study-start", "play_arrow", "unelevated")
-                self._stop_button = button("Stop", self._stop, "study-stop", "stop", "unelevated color=negative")
+                self._buttons = StartAndStop(studies, self._fields, "Start", self._start, ("study-start", "study-stop"))
                 self._badge = ui.badge().props("data-view=study-state")
             self._trouble = note("data-problem=study role=alert")
             self._answer = ui.label().classes("answer").props("data-view=answer role=status")
@@ -82,7 +81,7 @@ class StudyView:
         self._desk.study = self._settings = replace(self._settings, **settings)
         problem = self._settings.problem
         self._trouble.set_text(f"Time to take: {problem}" if problem else "")
-        self._start_button.set_enabled(not problem)
+        self._update_buttons()
 
     def _start(self) -> None:
         self._trouble.set_text(self._started())
@@ -98,10 +97,6 @@ class StudyView:
             return f"The study was not started: {error}"
         return ""
 
-    def _stop(self) -> None:
-        self._studies.stop()
-        self._update_buttons()
-
     def _download(self) -> None:
         from orchard.study.report import document  # its packages are an extra
 
@@ -115,11 +110,8 @@ class StudyView:
     # -- updates
 
     def _update_buttons(self) -> None:
-        study, busy = self._studies.command, self._studies.going is not None
-        self._fields.props(add="inert" if busy else "", remove="" if busy else "inert")
-        self._start_button.set_visibility(not busy)
-        self._stop_button.set_visibility(busy)
-        self._stop_button.set_enabled(study is not None and not study.asked_to_stop)
+        study = self._studies.command
+        self._buttons.update(not self._settings.problem)
         self._badge.set_visibility(study is not None)
         self._report.set_visibility(study is not None and study.is_over and study.result is not None)
         if study is not None:

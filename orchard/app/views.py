@@ -14,7 +14,7 @@ from orchard.app.desks import Desk
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, table, tiles
 from orchard.app.harvest_run import Run
-from orchard.app.picture import frame
+from orchard.app.picture import Frame
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
 from orchard.app.study_run import Studies
@@ -88,22 +88,19 @@ class PictureView:
     def __init__(self) -> None:
         self._hint = ui.label().classes("hint")
         self._link = ui.link("Open in a new tab", "", new_tab=True).classes("corner")
-        self._frame = frame("Picture of the run")
+        self._frame = Frame("Picture of the run")
         self._figures = Charts()
         self._shown: tuple[Run, bool] | None = None  # the run in the frame, and whether it was over
-        self._bare: Run | None = None  # the run that is known to have no recording
         self.is_seen = False  # the viewer is large: it loads only when the user selects the picture
         self._show_hint("The live picture appears here when a harvest runs.")
-
-    def is_settled(self, run: Run) -> bool:
-        return self._bare is run or self._shown == (run, True)
 
     def show(self, run: Run, state: RunState) -> None:
         """Point the frame at a run once its servers answer: a new address would reload the viewer."""
         now = run, state.is_over
-        if self.is_seen:
-            self._figures.show({"": run.course})
-        if now == self._shown or not self.is_seen:
+        if not self.is_seen or self._shown == (run, True):
+            return
+        self._figures.show({"": run.course})
+        if now == self._shown:
             return
         ready = run.picture.address
         if ready:
@@ -111,7 +108,6 @@ class PictureView:
             self._link.props(f'href="{ready}"')
         self._shown = now if ready else None
         self._show_hint("" if ready else _without_picture(run, state))
-        self._bare = run if not ready and state.is_over and not run.files.recording.exists() else None
 
     def _show_hint(self, words: str) -> None:
         self._hint.set_text(words)
@@ -201,9 +197,6 @@ class Stage:
 
     def turn_to_study(self) -> None:
         self._choice.set_value("Study")
-
-    def is_settled(self, run: Run) -> bool:
-        return self._picture.is_settled(run)
 
     def show(self, run: Run, state: RunState) -> None:
         self._picture.is_seen = self._choice.value == "Picture"

@@ -4,9 +4,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Collection
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from typer.exceptions import TyperException
 
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
-from orchard.field.problems import Problem, ScenarioError, printable
+from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
@@ -123,16 +121,11 @@ def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
 
 
 def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
-    try:
+    def typed(paths: str) -> str:
+        return ", ".join(options.named([path]) if path in given else path for path in paths.split(", "))
+
+    with terminal.as_typed(typed):
         return with_changes(scenario, **given)
-    except ScenarioError as error:
-        raise ScenarioError([_typed(problem, given) for problem in error.problems]) from None
-
-
-def _typed(problem: Problem, given: Collection[str]) -> Problem:
-    """A problem of options, named as a user types them: "command line: --rows = 2"."""
-    names = [options.named([path]) if path in given else path for path in problem.path.split(", ")]
-    return replace(problem, file="command line", path=", ".join(names))
 
 
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:

@@ -1,18 +1,16 @@
 """The moments of a run that has left keyframes, and a run that goes on from one of them with changes."""
 
 import uuid
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from orchard.field.kinds import kind_of
-from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check
 from orchard.fork import forked
 from orchard.launch.options import ForkOptions, HarvestOptions
 from orchard.launch.runs import Runs
+from orchard.launch.terminal import as_typed
 from orchard.local import Local
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import examine
@@ -106,15 +104,6 @@ def _present(scenario: Scenario, path: str) -> float:
     return values
 
 
-@contextmanager
-def named_as_typed() -> Iterator[None]:
-    """In this context, changes that cannot be are those of the command line."""
-    try:
-        yield
-    except ScenarioError as error:
-        raise ScenarioError([replace(problem, file="command line") for problem in error.problems]) from None
-
-
 def parent_of(chosen: HarvestOptions, runs: Runs) -> dict[str, Any] | None:
     """Return what a summary says of the run from which a fork goes on; None if the run is no fork."""
     if not isinstance(chosen, ForkOptions):
@@ -127,7 +116,7 @@ def fork_of(chosen: ForkOptions, runs: Runs, say: Say) -> Snapshot:
     moment = snapshot_at(runs.snapshots(chosen.run, KEYFRAME), chosen.at or 0, say)
     if others := [name for name in moment.elsewhere if not {name, kind_of(name)}.intersection(chosen.without or [])]:
         say(f"clients elsewhere drove {', '.join(others)}: here the agents of the scenario do; --without leaves them to clients again")
-    with named_as_typed():
+    with as_typed():
         fork = forked(moment, changes_of(chosen, check(moment.scenario)), chosen.stop or [])
     fork.run = uuid.uuid4().hex[:16]
     return fork

@@ -12,19 +12,17 @@ from operator import gt, lt
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rich.box import SIMPLE_HEAD
-from rich.progress import BarColumn, Progress, TimeElapsedColumn
-from rich.table import Table
+from rich.progress import Progress
 
 from orchard.field.problems import ScenarioError
 from orchard.field.repeatable import draw
 from orchard.field.scenario import TICKS_PER_SECOND, check, with_changes
 from orchard.fork import NotNow, forked
-from orchard.launch.fork import WatchedRun, changes_of, clock, named_as_typed, snapshot_at
+from orchard.launch import terminal
+from orchard.launch.fork import WatchedRun, changes_of, clock, snapshot_at
 from orchard.launch.options import ForkOptions
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.study import failures, stoppable
-from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, own_classes_run, print_error, print_line
 from orchard.report.summary import write_summary
 from orchard.server.options import last_tick
 from orchard.sim.snapshot import KEYFRAME, Snapshot, SnapshotError, ticks_of
@@ -94,30 +92,25 @@ class Futures:
 
 @contextmanager
 def _futures(chosen: ForkOptions) -> Iterator[Futures]:
-    columns = BarColumn(bar_width=20), TimeElapsedColumn()
-    with (
-        stoppable() as is_stopped,
-        processes() as workers,
-        Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown,
-    ):
+    with stoppable() as is_stopped, processes() as workers, terminal.bar() as shown:
         yield Futures(chosen, workers, lambda: not is_stopped(), shown)
 
 
 def run_futures(chosen: ForkOptions, runs: Runs) -> int:
     """Live the futures that a user asks for, print and write what they give. Return the exit code."""
-    with own_classes_run(), exit_on_errors(ScenarioError, SnapshotError, OSError, ValueError), failures():
+    with terminal.own_classes_run(), terminal.exit_on_errors(ScenarioError, SnapshotError, OSError, ValueError), failures():
         folder = runs.snapshots(chosen.run, KEYFRAME)
         for path in filter(None, (chosen.summary, chosen.picture)):
             check_writable(path)
         try:
-            with named_as_typed(), _futures(chosen) as futures:
+            with terminal.as_typed(), _futures(chosen) as futures:
                 found = _compared(chosen, folder, futures) if chosen.bisect is None else _bisected(chosen, folder, futures)
         except Stopped:
-            print_error("stopped; nothing is kept")
-            return FAILED
+            terminal.print_error("stopped; nothing is kept")
+            return terminal.FAILED
         if chosen.summary is not None:
             write_summary(chosen.summary, found)
-    return FINISHED
+    return terminal.FINISHED
 
 
 # -- two branches
@@ -125,20 +118,20 @@ def run_futures(chosen: ForkOptions, runs: Runs) -> int:
 
 def _compared(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
     """Print the futures of a moment as it was and, if something is changed, with that. Return all of them."""
-    moment = snapshot_at(folder, chosen.at or 0, print_error)
+    moment = snapshot_at(folder, chosen.at or 0, terminal.print_error)
     changed = Branch(changes_of(chosen, check(moment.scenario)), chosen.stop or [])
     branches = {"as it was": Branch({}), **({_words(changed): changed} if any(changed) else {})}
     found = futures.live(futures.of(moment, *branches.values()))
     count = len(found) // len(branches)
     lived = {words: found[i * count : (i + 1) * count] for i, words in enumerate(branches)}
-    table = _table("", *branches)
+    shown = terminal.table(None, "", *branches)
     for key, head in SHOWN.items():
-        table.add_row(head, *(interval_words(_mean(key, some), " ±") for some in lived.values()))
-    table.add_row("ended well", *(f"{len(_well(some))} of {len(some)}" for some in lived.values()))
+        shown.add_row(head, *(interval_words(_mean(key, some), " ±") for some in lived.values()))
+    shown.add_row("ended well", *(f"{len(_well(some))} of {len(some)}" for some in lived.values()))
     first, *rest = lived.items()
     for words, some in rest:
-        print_line(_difference(words, first[1], some))
-    console.print(table)
+        terminal.print_line(_difference(words, first[1], some))
+    terminal.console.print(shown)
     return {"at_seconds": moment.tick / TICKS_PER_SECOND, "futures": lived}
 
 
@@ -166,13 +159,6 @@ def _mean(key: str, futures: Sequence[Future]) -> Interval | None:
     return interval(values, CONFIDENCE) if values else None
 
 
-def _table(*heads: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False)
-    for number, head in enumerate(heads):
-        table.add_column(head, justify="right" if number else "left", overflow="fold")
-    return table
-
-
 # -- the moment of the decision
 
 
@@ -192,13 +178,13 @@ def badly(condition: str, known: Collection[str]) -> Callable[[Future], bool]:
 def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
     """Print the last moment from which some future ends well, and the futures of all moments that were tried. Return these."""
     known = [tick for tick in ticks_of(folder) if chosen.at is None or tick <= chosen.at]
-    figures = WatchedRun(snapshot_at(folder, known[0], print_error)).figures.figures()
+    figures = WatchedRun(snapshot_at(folder, known[0], terminal.print_error)).figures.figures()
     is_bad = badly(chosen.bisect or "", [key for key, figure in figures.items() if isinstance(figure, int | float)])
     lived: dict[int, list[Future]] = {}
 
     def ends_well(*ticks: int) -> bool:
         """Whether some future of the last of these moments ends well. Those at which what is asked cannot be changed have none."""
-        begun = {tick: _begun(chosen, snapshot_at(folder, tick, print_error), futures) for tick in ticks}
+        begun = {tick: _begun(chosen, snapshot_at(folder, tick, terminal.print_error), futures) for tick in ticks}
         found = iter(futures.live([*chain(*begun.values())]))
         lived.update({tick: [*islice(found, len(some))] for tick, some in begun.items()})
         return any(not is_bad(one) for one in lived[ticks[-1]])
@@ -210,13 +196,13 @@ def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, 
         middle = (good + bad) // 2
         good, bad = (middle, bad) if ends_well(middle) else (good, middle)
     shares = {tick: sum(not is_bad(one) for one in some) / max(1, len(some)) for tick, some in sorted(lived.items())}
-    print_line(_decision(chosen.bisect or "", good, bad, min(lived), max(map(len, lived.values()))))
-    table = _table("from", "end well", *SHOWN.values())
+    terminal.print_line(_decision(chosen.bisect or "", good, bad, min(lived), max(map(len, lived.values()))))
+    shown = terminal.table(None, "from", "end well", *SHOWN.values())
     for tick, share in shares.items():
         means = (interval_words(_mean(key, lived[tick]), " ±") for key in SHOWN)
         count = len(lived[tick])
-        table.add_row(clock(tick), f"{round(share * count)} of {count}" if count else "not now", *means)
-    console.print(table)
+        shown.add_row(clock(tick), f"{round(share * count)} of {count}" if count else "not now", *means)
+    terminal.console.print(shown)
     if chosen.picture is not None:
         rates = {tick / MINUTE: [one["bins_per_hour"] for one in _well(some)] for tick, some in lived.items()}
         ends_well_by_minute = {tick / MINUTE: share for tick, share in shares.items()}

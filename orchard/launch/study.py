@@ -12,14 +12,14 @@ from types import FrameType
 from typing import Any
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import TextColumn
 
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
 from orchard.launch.study_options import StudyArguments
-from orchard.launch.terminal import FAILED, FINISHED, console, exit_on_errors, handled, own_classes_run, print_error, print_line
+from orchard.launch.terminal import FAILED, FINISHED, bar, console, exit_on_errors, handled, own_classes_run, print_error, print_line
 from orchard.report.summary import write_summary
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
@@ -131,8 +131,7 @@ def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]
     if chosen.progress == "json":
         yield _tell_json
         return
-    columns = BarColumn(bar_width=20), TimeElapsedColumn(), TextColumn("{task.description}", markup=False)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown:
+    with bar(TextColumn("{task.description}", markup=False)) as shown:
         task = shown.add_task("starts its workers", total=chosen.budget)
 
         def tell(partial: StudyResult) -> None:

@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -17,11 +18,16 @@ from typing import Any
 import msgspec
 import typer
 from pydantic import ValidationError
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, ProgressColumn, TimeElapsedColumn
+from rich.table import Table
 from typer import BadParameter
 from typer.exceptions import TyperException
 
 from orchard.contract.printed import diverted, printed
+from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
 from orchard.report.summary import Outcome, as_table, limit_sentence, sentence, unusual_figures, write_summary
@@ -76,6 +82,20 @@ def print_error(words: object) -> None:
     errors.print(str(words), markup=False, soft_wrap=True)
 
 
+def table(caption: str | None, *heads: str) -> Table:
+    """Return a table without rows: words in its first column, figures in the others."""
+    empty = Table(box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left")
+    for number, head in enumerate(heads):
+        empty.add_column(escape(head), justify="right" if number else "left", no_wrap=not number, overflow="fold")
+    return empty
+
+
+def bar(*more: ProgressColumn) -> Progress:
+    """Return a bar, and the time since its begin, which a terminal shows while its `with` block lasts."""
+    columns = BarColumn(bar_width=20), TimeElapsedColumn(), *more
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
 class _Log(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         _say(self.format(record))
@@ -109,6 +129,15 @@ def exit_on_errors(*mistakes: type[Exception], code: int = BAD_INPUT) -> Iterato
     except mistakes as error:
         print_error(in_words(error))
         raise typer.Exit(code) from None
+
+
+@contextmanager
+def as_typed(name: Callable[[str], str] = str) -> Iterator[None]:
+    """In this context, what cannot be in a scenario is named as a user has typed it. `name`: path of a value -> what was typed."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError([replace(one, file="command line", path=name(one.path)) for one in error.problems]) from None
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import time
 from contextlib import contextmanager
 
@@ -38,12 +39,15 @@ def three_runs(server):
     (server[1] / "odd.json").write_text("<i>[]</i>")
     ended(server[1], "first", 624.0, rows=3, seed=1)
     ended(server[1], "second", 590.0, rows=4, seed=2)
+    (keyframe := server[1] / "first.snapshots" / "tick-000000000.keyframe").parent.mkdir()
+    keyframe.touch()  # enough for a time line
     ended(server[1], "third", 30.0, mode="<b id=bold>local</b>", rows=3, seed=3)
     old = [server[1] / f"old{number}.json" for number in range(8)]  # another page of the list
     for path in old:
         path.write_text((server[1] / "third.json").read_text().replace('"sim_seconds": 30.0', '"sim_seconds": 36000.0'))
         os.utime(path, (0.0, 0.0))
     yield
+    shutil.rmtree(keyframe.parent)
     for path in (*old, *(server[1] / f"{name}.json" for name in ("first", "second", "third", "odd"))):
         path.unlink()
 
@@ -163,6 +167,12 @@ def test_axe_finds_no_violation(listed):
         was_dark = is_dark(listed)
         listed.press("dark")
         listed.until(lambda was_dark=was_dark: is_dark(listed) != was_dark, "the other colours")
+    choose(listed, "4 rows, 2 pickers, 2 carriers, seed 2")
+    listed.until(lambda: listed.view("moment").is_displayed(), "the time line of the first one")
+    assert violations(listed) == []
+    with as_phone(listed):
+        assert violations(listed) == []
+        assert listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
     for view in ("Messages", "Summary", "Plan"):
         listed.turn_to(view)
         assert violations(listed) == []

@@ -51,8 +51,7 @@ def test_an_order_that_is_lost_is_sent_again():
     fleet, _ = begun()
     send, lost = fleet.master.send, []
     fleet.master.send = lambda *message: send(*message) if len(lost) == 3 or lost.append(message) else None
-    fleet.until(lambda: len(lost) == 3)
-    assert finishes(fleet)
+    fleet.until(lambda: len(lost) == 3 and fleet.master.finished)
 
 
 def test_an_update_after_one_that_is_lost_is_rejected_and_the_vehicle_stays_within_its_base():

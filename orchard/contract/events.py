@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Meta
 
 from orchard.contract.agent import State
-from orchard.contract.messages import Text, Tick
+from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, Text, Tick, Written, type_of
+from orchard.field.problems import printable
 
 STOPPED = "stopped"  # `doing` of a robot under an emergency stop
 SCAN_TICKS = 5  # ticks between two frames with scans: twice a second
@@ -65,3 +66,31 @@ def merged(old: Frame, new: Frame) -> Frame:
     whole, left_out = old.is_whole or new.is_whole, old.left_out + new.left_out + 1
     news: dict[str, Any] = {"doing": doing, "states": states, "velocities": velocities, "events": events}
     return replace(new, left_out=left_out, is_whole=whole, **news, **kept)
+
+
+# -- messages between agents as events
+
+
+def talk_of(tick: int, letters: Mapping[str, Written]) -> list[Event]:
+    """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its letters."""
+    said = [
+        (sender, to, body)
+        for sender, written in letters.items()
+        for to, body in [*written.requests, *((given.to, given.body) for given in written.answers)]
+    ]
+    return [Event(tick, type_of(body), sender, printable(to), printable(_said(body))) for sender, to, body in said]
+
+
+_WORDS: dict[type, str] = {
+    Call: "is a carrier free? row {0.lane}, {0.side} end",
+    Come: "come, row {0.lane}, {0.side} end",
+    Offer: "{0.distance:.0f} m away",
+    EmptyBin: "which carrier comes?",
+    Here: "here is {0.bin}",
+}
+
+
+def _said(body: Request | Answer) -> str:
+    if words := _WORDS.get(type(body)):
+        return words.format(body)
+    return getattr(body, "reason", "") or getattr(body, "carrier", "")

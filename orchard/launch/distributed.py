@@ -18,11 +18,12 @@ from orchard.field.scenario import Scenario
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
 from orchard.launch.run_notes import announced
-from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, free_port, let_go, open_viewer
+from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, let_go, open_viewer
 from orchard.launch.terminal import typed
+from orchard.net import endpoints
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending, read_end
-from orchard.net.endpoints import BusError, check_free, check_loopback, check_security, from_elsewhere, is_public, reachable, with_port
+from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError, check_security, from_elsewhere, is_public, reachable, with_port
 from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
@@ -85,10 +86,10 @@ def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
     if options.connect:
         with client(options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")):
             return options.connect
-    check_loopback()
-    endpoint = with_port(options.listen or f"{'tls' if credentials.keyring else 'tcp'}/127.0.0.1:{free_port()}")
+    endpoints.check_loopback()
+    endpoint = with_port(options.listen or (SECURE_LOOPBACK if credentials.keyring else LOOPBACK))
     check_security(endpoint, credentials.identity(PHYSICS) is not None)
-    check_free(endpoint)
+    endpoints.check_free(endpoint)
     return endpoint
 
 

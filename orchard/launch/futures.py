@@ -4,8 +4,7 @@ A future is a run in local mode from that moment to its end. Each has a seed of 
 """
 
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from itertools import chain, islice
 from operator import gt, lt
@@ -66,8 +65,8 @@ class Stopped(Exception):
 class Futures:
     """Lives futures side by side."""
 
-    def __init__(self, chosen: ForkOptions, workers: Workers, goes_on: Callable[[], bool], shown: Progress) -> None:
-        self._count, self._workers, self._goes_on = chosen.futures or FUTURES, workers, goes_on
+    def __init__(self, chosen: ForkOptions, workers: Workers, is_stopped: Callable[[], bool], shown: Progress) -> None:
+        self._count, self._workers, self._is_stopped = chosen.futures or FUTURES, workers, is_stopped
         self._live, self._shown, self._task = partial(live, last_tick(chosen.duration)), shown, shown.add_task("", total=0)
 
     def of(self, moment: Snapshot, *branches: Branch) -> list[Snapshot]:
@@ -82,18 +81,12 @@ class Futures:
         """Return what these futures give. Raises Stopped."""
         done = dict[int, Future]()
         self._shown.update(self._task, completed=0, total=len(begun))
-        for (number, _), future in self._workers.do(self._live, list(enumerate(begun)), self._goes_on):
+        for (number, _), future in self._workers.do(self._live, list(enumerate(begun)), lambda: not self._is_stopped()):
             done[number] = future
             self._shown.advance(self._task)
         if len(done) < len(begun):
             raise Stopped
         return [done[number] for number in range(len(begun))]
-
-
-@contextmanager
-def _futures(chosen: ForkOptions) -> Iterator[Futures]:
-    with stoppable() as is_stopped, processes() as workers, terminal.bar() as shown:
-        yield Futures(chosen, workers, lambda: not is_stopped(), shown)
 
 
 def run_futures(chosen: ForkOptions, runs: Runs) -> int:
@@ -103,7 +96,8 @@ def run_futures(chosen: ForkOptions, runs: Runs) -> int:
         for path in filter(None, (chosen.summary, chosen.picture)):
             check_writable(path)
         try:
-            with terminal.as_typed(), _futures(chosen) as futures:
+            with terminal.as_typed(), stoppable() as is_stopped, processes() as workers, terminal.bar() as shown:
+                futures = Futures(chosen, workers, is_stopped, shown)
                 found = _compared(chosen, folder, futures) if chosen.bisect is None else _bisected(chosen, folder, futures)
         except Stopped:
             terminal.print_error("stopped; nothing is kept")

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import Agent
-from orchard.contract.events import Event, Frame
+from orchard.contract.events import Frame, talk_of
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
 from orchard.launch.request import RunRequest
@@ -23,7 +24,6 @@ from orchard.server.account import RunAccount
 from orchard.server.control import Pacer
 from orchard.server.options import last_tick
 from orchard.server.snapshots import SnapshotWriter, sole
-from orchard.sim.frames import talk_of
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.sim.lookahead import HOLDS
 from orchard.sim.snapshot import Snapshot
@@ -91,9 +91,10 @@ def run(
                 if account.snapshot_writer.is_due(engine.tick):
                     account.keep(_snapshot(local, account, request))
                 events = local.tick()
-                account.update(events, local.post.written.get(engine.tick - 1, {}))
+                letters = local.post.written.get(engine.tick - 1, {})
+                account.update(events, letters)
                 if look is not None:
-                    look(_frame(account, local, events))
+                    look(replace(account.frame(events), events=[*events, *talk_of(engine.tick - 1, letters)]))
                 if account.figures.is_due():
                     message = account.figures.message("", {})
                     show(message.figures, message.doing, message.waits_for)
@@ -111,14 +112,6 @@ def _replayed(request: RunRequest) -> dict[str, Agent] | None:
     from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
 
     return replayed(make_agents(lay_out(request.scenario)), read_commands(request.options.replay))
-
-
-def _frame(account: RunAccount, local: Local, events: list[Event]) -> Frame:
-    frame = account.frame(events)
-    for name, action in local.answers.items():
-        answers = [(heard.sender, body) for heard, body in action.answers]
-        frame.events = [*frame.events, *talk_of(local.engine.tick - 1, name, action.requests, answers)]
-    return frame
 
 
 def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapshot:

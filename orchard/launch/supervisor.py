@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,6 +16,7 @@ import msgspec
 
 from orchard.field.problems import printable
 from orchard.net import lifeline
+from orchard.net.endpoints import LOOPBACK, with_port
 from orchard.net.lifeline import Line
 from orchard.net.options import FROM_STDIN, ProcessOptions
 from orchard.view.files import window
@@ -203,9 +203,7 @@ def take_turns(pid: int) -> None:
 
 def free_port() -> int:
     """Return a TCP port of the loopback that was free a moment ago."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    return int(with_port(LOOPBACK).rpartition(":")[2])
 
 
 def open_viewer(what: str) -> subprocess.Popen[bytes]:

@@ -11,7 +11,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
-from orchard.contract.events import Event, Frame, merged
+from orchard.contract.events import Event, Frame, merged, talk_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Sample, Signal
@@ -19,7 +19,6 @@ from orchard.net.ending import Ending
 from orchard.net.host import GONE_SECONDS, HostEnded, end_if_asked
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run, publish_refusals
-from orchard.sim.frames import talk_of
 from orchard.view.palette import Colour
 from orchard.view.reader import before
 from orchard.view.recorder import Recorder
@@ -159,9 +158,7 @@ class Logger:
                 self._see(self._frame(sample.payload))
             case ["letters"]:
                 letters = read_message(sample.payload, Letters, self.run_id)
-                for name, written in letters.letters.items():
-                    answers = [(given.to, given.body) for given in written.answers]
-                    self._note(talk_of(letters.tick, name, written.requests, answers))
+                self._note(talk_of(letters.tick, letters.letters))
             case ["events"]:
                 self._note(read_message(sample.payload, Events, self.run_id).events)
             case ["lost"]:

@@ -1,25 +1,21 @@
 """Makes the frames of a picture from the world at each tick. A frame holds only what has changed."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchard.contract.agent import Action, State, state_of
 from orchard.contract.events import SCAN_TICKS, STOPPED, Event, Frame, Velocities
-from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, type_of
-from orchard.field.problems import printable
 from orchard.sim.stops import as_shown
+from orchard.sim.world import World
 
-if TYPE_CHECKING:
-    from orchard.sim.world import World
 WHOLE_TICKS = 50  # ticks between two whole frames, 5 s, for viewers that join later
 
 
 class FrameBuilder:
     """Makes the frames of one world."""
 
-    def __init__(self, world: "World") -> None:
+    def __init__(self, world: World) -> None:
         self._world = world
         self.forget()
 
@@ -72,23 +68,3 @@ class FrameBuilder:
 def words_of(action: Action) -> str:
     doing = action.doing or state_of(action)
     return f"{doing}, held up by {action.waits_for}" if action.state == "stopped" and action.waits_for else doing
-
-
-def talk_of(tick: int, name: str, requests: Sequence[tuple[str, Request]], answers: Sequence[tuple[str, Answer]]) -> list[Event]:
-    """Return the messages that agent `name` sent at a tick as events, printable. `requests` and `answers`: (recipient, message)."""
-    return [Event(tick, type_of(body), name, printable(to), printable(_said(body))) for to, body in [*requests, *answers]]
-
-
-_WORDS: dict[type, str] = {
-    Call: "is a carrier free? row {0.lane}, {0.side} end",
-    Come: "come, row {0.lane}, {0.side} end",
-    Offer: "{0.distance:.0f} m away",
-    EmptyBin: "which carrier comes?",
-    Here: "here is {0.bin}",
-}
-
-
-def _said(body: Request | Answer) -> str:
-    if words := _WORDS.get(type(body)):
-        return words.format(body)
-    return getattr(body, "reason", "") or getattr(body, "carrier", "")

@@ -1,21 +1,17 @@
 """Which bodies are in the way of a robot that reports an obstacle: its laser sees returns only."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from orchard.contract.agent import AHEAD, IN_TURN
 from orchard.field.kinds import KINDS, kind_of
 from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, X, Y, gap, place
-
-if TYPE_CHECKING:
-    from orchard.sim.world import World
+from orchard.sim.world import World
 
 REACH, ASIDE = 0.9, 0.25  # m ahead of its front edge and to each side: a little more than robots keep free
 PLACES = {AHEAD: "ahead", IN_TURN: "in its turn"}
 
 
-def with_names(world: "World", robot: str, waits_for: str) -> str:
+def with_names(world: World, robot: str, waits_for: str) -> str:
     """Return what a robot waits for, with the names of the bodies in place of 'an obstacle'. Fences and trees have no name."""
     if waits_for not in PLACES or robot not in world.index:
         return waits_for
@@ -23,12 +19,12 @@ def with_names(world: "World", robot: str, waits_for: str) -> str:
     return f"{', '.join(names)} {PLACES[waits_for]}" if names else waits_for
 
 
-def _name(world: "World", body: int) -> str:
+def _name(world: World, body: int) -> str:
     names, other = world.layout.names, int(world.coupled[body])
     return f"{names[body]} of {names[other]}" if kind_of(names[body]) == "bin" and other >= 0 else names[body]
 
 
-def _bodies_in_the_way(world: "World", robot: int, ahead: bool) -> list[int]:
+def _bodies_in_the_way(world: World, robot: int, ahead: bool) -> list[int]:
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
     own, area = boxes[robot], _box_ahead(boxes[robot]) if ahead else _box_around(boxes[robot], world.layout.names[robot])

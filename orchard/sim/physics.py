@@ -126,11 +126,6 @@ def _rests_in_bay(world: World, bin_: int) -> bool:
 # -- queries
 
 
-def is_full(world: World, i: int) -> bool:
-    """Whether body `i` is a bin to be delivered."""
-    return bool(world.full[i])
-
-
 def is_at_rest(world: World, i: int) -> bool:
     return not world.twist[i].any()
 

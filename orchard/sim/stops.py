@@ -5,23 +5,21 @@ and sends. Unloading in the bay is no motion, and goes on. People and animals ca
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from orchard.contract.agent import AHEAD, IN_TURN, Action
+from orchard.contract.agent import Action
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import ROBOTS, select_agents
+from orchard.sim.obstacles import PLACES, with_names
+from orchard.sim.world import World
 
-if TYPE_CHECKING:
-    from orchard.sim.world import World
 
-
-def stopped(world: "World") -> list[str]:
+def stopped(world: World) -> list[str]:
     return [name for name, latched in zip(world.layout.names, world.stopped.tolist(), strict=True) if latched]
 
 
-def latch(world: "World", words: Sequence[str], stop: bool) -> list[str]:
+def latch(world: World, words: Sequence[str], stop: bool) -> list[str]:
     """Stop or reset the robots with these names or kinds, or all without any; return those that change. Raises ValueError: see Engine."""
     robots = [start.name for start in world.layout.starts if start.kind in ROBOTS]
     meant = [world.index[name] for name in select_agents(robots, list(words), [])]
@@ -31,16 +29,9 @@ def latch(world: "World", words: Sequence[str], stop: bool) -> list[str]:
     return [world.layout.names[i] for i in changed]
 
 
-def as_shown(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
+def as_shown(world: World, actions: Mapping[str, Action]) -> Mapping[str, Action]:
     """Return the actions as they are shown to people: obstacles by name, and a stopped robot as stopped, whatever its agent returned."""
-    named = _with_obstacles_by_name(world, {name: action for name, action in actions.items() if action.waits_for in (AHEAD, IN_TURN)})
+    hindered = {name: action for name, action in actions.items() if action.waits_for in PLACES}
+    named = {name: replace(action, waits_for=with_names(world, name, action.waits_for)) for name, action in hindered.items()}
     halted = {name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)}
     return {**actions, **named, **halted}
-
-
-def _with_obstacles_by_name(world: "World", actions: Mapping[str, Action]) -> Mapping[str, Action]:
-    if not actions:
-        return actions
-    from orchard.sim.obstacles import with_names  # loads the compiler, which only physics needs
-
-    return {name: replace(action, waits_for=with_names(world, name, action.waits_for)) for name, action in actions.items()}

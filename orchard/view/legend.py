@@ -69,11 +69,7 @@ def log_legend(rec: rr.RecordingStream) -> None:
     middles, hues = [(place.x + MARK / 2, place.y) for place in dots], [place.colour for place in dots]
     rec.log(f"{LEGEND}/dots", rr.Points2D(middles, colors=hues, radii=[-MARK / 2]), static=True)
     for mark, form in FORMS.items():
-        _log_marks(rec, mark, form)
-
-
-def _log_marks(rec: rr.RecordingStream, mark: str, form: Form) -> None:
-    marked = [place for place in PLACED if place.mark == mark]
-    strips = [[(place.x + MARK * x, place.y + MARK * y) for x, y in form] for place in marked]
-    colours = [place.colour for place in marked]
-    rec.log(f"{LEGEND}/{mark}s", rr.LineStrips2D(strips, colors=colours, radii=[-1.5]), static=True)
+        marked = [place for place in PLACED if place.mark == mark]
+        strips = [[(place.x + MARK * x, place.y + MARK * y) for x, y in form] for place in marked]
+        hues = [place.colour for place in marked]
+        rec.log(f"{LEGEND}/{mark}s", rr.LineStrips2D(strips, colors=hues, radii=[-1.5]), static=True)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from orchard.contract.messages import PickFrom, Uncouple
 from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.layout import BAY, ROW_WEST
-from orchard.sim.physics import harvest_is_over, is_full
+from orchard.sim.physics import harvest_is_over
 
 
 def test_a_row_from_end_to_end_fills_a_bin():
@@ -19,7 +19,7 @@ def test_a_row_from_end_to_end_fills_a_bin():
     row.drive(710, **train(x=1.0))
     assert row.world.row_picked.tolist() == [70.0, 0.0, 0.0]
     assert row.of("fill", "bin_02") == 70.0
-    assert is_full(row.world, row.world.index["bin_02"])
+    assert row.world.full[row.world.index["bin_02"]]
     assert [(e.what, e.who, e.whom) for e in row.events] == [("row picked", "picker_01", "bin_02"), ("bin full", "bin_02", "picker_01")]
     assert row.events[0].tick == 705  # 70.55 m at 0.1 m a tick
     assert row.events[0].detail == "row 1"

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from rerun.chunk import RrdReader
 
-from orchard.contract.events import Frame
+from orchard.contract.events import Frame, talk_of
 from orchard.field.layout import Layout
 from orchard.local import Local
-from orchard.sim.frames import FrameBuilder, talk_of
+from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.recorder import Recorder
 
@@ -26,8 +26,7 @@ def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
     builder, engine = FrameBuilder(local.engine.world), local.engine
     while engine.tick < round(seconds * 10):
         events = local.tick()
-        for name, action in local.answers.items():
-            events += talk_of(engine.tick - 1, name, action.requests, [(heard.sender, body) for heard, body in action.answers])
+        events += talk_of(engine.tick - 1, local.post.written.get(engine.tick - 1, {}))
         yield builder.frame(engine.scans, local.actions, events, engine.lookahead.wanted)
 
 

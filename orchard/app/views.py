@@ -12,7 +12,7 @@ from orchard.app.charts import Charts
 from orchard.app.command import STATE_COLOURS, RunState
 from orchard.app.desks import Desk
 from orchard.app.draft import title_of
-from orchard.app.elements import heading, table, tiles
+from orchard.app.elements import heading, note, table, tiles
 from orchard.app.harvest_run import Run
 from orchard.app.picture import Frame
 from orchard.app.preview import PlanView
@@ -86,13 +86,15 @@ class PictureView:
     """The Rerun viewer in a frame: the live picture during a run, the recording after it."""
 
     def __init__(self) -> None:
-        self._hint = ui.label().classes("hint")
+        self._hint = note("", "hint")
         self._link = ui.link("Open in a new tab", "", new_tab=True).classes("corner")
         self._frame = Frame("Picture of the run")
+        for element in (self._frame, self._link):
+            element.bind_visibility_from(self._hint, "text", lambda words: not words)
         self._figures = Charts()
         self._shown: tuple[Run, bool] | None = None  # the run in the frame, and whether it was over
         self.is_seen = False  # the viewer is large: it loads only when the user selects the picture
-        self._show_hint("The live picture appears here when a harvest runs.")
+        self._hint.set_text("The live picture appears here when a harvest runs.")
 
     def show(self, run: Run, state: RunState) -> None:
         """Point the frame at a run once its servers answer: a new address would reload the viewer."""
@@ -107,13 +109,7 @@ class PictureView:
             self._frame.props(f'src="{ready}"')
             self._link.props(f'href="{ready}"')
         self._shown = now if ready else None
-        self._show_hint("" if ready else _without_picture(run, state))
-
-    def _show_hint(self, words: str) -> None:
-        self._hint.set_text(words)
-        self._hint.set_visibility(bool(words))
-        for element in (self._frame, self._link):
-            element.set_visibility(not words)
+        self._hint.set_text("" if ready else _without_picture(run, state))
 
 
 def _without_picture(run: Run, state: RunState) -> str:
@@ -126,34 +122,24 @@ class SummaryView:
     """The summary of a run: the result as a headline, what limits it, six figures, the charts, and all figures folded away."""
 
     def __init__(self) -> None:
-        with ui.element("div").props("data-view=result") as self._result:
-            self._title = heading(3)
-            self._limit = ui.label()
-            self._words = ui.label().classes("path")
-            self._tiles = ui.element("div").classes("tiles")
-            self._charts = Charts()
-        self._result.set_visibility(False)
-        self._box = ui.element("div").classes("summary").props("data-view=summary")
         self._run: Run | None = None
-        with self._box:
+        with ui.element("div") as self._box:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
     def show(self, run: Run, state: RunState) -> None:
         if not state.is_over or run is self._run:
             return
-        self._run, summary = run, run.summary
+        self._run, summary, title = run, run.summary, title_of(run.scenario)
         outcome = None if summary is None else msgspec.convert(summary, Outcome)
-        self._result.set_visibility(True)
-        self._title.set_text(sentence(outcome) if outcome else title_of(run.scenario))
-        self._limit.set_text(limit_sentence(outcome) if outcome else "")
-        self._words.set_text(f"{title_of(run.scenario)}, {run.settings.mode}, {state}, {run.files.name}")
-        self._charts.show({"": run.course})
-        self._tiles.clear()
         self._box.clear()
-        if summary is not None:
-            with self._tiles:
-                tiles(six_figures(summary))
-        with self._box:
+        with self._box, ui.element("div").props("data-view=result"):
+            heading(3, sentence(outcome) if outcome else title)
+            ui.label(limit_sentence(outcome) if outcome else "")
+            ui.label(f"{title}, {run.settings.mode}, {state}, {run.files.name}").classes("path")
+            with ui.element("div").classes("tiles"):
+                tiles(six_figures(summary) if summary else [])
+            Charts().show({"": run.course})
+        with self._box, ui.element("div").classes("summary").props("data-view=summary"):
             if summary is not None:
                 names, values = (column.cells for column in as_table(summary).columns)
                 with ui.expansion("All figures").props("data-action=all-figures"):

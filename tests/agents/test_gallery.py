@@ -7,6 +7,12 @@ from code_blocks import ROOT, block
 from stage import Stage
 
 from orchard.field.scenario import Scenario, parse
+from orchard.fork import forked
+from orchard.launch.fork import WatchedRun
+from orchard.launch.futures import NEAR
+from orchard.launch.options import _moment as moment
+from orchard.local import Local
+from orchard.study.settings import value_of
 
 PAGE = "docs/traffic.md"
 FAILURES = ("head-on", "ring", "person", "early")
@@ -40,3 +46,15 @@ def test_each_failure_is_cured(name):
     stage = Stage(scenario(name, cured=True))
     stage.run_to_the_end(1500)
     assert stage.world.delivered == stage.world.layout.scenario.rows
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_each_failure_was_decided_at_the_moment_that_the_page_says(name):
+    found = re.search(r"# decided: (\S+) with ([a-z_]+)=(.+)", block(PAGE, name))
+    assert found
+    run = WatchedRun(Local(scenario(name, cured=False)).snapshot(), is_hashed=False)
+    for tick, end in ((moment(found[1]), "harvested"), (moment(found[1]) + NEAR, "jammed")):
+        run.go_on(tick)
+        fork = WatchedRun(forked(run.snapshot(), {found[2]: value_of(found[3])}), is_hashed=False)
+        fork.go_on(20_000)
+        assert fork.ended == end

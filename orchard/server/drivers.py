@@ -77,9 +77,8 @@ class Drivers:
     def give_up(self) -> None:
         """Stop waiting for the missing answers. A session of which none has answered this tick loses all its agents."""
         missing = self.answers.give_up()
-        silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
-        owned = self.roster.by_owner()
-        self.release(missing.union(*(owned.get(owner, []) for owner in silent)))  # another session may have taken over
+        silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]  # another session may have taken over from it
+        self.release(missing | {name for name, owner in self.roster.owners.items() if owner in silent})
 
     def miss(self, names: Collection[str]) -> None:
         if not self.answers.releases_at_once:

@@ -51,13 +51,6 @@ class Roster:
         """Whether no token is there, and each agent's last owner has said that it leaves: another may only be cut off."""
         return not self.tokens and self._leaving.issuperset(self._last_owners.values())
 
-    def by_owner(self) -> dict[str, list[str]]:
-        owned: dict[str, list[str]] = {}
-        for name in self.names:
-            if name in self.owners:
-                owned.setdefault(self.owners[name], []).append(name)
-        return owned
-
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
         """Remove the owners of these agents. Return session id -> its released names."""
         released: dict[str, list[str]] = {}

@@ -1,11 +1,12 @@
 """Makes the frames of a picture from the world at each tick. A frame holds only what has changed."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from orchard.contract.agent import Action, State, state_of
-from orchard.contract.events import SCAN_TICKS, STOPPED, Event, Frame, Velocities
+from orchard.contract.events import SCAN_TICKS, SELDOM, STOPPED, Event, Frame, Velocities
 from orchard.sim.stops import as_shown
 from orchard.sim.world import World
 
@@ -26,20 +27,18 @@ class FrameBuilder:
             self.forget()
         is_whole = not self._shown  # not: all fields are there; after some ticks without a frame they may all have changed
         news = self._news_of(as_shown(world, actions))
+        seldom: dict[str, Any] = {name: self._if_changed(name, getattr(world, name)) for name in SELDOM}
         return Frame(
             tick=world.tick,
             poses=world.pose.copy(),
             doing={name: words for name, (words, _) in news.items()},
             states={name: state for name, (_, state) in news.items()},
             scans=list(scans) if world.tick % SCAN_TICKS == 0 else None,
-            coupled=self._if_changed("coupled", world.coupled),
-            fill=self._if_changed("fill", world.fill),
-            alive=self._if_changed("alive", world.alive),
-            row_ends=self._if_changed("row_ends", world.row_ends),
             delivered=world.delivered,
             events=events,
             is_whole=is_whole,
             velocities=self._new_velocities(np.hstack([world.twist, wanted])),
+            **seldom,
         )
 
     def forget(self) -> None:

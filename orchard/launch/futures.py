@@ -172,7 +172,8 @@ def badly(condition: str, known: Collection[str]) -> Callable[[Future], bool]:
 def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
     """Print the last moment from which some future ends well, and the futures of all moments that were tried. Return these."""
     known = [tick for tick in ticks_of(folder) if chosen.at is None or tick <= chosen.at]
-    figures = WatchedRun(snapshot_at(folder, known[0], terminal.print_error)).figures.figures()
+    first = snapshot_at(folder, known[0] if known else chosen.at or 0, terminal.print_error)
+    figures = WatchedRun(first).figures.figures()
     is_bad = badly(chosen.bisect or "", [key for key, figure in figures.items() if isinstance(figure, int | float)])
     lived: dict[int, list[Future]] = {}
 
@@ -189,21 +190,24 @@ def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, 
     while good is not None and bad is not None and bad - good > NEAR:
         middle = (good + bad) // 2
         good, bad = (middle, bad) if ends_well(middle) else (good, middle)
-    shares = {tick: sum(not is_bad(one) for one in some) / max(1, len(some)) for tick, some in sorted(lived.items())}
+    lived = dict(sorted(lived.items()))
     terminal.print_line(_decision(chosen.bisect or "", good, bad, min(lived), max(map(len, lived.values()))))
-    shown = terminal.table(None, "from", "end well", *SHOWN.values())
-    for tick, share in shares.items():
-        means = (interval_words(_mean(key, lived[tick]), " ±") for key in SHOWN)
-        count = len(lived[tick])
-        shown.add_row(clock(tick), f"{round(share * count)} of {count}" if count else "not now", *means)
-    terminal.console.print(shown)
-    if chosen.picture is not None:
-        rates = {tick / MINUTE: [one["bins_per_hour"] for one in _well(some)] for tick, some in lived.items()}
-        ends_well_by_minute = {tick / MINUTE: share for tick, share in shares.items()}
-        save_futures(chosen.picture, rates, ends_well_by_minute, None if good is None else good / MINUTE)
+    _show(lived, {tick: sum(not is_bad(one) for one in some) for tick, some in lived.items()}, good, chosen.picture)
     decided = None if good is None else good / TICKS_PER_SECOND
-    found = {tick / TICKS_PER_SECOND: lived[tick] for tick in shares}
-    return {"condition": chosen.bisect, "decided_seconds": decided, "futures": found}
+    return {"condition": chosen.bisect, "decided_seconds": decided, "futures": {at / TICKS_PER_SECOND: some for at, some in lived.items()}}
+
+
+def _show(lived: dict[int, list[Future]], well: dict[int, int], good: int | None, picture: Path | None) -> None:
+    """Show the futures of all moments. `well`: how many of them end well. `good`: the last moment from which some do."""
+    shown = terminal.table(None, "from", "end well", *SHOWN.values())
+    for tick, some in lived.items():
+        means = (interval_words(_mean(key, some), " ±") for key in SHOWN)
+        shown.add_row(clock(tick), f"{well[tick]} of {len(some)}" if some else "not now", *means)
+    terminal.console.print(shown)
+    if picture is not None:
+        rates = {tick / MINUTE: [one["bins_per_hour"] for one in _well(some)] for tick, some in lived.items()}
+        shares = {tick / MINUTE: count / max(1, len(lived[tick])) for tick, count in well.items()}
+        save_futures(picture, rates, shares, None if good is None else good / MINUTE)
 
 
 def _begun(chosen: ForkOptions, moment: Snapshot, futures: Futures) -> list[Snapshot]:

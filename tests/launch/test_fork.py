@@ -228,6 +228,7 @@ def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are
     for tick in (0, 200, 400):
         (folder / f"tick-{tick:09d}{KEYFRAME}").unlink()
     assert "no keyframe up to 0:30; its first one is at 1:00" in orchard("fork", folder, "--at", 30, *quick, code=2).stderr
+    assert "no keyframe up to 0:30; its first one is at 1:00" in orchard("fork", folder, "--bisect", "jam", "--at", 30, code=2).stderr
     assert "nowhere: no snapshots of such a run" in orchard("fork", "nowhere", "--at", 30, *quick, code=2).stderr
 
 

@@ -25,7 +25,7 @@ RUN = "run"  # file: the id of the run that writes its snapshots into the folder
 
 
 class SnapshotError(Exception):
-    """A snapshot cannot be used. The text names the snapshot and the reason."""
+    """A snapshot cannot be used. The text names the reason."""
 
 
 class Snapshot(msgspec.Struct):
@@ -79,27 +79,27 @@ def _outdated(path: Path) -> list[Path]:
 
 
 def read(path: Path) -> Snapshot:
-    """Return the snapshot in a file. Raises SnapshotError, which names the file and the fault."""
+    """Return the snapshot in a file. Raises SnapshotError, which names the fault."""
     try:
         with regular(path).open("rb") as file:
             data = file.read(LARGEST + 1)
     except OSError as error:
-        raise SnapshotError(f"{path}: {error.strerror}") from error
+        raise SnapshotError(error.strerror or "cannot be read") from error
     if len(data) > LARGEST:
-        raise SnapshotError(f"{path}: larger than {LARGEST} bytes: not a snapshot")
+        raise SnapshotError(f"larger than {LARGEST} bytes: not a snapshot")
     found = re.match(rb"orchard snapshot (\d{1,9})\n([0-9a-f]{64})\n", data)
     if not found:
-        raise SnapshotError(f"{path}: not a snapshot of an orchard")
+        raise SnapshotError("not a snapshot of an orchard")
     if int(found[1]) != VERSION:
-        raise SnapshotError(f"{path}: version {int(found[1])}; this program reads version {VERSION}")
+        raise SnapshotError(f"version {int(found[1])}; this program reads version {VERSION}")
     payload = data[found.end() :]
     if hashlib.sha256(payload).hexdigest().encode() != found[2]:
-        raise SnapshotError(f"{path}: truncated or changed: the checksum is wrong")
+        raise SnapshotError("truncated or changed: the checksum is wrong")
     try:
         snapshot: Snapshot = unpack(payload, Snapshot)
         msgspec.convert(snapshot.world.get("tick"), int)
     except ValueError as error:
-        raise SnapshotError(f"{path}: {error}") from error
+        raise SnapshotError(str(error)) from error
     return snapshot
 
 
@@ -129,21 +129,13 @@ def newest(
         try:
             found = read(path)
             if found.run != expected:
-                raise SnapshotError(f"{path}: of another run, {found.run}; expected {expected or f'a file {RUN} there with its id'}")
-            _examined(path, found, examine)
+                raise SnapshotError(f"of another run, {found.run}; expected {expected or f'a file {RUN} there with its id'}")
+            examine(found)
         except SnapshotError as error:
-            refused.append(str(error))
+            refused.append(f"{path}: {error}")
         else:
             return found
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))
-
-
-def _examined(path: Path, snapshot: Snapshot, examine: Callable[[Snapshot], object]) -> None:
-    """Examine a snapshot; an error names its file."""
-    try:
-        examine(snapshot)
-    except SnapshotError as error:
-        raise SnapshotError(f"{path}: {error}") from error
 
 
 def ticks_of(folder: Path) -> list[int]:

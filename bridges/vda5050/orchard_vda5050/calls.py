@@ -30,6 +30,10 @@ class Calls:
             self._told = waiting
             self._tell(waiting)
 
+    def bin_at(self, station: str) -> str:
+        """Return the bin that calls from a station; '' if none does."""
+        return next((name for name, (_, call) in self._last.items() if f"{call.side}/{call.lane}" == station), "")
+
     def _waiting(self, tick: int) -> list[dict[str, Any]]:
         """Return the bins that wait, in the order in which they began to call: `loadId`, the `station`, `since` which tick."""
         for name in [name for name, (at, _) in self._last.items() if tick - at > REMEMBERED]:

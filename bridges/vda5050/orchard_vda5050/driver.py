@@ -11,11 +11,11 @@ import msgspec
 from msgspec.structs import replace
 
 from orchard import CarrierMemory, DriveTo, Mail, Observation, PlanExecutor, Step
-from orchard.agents.steps import Deliver, TakeBin, Unload
+from orchard.agents.steps import Deliver, Need, TakeBin, Unload
 from orchard.field.scenario import TIME_STEP
 from orchard_vda5050 import order as orders
 from orchard_vda5050.actions import DROP, HAND_OVER, PICK, UNLOAD
-from orchard_vda5050.graph import Graph
+from orchard_vda5050.graph import QUEUE, Graph
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Error, Node, OrderState, Rejected
 
 ACTION_SECONDS = 300.0  # after which an action that is not done has failed
@@ -96,7 +96,10 @@ class Driver(PlanExecutor):
         """Note what is finished, and add the steps of what is next. Return False if there is nothing."""
         duty, order = self.duty, self.duty.order
         if duty.phase == "edge":
+            was_out = not order.last_node.startswith(QUEUE)
             orders.arrive(order)
+            if was_out and order.last_node.startswith(QUEUE):
+                self.free(list(self.memory.reserved))  # an edge that was given up may have left some
         elif duty.phase == "action":
             self._finish(order.queue.pop(0))
         duty.phase = ""
@@ -150,6 +153,16 @@ class Driver(PlanExecutor):
             duty.pickers.pop(str(action.value("loadId")), None)
             self.memory.delivered, duty.owes = "", ""
 
+    def leave_edge(self) -> None:
+        """Give back the places that the present edge needs at its beginning, which the vehicle has not left."""
+        order = self.duty.order
+        edge = self.graph.edges.get((order.last_node, order.nodes[0].node_id))
+        for step in edge.steps if edge else ():
+            if isinstance(step, Need):
+                self.free(step.places)
+            elif isinstance(step, DriveTo):
+                self.free([place for gate in step.needs for place in gate.places])
+
     def why_failed(self) -> str:
         """Why the present action has taken too long; '' if it has not."""
         action, seconds = self.duty.order.queue[0], (self.seen.tick - self.duty.began) * TIME_STEP
@@ -162,7 +175,7 @@ class Driver(PlanExecutor):
         duty, action = self.duty, self.duty.order.queue.pop(0)
         duty.order.set(action.action_id, "FAILED")
         duty.order.errors = [*duty.order.errors, Rejected("ACTION_FAILED", why, {"actionId": action.action_id}, "CRITICAL").error]
-        duty.phase, duty.is_halted, self.memory.plan = "", True, [Onward()]
+        duty.phase, duty.is_halted, self.memory.plan, duty.owes = "", True, [Onward()], ""
 
     def ask_ahead(self) -> None:
         """Shortly before a node, ask for the places that the next edge needs at its beginning."""

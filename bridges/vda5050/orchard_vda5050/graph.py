@@ -57,6 +57,10 @@ class Graph:
         """The nodes at which full bins are coupled."""
         return [nodes[1] for nodes in self.stations.values() if len(nodes) > 1]
 
+    def station_of(self, stop: str) -> str:
+        """Return the station at which a vehicle stops at this node to hand over; '' if it is no such node."""
+        return next((name for name, nodes in self.stations.items() if len(nodes) > 1 and nodes[0] == stop), "")
+
     def at(self, x: float, y: float) -> str:
         """Return the node on which a vehicle at (x, y) stands; '' if there is none."""
         near = min(self.nodes.values(), key=lambda node: hypot(node.x - x, node.y - y))

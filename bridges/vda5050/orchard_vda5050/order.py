@@ -346,4 +346,4 @@ def cancel(state: OrderState, is_driving: bool) -> None:
 
 
 def _status(state: OrderState, action: ActionOrder) -> str:
-    return next(one.action_status for one in state.actions if one.action_id == action.action_id)
+    return next((one.action_status for one in state.actions if one.action_id == action.action_id), "WAITING")

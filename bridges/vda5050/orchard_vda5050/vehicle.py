@@ -12,12 +12,13 @@ import msgspec
 from msgspec.structs import replace
 
 from orchard import Action, Carrier, Heard, Layout, Mail, No, Observation, Yes, with_steps
+from orchard.agents.sense import something_ahead
 from orchard.contract.agent import LARGEST_MEMORY
 from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
 from orchard_vda5050 import order as orders
-from orchard_vda5050.actions import INSTANT, PICK, UNLOAD
+from orchard_vda5050.actions import HAND_OVER, INSTANT, PICK, UNLOAD
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver, Drop, Duty, HandOver, Onward, VehicleMemory
 from orchard_vda5050.graph import BAY, QUEUE, Graph
@@ -185,6 +186,8 @@ class Vehicle(Carrier):
         elif duty.phase == "action":
             orders.cancel(duty.order, is_driving=False)
         else:
+            if duty.phase == "edge":
+                robot.leave_edge()
             self._stop(robot)
         duty.is_halted = False
 
@@ -196,14 +199,16 @@ class Vehicle(Carrier):
     # -- a vehicle that is left alone
 
     def _mind(self, robot: Driver) -> None:
-        """A vehicle that is left standing on the roads would jam all others: it drives to the queue by itself."""
+        """A vehicle that is left standing on the roads would jam all others: it drives to the queue, and up in its line, by itself."""
         duty, order = robot.duty, robot.duty.order
         is_queued = order.last_node.startswith(QUEUE)
+        is_out_of_the_way = is_queued and (order.last_node in self.graph.lines or something_ahead(robot.seen, []))
         if duty.is_away and is_queued and (order.is_idle or robot.seen.twist == STILL):
             self._stop(robot)
             duty.is_away = False
-        may_go = bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
-        if is_queued or not order.last_node or (may_go and not duty.is_paused and not duty.is_halted):
+        is_stuck = duty.is_away and duty.phase == "edge" and robot.seen.twist == STILL
+        may_go = not is_stuck and bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
+        if is_out_of_the_way or not order.last_node or (may_go and not duty.is_paused and not duty.is_halted):
             duty.idle_since = -1
             return
         duty.idle_since = robot.seen.tick if duty.idle_since < 0 else duty.idle_since
@@ -212,15 +217,22 @@ class Vehicle(Carrier):
 
     def _stop(self, robot: Driver) -> None:
         """Give up the order where the vehicle stands."""
-        robot.duty.phase, robot.memory.plan = "", [Onward()]
+        robot.duty.phase, robot.memory.plan, robot.memory.course = "", [Onward()], None
         orders.cancel(robot.duty.order, is_driving=False)
 
     def _drive_home(self, robot: Driver) -> None:
-        """Give the order up and drive to the queue, through the bay with a full bin, also with one that it has promised to take."""
+        """Give the order up and drive to the queue, through the bay with a full bin, also with one that it has promised to take.
+
+        A picker that waits beside it gets its empty bin: with that one it could not turn there.
+        """
         duty, order = robot.duty, robot.duty.order
         self._give_up(robot)
         duty.is_paused, duty.is_away, duty.idle_since = False, True, -1
-        promised, duty.owes = duty.owes, ""
+        promised = duty.owes
+        hitch, load = robot.seen.hitch, self._calls.bin_at(self.graph.station_of(order.last_node))
+        is_at_the_picker = not duty.phase and hitch is not None and abs(hitch.x - robot.pose.x) < ON_A_NODE  # it has not turned
+        if load and is_at_the_picker:
+            order.queue, promised = [ActionOrder(HAND_OVER, HAND_OVER, "HARD", [Parameter("loadId", load)])], load
         if promised:
             self._add(order, self.graph.bins, PICK, promised)
         if promised or duty.is_laden:

@@ -81,6 +81,29 @@ def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_o
     assert fleet.state(name)["operatingMode"] == "AUTOMATIC"
 
 
+def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over():
+    """Its order is cancelled on the last metres, and then its fleet control vanishes. With the bin it could not turn beside the picker."""
+    fleet, name = begun()
+    stop = next(node for node in fleet.master.jobs[name]["names"] if "/stop/" in node)
+    fleet.until(lambda: fleet.state(name)["nodeStates"][0]["nodeId"] == stop and fleet.state(name)["distanceSinceLastNode"] > 1.0)
+    fleet.master.instant(name, "cancelOrder")
+    fleet.has_master = False
+    fleet.until(lambda: fleet.state(name)["lastNodeId"] == stop)
+    fleet.cut(name)
+    fleet.has_master = True
+    fleet.until(lambda: stands_in_the_queue(fleet, name))
+    fleet.cut(name, is_up=True)
+    assert finishes(fleet) and [fleet.run.memories[one].reserved for one in fleet.wires] == [[], []]
+
+
+def test_a_vehicle_that_is_left_alone_in_the_queue_drives_up():
+    fleet = Fleet(SMALL, timing=Timing(patience=60.0), names=["carrier_02"])
+    fleet.has_master = False
+    fleet.tick()
+    fleet.until(lambda: stands_at(fleet, "carrier_02") == fleet.graph.lines[0])
+    fleet.until(lambda: fleet.state("carrier_02")["lastNodeId"] == fleet.graph.lines[0])
+
+
 def all_done(fleet, name, node, job):
     """Whether the actions at a node are finished."""
     actions = {state["actionId"]: state["actionStatus"] for state in fleet.state(name)["actionStates"]}

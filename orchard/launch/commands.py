@@ -28,7 +28,7 @@ from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
 from orchard.server.snapshots import examine, sole
-from orchard.sim.snapshot import Snapshot, SnapshotError, as_file, newest, store
+from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, Snapshot, SnapshotError, as_file, newest, store
 from orchard.view.files import is_recording, parts_of, remove_further_parts, viewer_program, window
 
 EPILOG = """A clone keeps recordings and snapshots in its folder runs/, an installed package in the user's own data directory.
@@ -105,7 +105,9 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     if request.recording is not None or chosen.is_live:
         window() if chosen.view else viewer_program()
     if before is not None and chosen.resume is None:
-        store(*as_file(before), snapshots, before.run)  # physics begins with it
+        name, content = as_file(before)
+        for suffix in (KEYFRAME, SNAPSHOT):  # physics begins with it, and it can be forked again
+            store(name.replace(SNAPSHOT, suffix), content, snapshots, before.run)
     return request
 
 

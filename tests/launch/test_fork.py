@@ -157,6 +157,8 @@ def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
     assert (fork["finished"], fork["scenario"]["carriers"], fork["scenario"]["seed"], fork["violations"]) == (True, 2, 7, [])
     stopped = "--at", "2:00", "--stop", "picker_02", "--duration", 130
     orchard("fork", "last", *stopped, "--mode", "local", "--record", "none", "--summary", path)
+    assert 1000 < summary_of(path)["ticks"] < 1310
+    orchard("fork", "last", "--at", "2:05", "--duration", 126, "--mode", "local", "--record", "none")
     assert summary_of(path)["stopped_seconds"] == {"picker_02": 10.0}
 
 

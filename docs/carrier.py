@@ -27,7 +27,7 @@ def chapter() -> str:
     off_west = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-west") - _ROUTE.inner_bottom
     return f"""## The job of a carrier, letter by letter
 
-`examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with zenoh, msgpack and the standard library of Python.
+`examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m, with zenoh, msgpack and the standard library of Python.
 
 1. It waits in the queue with an empty bin. With the default dispatch policy, `predictive`, the agent `dispatch` asks all carriers by
    `carrierquery`, and sends one to a bin. Answer `carrierstatus`; `is_next` is true if you have no job and your x is less than 0.1 m short

@@ -133,7 +133,7 @@ def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
     """The scenario of a bag, unless a file is given. A bag may come from others: its code must be asked for."""
     with terminal.needs_extra("A bag", "ros2-export"):
-        from orchard.bags.replay import check_robots, read_commands
+        from orchard_ros2.bags.replay import check_robots, read_commands
     commands = read_commands(bag)
     if commands.scenario is None or chosen.scenario:
         scenario = _scenario(chosen.scenario, chosen.changes)

@@ -109,7 +109,7 @@ def run(
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
     if request.options.replay is None:
         return None
-    from orchard.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
+    from orchard_ros2.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
 
     return replayed(make_agents(lay_out(request.scenario)), read_commands(request.options.replay))
 

@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
 from orchard_ros2 import messages, topics
+from orchard_ros2.bags import export as bags
+from orchard_ros2.bags.export import Bag, chosen, export
+from orchard_ros2.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
 from rosbags.highlevel import AnyReader
 
 from orchard.agents.catalogue import make_agents
-from orchard.bags import export as bags
-from orchard.bags.export import Bag, chosen, export
-from orchard.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
@@ -204,7 +204,7 @@ def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
 
 
 def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, monkeypatch, capsys):
-    for name in [name for name in sys.modules if name.startswith(("rosbags", "orchard.bags", "orchard.launch.export"))]:
+    for name in [name for name in sys.modules if name.startswith(("rosbags", "orchard_ros2.bags", "orchard.launch.export"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(SystemExit) as end:

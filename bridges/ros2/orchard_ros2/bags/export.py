@@ -9,22 +9,22 @@ from types import TracebackType
 from typing import Any, Literal
 
 import numpy as np
-from orchard_ros2 import messages, topics
-from orchard_ros2.bodies import description
-from orchard_ros2.cdr import encoded
-from orchard_ros2.field import grid_of
-from orchard_ros2.messages import TICK_NANOSECONDS, Message
-from orchard_ros2.topics import QoS, Topic
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from orchard.bags.replay import SCENARIO
 from orchard.contract.events import Velocities
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, VEHICLES, kind_of, select_agents
 from orchard.field.layout import lay_out
 from orchard.view.reader import STILL, Drives, State, ranges_of
 from orchard.view.recorder import SCAN_BEAMS
+from orchard_ros2 import messages, topics
+from orchard_ros2.bags.replay import SCENARIO
+from orchard_ros2.bodies import description
+from orchard_ros2.cdr import encoded
+from orchard_ros2.field import grid_of
+from orchard_ros2.messages import TICK_NANOSECONDS, Message
+from orchard_ros2.topics import QoS, Topic
 
 VERSION: Literal[9] = 9  # of a bag's metadata: that of ROS 2 Jazzy
 NEVER = QosTime(2**31 - 1, 2**32 - 1)  # no deadline, no end of life: what rosbag2 writes for infinity

@@ -8,8 +8,6 @@ from typing import Any
 
 import msgspec
 from msgspec.structs import replace
-from orchard_ros2.messages import TICK_NANOSECONDS
-from orchard_ros2.topics import CMD_VEL, CMD_VEL_UNSTAMPED, LATCHED, Topic
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
@@ -20,6 +18,8 @@ from orchard.field.kinds import VEHICLES, kind_of
 from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
+from orchard_ros2.messages import TICK_NANOSECONDS
+from orchard_ros2.topics import CMD_VEL, CMD_VEL_UNSTAMPED, LATCHED, Topic
 
 SCENARIO = Topic("orchard/scenario", "std_msgs/msg/String", LATCHED)  # as JSON
 A_BAG = "a bag of ROS 2: an .mcap file, or the folder of a bag with its metadata.yaml"

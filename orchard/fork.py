@@ -57,7 +57,7 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
         memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere)
-        letters = [(tick, unpack(pack(_renamed(_plain(written), swapped)), dict[str, Written])) for tick, written in snapshot.letters]
+        letters = unpack(pack(_renamed(unpack(pack(snapshot.letters), Any), swapped)), list[tuple[int, dict[str, Written]]])
     world = _world(before, World(layout), swapped)
     figures = _renamed(snapshot.figures, swapped)
     resting = [world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES]
@@ -67,9 +67,8 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
         engine.stop(stop)
     figures |= engine.figures_as_data()
     owned = sorted(name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents)
-    scenario = layout.scenario.model_dump()
     rest = figures, owned, snapshot.lost, snapshot.elsewhere
-    return Snapshot(snapshot.run, scenario, engine.as_data(), engine.digest, memories, letters, *rest)
+    return Snapshot(snapshot.run, layout.scenario.model_dump(), engine.as_data(), engine.digest, memories, letters, *rest)
 
 
 def _check_changes(before: Layout, now: Layout) -> None:
@@ -142,10 +141,6 @@ def _renamed(data: Any, swapped: Names) -> Any:
     return data
 
 
-def _plain(data: Any) -> Any:
-    return unpack(pack(data), Any)
-
-
 # -- the world
 
 
@@ -170,16 +165,14 @@ def _world(before: World, world: World, swapped: Names) -> World:
 
 
 def _put_into_its_line(world: World, carrier: str) -> None:
-    """Put a new carrier, with its bin, to the first place of its line of the queue that is free, if there is one."""
+    """Put a new carrier, with its bin, to a free place of its line of the queue, the nearest to its own, if there is one."""
     i, queue, number = world.index[carrier], world.layout.queue, number_of(carrier) - 1
     first = number - number % queue.places
-    bin_, start = int(world.coupled[i]), world.pose[i].copy()
+    bin_ = int(world.coupled[i])
     for place in sorted(range(first, first + queue.places), key=lambda place: abs(place - number)):
         world.pose[[i, bin_], 0] += queue.place(place).x - world.pose[i, 0]
         if not any(_in_the_way(world, world.layout.names[body]) for body in (i, bin_)):
             break
-    else:
-        world.pose[[i, bin_], 0] += start[0] - world.pose[i, 0]
     world.reckoned[[i, bin_]] = world.pose[[i, bin_]]
 
 

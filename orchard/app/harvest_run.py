@@ -19,7 +19,7 @@ from orchard.app.runs_view import Record
 from orchard.app.what_if import Fork
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import SAMPLED
-from orchard.report.progress import Headline
+from orchard.report.summary import Headline
 
 MODES = {
     "lockstep": "processes over Zenoh, as on separate machines",

@@ -19,7 +19,7 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
 from orchard.report.metrics import SAMPLED
-from orchard.report.progress import Headline
+from orchard.report.summary import Headline
 
 MOST = 200  # runs in the list
 

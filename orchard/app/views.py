@@ -21,8 +21,7 @@ from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
 from orchard.app.what_if import GoOn
 from orchard.field.scenario import Scenario
-from orchard.report.progress import Headline
-from orchard.report.summary import Outcome, as_table, clock, limit_sentence, sentence, share_picked, six_figures
+from orchard.report.summary import Headline, Outcome, as_table, clock, limit_sentence, sentence, share_picked, six_figures
 
 VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 

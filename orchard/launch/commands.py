@@ -14,11 +14,11 @@ from typer.exceptions import TyperException
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError, printable
-from orchard.field.scenario import Scenario, check, with_changes
+from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
-from orchard.launch.fork import fork_of, parent_of
+from orchard.launch.fork import fork_of
 from orchard.launch.options import BoundOptions, ExportOptions, ForkOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
@@ -92,7 +92,10 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     check_plugins(lay_out(scenario))
     recording = runs.recording(chosen.record)
     snapshots = runs.new_snapshots(recording) if chosen.resume is None else runs.snapshots(chosen.resume)
-    request = RunRequest(chosen, scenario, recording, snapshots, before, parent_of(chosen, runs), runs.folder)
+    parent = None
+    if isinstance(chosen, ForkOptions):
+        parent = {"run": runs.snapshots(chosen.run, KEYFRAME).stem, "seconds": (chosen.at or 0) / TICKS_PER_SECOND}
+    request = RunRequest(chosen, scenario, recording, snapshots, before, parent, runs.folder)
     if chosen.summary is not None:
         check_writable(chosen.summary)
     if chosen.table is not None:
@@ -277,7 +280,7 @@ def view(recording: options.Recording = None, web: options.Browser = None) -> No
 def export(chosen: ExportOptions) -> None:
     """Make a bag of ROS 2 from a recording, with all its parts: clock, transforms, odometry and velocities of the robots."""
     with terminal.needs_extra("A bag", "ros2-export"):
-        from orchard.launch.export import export_bag
+        from orchard_ros2.bags.command import export_bag
     raise typer.Exit(export_bag(_recording(chosen.recording), chosen.mcap, chosen.robots or [], chosen.with_scans))
 
 

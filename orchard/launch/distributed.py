@@ -28,8 +28,8 @@ from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message
 from orchard.net.requests import fetch_run
 from orchard.net.zenoh_bus import client
-from orchard.report.progress import Progress, headline_of
-from orchard.report.summary import Outcome, write_summary
+from orchard.report.progress import Progress
+from orchard.report.summary import Outcome, headline_of, write_summary
 from orchard.security.identity import Identity
 from orchard.server.options import PATIENCE, RunOptions
 from orchard.sim.kernels.cache import COMPILING, are_compiled

@@ -8,7 +8,7 @@ from typing import Any
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check
 from orchard.fork import forked
-from orchard.launch.options import ForkOptions, HarvestOptions
+from orchard.launch.options import ForkOptions
 from orchard.launch.runs import Runs
 from orchard.launch.terminal import as_typed
 from orchard.local import Local
@@ -102,13 +102,6 @@ def _present(scenario: Scenario, path: str) -> float:
     if not isinstance(values, int | float):
         raise ValueError(f"--set {path}: it has no number to which something can be added; expected KEY=VALUE")
     return values
-
-
-def parent_of(chosen: HarvestOptions, runs: Runs) -> dict[str, Any] | None:
-    """Return what a summary says of the run from which a fork goes on; None if the run is no fork."""
-    if not isinstance(chosen, ForkOptions):
-        return None
-    return {"run": runs.snapshots(chosen.run, KEYFRAME).stem, "seconds": (chosen.at or 0) / TICKS_PER_SECOND}
 
 
 def fork_of(chosen: ForkOptions, runs: Runs, say: Say) -> Snapshot:

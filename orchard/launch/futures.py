@@ -11,6 +11,7 @@ from operator import gt, lt
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import typer
 from rich.progress import Progress
 
 from orchard.field.problems import ScenarioError
@@ -58,10 +59,6 @@ def live(until: float, job: tuple[int, Snapshot]) -> Future:
     return run.figures.figures() | {"ended": run.ended}
 
 
-class Stopped(Exception):
-    """The user has stopped the command."""
-
-
 class Futures:
     """Lives futures side by side."""
 
@@ -78,14 +75,15 @@ class Futures:
         return [forked(moment, {**branch.changes, "seed": seed}, branch.stop) for branch in branches for seed in seeds]
 
     def live(self, begun: Sequence[Snapshot]) -> list[Future]:
-        """Return what these futures give. Raises Stopped."""
+        """Return what these futures give. Raises typer.Exit if the user stops the command."""
         done = dict[int, Future]()
         self._shown.update(self._task, completed=0, total=len(begun))
         for (number, _), future in self._workers.do(self._live, list(enumerate(begun)), lambda: not self._is_stopped()):
             done[number] = future
             self._shown.advance(self._task)
         if len(done) < len(begun):
-            raise Stopped
+            terminal.print_error("stopped; nothing is kept")
+            raise typer.Exit(terminal.FAILED)
         return [done[number] for number in range(len(begun))]
 
 
@@ -95,13 +93,9 @@ def run_futures(chosen: ForkOptions, runs: Runs) -> int:
         folder = runs.snapshots(chosen.run, KEYFRAME)
         for path in filter(None, (chosen.summary, chosen.picture)):
             check_writable(path)
-        try:
-            with terminal.as_typed(), stoppable() as is_stopped, processes() as workers, terminal.bar() as shown:
-                futures = Futures(chosen, workers, is_stopped, shown)
-                found = _compared(chosen, folder, futures) if chosen.bisect is None else _bisected(chosen, folder, futures)
-        except Stopped:
-            terminal.print_error("stopped; nothing is kept")
-            return terminal.FAILED
+        with terminal.as_typed(), stoppable() as is_stopped, processes() as workers, terminal.bar() as shown:
+            futures = Futures(chosen, workers, is_stopped, shown)
+            found = _compared(chosen, folder, futures) if chosen.bisect is None else _bisected(chosen, folder, futures)
         if chosen.summary is not None:
             write_summary(chosen.summary, found)
     return terminal.FINISHED

@@ -287,11 +287,6 @@ class ReplayOptions(HarvestOptions):
     replay: Annotated[Path, Argument(metavar="FILE.mcap", help="The bag.", show_default=False)] = field()
 
 
-def _left_out() -> Any:
-    """Return the field of a dataclass that is no option of a command, but of the one from which it derives."""
-    return field(default=None, init=False)
-
-
 PARENT = "The run: last, its name, its recording, or its folder of snapshots."
 FUTURES = "Compare N futures of the moment, as it was and as changed, in place of a run. Default for --bisect: 8."
 BISECT = "Find the last moment, up to --at, from which some future does not end so."
@@ -309,17 +304,16 @@ class ForkOptions(HarvestOptions):
     futures: int | None = option(FORK, FUTURES, "N", min=1, max=1000)
     bisect: str | None = option(FORK, BISECT, "jam|collision|FIGURE<NUMBER")
     picture: Path | None = option(FORK, "Draw the futures of --bisect over the moments.", "FILE.svg|png")
-    scenario: None = _left_out()
-    resume: None = _left_out()
-    replay: None = _left_out()
+    scenario: None = field(default=None, init=False)  # no options of a fork
+    resume: None = field(default=None, init=False)
+    replay: None = field(default=None, init=False)
 
     def _faults(self) -> Iterator[tuple[str, str]]:
         yield from super()._faults()
         if self.at is None and self.bisect is None:
             yield "--at", "is missing: the moment at which the fork begins"
-        asks = "--futures" if self.bisect is None else "--bisect"
         if self.asks_for_futures and self.seed is not None:
-            yield "--seed", f"each future has a seed of its own; leave out {asks}, or --seed"
+            yield "--seed", "each future has a seed of its own; leave out --seed"
         if self.asks_for_futures and self.stop and self.duration is None:
             yield "--duration", "is missing: a harvest does not end while robots stand"
 

@@ -4,85 +4,23 @@ import math
 import threading
 import time
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
-from msgspec import Meta
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from orchard.contract.agent import WAITING_STATES
 from orchard.contract.events import STOPPED
 from orchard.field.kinds import ROBOTS, kind_of, short_name
-from orchard.report.summary import clock, share_picked
+from orchard.report.summary import clock, headline_of
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
 STILL_SECONDS = 10.0  # s of wall time between two plain lines while the run gets ready; a terminal shows each second
-NAMED = 3  # broken agents that a line names
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot whose agent was lost
 STANDS = (STOPPED, SILENT)  # shown in red
-
-
-class Headline(msgspec.Struct, kw_only=True):
-    """The main figures of a run, and a line of `--progress json`."""
-
-    sim_seconds: float
-    times_real_time: float
-    rows_picked: int
-    rows: Annotated[int, Meta(ge=1)]
-    bins: Annotated[int, Meta(ge=1)]
-    row_length: Annotated[float, Meta(gt=0.0)]
-    metres_picked: float
-    bins_delivered: int
-    schedule_sim_seconds: float
-    carrier_utilisation: float
-    state_seconds: dict[str, dict[str, float]]  # kind of robot -> state -> s, all robots of the kind together
-    broken_agents: list[str] = []  # each with the tick since which it is
-
-    @property
-    def pickers_waited_seconds(self) -> float:
-        """How long pickers have waited, s of all pickers together."""
-        spent = self.state_seconds.get("picker", {})
-        return sum(spent.get(state, 0.0) for state in WAITING_STATES)
-
-    @property
-    def fraction(self) -> float:
-        """Progress from 0 to 1: half for metres picked, half for bins delivered."""
-        return (self.metres_picked / (self.rows * self.row_length) + self.bins_delivered / self.bins) / 2
-
-    def seconds_left(self, until: float | None = None) -> float:
-        """Return the estimated rest of the harvest, s of wall time. `until`: simulated time at which the run ends, s."""
-        rest = max(self.schedule_sim_seconds - self.sim_seconds, (1.0 - self.fraction) * self.schedule_sim_seconds)
-        rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
-        return rest / self.times_real_time if self.times_real_time else math.inf
-
-    def __str__(self) -> str:
-        return self.line()
-
-    def line(self, until: float | None = None) -> str:
-        """Return the headline as a line of at most 80 characters, and the broken agents. `until`: as in `seconds_left`."""
-        left, picked = self.seconds_left(until), share_picked(self.metres_picked, self.rows * self.row_length)
-        ends = [f"{clock(left)} left"] if left < math.inf else []
-        if self.broken_agents:
-            names, more = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]], len(self.broken_agents) - NAMED
-            ends.append(f"broken: {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
-        return "  ".join(
-            [
-                f"{self.sim_seconds:7.1f} s",
-                f"{self.times_real_time:6.1f} x real time",
-                f"{picked:>5} picked",
-                f"{self.bins_delivered}/{self.bins} bins",
-                *ends,
-            ]
-        )
-
-
-def headline_of(figures: Mapping[str, Any]) -> Headline:
-    """The main figures among those of a run. Raises ValueError if one is missing."""
-    return msgspec.convert(figures, Headline)
 
 
 class Progress:

@@ -1,12 +1,16 @@
 """The summary of a run: the figures that it must have, as a file and as a table; what it says in sentences."""
 
 import json
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 from rich.table import Table
+
+from orchard.contract.agent import WAITING_STATES
 
 UNITS = {
     "metres_picked": "m",
@@ -42,31 +46,83 @@ UNUSUAL = (
     "messages_dropped",
     "recording_gaps",
 )  # shown if they are not zero
+NAMED = 3  # broken agents that a line of progress names
 OF_NONE = {"lost_seconds": "known of a complete harvest only, with built-in agents, policy and route"}  # what an empty figure says
 NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
 
 
-class Outcome(msgspec.Struct):
+class Headline(msgspec.Struct, kw_only=True):
+    """The main figures of a run, and a line of `--progress json`."""
+
+    sim_seconds: float
+    times_real_time: float
+    rows_picked: int
+    rows: Annotated[int, Meta(ge=1)]
+    bins: Annotated[int, Meta(ge=1)]
+    row_length: Annotated[float, Meta(gt=0.0)]
+    metres_picked: float
+    bins_delivered: int
+    schedule_sim_seconds: float
+    carrier_utilisation: float
+    state_seconds: dict[str, dict[str, float]]  # kind of robot -> state -> s, all robots of the kind together
+    broken_agents: list[str] = []  # each with the tick since which it is
+
+    @property
+    def pickers_waited_seconds(self) -> float:
+        """How long pickers have waited, s of all pickers together."""
+        spent = self.state_seconds.get("picker", {})
+        return sum(spent.get(state, 0.0) for state in WAITING_STATES)
+
+    @property
+    def fraction(self) -> float:
+        """Progress from 0 to 1: half for metres picked, half for bins delivered."""
+        return (self.metres_picked / (self.rows * self.row_length) + self.bins_delivered / self.bins) / 2
+
+    def seconds_left(self, until: float | None = None) -> float:
+        """Return the estimated rest of the harvest, s of wall time. `until`: simulated time at which the run ends, s."""
+        rest = max(self.schedule_sim_seconds - self.sim_seconds, (1.0 - self.fraction) * self.schedule_sim_seconds)
+        rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
+        return rest / self.times_real_time if self.times_real_time else math.inf
+
+    def __str__(self) -> str:
+        return self.line()
+
+    def line(self, until: float | None = None) -> str:
+        """Return the headline as a line of at most 80 characters, and the broken agents. `until`: as in `seconds_left`."""
+        left, picked = self.seconds_left(until), share_picked(self.metres_picked, self.rows * self.row_length)
+        ends = [f"{clock(left)} left"] if left < math.inf else []
+        if self.broken_agents:
+            names, more = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]], len(self.broken_agents) - NAMED
+            ends.append(f"broken: {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
+        return "  ".join(
+            [
+                f"{self.sim_seconds:7.1f} s",
+                f"{self.times_real_time:6.1f} x real time",
+                f"{picked:>5} picked",
+                f"{self.bins_delivered}/{self.bins} bins",
+                *ends,
+            ]
+        )
+
+
+def headline_of(figures: Mapping[str, Any]) -> Headline:
+    """The main figures among those of a run. Raises ValueError if one is missing."""
+    return msgspec.convert(figures, Headline)
+
+
+class Outcome(Headline, kw_only=True):
     """The figures that each summary must have, because the terminal reports them."""
 
     hash: str
     ticks: int
-    sim_seconds: float
     wall_seconds: float
     finished: bool
     ended: str  # 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'
-    rows: Annotated[int, Meta(ge=1)]
-    bins: Annotated[int, Meta(ge=1)]
-    row_length: Annotated[float, Meta(gt=0.0)]
-    rows_picked: int
-    metres_picked: float
-    bins_delivered: int
     bins_per_hour: float
     limit_bins_per_hour: Annotated[float, Meta(gt=0.0)]
     bottleneck: str
     lost_seconds: dict[str, float]
     violations: list[str]
-    broken_agents: list[str]
     jam: list[str]
 
 

@@ -186,10 +186,7 @@ def _draw_axis(axes: Axes, content: Content) -> None:
 
 
 def save_futures(path: Path, rates: Mapping[float, Sequence[float]], shares: Mapping[float, float], decided: float | None) -> None:
-    """Draw the futures of moments, min: bins an hour of each, and the share of them that end well. `decided`: the last good moment.
-
-    Raises as `save` does.
-    """
+    """Draw the futures of moments, min: their bins an hour, the share that end well, the last good moment. Raises as `save` does."""
     drawing = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
     top, beneath = drawing.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     for at, some in rates.items():

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
 from orchard_ros2 import messages, topics
 from orchard_ros2.bags import export as bags
+from orchard_ros2.bags.command import check_bag, export_bag, lacks
 from orchard_ros2.bags.export import Bag, chosen, export
 from orchard_ros2.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
 from rosbags.highlevel import AnyReader
@@ -25,7 +26,6 @@ from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.launch.commands import app
-from orchard.launch.export import check_bag, export_bag, lacks
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.view import reader
@@ -204,7 +204,7 @@ def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
 
 
 def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, monkeypatch, capsys):
-    for name in [name for name in sys.modules if name.startswith(("rosbags", "orchard_ros2.bags", "orchard.launch.export"))]:
+    for name in [name for name in sys.modules if name.startswith(("rosbags", "orchard_ros2.bags", "orchard_ros2.bags.command"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(SystemExit) as end:

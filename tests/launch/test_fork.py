@@ -209,7 +209,7 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
         (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
         (["--at", 60, "--stop", "robot"], "robot"),
         ([], "--at: is missing: the moment at which the fork begins"),
-        (["--at", 60, "--futures", 2, "--seed", 3], "--seed: each future has a seed of its own; leave out --futures, or --seed"),
+        (["--at", 60, "--futures", 2, "--seed", 3], "--seed: each future has a seed of its own; leave out --seed"),
         (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
         (["--bisect", "jams"], "--bisect jams: expected jam, collision, or a figure of the summary"),
         (["--bisect", "speed<3"], "--bisect speed<3: expected jam, collision, or a figure of the summary"),

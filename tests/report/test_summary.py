@@ -13,8 +13,8 @@ from rich.console import Console
 from run_endings import harvested
 
 from orchard.report.plan import PIXELS
-from orchard.report.progress import Headline, Progress, headline_of, robots
-from orchard.report.summary import clock, limit_sentence, sentence, six_figures
+from orchard.report.progress import Progress, robots
+from orchard.report.summary import Headline, clock, headline_of, limit_sentence, sentence, six_figures
 
 FIGURES = {
     "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "bins": 20, "row_length": 70.0,

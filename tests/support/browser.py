@@ -123,11 +123,13 @@ class Browser:
 
     @fresh
     def pick(self, path: str, words: str) -> None:
-        self.field(path).find_element(By.XPATH, "./ancestor-or-self::label").click()
-        self.until(lambda: self._picked(words), f"{words} can be picked")
+        self.until(lambda: self._picked(path, words), f"{words} can be picked")
 
-    def _picked(self, words: str) -> bool:
+    def _picked(self, path: str, words: str) -> bool:
+        """Whether it could be picked. While no menu is open, the field is clicked: the page may have moved under the click before."""
         offered = self.driver.find_elements(By.CSS_SELECTOR, ".q-menu .q-item")
+        if not offered:
+            self._pressed(self.field(path).find_element(By.XPATH, "./ancestor-or-self::label"))
         return any(self._pressed(name) for name in offered if name.text == words)
 
     def escape(self) -> None:

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from orchard import BusError, Carrier, Scenario, ScenarioError, connect, lay_out, load
+from orchard.field.kinds import DISPATCH
 from orchard.processes import agents
 from orchard_vda5050 import fleet
 from orchard_vda5050.graph import graph_of
@@ -61,21 +62,25 @@ def _drive(options: argparse.Namespace) -> int:
         os.environ[fleet.ENVIRONMENT + name.upper()] = str(getattr(options, name))
     fleet.broker(), fleet.timing()  # a mistake in them is said at once
     words = ["--connect", options.endpoint, "--agents", "orchard_vda5050.fleet:vehicles"]
-    words += [word for robot in options.robots for word in ("--only", robot)] + (["--secure", options.secure] if options.secure else [])
-    wait_for_a_run(options.endpoint, options.secure)
+    agents_there = wait_for_a_run(options.endpoint, options.secure)
+    wanted = [*options.robots, *(name for name in agents_there if name == DISPATCH)]
+    words += [word for robot in wanted for word in ("--only", robot)] + (["--secure", options.secure] if options.secure else [])
     try:
-        return agents.main(words)
+        code = agents.main(words)
+        if code and DISPATCH in wanted:
+            print("orchard-vda5050: fleet control sends the carriers: start the run with --without dispatch too", file=sys.stderr)
+        return code
     finally:
         fleet.lines().close()
 
 
-def wait_for_a_run(endpoint: str, secure: str | None) -> None:
-    """Return when there is a run. Say what it waits for."""
+def wait_for_a_run(endpoint: str, secure: str | None) -> Sequence[str]:
+    """Return the agents of the run when there is one. Say what it waits for."""
     said = ""
     while True:
         try:
-            with connect(endpoint, secure=secure):
-                return
+            with connect(endpoint, secure=secure) as run:
+                return run.names
         except BusError as why:
             if str(why) != said:
                 said = str(why)

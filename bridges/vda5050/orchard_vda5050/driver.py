@@ -15,6 +15,7 @@ from orchard.agents.steps import Deliver, Need, TakeBin, Unload
 from orchard.field.scenario import TIME_STEP
 from orchard_vda5050 import order as orders
 from orchard_vda5050.actions import DROP, HAND_OVER, PICK, UNLOAD
+from orchard_vda5050.calls import Calls
 from orchard_vda5050.graph import QUEUE, Graph
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Error, Node, OrderState, Rejected
 
@@ -31,7 +32,6 @@ class Duty(msgspec.Struct):
     began: int = 0  # tick at which the newest action began
     instant: list[ActionState] = []
     errors: list[Error] = []  # beside those of orders
-    pickers: dict[str, str] = {}  # full bin -> the picker that has left it, since the bin has sent for this vehicle
     is_paused: bool = False
     is_halted: bool = False  # by an action that has failed
     is_laden: bool = False  # the bin on its bar is a full one
@@ -68,13 +68,13 @@ class Drop(Step, frozen=True):
 
 
 class HandOver(Step, frozen=True):
-    """Leave the empty bin to the picker that has left the full one, once that bin has sent for this vehicle."""
+    """Leave the empty bin to the picker that has left the full one, once that bin has sent for a vehicle: this one, or one behind it."""
 
     bin: str
     holds: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        picker = cast(Driver, robot).duty.pickers.get(self.bin, "")
+        picker = cast(Driver, robot).calls.picker_of(self.bin)
         robot.action.waits_for = self.bin
         robot.hold()
         if picker:
@@ -86,11 +86,19 @@ class Driver(PlanExecutor):
     """A vehicle at one tick: it turns its order into steps."""
 
     def __init__(
-        self, seen: Observation, mail: Mail, memory: VehicleMemory, duty: Duty, bystanders: Any, graph: Graph, before: Sequence[Step]
+        self,
+        seen: Observation,
+        mail: Mail,
+        memory: VehicleMemory,
+        duty: Duty,
+        bystanders: Any,
+        graph: Graph,
+        calls: Calls,
+        before: Sequence[Step],
     ) -> None:
         """`before`: the steps before each drive."""
         super().__init__(seen, mail, memory, bystanders)
-        self.duty, self.graph, self._before = duty, graph, before
+        self.duty, self.graph, self.calls, self._before = duty, graph, calls, before
 
     def goes_on(self) -> bool:
         """Note what is finished, and add the steps of what is next. Return False if there is nothing."""
@@ -98,8 +106,8 @@ class Driver(PlanExecutor):
         if duty.phase == "edge":
             was_out = not order.last_node.startswith(QUEUE)
             orders.arrive(order)
-            if was_out and order.last_node.startswith(QUEUE):
-                self.free(list(self.memory.reserved))  # an edge that was given up may have left some
+            if was_out:
+                self._free_in_queue()
         elif duty.phase == "action":
             self._finish(order.queue.pop(0))
         duty.phase = ""
@@ -110,8 +118,14 @@ class Driver(PlanExecutor):
             self.next([*self._steps_to(order.nodes[0], order.edges[0]), Onward()])
             return True
         self.hold()
+        self._free_in_queue()
         self.memory.doing, self.memory.state = "waiting for an order", "waiting"
         return False
+
+    def _free_in_queue(self) -> None:
+        """In the queue keep no places: an edge that was given up may have left some, or has got them only now."""
+        if self.duty.order.last_node.startswith(QUEUE):
+            self.free(list(self.memory.reserved))
 
     def _steps_to(self, node: Node, edge: Edge) -> Iterator[Step]:
         """The steps of an edge. A node may follow itself."""
@@ -150,7 +164,6 @@ class Driver(PlanExecutor):
         if action.action_type == HAND_OVER:
             duty.owes = str(action.value("loadId"))
         if action.action_type == PICK:
-            duty.pickers.pop(str(action.value("loadId")), None)
             self.memory.delivered, duty.owes = "", ""
 
     def leave_edge(self) -> None:
@@ -166,8 +179,8 @@ class Driver(PlanExecutor):
     def why_failed(self) -> str:
         """Why the present action has taken too long; '' if it has not."""
         action, seconds = self.duty.order.queue[0], (self.seen.tick - self.duty.began) * TIME_STEP
-        if action.action_type == HAND_OVER and seconds > SENT_FOR_SECONDS and action.value("loadId") not in self.duty.pickers:
-            return f"{action.value('loadId')} has not sent for this vehicle within {SENT_FOR_SECONDS:g} s: another carrier comes"
+        if action.action_type == HAND_OVER and seconds > SENT_FOR_SECONDS and not self.calls.picker_of(str(action.value("loadId"))):
+            return f"{action.value('loadId')} has not sent for a vehicle within {SENT_FOR_SECONDS:g} s: another carrier comes"
         return f"not done within {ACTION_SECONDS:g} s" if seconds > ACTION_SECONDS else ""
 
     def fails(self, why: str) -> None:
@@ -175,7 +188,11 @@ class Driver(PlanExecutor):
         duty, action = self.duty, self.duty.order.queue.pop(0)
         duty.order.set(action.action_id, "FAILED")
         duty.order.errors = [*duty.order.errors, Rejected("ACTION_FAILED", why, {"actionId": action.action_id}, "CRITICAL").error]
-        duty.phase, duty.is_halted, self.memory.plan, duty.owes = "", True, [Onward()], ""
+        is_left = (
+            action.action_type == HAND_OVER and self.seen.hitch is None and self.memory.delivered
+        )  # its empty bin is: it would stand in the way of others
+        retake = [TakeBin(self.memory.delivered)] if is_left else []
+        duty.phase, duty.is_halted, self.memory.plan, duty.owes = "", True, [*retake, Onward()], ""
 
     def ask_ahead(self) -> None:
         """Shortly before a node, ask for the places that the next edge needs at its beginning."""

@@ -1,16 +1,17 @@
 """The vehicles of a run, as a host process of the Orchard asks for them: `vehicles(layout, names)`."""
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache
 
-from orchard import Carrier, Layout
-from orchard.field.kinds import kind_of
+from orchard import Agent, Carrier, Layout
+from orchard.field.kinds import DISPATCH, kind_of
 from orchard_vda5050.calls import Calls
+from orchard_vda5050.desk import Desk
 from orchard_vda5050.graph import graph_of
 from orchard_vda5050.line import Broker, Line, Notices, broker_at
 from orchard_vda5050.messages import connection_of, factsheet_of
-from orchard_vda5050.vehicle import Timing, Vehicle
+from orchard_vda5050.vehicle import Port, Timing, Vehicle
 
 ENVIRONMENT = "ORCHARD_VDA5050_"  # and a name in capitals: the settings of `vehicles`
 DEFAULTS: Mapping[str, str | float] = {
@@ -71,12 +72,19 @@ def lines() -> Lines:
     return Lines()
 
 
-def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Vehicle]:
-    """Return an agent for each of these carriers, with a line to fleet control. Raises ValueError for what cannot be a vehicle."""
-    if wrong := [name for name in names if kind_of(name) != "carrier"]:
+def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
+    """Return an agent for each of these names, with a line to fleet control. Raises ValueError for what cannot be a vehicle."""
+    if wrong := [name for name in names if kind_of(name) not in ("carrier", DISPATCH)]:
         raise ValueError(f"{', '.join(wrong)}: only carriers are vehicles")
-    if layout.scenario.dispatch != "nearest":
-        raise ValueError(f"dispatch {layout.scenario.dispatch}: fleet control sends the carriers; start the run with --dispatch nearest")
-    times, calls = timing(), Calls(lines().notices.tell)
-    graph = graph_of(layout, Carrier(layout, next(iter(names))).route)
-    return {name: Vehicle(layout, name, graph, lines().of(name), calls, times) for name in names}
+    if DISPATCH in layout.agents and DISPATCH not in names:
+        why = "fleet control sends the carriers; start the run with --without dispatch, or with --dispatch nearest"
+        raise ValueError(f"dispatch {layout.scenario.dispatch}: {why}")
+    return agents_of(layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing())
+
+
+def agents_of(layout: Layout, names: Collection[str], port_of: Callable[[str], Port], calls: Calls, times: Timing) -> dict[str, Agent]:
+    """Return an agent for each of these names: a vehicle, or for `dispatch` the one that tells fleet control which bins wait."""
+    graph = graph_of(layout, Carrier(layout, "carrier_01").route)
+    return {
+        name: Desk(layout, name, calls) if name == DISPATCH else Vehicle(layout, name, graph, port_of(name), calls, times) for name in names
+    }

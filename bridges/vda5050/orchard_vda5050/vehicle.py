@@ -81,8 +81,9 @@ class Vehicle(Carrier):
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         memory = memory or self.Memory(plan=[Onward()])
         duty = self._duty_in(memory, seen)
-        robot = Driver(seen, mail, memory, duty, self.bystanders, self.graph, self._before)
-        self._calls.hear(mail, seen.tick)
+        robot = Driver(seen, mail, memory, duty, self.bystanders, self.graph, self._calls, self._before)
+        self._calls.hear(mail.requests, seen.tick)
+        self._calls.promise(self.name, duty.owes)
         for topic, payload in self._port.take():
             self._obey(robot, topic, payload)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
@@ -117,11 +118,10 @@ class Vehicle(Carrier):
         """Offer the vehicle to a bin that its order names, and agree with no other one."""
         body, is_ordered = heard.body, heard.sender in robot.duty.order.loads()
         if isinstance(body, CarrierQuery):
-            return CarrierStatus(", ".join(robot.duty.order.loads()), False, 0.0)
+            return CarrierStatus(next(robot.duty.order.loads(), ""), False, 0.0)
         if isinstance(body, Call) and is_ordered:
             return Offer(robot.pose.x, robot.pose.y, 0.0)
         if isinstance(body, Come) and is_ordered:
-            robot.duty.pickers[heard.sender] = body.picker
             return Yes()
         return No("fleet control orders otherwise" if isinstance(body, Call | Come) else "a carrier knows nothing of that")
 
@@ -186,8 +186,6 @@ class Vehicle(Carrier):
         elif duty.phase == "action":
             orders.cancel(duty.order, is_driving=False)
         else:
-            if duty.phase == "edge":
-                robot.leave_edge()
             self._stop(robot)
         duty.is_halted = False
 
@@ -217,6 +215,8 @@ class Vehicle(Carrier):
 
     def _stop(self, robot: Driver) -> None:
         """Give up the order where the vehicle stands."""
+        if robot.duty.phase == "edge":
+            robot.leave_edge()
         robot.duty.phase, robot.memory.plan, robot.memory.course = "", [Onward()], None
         orders.cancel(robot.duty.order, is_driving=False)
 

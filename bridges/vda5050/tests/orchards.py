@@ -5,9 +5,10 @@ from itertools import count
 
 from master import Master
 from orchard_vda5050.calls import Calls
+from orchard_vda5050.fleet import agents_of
 from orchard_vda5050.graph import graph_of
 from orchard_vda5050.lif import lif_of
-from orchard_vda5050.vehicle import Timing, Vehicle
+from orchard_vda5050.vehicle import Timing
 
 from orchard import Carrier, Local, Scenario
 from orchard.sim.lookahead import Lookahead
@@ -50,10 +51,12 @@ class Fleet:
     def __init__(self, scenario, names=None, timing=EACH_SECOND, released=4, holds=Lookahead):
         self.run = Local(Scenario(**{"dispatch": "nearest"} | scenario), holds=holds)
         layout = self.run.engine.layout
-        self.graph, self.calls = graph_of(layout, Carrier(layout, "carrier_01").route), Calls(self.hear_calls)
-        self.wires = {name: Wire(name) for name in names or [name for name in layout.names if name.startswith("carrier")]}
-        for name, wire in self.wires.items():
-            self.run.play(name, Vehicle(layout, name, self.graph, wire, self.calls, timing))
+        self.graph, self.wires = graph_of(layout, Carrier(layout, "carrier_01").route), {}
+        named = names or [name for name in layout.names if name.startswith("carrier")]
+        desk = [name for name in layout.agents if name == "dispatch"]
+        agents = agents_of(layout, [*named, *desk], lambda name: self.wires.setdefault(name, Wire(name)), Calls(self.hear_calls), timing)
+        for name, agent in agents.items():
+            self.run.play(name, agent)
         self.master = Master(
             lif_of(self.graph, "test", HEADER["timestamp"]), lambda name, *message: self.wires[name].give(*message), released
         )

@@ -124,9 +124,9 @@ def bridging(endpoint, broker_port, folder, *words):
 @contextmanager
 def scene(folder, scenario, broker_port, orchard_words=(), bridge_words=()):
     """An orchard whose carriers are vehicles, with a broker at a port."""
-    (folder / "orchard.yaml").write_text(json.dumps({"dispatch": "nearest"} | scenario))
+    (folder / "orchard.yaml").write_text(json.dumps(scenario))
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    words = [*shlex.split(os.environ["ORCHARD"]), str(folder / "orchard.yaml"), "--without", "carrier"]
+    words = [*shlex.split(os.environ["ORCHARD"]), str(folder / "orchard.yaml"), "--without", "carrier", "--without", "dispatch"]
     words += ["--listen", endpoint, "--record", "none", *orchard_words]
     os.environ |= {"ORCHARD_RUNS": str(folder / "runs"), "PYTHONPATH": str(FOLDER)}
     with started(words, folder / "orchard.log") as orchard, bridging(endpoint, broker_port, folder, *bridge_words) as bridge:

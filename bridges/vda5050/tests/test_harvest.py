@@ -38,6 +38,7 @@ def harvested(fleet):
         (SMALL, 1),
         (SMALL, 99),
         ({"rows": 3, "row_length": 24.0, "carriers": 3, "route": "one-way"}, 4),
+        (SMALL | {"dispatch": "predictive"}, 4),
     ],
     ids=str,
 )
@@ -48,8 +49,9 @@ def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scen
     assert done == [] and {topic for _, topic, _ in fleet.heard} == {"state", "visualization"}
 
 
-def test_some_carriers_are_driven_by_a_fleet_control_and_the_others_by_their_own_agents():
-    fleet = Fleet(SMALL | {"carriers": 3}, names=["carrier_01"])
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
+def test_some_carriers_are_driven_by_a_fleet_control_and_the_others_by_their_own_agents(dispatch):
+    fleet = Fleet(SMALL | {"carriers": 3, "dispatch": dispatch}, names=["carrier_01"])
     assert harvested(fleet) == []
     assert fleet.master.finished and len(fleet.master.finished) < fleet.run.engine.layout.bins
 

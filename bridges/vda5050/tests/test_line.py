@@ -2,6 +2,7 @@
 
 import os
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 from orchard_vda5050 import __main__ as command
@@ -64,7 +65,7 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("scenario", "names", "told"),
     [
-        ({"dispatch": "predictive"}, ["carrier_01"], "start the run with --dispatch nearest"),
+        ({"dispatch": "predictive"}, ["carrier_01"], "start the run with --without dispatch"),
         ({"dispatch": "nearest"}, ["carrier_01", "picker_01"], "picker_01: only carriers are vehicles"),
     ],
 )
@@ -74,14 +75,14 @@ def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):
 
 
 def test_a_bridge_waits_for_a_run(capsys, monkeypatch):
-    answers = iter([BusError("no router answers there"), BusError("no router answers there"), None])
+    answers = iter([BusError("no router answers there"), BusError("no router answers there"), SimpleNamespace(names=["dispatch"])])
 
     def connect(endpoint, secure):
-        if why := next(answers):
+        if isinstance(why := next(answers), BusError):
             raise why
-        return nullcontext()
+        return nullcontext(why)
 
     monkeypatch.setattr(command, "connect", connect)
     monkeypatch.setattr(command, "AGAIN_SECONDS", 0.0)
-    command.wait_for_a_run("tcp/127.0.0.1:7447", None)
+    assert command.wait_for_a_run("tcp/127.0.0.1:7447", None) == ["dispatch"]
     assert capsys.readouterr().err == "orchard-vda5050: waiting for a run: no router answers there\n"

@@ -1,0 +1,29 @@
+"""The agent `dispatch` of a run in which fleet control sends the carriers. Only a dispatch policy other than `nearest` needs it."""
+
+from typing import Any
+
+from orchard import Action, Layout, Mail, Observation
+from orchard.agents.dispatch import CarrierReport
+from orchard.agents.dispatcher import Booking, Dispatcher, DispatcherMemory
+from orchard_vda5050.calls import Calls
+
+
+class Desk(Dispatcher):
+    """Tells fleet control which full bins wait, and sends the vehicle to a bin whose order names it.
+
+    Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is never free.
+    """
+
+    def __init__(self, layout: Layout, name: str, calls: Calls) -> None:
+        super().__init__(layout, name)
+        self._calls = calls
+
+    def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
+        action = super().tick(seen, mail, memory)
+        self._calls.hear([heard for heard in mail.requests if heard.sender not in action.memory.bookings], seen.tick)
+        return action
+
+    def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
+        ordered = {carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in memory.bins}
+        memory.bookings = ordered | memory.bookings
+        super().decide(memory, carriers, tick)

@@ -72,7 +72,7 @@ ecosystem: $(VENV)/installed-dev  ## the tests against ROS 2 and other software,
 pythons: $(VENV)/installed-dev  ## the core of the tests on every other Python from 3.11 on that is here
 	.ci/pythons
 
-package: $(VENV)/installed-dev $(VENV)/installed-release  ## wheel and source archive: built, checked, installed and run outside the tree
+package: $(VENV)/installed-dev $(VENV)/installed-release  ## wheel and source archive: built, checked, installed and run outside the tree; its SBOM and licences, in dist/
 	.ci/package
 
 soak: $(VENV)/installed-dev  ## the long matrix of equal hashes

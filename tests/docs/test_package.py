@@ -2,10 +2,12 @@
 
 import re
 import subprocess
+import sys
 import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -53,3 +55,29 @@ def test_all_metadata_name_the_version():
 def test_the_quick_part_of_the_suite_is_there():
     said = subprocess.run(["make", "--dry-run", "quick"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert [path for path in re.findall(r"tests/\S+", said) if not (ROOT / path).exists()] == []
+
+
+VULNERABLE = '{"dependencies": [{"name": "pycrypto", "vulns": [{"id": "CVE-1"}]}]}'
+SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
+
+
+@pytest.mark.parametrize(
+    "of_the_vulnerable, of_ours, code, words",
+    [
+        (VULNERABLE, SOUND, 0, "known of 0 of the 1 packages that were checked"),
+        (VULNERABLE, SOUND.replace("[]", '[{"id": "CVE-2"}]'), 1, "numpy: CVE-2: take a version without them"),
+        (VULNERABLE, SOUND.replace('"vulns": []', '"skip_reason": "no such page"'), 0, "numpy: NOT CHECKED: no such page"),
+        (VULNERABLE, "", 0, "any package: NOT CHECKED: no route to the registry"),
+        (SOUND, SOUND, 0, "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: it knows of none"),
+        ("", SOUND, 0, "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: no route to the registry"),
+    ],
+)
+def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_checked(of_the_vulnerable, of_ours, code, words, tmp_path):
+    audit, packages = tmp_path / "pip-audit", tmp_path / "packages.txt"
+    answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"
+    audit.write_text(f"#!{sys.executable}\nimport sys\nprint({answers})\nprint('no route to the registry', file=sys.stderr)\n")
+    audit.chmod(0o755)
+    packages.write_text("numpy==2.4.6\n")
+    said = subprocess.run([sys.executable, ".ci/vulnerabilities.py", audit, packages], cwd=ROOT, capture_output=True, text=True)
+    assert words in said.stdout
+    assert said.returncode == code, said.stderr

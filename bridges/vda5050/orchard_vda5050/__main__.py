@@ -1,4 +1,4 @@
-"""`orchard-vda5050`, or `python -m orchard_vda5050`: drive the carriers of a run by orders, or write the map of an orchard."""
+"""`orchard-vda5050`, or `python -m orchard_vda5050`: drive the robots of a run by orders, or write the map of an orchard."""
 
 import argparse
 import json
@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from orchard import BusError, Carrier, Scenario, ScenarioError, connect, lay_out, load
+from orchard import BusError, Scenario, ScenarioError, connect, lay_out, load
 from orchard.field.kinds import DISPATCH
 from orchard.processes import agents
 from orchard_vda5050 import fleet
-from orchard_vda5050.graph import graph_of
 from orchard_vda5050.lif import lif_of
 
 AGAIN_SECONDS = 1.0  # between two looks for a run
@@ -24,7 +23,7 @@ HELP = {
     "version": "of VDA 5050: 3.0.0 or 2.1.0",
     "state": "simulated seconds between two states, unless something happens",
     "visualization": "simulated seconds between two visualizations; 0: none",
-    "patience": "simulated seconds after which a vehicle that is left standing on the roads drives to the queue by itself",
+    "patience": "simulated seconds after which a vehicle that is left standing on the roads clears them by itself",
 }
 
 
@@ -41,11 +40,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="orchard-vda5050", description="Drive carriers of the Orchard by orders of VDA 5050.")
+    parser = argparse.ArgumentParser(prog="orchard-vda5050", description="Drive robots of the Orchard by orders of VDA 5050.")
     commands = parser.add_subparsers(required=True)
-    drive = commands.add_parser("drive", help="drive carriers of a run by orders", formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    drive = commands.add_parser(
+        "drive", help="drive carriers and pickers of a run by orders", formatter_class=argparse.ArgumentDefaultsHelpFormatter
+    )
     drive.add_argument("endpoint", help="where the run listens, such as tcp/127.0.0.1:7447")
-    drive.add_argument("--robots", nargs="+", default=["carrier"], help="the carriers, or the kind")
+    drive.add_argument("--robots", nargs="+", default=["carrier"], help="the carriers and pickers, or the kinds")
     drive.add_argument("--secure", metavar="DIR", help="directory of the role, in a secured run")
     for name, default in fleet.DEFAULTS.items():
         drive.add_argument(f"--{name}", default=default, type=type(default), help=HELP[name])
@@ -90,10 +91,10 @@ def wait_for_a_run(endpoint: str, secure: str | None) -> Sequence[str]:
 
 def _write_lif(options: argparse.Namespace) -> int:
     layout = lay_out(load(options.scenario) if options.scenario else Scenario())
-    graph = graph_of(layout, Carrier(layout, "carrier_01").route)
+    graphs = fleet.graphs_of(layout)
     made_at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    options.file.write_text(json.dumps(lif_of(graph, "the Orchard", made_at), indent=1) + "\n")
-    print(f"{options.file}: {len(graph.nodes)} nodes, {len(graph.edges)} edges")
+    options.file.write_text(json.dumps(lif_of(graphs, "the Orchard", made_at), indent=1) + "\n")
+    print(f"{options.file}: {sum(len(graph.nodes) for graph in graphs)} nodes, {sum(len(graph.edges) for graph in graphs)} edges")
     return 0
 
 

@@ -1,28 +1,39 @@
-"""What a vehicle can do at a node, and what it obeys at once: as orders name it, and as its factsheet declares it."""
+"""What a vehicle can do at a node or on an edge, and what it obeys at once: as orders name it, and as its factsheet declares it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatch
+from typing import Literal
 
 
 @dataclass(frozen=True)
 class Action:
-    """An action at a node. `nodes`: where it is possible; `needs_load`: whether it needs the parameter `loadId`."""
+    """An action. `nodes`: at which nodes it is possible, or on the edges to them; `needs_load`: whether it needs the parameter `loadId`."""
 
     nodes: str
     needs_load: bool
     description: str
+    scope: Literal["NODE", "EDGE"] = "NODE"
 
     def is_done_at(self, node: str) -> bool:
         return fnmatch(node, self.nodes)
 
 
-PICK, DROP, HAND_OVER, UNLOAD = "pick", "drop", "handOver", "unload"
-ACTIONS: Mapping[str, Action] = {
-    PICK: Action("*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"),
-    DROP: Action("*/stop/*", False, "uncouple the bin; it stays where it stands"),
-    HAND_OVER: Action("*/stop/*", True, "leave the empty bin to the picker that has left the full bin loadId, and wait until it has it"),
-    UNLOAD: Action("bay", False, "stand in the bay until the bin is empty"),
+PICK, DROP, HAND_OVER, UNLOAD, HARVEST = "pick", "drop", "handOver", "unload", "harvest"
+ACTIONS: Mapping[str, Mapping[str, Action]] = {  # by kind of vehicle
+    "carrier": {
+        PICK: Action("*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"),
+        DROP: Action("*/stop/*", False, "uncouple the bin; it stays where it stands"),
+        HAND_OVER: Action(
+            "*/stop/*", True, "leave the empty bin to the picker that has left the full bin loadId, and wait until it has it"
+        ),
+        UNLOAD: Action("bay", False, "stand in the bay until the bin is empty"),
+    },
+    "picker": {
+        HARVEST: Action("*/out/*", False, "pick the row on the way through it, and weigh the bin at its end", "EDGE"),
+        DROP: Action("*/out/*", False, "drive to the lane's mouth and leave the bin there, which calls a carrier"),
+        PICK: Action("*/wait/*", False, "wait for the empty bin that a carrier brings, and couple it"),
+    },
 }
 IGNORED = ("stationType", "stationName", "loadType")  # parameters that change nothing here
 

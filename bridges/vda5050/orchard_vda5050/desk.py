@@ -14,6 +14,8 @@ class Desk(Dispatcher):
     Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is never free.
     """
 
+    holds = True
+
     def __init__(self, layout: Layout, name: str, calls: Calls) -> None:
         super().__init__(layout, name)
         self._calls = calls

@@ -4,15 +4,19 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from functools import cache
 
-from orchard import Agent, Carrier, Layout
+from orchard import Agent, Layout
+from orchard.agents.routes import route_of
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard_vda5050.calls import Calls
+from orchard_vda5050.carriers import CarrierVehicle
 from orchard_vda5050.desk import Desk
-from orchard_vda5050.graph import graph_of
+from orchard_vda5050.graph import Graph, graph_of
 from orchard_vda5050.line import Broker, Line, Notices, broker_at
 from orchard_vda5050.messages import connection_of, factsheet_of
-from orchard_vda5050.vehicle import Port, Timing, Vehicle
+from orchard_vda5050.pickers import PickerVehicle, graph_of_pickers
+from orchard_vda5050.vehicle import Port, Timing
 
+VEHICLES: Mapping[str, type[CarrierVehicle | PickerVehicle]] = {"carrier": CarrierVehicle, "picker": PickerVehicle}
 ENVIRONMENT = "ORCHARD_VDA5050_"  # and a name in capitals: the settings of `vehicles`
 DEFAULTS: Mapping[str, str | float] = {
     "broker": "mqtt://127.0.0.1:1883",
@@ -51,13 +55,13 @@ class Lines:
 
     def __init__(self) -> None:
         self._broker, self._lines = broker(), dict[str, Line]()
-        self._greets = [("connection", connection_of("ONLINE")), ("factsheet", factsheet_of(timing().state))]
         self.notices = Notices(self._broker)
 
     def of(self, name: str) -> Line:
         """Return the line of a vehicle, which is opened when it is first asked for."""
         if name not in self._lines:
-            self._lines[name] = Line(self._broker, name, ("order", "instantActions"), self._greets)
+            greets = [("connection", connection_of("ONLINE")), ("factsheet", factsheet_of(kind_of(name), timing().state))]
+            self._lines[name] = Line(self._broker, name, ("order", "instantActions"), greets)
         return self._lines[name]
 
     def close(self) -> None:
@@ -74,9 +78,9 @@ def lines() -> Lines:
 
 def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
     """Return an agent for each of these names, with a line to fleet control. Raises ValueError for what cannot be a vehicle."""
-    if wrong := [name for name in names if kind_of(name) not in ("carrier", DISPATCH)]:
-        raise ValueError(f"{', '.join(wrong)}: only carriers are vehicles")
-    if DISPATCH in layout.agents and DISPATCH not in names:
+    if wrong := [name for name in names if kind_of(name) not in (*VEHICLES, DISPATCH)]:
+        raise ValueError(f"{', '.join(wrong)}: only carriers and pickers are vehicles")
+    if DISPATCH in layout.agents and DISPATCH not in names and "carrier" in map(kind_of, names):
         why = "fleet control sends the carriers; start the run with --without dispatch, or with --dispatch nearest"
         raise ValueError(f"dispatch {layout.scenario.dispatch}: {why}")
     return agents_of(layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing())
@@ -84,7 +88,12 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
 
 def agents_of(layout: Layout, names: Collection[str], port_of: Callable[[str], Port], calls: Calls, times: Timing) -> dict[str, Agent]:
     """Return an agent for each of these names: a vehicle, or for `dispatch` the one that tells fleet control which bins wait."""
-    graph = graph_of(layout, Carrier(layout, "carrier_01").route)
-    return {
-        name: Desk(layout, name, calls) if name == DISPATCH else Vehicle(layout, name, graph, port_of(name), calls, times) for name in names
-    }
+    graphs = {graph.kind: graph for graph in graphs_of(layout)}
+    desk = {name: Desk(layout, name, calls) for name in names if name == DISPATCH}
+    driven = [name for name in names if name not in desk]
+    return desk | {name: VEHICLES[kind_of(name)](layout, name, graphs[kind_of(name)], port_of(name), calls, times) for name in driven}
+
+
+def graphs_of(layout: Layout) -> list[Graph]:
+    """Return the roads of each kind of vehicle in an orchard."""
+    return [graph_of(layout, route_of(layout)), graph_of_pickers(layout, route_of(layout))]

@@ -1,4 +1,4 @@
-"""The roads of an orchard as nodes and edges, made from the drives of the scenario's route: where carriers turn, wait and work.
+"""The roads of carriers as nodes and edges, made from the drives of the scenario's route: where they turn, wait and work.
 
 A node is where a drive ends, or where a carrier waits for the next place on the roads. An edge holds the steps that lead to its end. With
 them a carrier takes turns with all others, because traffic grants it the places that it needs, and it stops for obstacles.
@@ -45,8 +45,10 @@ class Edge:
 
 @dataclass(frozen=True)
 class Graph:
-    """`lines`: the nodes at the heads of the queue's lines. `stations`: station -> the nodes at which a vehicle works there."""
+    """What a kind of vehicle drives on. `lines`: the nodes at the heads of the queue's lines. `stations`: station -> the nodes at which it
+    works there."""
 
+    kind: str
     nodes: Mapping[str, Node]
     edges: Mapping[tuple[str, str], Edge]
     lines: tuple[str, ...]
@@ -203,7 +205,7 @@ def _joined(legs: list[Leg], named: dict[tuple[float, float], str], stations: Ma
         start, end = named[_point(leg.start)], named[_point(leg.end)]
         edges[start, end] = Edge(start, end, abs(leg.end.x - leg.start.x) + abs(leg.end.y - leg.start.y), leg.steps)
     nodes = {name: Node(name, x, y) for (x, y), name in named.items()}
-    return Graph(nodes, edges, tuple(name for name in stations if name.startswith(QUEUE)), stations)
+    return Graph("carrier", nodes, edges, tuple(name for name in stations if name.startswith(QUEUE)), stations)
 
 
 def _freed(steps: Iterable[Step]) -> list[str]:

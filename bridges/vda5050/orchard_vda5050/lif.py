@@ -1,5 +1,6 @@
 """The roads of an orchard as a track layout in the Layout Interchange Format (LIF) of the VDMA, which fleet control imports."""
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from orchard_vda5050.actions import ACTIONS
@@ -7,22 +8,26 @@ from orchard_vda5050.graph import BAY, Edge, Graph, Node
 
 VERSION = "1.0.0"
 MAP = "orchard"  # the mapId of all nodes
-SERIES = "orchard-carrier"  # the vehicleTypeId
 SPEED = 1.0  # m/s
 
 
-def lif_of(graph: Graph, creator: str, made_at: str) -> dict[str, Any]:
-    """Return the layout. `creator`: who exports it; `made_at`: when, ISO 8601."""
+def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any]:
+    """Return the layout of what several kinds of vehicles drive on. `creator`: who exports it; `made_at`: when, ISO 8601."""
     meta = {"projectIdentification": MAP, "creator": creator, "exportTimestamp": made_at, "lifVersion": VERSION}
     layout = {
         "layoutId": MAP,
         "layoutName": "the roads of the orchard",
         "layoutVersion": "1",
-        "nodes": [_node(graph, node) for node in graph.nodes.values()],
-        "edges": [_edge(edge) for edge in graph.edges.values()],
-        "stations": [_station(graph, name) for name in graph.stations],
+        "nodes": [_node(graph.kind, node) for graph in graphs for node in graph.nodes.values()],
+        "edges": [_edge(graph.kind, edge) for graph in graphs for edge in graph.edges.values()],
+        "stations": [_station(name, nodes) for graph in graphs for name, nodes in graph.stations.items()],
     }
     return {"metaInformation": meta, "layouts": [layout]}
+
+
+def series(kind: str) -> str:
+    """Return the vehicleTypeId of a kind of vehicle, which its factsheet names too."""
+    return f"orchard-{kind}"
 
 
 def edge_id(edge: Edge) -> str:
@@ -30,13 +35,13 @@ def edge_id(edge: Edge) -> str:
     return f"{edge.start}>{edge.end}"
 
 
-def _node(graph: Graph, node: Node) -> dict[str, Any]:
+def _node(vehicle: str, node: Node) -> dict[str, Any]:
     actions = [
         {"actionType": kind, "requirementType": "OPTIONAL", "blockingType": "HARD"}
-        for kind, action in ACTIONS.items()
-        if action.is_done_at(node.name)
+        for kind, action in ACTIONS[vehicle].items()
+        if action.scope == "NODE" and action.is_done_at(node.name)
     ]
-    properties = {"vehicleTypeId": SERIES} | ({"actions": actions} if actions else {})
+    properties = {"vehicleTypeId": series(vehicle)} | ({"actions": actions} if actions else {})
     return {
         "nodeId": node.name,
         "mapId": MAP,
@@ -45,9 +50,9 @@ def _node(graph: Graph, node: Node) -> dict[str, Any]:
     }
 
 
-def _edge(edge: Edge) -> dict[str, Any]:
+def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
     properties = {
-        "vehicleTypeId": SERIES,
+        "vehicleTypeId": series(vehicle),
         "vehicleOrientation": 0.0,
         "orientationType": "TANGENTIAL",
         "rotationAllowed": False,
@@ -59,7 +64,6 @@ def _edge(edge: Edge) -> dict[str, Any]:
     return {"edgeId": edge_id(edge), "startNodeId": edge.start, "endNodeId": edge.end, "vehicleTypeEdgeProperties": [properties]}
 
 
-def _station(graph: Graph, name: str) -> dict[str, Any]:
-    nodes = graph.stations[name]
-    what = {BAY: "the bay, where full bins are unloaded", "queue": "a line of the queue"}.get(name.split("/")[0], "the end of a row")
-    return {"stationId": name, "stationDescription": what, "interactionNodeIds": list(nodes)}
+def _station(name: str, nodes: Iterable[str]) -> dict[str, Any]:
+    what = {BAY: "the bay, where full bins are unloaded", "queue": "a line of the queue", "row": "a row, and the places at its ends"}
+    return {"stationId": name, "stationDescription": what.get(name.split("/")[0], "the end of a row"), "interactionNodeIds": list(nodes)}

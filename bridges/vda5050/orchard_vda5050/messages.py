@@ -10,15 +10,18 @@ import msgspec
 from orchard import Observation
 from orchard.field.kinds import KINDS
 from orchard.field.scenario import TIME_STEP
-from orchard_vda5050.actions import ACTIONS, IGNORED, INSTANT
+from orchard_vda5050.actions import ACTIONS, IGNORED, INSTANT, Action
 from orchard_vda5050.graph import Graph
-from orchard_vda5050.lif import MAP, SERIES
+from orchard_vda5050.lif import MAP, series
 from orchard_vda5050.order import ActionState, Edge, Error, Node, OrderState
 
 Message = dict[str, Any]
 
 BIN, FULL = "empty bin", "full bin"  # types of loads
-CARRIER, FRUIT = KINDS["carrier"], KINDS["bin"]
+DESCRIPTIONS = {
+    "carrier": "simulated carrier of bins of kiwifruit; its bin follows it on a bar",
+    "picker": "simulated picker of kiwifruit; the bin that it fills follows it on a bar",
+}
 MAP_STATE = {"mapId": MAP, "mapVersion": "1", "mapStatus": "ENABLED"}
 
 
@@ -57,7 +60,7 @@ def state_of(
         "edgeStates": [_edge(edge) for edge in edges],
         "mobileRobotPosition": _position(seen),
         "velocity": _velocity(seen),
-        "loads": _loads(seen, status.is_laden),
+        "loads": _loads(graph.kind, seen, status.is_laden),
         "driving": status.is_driving,
         "paused": status.is_paused,
         "newBaseRequest": len(base) < len(nodes) and len(base) <= 1,
@@ -82,12 +85,13 @@ def connection_of(state: Literal["ONLINE", "OFFLINE", "CONNECTION_BROKEN"]) -> M
     return {"connectionState": state}
 
 
-def factsheet_of(state_seconds: float) -> Message:
-    """Return the message `factsheet`. `state_seconds`: the time between two states, unless something happens."""
+def factsheet_of(kind: str, state_seconds: float) -> Message:
+    """Return the message `factsheet` of a kind of vehicle. `state_seconds`: the time between two states, unless something happens."""
+    body = KINDS[kind]
     return {
         "typeSpecification": {
-            "seriesName": SERIES,
-            "seriesDescription": "simulated carrier of bins of kiwifruit; its bin follows it on a bar",
+            "seriesName": series(kind),
+            "seriesDescription": DESCRIPTIONS[kind],
             "mobileRobotKinematics": "DIFFERENTIAL",
             "mobileRobotClass": "TUGGER",
             "maximumLoadMass": 0.0,  # the mass of bins is not simulated
@@ -96,14 +100,14 @@ def factsheet_of(state_seconds: float) -> Message:
         },
         "physicalParameters": {
             "minimumSpeed": 0.0,
-            "maximumSpeed": CARRIER.speed,
-            "maximumAngularSpeed": CARRIER.turn,
-            "maximumAcceleration": CARRIER.speed / TIME_STEP,
-            "maximumDeceleration": CARRIER.speed / TIME_STEP,
-            "minimumHeight": CARRIER.height,
-            "maximumHeight": CARRIER.height,
-            "width": CARRIER.width,
-            "length": CARRIER.length,
+            "maximumSpeed": body.speed,
+            "maximumAngularSpeed": body.turn,
+            "maximumAcceleration": body.speed / TIME_STEP,
+            "maximumDeceleration": body.speed / TIME_STEP,
+            "minimumHeight": body.height,
+            "maximumHeight": body.height,
+            "width": body.width,
+            "length": body.length,
         },
         "protocolLimits": {
             "maximumStringLengths": {},
@@ -116,10 +120,10 @@ def factsheet_of(state_seconds: float) -> Message:
                 {"parameter": "order.nodes.nodePosition.allowedDeviationXY", "support": "SUPPORTED", "description": "of the first node"},
                 {"parameter": "order.edges.maximumSpeed", "support": "SUPPORTED"},
             ],
-            "mobileRobotActions": [*map(_declared, ACTIONS), *map(_declared_instant, INSTANT)],
+            "mobileRobotActions": [*(_declared(*action) for action in ACTIONS[kind].items()), *map(_declared_instant, INSTANT)],
         },
-        "mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "alone", "vertices": _box(0.0, CARRIER.length, CARRIER.width)}]},
-        "loadSpecification": {"loadPositions": ["bar"], "loadSets": [_load_set(BIN), _load_set(FULL)]},
+        "mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "alone", "vertices": _box(0.0, body.length, body.width)}]},
+        "loadSpecification": {"loadPositions": ["bar"], "loadSets": [_load_set(kind, BIN), _load_set(kind, FULL)]},
     }
 
 
@@ -142,18 +146,18 @@ def _velocity(seen: Observation) -> Message:
     return {"vx": seen.twist.x, "vy": seen.twist.y, "omega": seen.twist.yaw}
 
 
-def _loads(seen: Observation, is_laden: bool) -> list[Message]:
-    kind = FULL if is_laden else BIN
-    return [{"loadId": seen.hitch.name, "loadType": kind, "loadPosition": "bar", **_shape()}] if seen.hitch else []
+def _loads(kind: str, seen: Observation, is_laden: bool) -> list[Message]:
+    load = FULL if is_laden else BIN
+    return [{"loadId": seen.hitch.name, "loadType": load, "loadPosition": "bar", **_shape(kind)}] if seen.hitch else []
 
 
-def _shape() -> Message:
-    place = {"x": -CARRIER.tows, "y": 0.0, "z": 0.0}
-    return {"boundingBoxReference": place, "loadDimensions": {"length": FRUIT.length, "width": FRUIT.width, "height": FRUIT.height}}
+def _shape(kind: str) -> Message:
+    place, fruit = {"x": -KINDS[kind].tows, "y": 0.0, "z": 0.0}, KINDS["bin"]
+    return {"boundingBoxReference": place, "loadDimensions": {"length": fruit.length, "width": fruit.width, "height": fruit.height}}
 
 
-def _load_set(kind: str) -> Message:
-    return {"setName": kind, "loadType": kind, "loadPositions": ["bar"], **_shape()}
+def _load_set(kind: str, load: str) -> Message:
+    return {"setName": load, "loadType": load, "loadPositions": ["bar"], **_shape(kind)}
 
 
 def _box(x: float, length: float, width: float) -> list[Message]:
@@ -161,16 +165,15 @@ def _box(x: float, length: float, width: float) -> list[Message]:
     return [{"x": x + a * length / 2, "y": b * width / 2} for a, b in corners]
 
 
-def _declared(kind: str) -> Message:
-    action = ACTIONS[kind]
+def _declared(kind: str, action: Action) -> Message:
     load = {"key": "loadId", "valueDataType": "STRING", "isOptional": not action.needs_load, "description": "the name of a bin"}
     ignored = [{"key": key, "valueDataType": "STRING", "isOptional": True, "description": "changes nothing"} for key in IGNORED]
     return {
         "actionType": kind,
-        "actionDescription": f"{action.description}; possible at {action.nodes}",
-        "actionScopes": ["NODE"],
+        "actionDescription": f"{action.description}; possible {'at' if action.scope == 'NODE' else 'on the edge to'} {action.nodes}",
+        "actionScopes": [action.scope],
         "actionParameters": [load, *ignored],
-        "blockingTypes": ["HARD"],
+        "blockingTypes": ["HARD"] if action.scope == "NODE" else ["NONE", "SINGLE"],
         "pauseAllowed": False,
         "cancelAllowed": False,
     }

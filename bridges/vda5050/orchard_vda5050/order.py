@@ -4,15 +4,15 @@ Field names are those of VDA 5050. What the standard asks for in each case is in
 """
 
 import hashlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from math import hypot
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from orchard_vda5050.actions import ACTIONS, IGNORED
-from orchard_vda5050.graph import QUEUE, Graph
+from orchard_vda5050.actions import ACTIONS, IGNORED, Action
+from orchard_vda5050.graph import Graph
 from orchard_vda5050.lif import MAP
 
 Count = Annotated[int, Meta(ge=0, lt=2**32)]
@@ -244,23 +244,24 @@ def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x
             "VALIDATION_FAILURE", f"the update must begin with the last node of the base, {name} with sequenceId {sequence}", named
         )
     _check_ways(order, graph)
-    _check_actions(order, bins)
+    _check_actions(order, ACTIONS[graph.kind], bins)
     if is_new:
-        _check_start(state, first, graph, x, y)
+        _check_start(state, order, graph, x, y)
         return _begun(state, order)
     return _continued(state, order)
 
 
-def _check_start(state: OrderState, first: Node, graph: Graph, x: float, y: float) -> None:
-    """The vehicle must stand on the first node. In the queue it may stand beyond it, behind another one."""
-    if first.node_id == state.last_node and first.node_id.startswith(QUEUE):
+def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> None:
+    """The vehicle must stand on the first node. It may stand off its last one: behind others in the queue, or where it has left a bin."""
+    first = order.nodes[0]
+    if first.node_id == state.last_node:
         return
     node, room = graph.nodes[first.node_id], MATCHES
     if first.node_position is not None:
         room += first.node_position.allowed
     if hypot(node.x - x, node.y - y) > room:
         far = f"{first.node_id} is {hypot(node.x - x, node.y - y):.1f} m away"
-        raise Rejected("START_NODE_OUT_OF_RANGE", far, {"nodeId": first.node_id})
+        raise Rejected("START_NODE_OUT_OF_RANGE", far, {"orderId": order.order_id, "nodeId": first.node_id})
 
 
 def _check_ways(order: Order, graph: Graph) -> None:
@@ -280,50 +281,52 @@ def _check_ways(order: Order, graph: Graph) -> None:
             raise Rejected("NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id})
 
 
-def _check_actions(order: Order, bins: Collection[str]) -> None:
+def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[str]) -> None:
     named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
-    if edge := next((edge for edge in order.edges if edge.actions), None):
-        raise Rejected("INVALID_ORDER_ACTION", f"edge {edge.edge_id}: no action is possible on edges", named)
-    for node in order.nodes:
-        for action in node.actions:
-            if why := _why_not(action, node.node_id, bins):
+    parts = [("NODE", node.node_id, node.actions) for node in order.nodes]
+    parts += [("EDGE", node.node_id, edge.actions) for edge, node in zip(order.edges, order.nodes[1:], strict=True)]
+    for scope, node_id, actions in parts:
+        for action in actions:
+            if why := _why_not(action, known, scope, node_id, bins):
                 raise Rejected("INVALID_ORDER_ACTION", why, named | {"actionId": action.action_id})
             if unknown := [one.key for one in action.action_parameters if one.key not in ("loadId", *IGNORED)]:
                 why = f"{action.action_type}: cannot use {', '.join(unknown)}"
                 raise Rejected("UNSUPPORTED_PARAMETER", why, {"parameter": unknown[0], "actionId": action.action_id}, "CRITICAL")
 
 
-def _why_not(action: ActionOrder, node: str, bins: Collection[str]) -> str:
-    kind = ACTIONS.get(action.action_type)
+def _why_not(action: ActionOrder, known: Mapping[str, Action], scope: str, node: str, bins: Collection[str]) -> str:
+    kind = known.get(action.action_type)
     if kind is None:
-        return f"no action {action.action_type}; there are {', '.join(ACTIONS)}"
-    if not kind.is_done_at(node):
-        return f"{action.action_type} is not possible at {node}, only at {kind.nodes}"
+        return f"no action {action.action_type}; there are {', '.join(known)}"
+    if kind.scope != scope or not kind.is_done_at(node):
+        where = {"NODE": "at", "EDGE": "on the edge to"}
+        return f"{action.action_type} is not possible {where[scope]} {node}, only {where[kind.scope]} {kind.nodes}"
     if kind.needs_load and str(action.value("loadId")) not in bins:
         return f"{action.action_type} needs the parameter loadId, the name of a bin"
     return ""
 
 
-def _states(nodes: list[Node]) -> list[ActionState]:
-    return [ActionState(action.action_id, action.action_type) for node in nodes for action in node.actions]
+def _states(parts: Iterable[Node | Edge]) -> list[ActionState]:
+    return [ActionState(action.action_id, action.action_type) for part in parts for action in part.actions]
 
 
 def _begun(state: OrderState, order: Order) -> OrderState:
     first = order.nodes[0]
     own = order.order_id, order.order_update_id, order.content, first.node_id, first.sequence_id
-    return OrderState(*own, order.nodes[1:], order.edges, _states(order.nodes), list(first.actions))
+    return OrderState(*own, order.nodes[1:], order.edges, _states([*order.nodes, *order.edges]), list(first.actions))
 
 
 def _continued(state: OrderState, order: Order) -> OrderState:
     """The update takes the place of the horizon. Its first node is known, and so are the actions there."""
-    horizon = {action.action_id for node in state.nodes if not node.released for action in node.actions}
+    parts: list[Node | Edge] = [*state.nodes, *state.edges]
+    horizon = {action.action_id for part in parts if not part.released for action in part.actions}
     return msgspec.structs.replace(
         state,
         update_id=order.order_update_id,
         content=order.content,
         nodes=[*(node for node in state.nodes if node.released), *order.nodes[1:]],
         edges=[*(edge for edge in state.edges if edge.released), *order.edges],
-        actions=[*(action for action in state.actions if action.action_id not in horizon), *_states(order.nodes[1:])],
+        actions=[*(action for action in state.actions if action.action_id not in horizon), *_states([*order.nodes[1:], *order.edges])],
         errors=[],
     )
 

@@ -1,27 +1,26 @@
-"""A carrier that does what fleet control orders: an agent of the Orchard whose plan is an order of VDA 5050.
+"""A robot that does what fleet control orders: an agent of the Orchard whose plan is an order of VDA 5050.
 
 At each tick it takes the messages that have come, follows its order, and says how far it is. It drives with the steps of the Orchard's own
-carriers, so it takes turns on the roads with them and stops for obstacles. Its memory holds its order: another process can go on with it.
+robots, so it takes turns on the roads with them and stops for obstacles. Its memory holds its order: another process can go on with it.
 """
 
 import zlib
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import msgspec
 from msgspec.structs import replace
 
-from orchard import Action, Carrier, Heard, Layout, Mail, No, Observation, Yes, with_steps
-from orchard.agents.sense import something_ahead
+from orchard import Action, Carrier, Heard, Mail, Observation, Picker, Step, with_steps
 from orchard.contract.agent import LARGEST_MEMORY
-from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
+from orchard.contract.messages import Answer
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
 from orchard_vda5050 import order as orders
-from orchard_vda5050.actions import HAND_OVER, INSTANT, PICK, UNLOAD
+from orchard_vda5050.actions import INSTANT
 from orchard_vda5050.calls import Calls
-from orchard_vda5050.driver import Driver, Drop, Duty, HandOver, Onward, VehicleMemory
-from orchard_vda5050.graph import BAY, QUEUE, Graph
+from orchard_vda5050.driver import Driver, Duty, Onward
+from orchard_vda5050.graph import Graph
 from orchard_vda5050.lif import edge_id
 from orchard_vda5050.messages import Message, Status, factsheet_of, state_of, visualization_of
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, OrderState, Parameter, Rejected
@@ -58,30 +57,30 @@ class Timing(msgspec.Struct, frozen=True):
     patience: float = 300.0
 
 
-class Vehicle(Carrier):
-    """A carrier as a vehicle of VDA 5050."""
+class Vehicle:
+    """A robot as a vehicle of VDA 5050. Each kind derives a class, which says `holds = True`: it is asked when it has something to do."""
 
-    Memory: type[VehicleMemory] = VehicleMemory
-    holds = True
+    Memory: type[Any]  #: that of the kind's agent, with the field `duty`, a packed Duty
+    Steps: ClassVar[Sequence[type[Step]]]  #: of the kind, beside those of its route
+    drives_with: ClassVar[type[Driver]]
 
-    def __init__(self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing) -> None:
-        super().__init__(layout, name)
-        self.Memory = with_steps(VehicleMemory, (Onward, Drop, HandOver, *self.route.Steps))
-        self.name, self.graph, self.timing = name, graph, timing
-        self.home = graph.lines[(self.number - 1) // layout.queue.places]
-        self._before = self.route.may_fail(layout.scenario.carrying.failure)
+    def __init__(self, robot: Carrier | Picker, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing) -> None:
+        """`robot`: the Orchard's own agent of this kind."""
+        self.Memory = with_steps(type(self).Memory, (Onward, *self.Steps, *robot.route.Steps))
+        self.robot, self.name, self.graph, self.timing = robot, name, graph, timing
+        self._before: Sequence[Step] = ()
         self._port, self._calls = port, calls
         self._sent, self._shown = -1.0, -1.0  # s at which a state and a visualization were sent
         self._news: object = None  # what was new in the newest state
         self._charge = 1.0  # at the tick before
         self._known = b"", Duty()  # the newest duty, as the memory has it, and as it is
         self._plain = b""  # the same as msgpack
-        self._bins = frozenset(start.name for start in layout.starts if start.kind == "bin")
+        self._bins = frozenset(start.name for start in robot.route.layout.starts if start.kind == "bin")
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         memory = memory or self.Memory(plan=[Onward()])
         duty = self._duty_in(memory, seen)
-        robot = Driver(seen, mail, memory, duty, self.bystanders, self.graph, self._calls, self._before)
+        robot = self.drives_with(seen, mail, memory, duty, self.robot, self.graph, self._calls, self._before)
         self._calls.hear(mail.requests, seen.tick)
         self._calls.promise(self.name, duty.owes)
         for topic, payload in self._port.take():
@@ -101,29 +100,36 @@ class Vehicle(Carrier):
         self._report(robot, action)
         return action
 
-    def _duty_in(self, memory: VehicleMemory, seen: Observation) -> Duty:
+    def _duty_in(self, memory: Any, seen: Observation) -> Duty:
         """Return the duty in a memory, which is read only if it is not the one that this vehicle wrote last."""
         (written, duty), self._known = self._known, (b"", Duty())  # an error in this tick may leave it half changed
         if memory.duty and memory.duty != written:
             return msgspec.msgpack.decode(zlib.decompress(memory.duty), type=Duty)
         return duty if memory.duty else Duty(OrderState(last_node=self.graph.at(seen.x, seen.y)))
 
-    def _keep(self, memory: VehicleMemory, duty: Duty) -> None:
+    def _keep(self, memory: Any, duty: Duty) -> None:
         """Write the duty into the memory if it has changed."""
         if (plain := msgspec.msgpack.encode(duty)) != self._plain or not memory.duty:
             self._plain, memory.duty = plain, _packed(duty)
         self._known = memory.duty, duty
 
+    # -- what a kind of vehicle knows
+
     def answer(self, robot: Any, heard: Heard) -> Answer:
-        """Offer the vehicle to a bin that its order names, and agree with no other one."""
-        body, is_ordered = heard.body, heard.sender in robot.duty.order.loads()
-        if isinstance(body, CarrierQuery):
-            return CarrierStatus(next(robot.duty.order.loads(), ""), False, 0.0)
-        if isinstance(body, Call) and is_ordered:
-            return Offer(robot.pose.x, robot.pose.y, 0.0)
-        if isinstance(body, Come) and is_ordered:
-            return Yes()
-        return No("fleet control orders otherwise" if isinstance(body, Call | Come) else "a carrier knows nothing of that")
+        """Answer a request of another agent."""
+        raise NotImplementedError
+
+    def is_home(self, robot: Any) -> bool:
+        """Whether a vehicle that clears the roads by itself has done so."""
+        raise NotImplementedError
+
+    def is_out_of_the_way(self, robot: Any) -> bool:
+        """Whether a vehicle that stands holds up no other one."""
+        raise NotImplementedError
+
+    def clear_the_roads(self, robot: Any) -> None:
+        """Order the vehicle out of the way of others: its order is given up."""
+        raise NotImplementedError
 
     # -- what fleet control wants
 
@@ -158,7 +164,7 @@ class Vehicle(Carrier):
             case "cancelOrder":
                 state.action_status = self._cancel(robot, action)
             case "factsheetRequest":
-                self._port.send("factsheet", factsheet_of(self.timing.state))
+                self._port.send("factsheet", factsheet_of(self.graph.kind, self.timing.state))
             case "clearInstantActions":
                 duty.instant = [one for one in duty.instant if one.action_status == "RUNNING"]
             case "stateRequest":
@@ -197,11 +203,10 @@ class Vehicle(Carrier):
     # -- a vehicle that is left alone
 
     def _mind(self, robot: Driver) -> None:
-        """A vehicle that is left standing on the roads would jam all others: it drives to the queue, and up in its line, by itself."""
+        """A vehicle that is left standing on the roads would jam all others: it clears them by itself."""
         duty, order = robot.duty, robot.duty.order
-        is_queued = order.last_node.startswith(QUEUE)
-        is_out_of_the_way = is_queued and (order.last_node in self.graph.lines or something_ahead(robot.seen, []))
-        if duty.is_away and is_queued and (order.is_idle or robot.seen.twist == STILL):
+        is_out_of_the_way = self.is_out_of_the_way(robot)
+        if duty.is_away and self.is_home(robot):
             self._stop(robot)
             duty.is_away = False
         is_stuck = duty.is_away and duty.phase == "edge" and robot.seen.twist == STILL
@@ -211,7 +216,9 @@ class Vehicle(Carrier):
             return
         duty.idle_since = robot.seen.tick if duty.idle_since < 0 else duty.idle_since
         if (robot.seen.tick - duty.idle_since) * TIME_STEP >= self.timing.patience:
-            self._drive_home(robot)
+            self._give_up(robot)
+            duty.is_paused, duty.is_away, duty.idle_since = False, True, -1
+            self.clear_the_roads(robot)
 
     def _stop(self, robot: Driver) -> None:
         """Give up the order where the vehicle stands."""
@@ -220,34 +227,16 @@ class Vehicle(Carrier):
         robot.duty.phase, robot.memory.plan, robot.memory.course = "", [Onward()], None
         orders.cancel(robot.duty.order, is_driving=False)
 
-    def _drive_home(self, robot: Driver) -> None:
-        """Give the order up and drive to the queue, through the bay with a full bin, also with one that it has promised to take.
-
-        A picker that waits beside it gets its empty bin: with that one it could not turn there.
-        """
-        duty, order = robot.duty, robot.duty.order
-        self._give_up(robot)
-        duty.is_paused, duty.is_away, duty.idle_since = False, True, -1
-        promised = duty.owes
-        hitch, load = robot.seen.hitch, self._calls.bin_at(self.graph.station_of(order.last_node))
-        is_at_the_picker = not duty.phase and hitch is not None and abs(hitch.x - robot.pose.x) < ON_A_NODE  # it has not turned
-        if load and is_at_the_picker:
-            order.queue, promised = [ActionOrder(HAND_OVER, HAND_OVER, "HARD", [Parameter("loadId", load)])], load
-        if promised:
-            self._add(order, self.graph.bins, PICK, promised)
-        if promised or duty.is_laden:
-            self._add(order, [BAY], UNLOAD)
-        self._add(order, [self.home])
-
-    def _add(self, order: OrderState, ends: Sequence[str], kind: str = "", load: str = "") -> None:
+    def add(self, order: OrderState, ends: Sequence[str], kind: str = "", load: str = "") -> None:
         """Add the way from the end of the base to the nearest of some nodes, and an action there."""
         name, sequence = order.decision_point
         for after in self.graph.way(name, ends):
             order.edges = [*order.edges, Edge(edge_id(self.graph.edges[name, after]), sequence + 1, True, [])]
             order.nodes = [*order.nodes, Node(after, sequence + 2, True, [])]
             name, sequence = after, sequence + 2
-        if kind and order.nodes:
-            order.nodes[-1].actions.append(ActionOrder(kind, f"{kind} {sequence}", "HARD", [Parameter("loadId", load)] if load else []))
+        there = order.nodes[-1].actions if order.nodes else order.queue
+        if kind and all(action.action_type != kind for action in there):
+            there.append(ActionOrder(kind, f"{kind} {sequence}", "HARD", [Parameter("loadId", load)] if load else []))
 
     # -- what it says
 

@@ -11,6 +11,14 @@ AGAIN = 5  # states without an answer to an order, after which it sends the orde
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
 
 
+def is_picker(serial):
+    return serial.startswith("picker")
+
+
+def row_of(node):
+    return int(node.rsplit("/", 1)[1])
+
+
 class Master:
     def __init__(self, lif, send, released=RELEASED):
         (layout,) = lif["layouts"]
@@ -22,6 +30,7 @@ class Master:
             self.onward[start].append(end)
         self.newest, self.jobs, self.calls = {}, {}, []
         self.homes = {}  # vehicle -> the line of the queue in which it was first seen: it goes back there
+        self.rows, self.picked = {}, set()  # row -> the picker that picks it: first the one at which it is first seen; rows that are picked
         self.send, self.released, self.headers, self.finished = send, released, count(), []
 
     def hear(self, serial, topic, message):
@@ -31,6 +40,8 @@ class Master:
             self.jobs.pop(serial, None)
         if topic == "state":
             self.homes.setdefault(serial, "/".join(message["lastNodeId"].split("/")[:2]))
+            if is_picker(serial) and serial not in self.rows.values():
+                self.rows[row_of(message["lastNodeId"])] = serial
             self.follow(serial, message)
 
     @property
@@ -43,9 +54,12 @@ class Master:
     # -- jobs
 
     def assign(self):
-        """Send a free vehicle, the nearest one, to each full bin that waits."""
+        """Send a free vehicle, the nearest one, to each full bin that waits, and each free picker on."""
+        for serial in filter(is_picker, self.states):
+            if self.is_free(serial):
+                self.send_on(serial)
         for call in self.calls:
-            free = [serial for serial in self.states if self.is_free(serial)]
+            free = [serial for serial in self.states if self.is_free(serial) and not is_picker(serial)]
             if any(job["load"] == call["loadId"] for job in self.jobs.values()) or not free:
                 continue
             stop, _ = self.stations[call["station"]]
@@ -58,7 +72,32 @@ class Master:
         is_idle = not state["nodeStates"] and all(one["actionStatus"] in ("FINISHED", "FAILED") for one in state["actionStates"])
         is_mine = state["operatingMode"] == "AUTOMATIC" and not state["paused"] and serial not in self.jobs
         is_here = self.newest.get("connection", {}).get(serial, {}).get("connectionState", "ONLINE") == "ONLINE"
-        return is_here and is_idle and is_mine and state["loads"]
+        return is_here and is_idle and is_mine and (state["loads"] or is_picker(serial))
+
+    def send_on(self, serial):
+        """Order a picker's next piece of work: to pick a row, to change bins at its end, or to park after the last one."""
+        state = self.states[serial]
+        last, loads, row = state["lastNodeId"], state["loads"], row_of(state["lastNodeId"])
+        side, what, _ = last.split("/")
+        has_next = f"row/{row + 1}" in self.stations and self.rows.get(row + 1, serial) == serial
+        wait, through = f"{side}/wait/{row}", (last, f"{'west' if side == 'east' else 'east'}/out/{row}")
+        if what == "out":
+            self.picked.add(row)
+            is_left = loads and (loads[0]["loadType"] == "full bin" or not has_next)
+            self.drive(serial, "", [last, wait], {last: ("drop", None)} if is_left else {})
+        elif what == "aside":
+            self.drive(serial, "", [last, wait], {})
+        elif what == "wait" and not loads:
+            self.drive(serial, "", [wait], {wait: ("pick", None)})
+        elif what == "wait" and loads[0]["loadType"] == "full bin":
+            self.drive(serial, "", [*through], {})
+        elif what == "wait" and row in self.picked and has_next:
+            self.rows[row + 1] = serial
+            self.drive(serial, "", [wait, f"{side}/wait/{row + 1}"], {})
+        elif what == "wait" and row in self.picked:
+            self.drive(serial, "", [wait, f"{side}/park/{row}"], {})
+        elif what != "park":
+            self.drive(serial, "", [*through], {through: ("harvest", None)})
 
     def begin(self, serial, call):
         load, (stop, bin_node) = call["loadId"], self.stations[call["station"]]
@@ -82,7 +121,7 @@ class Master:
                 "edgeId": self.edges[job["names"][number], job["names"][number + 1]],
                 "sequenceId": 2 * number + 1,
                 "released": number + 1 <= job["base"],
-                "actions": [],
+                "actions": self.actions(job, (job["names"][number], job["names"][number + 1])),
             }
             for number in range(first, len(job["names"]) - 1)
         ]
@@ -91,27 +130,38 @@ class Master:
 
     def node(self, job, number):
         name = job["names"][number]
-        kind, load = job["actions"].get(name, ("", None))
-        parameters = [{"key": "loadId", "value": load}] if load else []
-        action = {"actionType": kind, "actionId": f"{job['order']} {kind}", "blockingType": "HARD", "actionParameters": parameters}
         at = self.map[name]["nodePosition"] | {"mapId": self.map[name]["mapId"]}
         return {
             "nodeId": name,
             "sequenceId": 2 * number,
             "released": number <= job["base"],
             "nodePosition": at,
-            "actions": [action] if kind else [],
+            "actions": self.actions(job, name),
         }
+
+    def actions(self, job, place):
+        """The actions of a job at a node, or on the edge between two."""
+        kind, load = job["actions"].get(place, ("", None))
+        parameters = [{"key": "loadId", "value": load}] if load else []
+        blocking = "NONE" if kind == "harvest" else "HARD"
+        action = {"actionType": kind, "actionId": f"{job['order']} {kind}", "blockingType": blocking, "actionParameters": parameters}
+        return [action] if kind else []
 
     def follow(self, serial, state):
         """Release more of a job where the base runs short. Forget it at its end."""
         job = self.jobs.get(serial)
         if job and job["order"] is None and not state["nodeStates"] and state["instantActionStates"][-1]["actionStatus"] == "FINISHED":
-            self.drive(serial, "", self.way(state["lastNodeId"], self.homes[serial]), {})
-            job = self.jobs[serial]
+            self.jobs.pop(serial)
+            if not is_picker(serial):
+                self.drive(serial, "", self.way(state["lastNodeId"], self.homes[serial]), {})
+            job = self.jobs.get(serial)
         if job is None or job["order"] is None:
             return
         if (state["orderId"], state["orderUpdateId"]) != (job["order"], job["update"]):
+            elsewhere = [error["errorReferences"] for error in state["errors"] if error["errorType"] == "START_NODE_OUT_OF_RANGE"]
+            if any(one["referenceValue"] == job["order"] for references in elsewhere for one in references):
+                self.jobs.pop(serial)
+                return
             job["silent"] += 1
             if job["silent"] % AGAIN == 0:
                 self.publish(serial, "order", job["sent"])

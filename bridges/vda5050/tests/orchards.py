@@ -5,12 +5,11 @@ from itertools import count
 
 from master import Master
 from orchard_vda5050.calls import Calls
-from orchard_vda5050.fleet import agents_of
-from orchard_vda5050.graph import graph_of
+from orchard_vda5050.fleet import agents_of, graphs_of
 from orchard_vda5050.lif import lif_of
 from orchard_vda5050.vehicle import Timing
 
-from orchard import Carrier, Local, Scenario
+from orchard import Local, Scenario
 from orchard.sim.lookahead import Lookahead
 
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}
@@ -46,20 +45,20 @@ class Wire:
 
 
 class Fleet:
-    """The orchard, its vehicles and their fleet control. `names`: the carriers that are vehicles, or all."""
+    """The orchard, its vehicles and their fleet control. `names`: the robots that are vehicles, or their kinds."""
 
-    def __init__(self, scenario, names=None, timing=EACH_SECOND, released=4, holds=Lookahead):
+    def __init__(self, scenario, names=("carrier",), timing=EACH_SECOND, released=4, holds=Lookahead):
         self.run = Local(Scenario(**{"dispatch": "nearest"} | scenario), holds=holds)
         layout = self.run.engine.layout
-        self.graph, self.wires = graph_of(layout, Carrier(layout, "carrier_01").route), {}
-        named = names or [name for name in layout.names if name.startswith("carrier")]
+        graphs, self.wires = graphs_of(layout), {}
+        self.graphs = {graph.kind: graph for graph in graphs}
+        self.graph = self.graphs["carrier"]
+        named = [name for name in layout.names if any(word in (name, name.rsplit("_", 1)[0]) for word in names)]
         desk = [name for name in layout.agents if name == "dispatch"]
         agents = agents_of(layout, [*named, *desk], lambda name: self.wires.setdefault(name, Wire(name)), Calls(self.hear_calls), timing)
         for name, agent in agents.items():
             self.run.play(name, agent)
-        self.master = Master(
-            lif_of(self.graph, "test", HEADER["timestamp"]), lambda name, *message: self.wires[name].give(*message), released
-        )
+        self.master = Master(lif_of(graphs, "test", HEADER["timestamp"]), lambda name, *message: self.wires[name].give(*message), released)
         self.heard = []
         self.has_master = True
 

@@ -17,7 +17,7 @@ def begun(released=4, patience=60.0):
 def stands_at(fleet, name):
     """The node at which a vehicle stands; None while it moves or is between two."""
     seen = fleet.run.seen[name]
-    return fleet.graph.at(seen.x, seen.y) if not any(seen.twist) else None
+    return fleet.graphs[name.rsplit("_", 1)[0]].at(seen.x, seen.y) if not any(seen.twist) else None
 
 
 def stands_in_the_queue(fleet, name):
@@ -98,6 +98,33 @@ def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over(patienc
     fleet.until(lambda: stands_in_the_queue(fleet, name))
     fleet.cut(name, is_up=True)
     assert finishes(fleet) and [fleet.run.memories[one].reserved for one in fleet.wires] == [[], []]
+
+
+@pytest.mark.parametrize(("where", "has_bin"), [("east/out/1", True), ("east/wait/1", False), ("east/wait/1", True)])
+def test_a_picker_that_is_left_alone_clears_the_roads_and_the_harvest_goes_on_with_its_fleet_control(where, has_bin):
+    """At the end of a row, and beyond the roads with its bin on them, it holds up carriers; without a bin the one that brings one."""
+    fleet, name = Fleet(SMALL, ["picker"], timing=Timing(patience=20.0)), "picker_01"
+    fleet.until(lambda: fleet.state(name).get("lastNodeId") == where and bool(fleet.state(name)["loads"]) is has_bin)
+    fleet.cut(name)
+    fleet.wires[name].inbox.clear()
+    fleet.until(lambda: stands_at(fleet, name) == "east/aside/1" and fleet.run.memories[name].reserved == [], seconds=200.0)
+    assert fleet.run.seen[name].hitch
+    fleet.cut(name, is_up=True)
+    fleet.until(lambda: fleet.state(name)["lastNodeId"] == "east/aside/1" and fleet.state(name)["operatingMode"] == "AUTOMATIC")
+    assert finishes(fleet)
+
+
+def test_a_picker_waits_for_its_empty_bin_and_says_what_it_cannot_do():
+    fleet, name = Fleet(SMALL, ["picker"]), "picker_01"
+    fleet.has_master = False
+    fleet.tick()
+    fleet.master.drive(name, "", ["west/in/1", "east/out/1", "east/wait/1", "east/wait/2"], {"east/out/1": ("drop", None)})
+    error = fleet.until(lambda: fleet.state(name)["errors"])[0]
+    assert "it must first couple the empty bin" in error["errorDescription"] and fleet.run.memories[name].reserved == []
+    fleet.master.instant(name, "cancelOrder")
+    fleet.until(lambda: fleet.state(name)["instantActionStates"])
+    fleet.has_master = True
+    assert finishes(fleet)
 
 
 def test_a_vehicle_that_is_left_alone_in_the_queue_drives_up():

@@ -3,10 +3,12 @@
 import pytest
 from orchard_vda5050.graph import BAY, graph_of
 from orchard_vda5050.lif import lif_of
+from orchard_vda5050.pickers import graph_of_pickers
 from vdma_lif.models import LIFLayoutCollection
 
-from orchard import Carrier, Scenario, lay_out
+from orchard import Carrier, Picker, Scenario, lay_out
 
+LAYOUT = lay_out(Scenario(rows=4, pickers=2))
 SCENARIOS = [
     {"rows": 3, "pickers": 2},
     {"rows": 12, "carriers": 14},
@@ -42,8 +44,20 @@ def test_an_edge_is_one_straight_drive(graph):
         assert edge.length > 0.0 and (start.x == pytest.approx(end.x) or start.y == pytest.approx(end.y))
 
 
+@pytest.mark.parametrize("route", ["two-way", "one-way"])
+def test_pickers_can_drive_through_all_their_rows_and_park(route):
+    layout = lay_out(Scenario(rows=12, pickers=5, route=route, rows_to_pickers="balanced-ends"))
+    graph = graph_of_pickers(layout, Picker(layout, "picker_01").route)
+    for block in layout.blocks.values():
+        for row in block.rows:
+            start = f"west/in/{row}" if (row, block.start) == (block.rows[0], "west") else f"{block.start}/wait/{row}"
+            for end in ("west/park", "east/park"):
+                assert graph.way(start, [f"{end}/{block.rows[-1]}"])
+
+
 def test_others_read_the_map(graph):
-    lif = lif_of(graph, "test", "2026-01-01T00:00:00.00Z")
+    pickers = graph_of_pickers(LAYOUT, Picker(LAYOUT, "picker_01").route)
+    lif = lif_of([graph, pickers], "test", "2026-01-01T00:00:00.00Z")
     (layout,) = LIFLayoutCollection.from_dict(lif).to_dict()["layouts"]
     assert layout == lif["layouts"][0]
     nodes = {node["nodeId"] for node in layout["nodes"]}

@@ -49,6 +49,23 @@ def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scen
     assert done == [] and {topic for _, topic, _ in fleet.heard} == {"state", "visualization"}
 
 
+@pytest.mark.parametrize(
+    ("scenario", "names"),
+    [
+        (SMALL, ["picker", "carrier"]),
+        (SMALL | {"dispatch": "predictive", "rows": 5}, ["picker"]),
+        (SMALL | {"rows": 5, "rows_to_pickers": "balanced"}, ["picker_02"]),
+        ({"rows": 4, "row_length": 24.0, "route": "one-way", "carriers": 3, "metres_per_bin": 48.0}, ["picker", "carrier"]),
+    ],
+    ids=str,
+)
+def test_a_fleet_control_drives_pickers_until_the_harvest_has_finished(scenario, names):
+    fleet = checked(Fleet(scenario, names))
+    assert harvested(fleet) == []
+    assert [error for name in fleet.wires for error in fleet.state(name)["errors"]] == []
+    assert all("/park/" in fleet.state(name)["lastNodeId"] for name in fleet.wires if name.startswith("picker"))
+
+
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_some_carriers_are_driven_by_a_fleet_control_and_the_others_by_their_own_agents(dispatch):
     fleet = Fleet(SMALL | {"carriers": 3, "dispatch": dispatch}, names=["carrier_01"])
@@ -65,7 +82,9 @@ def test_the_same_run_gives_the_same_messages():
 
 
 @pytest.mark.parametrize(
-    "message", [("factsheet", factsheet_of(1.0)), ("connection", connection_of("CONNECTION_BROKEN"))], ids=lambda pair: pair[0]
+    "message",
+    [*(("factsheet", factsheet_of(kind, 1.0)) for kind in ("carrier", "picker")), ("connection", connection_of("CONNECTION_BROKEN"))],
+    ids=lambda pair: pair[0],
 )
 def test_what_is_sent_once_is_as_the_standard_has_it(message):
     topic, body = message

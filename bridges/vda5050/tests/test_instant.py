@@ -85,6 +85,15 @@ def test_a_vehicle_to_which_nothing_happens_sends_a_state_each_second(holds):
     assert [len([1 for name, _, _ in fleet.heard if name == one]) for one in fleet.wires] == [11, 11]
 
 
+def test_a_vehicle_to_which_nothing_happens_is_asked_once_a_second():
+    fleet = Fleet(SMALL, names=["picker", "carrier"])
+    fleet.has_master, asked = False, []
+    for _ in range(100):
+        fleet.tick()
+        asked += [name for name in fleet.run.answers if name in fleet.wires]
+    assert [name for name in fleet.wires if asked.count(name) > 15] == []
+
+
 def sent(fleet, name, change):
     """Send a vehicle in the queue an order to a stop, after a change of it."""
     fleet.tick()

@@ -13,15 +13,17 @@ from standard import check
 from orchard import BusError, Scenario, lay_out
 from processes import BEGIN_SECONDS, Control, bridging, broker, free_port, lif, scene
 
-FLEET = ("carrier_01", "carrier_02")
+CARRIERS = ("carrier_01", "carrier_02")
+FLEET = (*CARRIERS, "picker_01", "picker_02")
+KINDS = ("--robots", "carrier", "picker")
 
 
 def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_killed(tmp_path):
     port = free_port()
-    with broker(tmp_path, port) as first, scene(tmp_path, SMALL, port) as run:
+    with broker(tmp_path, port) as first, scene(tmp_path, SMALL, port, ("--without", "picker"), KINDS) as run:
         control = Control(lif(tmp_path), port)
         try:
-            is_busy = lambda: next((name for name in FLEET if control.states.get(name, {}).get("nodeStates")), None)  # noqa: E731
+            is_busy = lambda: next((name for name in CARRIERS if control.states.get(name, {}).get("nodeStates")), None)  # noqa: E731
             busy = control.until(is_busy, BEGIN_SECONDS)
             first.kill()
             first.wait()
@@ -31,7 +33,7 @@ def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_k
                 order = control.states[busy]["orderId"]
                 run.bridge.kill()
                 control.until(lambda: all(control.connection(name) == "CONNECTION_BROKEN" for name in FLEET))
-                with bridging(run.endpoint, port, tmp_path):
+                with bridging(run.endpoint, port, tmp_path, *KINDS):
                     control.until(lambda: all(control.connection(name) == "ONLINE" for name in FLEET), BEGIN_SECONDS)
                     control.until(lambda: control.heard[-1][1] == "state")
                     assert control.states[busy]["orderId"] in (order, *(job["order"] for job in control.jobs.values()))
@@ -66,7 +68,7 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
     ("scenario", "names", "told"),
     [
         ({"dispatch": "predictive"}, ["carrier_01"], "start the run with --without dispatch"),
-        ({"dispatch": "nearest"}, ["carrier_01", "picker_01"], "picker_01: only carriers are vehicles"),
+        ({"dispatch": "nearest"}, ["carrier_01", "bin_01"], "bin_01: only carriers and pickers are vehicles"),
     ],
 )
 def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):

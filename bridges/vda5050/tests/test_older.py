@@ -34,7 +34,10 @@ def test_all_messages_are_valid_by_the_schemas_of_2_1():
     once = [connection_of("ONLINE"), connection_of("OFFLINE"), connection_of("CONNECTION_BROKEN")]
     head = HEADER | {"serialNumber": name}
     sent = [(topic, message) for _, topic, message in fleet.heard]
-    sent += [("factsheet", head | factsheet_of(1.0)), *(("connection", head | message) for message in once)]
+    sent += [
+        *(("factsheet", head | factsheet_of(kind, 1.0)) for kind in ("carrier", "picker")),
+        *(("connection", head | message) for message in once),
+    ]
     for topic, message in sent:
         assert SchemaValidator().errors(topic, in_21(topic, message)) == []
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from orchard.agents.carrier import Carrier, CarrierMemory
 from orchard.agents.catalogue import make_agents
 from orchard.agents.robot import Step
 from orchard.contract.agent import STATES
@@ -14,7 +15,7 @@ from orchard.contract.messages import Written, pack, unpack
 from orchard.field.kinds import DISPATCH, kind_of, number_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
-from orchard.field.scenario import with_changes
+from orchard.field.scenario import Scenario, with_changes
 from orchard.sim.engine import Engine
 from orchard.sim.invariants import overlapping_bodies
 from orchard.sim.restore import fitting, world_from
@@ -45,20 +46,22 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     `changes`: dotted path -> value, as for `with_changes`. `stop`: names or kinds of robots that stand from now on, until they are reset.
 
     What is random from now on follows from the seed: with another one people and animals walk elsewhere, robots fail at other times, and
-    what is left of the rows takes another time. A carrier that is added begins at its place in the queue; one that waits there with an
-    empty bin is taken away. People, animals and weeds that are added begin at their starts. A new robot counts as resting until now.
+    what is left of the rows takes another time. A carrier that is added begins at a free place of the queue; one that waits there with an
+    empty bin is taken away, and the queue stays as long. People, animals and weeds that are added begin at their starts. A new robot counts
+    as resting until now.
 
     Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot at this moment, ValueError for a word in `stop` that
     is no robot's.
     """
     before = world_from(snapshot)
-    layout = lay_out(with_changes(before.layout.scenario, **changes))
+    layout = lay_out(_with_room(before.layout.scenario, with_changes(before.layout.scenario, **changes)))
     _check_changes(before.layout, layout)
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
-        memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere)
+        places = _places(before.layout, layout, snapshot.memories, swapped)
+        memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere, places)
         letters = unpack(pack(_renamed(unpack(pack(snapshot.letters), Any), swapped)), list[tuple[int, dict[str, Written]]])
-    world = _world(before, World(layout), swapped)
+    world = _world(before, World(layout), swapped, places)
     figures = _renamed(snapshot.figures, swapped)
     resting = [world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES]
     figures["states"]["ticks"] = {name: list(resting) for name in layout.names} | figures["states"]["ticks"]
@@ -69,6 +72,11 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     owned = sorted(name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents)
     rest = figures, owned, snapshot.lost, snapshot.elsewhere
     return Snapshot(snapshot.run, layout.scenario.model_dump(), engine.as_data(), engine.digest, memories, letters, *rest)
+
+
+def _with_room(before: Scenario, now: Scenario) -> Scenario:
+    """Return the scenario with a queue as long as before: carriers are on their way to it."""
+    return with_changes(now, queue_room=before.queue_carriers) if now.queue_carriers < before.queue_carriers else now
 
 
 def _check_changes(before: Layout, now: Layout) -> None:
@@ -117,8 +125,22 @@ def _is_free(world: World, carrier: str, memory: bytes | None) -> bool:
     """Whether a carrier stands in the queue with an empty bin, and has no job."""
     i = world.index[carrier]
     stands = world.coupled[i] != NONE and not world.fill[world.coupled[i]] and not world.twist[i].any()
-    is_called = memory is not None and (unpack(memory, Any) or {}).get("job") is not None
+    is_called = _remembered(memory).get("job") is not None
     return bool(stands and world.layout.queue.area.contains(*world.pose[i, :2]) and not is_called)
+
+
+def _remembered(memory: bytes | None) -> Mapping[str, Any]:
+    """The fields of a carrier's memory that are not the defaults."""
+    return (memory and unpack(memory, Any)) or {}
+
+
+def _places(before: Layout, now: Layout, memories: Mapping[str, bytes | None], swapped: Names) -> dict[str, int]:
+    """The place in the queue of each carrier, from 1: what it was until now, or the first free one."""
+    carriers = [name for name in now.names if kind_of(name) == "carrier"]
+    kept = {name: swapped.get(name, name) for name in carriers if swapped.get(name, name) in before.index}
+    places = {name: _remembered(memories.get(old)).get("queue_place") or number_of(old) for name, old in kept.items()}
+    free = sorted({*range(1, len(carriers) + 1)}.difference(places.values()))
+    return places | dict(zip([name for name in carriers if name not in places], free, strict=False))
 
 
 def _pairs(some: Sequence[str], others: Sequence[str]) -> dict[str, str]:
@@ -144,7 +166,7 @@ def _renamed(data: Any, swapped: Names) -> Any:
 # -- the world
 
 
-def _world(before: World, world: World, swapped: Names) -> World:
+def _world(before: World, world: World, swapped: Names, places: Mapping[str, int]) -> World:
     """Let a new world go on from one before. Raises ScenarioError for a new body without a place."""
     index = world.index
     kept = [name for name in index if swapped.get(name, name) in before.index]
@@ -157,20 +179,20 @@ def _world(before: World, world: World, swapped: Names) -> World:
             setattr(world, name, value)
     world.coupled[here] = [place.get(j, NONE) for j in before.coupled[there].tolist()]
     for name in [name for name in index if name not in kept and kind_of(name) == "carrier"]:
-        _put_into_its_line(world, name)
+        _put_into_its_line(world, name, places[name] - 1)
     for name in index:
         if name not in kept and (other := _in_the_way(world, name)):
             raise NotNow([_refused(f"{name} has no place at this moment: {other} is there")])
     return world
 
 
-def _put_into_its_line(world: World, carrier: str) -> None:
+def _put_into_its_line(world: World, carrier: str, number: int) -> None:
     """Put a new carrier, with its bin, to a free place of its line of the queue, the nearest to its own, if there is one."""
-    i, queue, number = world.index[carrier], world.layout.queue, number_of(carrier) - 1
+    i, queue = world.index[carrier], world.layout.queue
     first = number - number % queue.places
     bin_ = int(world.coupled[i])
     for place in sorted(range(first, first + queue.places), key=lambda place: abs(place - number)):
-        world.pose[[i, bin_], 0] += queue.place(place).x - world.pose[i, 0]
+        world.pose[[i, bin_], :2] += np.subtract(queue.place(place)[:2], world.pose[i, :2])
         if not any(_in_the_way(world, world.layout.names[body]) for body in (i, bin_)):
             break
     world.reckoned[[i, bin_]] = world.pose[[i, bin_]]
@@ -185,7 +207,9 @@ def _in_the_way(world: World, name: str) -> str:
 # -- what agents remember
 
 
-def _memories(before: Layout, now: Layout, memories: Mapping[str, bytes | None], elsewhere: Collection[str]) -> dict[str, bytes | None]:
+def _memories(
+    before: Layout, now: Layout, memories: Mapping[str, bytes | None], elsewhere: Collection[str], places: Mapping[str, int]
+) -> dict[str, bytes | None]:
     """Return the memories with which agents go on. Their courses are those of the layout now. An agent of another class, or one in place
     of a client elsewhere, begins anew if the memory is not its own; so does the dispatcher if the policy or the carriers are others: it
     hears of all bins within 2 s."""
@@ -203,10 +227,13 @@ def _memories(before: Layout, now: Layout, memories: Mapping[str, bytes | None],
             continue
         course, other = (getattr(agents[name].agent, "course", None) for agents in (old, new))
         if remembered is not None and course and other:
+            if isinstance(remembered, CarrierMemory):
+                remembered.queue_place = places[name]
             remembered.plan = _plan(remembered.plan, course(remembered), other(remembered))
             memory = pack(remembered)
         kept[name] = memory
-    return kept
+    begun = {name: agent.begin(places[name]) for name in places if isinstance(agent := new[name].agent, Carrier)}
+    return {name: pack(memory) for name, memory in begun.items()} | kept
 
 
 def _plan(plan: list[Step], before: list[Step], now: list[Step]) -> list[Step]:

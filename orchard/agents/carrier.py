@@ -44,6 +44,7 @@ class CarrierMemory(Plan):
     delivered: str = ""  # the empty bin that it left for the picker
     charged: bool = True  # whether its battery has been full since it last went to charge
     calls: dict[str, HeardCall] = {}  # bin -> its call, heard lately, also while the carrier is busy
+    queue_place: int = 0  # in the queue, from 1: its line is the place's; 0: that of the carrier's number
 
 
 class Carrier:
@@ -56,8 +57,12 @@ class Carrier:
         self.layout, self.number, self.route, self.bystanders = layout, number_of(name), route_of(layout), bystanders_of(layout)
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
 
+    def begin(self, queue_place: int = 0) -> CarrierMemory:
+        """Return the memory of a carrier that begins to wait in the queue. `queue_place`: see `CarrierMemory`."""
+        return self.Memory(plan=[Realign(), *self.route.wait_in_queue()], queue_place=queue_place)
+
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
-        robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), *self.route.wait_in_queue()]), self.bystanders)
+        robot = PlanExecutor(seen, mail, memory or self.begin(), self.bystanders)
         hear_calls(robot.memory.calls, mail, seen.tick)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.memory.charged = robot.memory.charged or seen.charge >= 1.0
@@ -98,7 +103,8 @@ class Carrier:
 
     def course(self, memory: CarrierMemory) -> list[Step]:
         """Return the steps of which the plan in a memory is a part, for whichever line of the queue."""
-        job, numbers = memory.job, dict.fromkeys((self.number, self.number + self.layout.first_charging))
+        job, number = memory.job, memory.queue_place or self.number
+        numbers = dict.fromkeys((number, number + self.layout.first_charging))
         jobs = [self.fetch(number, job) for number in numbers] if job else []
         return sum(jobs, self.route.wait_in_queue())
 
@@ -110,7 +116,7 @@ class Carrier:
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        plan = self.fetch(self.route.number(self.number, robot.pose.y), robot.memory.job)
+        plan = self.fetch(self.route.number(robot.memory.queue_place or self.number, robot.pose.y), robot.memory.job)
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
         robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():

@@ -27,6 +27,7 @@ from orchard.field.scenario import TIME_STEP
 
 CRUISE = 1.0  # m/s
 SELDOM = 50  # ticks between two questions if the answer changes nothing
+CLEAR_OF_TURNS = 3.0  # m past a gate at which a robot that stands is clear of one that turns behind it, whose front corner no laser sees
 LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
 THERE = 0.01  # m: where a robot that searches for the coupling point counts as there
 PULL = 1.0  # m which it drives ahead to come to one side
@@ -395,15 +396,16 @@ class MayFail(Step, frozen=True):
         axis = "y" if drive.x is None else "x"
         here = getattr(robot.pose, axis)
         way = getattr(drive, axis) - here
-        needed, sound = abs(way) / drive.speed, until - memory.worked  # s of work: for the rest of the drive; before the failure
+        needed, sound = abs(way) / drive.speed, max(0.0, until - memory.worked)  # s of work: for the rest of the drive; to the failure
         if sound >= needed:
             memory.worked += needed
             return True
         memory.failures, memory.worked = memory.failures + 1, 0.0
-        at = here + way * max(0.0, sound) / needed
-        gates = [gate for gate in drive.needs if (at - gate.at) * way > 0.0]  # it asks for no place that it does not come to
+        at = here + way * sound / needed
+        needs = [gate for gate in drive.needs if (at - gate.at) * way > 0.0]  # it asks for no place that it does not come to
+        frees = [gate for gate in drive.frees if abs(at - gate.at) > CLEAR_OF_TURNS]  # and keeps what it stands near
         stand = Say("failed, is repaired", "failed"), Repair(repair), Say(memory.doing, memory.state)
-        robot.next([replace(drive, **{axis: at}, needs=gates), *stand, self])
+        robot.next([replace(drive, **{axis: at}, needs=needs, frees=frees), *stand, self])
         return True
 
 

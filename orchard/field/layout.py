@@ -156,22 +156,22 @@ class Layout:
         name = scenario.route if scenario.route in QUEUES else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
         if name not in [*QUEUES]:
             raise ScenarioError([Problem("scenario", f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}", "route", scenario.route)])
-        wanted = name, scenario.row_length, scenario.bay, scenario.carrier_count, scenario.has_batteries
+        wanted = name, scenario.row_length, scenario.bay, scenario.queue_carriers, scenario.has_batteries
         queue = queue_of(*wanted)
         if queue is None:
             text = lack_of_room(*wanted)
-            raise ScenarioError([Problem("scenario", text, "carriers", str(scenario.carrier_count))])
+            raise ScenarioError([Problem("scenario", text, "carriers", str(scenario.queue_carriers))])
         return queue
 
     @cached_property
     def first_charging(self) -> int:
         """The number of places of the lines in which carriers wait: beyond them are those in which they charge. 0 without batteries."""
-        return self.queue.whole_lines(self.scenario.carrier_count) if self.scenario.has_batteries else 0
+        return self.queue.whole_lines(self.scenario.queue_carriers) if self.scenario.has_batteries else 0
 
     @property
     def queue_places(self) -> int:
         """The places of the queue that are in use."""
-        return 2 * self.first_charging or self.scenario.carrier_count
+        return 2 * self.first_charging or self.scenario.queue_carriers
 
     @cached_property
     def charging_lines(self) -> tuple[float, ...]:

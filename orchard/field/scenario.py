@@ -191,6 +191,7 @@ BINS_PER_ROW = "number of bins that a row of row_length fills; null: what metres
 PICKING_SPEED = "speed of a picker while it picks, m/s; null: what picking_rate says, else 1"
 PICKING_RATE = "what a picker fills while it picks, bins/h; of a person: 1.2 to 1.8; null: what picking_speed says"
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
+QUEUE_ROOM = "number of carriers for which the queue has places; null, or less than there are: as many as there are"
 
 
 CROP = "crop.tonnes_per_hectare", "crop.kilograms_per_bin"
@@ -211,6 +212,7 @@ class Scenario(Section):
     crop: Annotated[Crop, Field(description="the yield and the bins, from which follow the metres per bin")] = Crop()
     row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
+    queue_room: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=QUEUE_ROOM)] = None
     picking_speed: Annotated[float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED)] = None
     picking_rate: Annotated[float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE)] = None
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
@@ -238,6 +240,11 @@ class Scenario(Section):
     def carrier_count(self) -> int:
         """The number of carriers, by default 7 for every 10 pickers, rounded up (manual)."""
         return self.carriers if self.carriers is not None else math.ceil(self.pickers * 7 / 10)
+
+    @property
+    def queue_carriers(self) -> int:
+        """The number of carriers for which the queue has places."""
+        return max(self.carrier_count, self.queue_room or 0)
 
     @property
     def bin_metres(self) -> float | None:
@@ -323,8 +330,9 @@ class Scenario(Section):
         self._demand(self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours")
         self._demand_that_no_row_is_faster_than_a_picker()
         if self.route in QUEUES:
-            text = lack_of_room(self.route, self.row_length, self.bay, self.carrier_count, self.has_batteries)
-            self._demand(not text, text, "pickers" if self.carriers is None else "carriers", "row_length", "bay")
+            text = lack_of_room(self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries)
+            robots = "queue_room" if self.queue_carriers > self.carrier_count else "pickers" if self.carriers is None else "carriers"
+            self._demand(not text, text, robots, "row_length", "bay")
         return self
 
     def _demand_one_way_to_say_it(self) -> None:

@@ -31,7 +31,7 @@ class RunFigures:
         self._pickers = [name for name in engine.layout.index if kind_of(name) == "picker"]
         before = before or {}
         try:
-            self._figures = msgspec.convert(before.get("harvest", {}), HarvestFigures)
+            self._figures = msgspec.convert(before.get("harvest", {"progress_tick": engine.tick}), HarvestFigures)
             self._history = msgspec.convert(before.get("history", {}), History)
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
         except ValueError as error:

@@ -4,9 +4,11 @@ from functools import cache
 
 import pytest
 from local_runs import local_hash, start_afresh
-from stage import NOBODY_ABOUT, Stage, empty_orchard
+from stage import NOBODY_ABOUT, Stage, empty_orchard, meadow
 
 from orchard import Local, Scenario
+from orchard.agents.robot import Gate
+from orchard.agents.steps import DriveTo, MayFail
 from orchard.field.picking import failure
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
@@ -55,6 +57,31 @@ def test_a_carrier_fails_where_it_has_driven_for_as_long_as_was_drawn_and_goes_o
 
 def failed(stage: Stage) -> bool:
     return stage.world.tick > 0 and stage.local.actions["carrier_01"].state == "failed"
+
+
+def test_a_robot_that_has_worked_for_longer_than_was_drawn_goes_on_where_it_has_nothing_to_drive_and_fails_on_its_next_drive():
+    """As after a fork with another seed."""
+    stage = meadow()
+    stage.put("carrier_01", 0.0, 20.0)
+    fails = MayFail(seed=1, mean_between=60.0, mean_repair=30.0)
+    stage.give("carrier_01", [fails, DriveTo(x=0.0), fails, DriveTo(x=5.0)], worked=3600.0)
+    stage.run_until(lambda: failed(stage), seconds=2)
+    stage.assert_at("carrier_01", x=0.0)
+    stage.run_until(lambda: not stage.local.memories["carrier_01"].plan)
+    stage.assert_at("carrier_01", x=5.0)
+
+
+def test_a_carrier_that_fails_right_behind_a_place_keeps_it_until_it_is_repaired():
+    stage = meadow(carrying={"failure": {"mean_between": 60.0, "mean_repair": 30.0}})
+    stage.put("carrier_01", 0.0, 20.0)
+    sound, _ = failure(1, "carrier_01", 0, 60.0, 30.0)
+    drive = DriveTo(x=12.0, frees=[Gate(["first"], 1.0), Gate(["second"], 5.0)])
+    stage.give("carrier_01", [MayFail(1, 60.0, 30.0), drive], worked=sound - 6.0, reserved=["first", "second"])
+    stage.run_until(lambda: failed(stage))
+    stage.assert_at("carrier_01", x=6.0)
+    assert stage.local.memories["carrier_01"].reserved == ["second"], "another one may turn there"
+    stage.run_until(lambda: not stage.local.memories["carrier_01"].reserved)
+    assert not failed(stage) and stage.pose("carrier_01")[0] < 6.2
 
 
 def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_picking_speed_of_its_picker():

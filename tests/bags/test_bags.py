@@ -16,6 +16,7 @@ from local_runs import SMALL, local_hash, played
 from orchard_ros2 import messages, topics
 from orchard_ros2.bags import export as bags
 from orchard_ros2.bags.command import check_bag, export_bag, lacks
+from orchard_ros2.bags.drives import RecordingError, ranges_of, read_drives
 from orchard_ros2.bags.export import Bag, chosen, export
 from orchard_ros2.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
 from rosbags.highlevel import AnyReader
@@ -29,7 +30,6 @@ from orchard.launch.commands import app
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.view import reader
-from orchard.view.reader import RecordingError, ranges_of, read_drives
 from orchard.view.recorder import SCAN_BEAMS, Recorder, hits
 
 TICKS = 40

@@ -57,7 +57,9 @@ def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
         assert "changes: " in str(error)
         assert re.search("carriers.*cannot be taken away|has no place at this moment", str(error))
     else:
-        assert run.local.engine.layout.scenario == with_changes(TWO_WAY, **changes)
+        room = run.local.engine.layout.scenario.queue_room
+        assert run.local.engine.layout.scenario == with_changes(TWO_WAY, queue_room=room, **changes)
+        assert room == (3 if changes.get("carriers", 3) < 3 else None), "the queue never becomes shorter"
 
 
 def test_a_fork_without_changes_has_the_hash_of_its_parent_and_leaves_it_as_it_is():
@@ -112,6 +114,10 @@ def test_a_robot_may_be_stopped_and_an_unknown_one_is_named():
 def test_what_cannot_change_is_named_with_the_reason(changes, why):
     with pytest.raises(ScenarioError, match=why):
         played(SMALL, 20).fork(**changes)
+
+
+def test_a_run_that_goes_on_from_a_snapshot_without_figures_is_not_jammed_at_once():
+    assert WatchedRun(played(with_changes(SMALL, row_length=200.0, picking_speed=0.1), 6100).snapshot()).figures.jam == []
 
 
 # -- the command

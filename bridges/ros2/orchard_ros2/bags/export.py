@@ -16,9 +16,9 @@ from rosbags.typesys import Stores, get_typestore
 from orchard.contract.events import Velocities
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, VEHICLES, kind_of, select_agents
 from orchard.field.layout import lay_out
-from orchard.view.reader import STILL, Drives, State, ranges_of
 from orchard.view.recorder import SCAN_BEAMS
 from orchard_ros2 import messages, topics
+from orchard_ros2.bags.drives import STILL, Drives, State, ranges_of
 from orchard_ros2.bags.replay import SCENARIO
 from orchard_ros2.bodies import description
 from orchard_ros2.cdr import encoded

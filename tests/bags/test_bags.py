@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
 from orchard_ros2 import messages, topics
+from orchard_ros2.bags import drives
 from orchard_ros2.bags import export as bags
 from orchard_ros2.bags.command import check_bag, export_bag, lacks
 from orchard_ros2.bags.drives import RecordingError, ranges_of, read_drives
@@ -29,7 +30,6 @@ from orchard.field.problems import ScenarioError
 from orchard.launch.commands import app
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
-from orchard.view import reader
 from orchard.view.recorder import SCAN_BEAMS, Recorder, hits
 
 TICKS = 40
@@ -133,7 +133,7 @@ def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
 
 @pytest.mark.parametrize("rule", ["rows_to_pickers", "route"])
 def test_code_that_the_scenario_in_a_recording_names_is_not_imported(recorded, tmp_path, monkeypatch, rule):
-    monkeypatch.setattr(reader, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"}))
+    monkeypatch.setattr(drives, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"}))
     export(read_drives(recorded[0]), ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
     assert rule in read(tmp_path / "run.mcap")["/orchard/scenario"][0][1].data
 

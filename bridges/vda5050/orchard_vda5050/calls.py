@@ -1,6 +1,6 @@
 """The full bins that wait for a carrier: what fleet control must know, and VDA 5050 has no message for."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from orchard import Heard
@@ -18,10 +18,14 @@ class Calls:
         self._told: list[dict[str, Any]] = []
         self._first: dict[str, int] = {}  # bin -> tick at which it was heard first
         self._last: dict[str, tuple[int, Call | Fetch | Come]] = {}  # bin -> tick at which it was heard last, its request
+        self._heard_at = -1  # tick at which a vehicle was heard last
         self._owed: dict[str, str] = {}  # vehicle -> the full bin for which it has left its empty one
 
-    def hear(self, requests: Iterable[Heard], tick: int) -> None:
-        """Note what full bins request."""
+    def hear(self, requests: Sequence[Heard], tick: int) -> None:
+        """Note what full bins request. Each vehicle calls this at each tick."""
+        if not requests and tick == self._heard_at:
+            return
+        self._heard_at = tick
         for bin_, body in ((heard.sender, heard.body) for heard in requests):
             if isinstance(body, Come):
                 self._last[bin_] = tick, body

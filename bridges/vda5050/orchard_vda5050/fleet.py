@@ -5,7 +5,9 @@ from collections.abc import Callable, Collection, Mapping
 from functools import cache
 
 from orchard import Agent, Layout
-from orchard.agents.routes import route_of
+from orchard.agents.policies import POLICIES
+from orchard.agents.routes import ROUTES, route_of
+from orchard.contract.guard import Guard
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.carriers import CarrierVehicle
@@ -83,7 +85,9 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
     if DISPATCH in layout.agents and DISPATCH not in names and "carrier" in map(kind_of, names):
         why = "fleet control sends the carriers; start the run with --without dispatch, or with --dispatch nearest"
         raise ValueError(f"dispatch {layout.scenario.dispatch}: {why}")
-    return agents_of(layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing())
+    agents = agents_of(layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing())
+    are_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES  # the tests of the bridge check its agents
+    return {name: Guard(name, agent, layout.agents, trusted=are_ours) for name, agent in agents.items()}
 
 
 def agents_of(layout: Layout, names: Collection[str], port_of: Callable[[str], Port], calls: Calls, times: Timing) -> dict[str, Agent]:

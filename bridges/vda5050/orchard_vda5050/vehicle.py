@@ -205,13 +205,12 @@ class Vehicle:
     def _mind(self, robot: Driver) -> None:
         """A vehicle that is left standing on the roads would jam all others: it clears them by itself."""
         duty, order = robot.duty, robot.duty.order
-        is_out_of_the_way = self.is_out_of_the_way(robot)
         if duty.is_away and self.is_home(robot):
             self._stop(robot)
             duty.is_away = False
         is_stuck = duty.is_away and duty.phase == "edge" and robot.seen.twist == STILL
         may_go = not is_stuck and bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
-        if is_out_of_the_way or not order.last_node or (may_go and not duty.is_paused and not duty.is_halted):
+        if (may_go and not duty.is_paused and not duty.is_halted) or not order.last_node or self.is_out_of_the_way(robot):
             duty.idle_since = -1
             return
         duty.idle_since = robot.seen.tick if duty.idle_since < 0 else duty.idle_since

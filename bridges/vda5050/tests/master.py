@@ -58,14 +58,15 @@ class Master:
         for serial in filter(is_picker, self.states):
             if self.is_free(serial):
                 self.send_on(serial)
-        for call in self.calls:
-            free = [serial for serial in self.states if self.is_free(serial) and not is_picker(serial)]
-            if any(job["load"] == call["loadId"] for job in self.jobs.values()) or not free:
-                continue
+        served = {job["load"] for job in self.jobs.values()}
+        waiting = [call for call in self.calls if call["loadId"] not in served]
+        free = {serial for serial in self.states if self.is_free(serial) and not is_picker(serial)} if waiting else set()
+        for call in waiting[: len(free)]:
             stop, _ = self.stations[call["station"]]
             ways = {serial: self.way(self.states[serial]["lastNodeId"], stop) for serial in free}
             nearest = min(free, key=lambda serial: (self.length(ways[serial]), serial))
             self.begin(nearest, call)
+            free.remove(nearest)
 
     def is_free(self, serial):
         state = self.states[serial]

@@ -15,7 +15,7 @@ from processes import BEGIN_SECONDS, Control, broker, free_port, lif, scene
 
 SECONDS = 30.0
 REALTIME = {"rows": 45, "pickers": 43, "carriers": 30}
-MANY = {"rows": 20, "pickers": 20, "carriers": 100}
+MANY = {"rows": 40, "pickers": 20, "carriers": 100}
 
 
 def measured(scenario, words):

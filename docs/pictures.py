@@ -22,7 +22,8 @@ from orchard.launch.local_run import run
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
-from orchard.view.blueprint import TIMELINE, at_work
+from orchard.view.blueprint import at_work
+from orchard.view.columns import TIMELINE
 from orchard.view.files import viewer_program
 from orchard.view.recorder import Recorder
 

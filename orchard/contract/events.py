@@ -60,12 +60,9 @@ class Frame:
 def merged(old: Frame, new: Frame) -> Frame:
     """Return one frame for two: the newer one, with the other changes of the older one."""
     kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
-    doing, states = {**old.doing, **new.doing}, {**old.states, **new.states}
-    events = [*old.events, *new.events]
-    velocities = {**old.velocities, **new.velocities}
-    whole, left_out = old.is_whole or new.is_whole, old.left_out + new.left_out + 1
-    news: dict[str, Any] = {"doing": doing, "states": states, "velocities": velocities, "events": events}
-    return replace(new, left_out=left_out, is_whole=whole, **news, **kept)
+    news: dict[str, Any] = {name: {**getattr(old, name), **getattr(new, name)} for name in ("doing", "states", "velocities")}
+    news |= {"events": [*old.events, *new.events], "is_whole": old.is_whole or new.is_whole}
+    return replace(new, left_out=old.left_out + new.left_out + 1, **news, **kept)
 
 
 # -- messages between agents as events

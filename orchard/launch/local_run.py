@@ -152,5 +152,7 @@ def _recorder(request: RunRequest) -> "Recorder | None":
         return None
     from orchard.view.recorder import Recorder  # not at the top: Rerun takes half a second to load
 
-    name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if is_live else 0
-    return Recorder(lay_out(request.scenario), name, request.recording, serve=is_live, port=port)
+    name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if is_live else None
+    recorder = Recorder(lay_out(request.scenario), name, request.recording, port)
+    recorder.waiting = lambda: not is_live
+    return recorder

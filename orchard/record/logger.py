@@ -77,7 +77,8 @@ def write_recording(queue: FrameQueue, layout: Layout, run: str, file: Path | No
     if file is not None:  # earlier parts are read while the logger receives what comes next
         file.parent.mkdir(parents=True, exist_ok=True)
         file, last, said = before(file, run)
-    recorder = Recorder(layout, run, file, serve=port is not None, port=port or 0)
+    recorder = Recorder(layout, run, file, port)
+    recorder.waiting = queue.__len__
     recorder.bodies.remember(said)
     print("recording", recorder.uri or file, flush=True)
     try:
@@ -93,10 +94,9 @@ def write(queue: FrameQueue, recording: Recorder, last: int | None) -> None:
         first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
         if last is not None and first > last + 1:
             recording.gap(last, first, AWAY)
-        for event in frame.events:
-            if event.tick < frame.tick - 1:
-                recording.tell(event)
-        recording.tick(replace(frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]))
+        for event in (late := [event for event in frame.events if event.tick < frame.tick - 1]):
+            recording.tell(event)
+        recording.tick(replace(frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]) if late else frame)
         last = frame.tick
 
 
@@ -115,9 +115,12 @@ class Logger:
         self._tick: int | None = None  # of the newest frame that was passed on
 
     def listen(self, session: str) -> None:
-        """Subscribe to the run, and declare the liveliness token. Physics then sends a whole frame."""
+        """Subscribe to the run, and declare the liveliness token. Physics then sends a whole frame.
+
+        What comes at each tick is read quietly, all of 50 ms together: to wake a thread for each costs more than what it does.
+        """
         for what in ("picture", "events", "letters", "lost", "end"):
-            self.bus.subscribe(self.keys.of(what))
+            self.bus.subscribe(self.keys.of(what), quietly=what not in ("lost", "end"))
         self.bus.watch(self.keys.of("physics", self.run_id))
         self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
@@ -126,7 +129,7 @@ class Logger:
         code = 1
         try:
             while not writing.done() and self.bus.clock() < self._gone_until:
-                if (item := self.bus.inbox.take(LOOK_SECONDS)) is not None:
+                if (item := self.bus.inbox.take(LOOK_SECONDS, enough=MOST)) is not None:
                     self._handle(item)
         except HostEnded as end:
             code = end.code
@@ -185,8 +188,8 @@ class Logger:
         """Pass a frame on. After a missed one, wait for a whole one: others contain only what has changed."""
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
             self._tick = frame.tick
-            self.queue.put(replace(frame, events=self._notes))
-            self._notes = []
+            frame.events, self._notes = self._notes, []
+            self.queue.put(frame)
 
 
 def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:

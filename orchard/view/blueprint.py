@@ -6,10 +6,10 @@ import rerun.blueprint as rrb
 from orchard.field.kinds import VEHICLES
 from orchard.field.layout import ROW_WEST, Layout
 from orchard.view import legend, palette
+from orchard.view.columns import TIMELINE
 from orchard.view.names import FOCUS
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 
-TIMELINE = "sim_time"
 PIN_FAR, PIN_NEAR, PIN_ON_THE_PLAN = 0.6, 0.4, -5.0  # radius of a pin, m; a negative number is in screen points
 HEADROOM = 1.6  # end of a plot's axis, in highest possible values: the legend lies above the curves
 FEW = 8  # robots: up to this number, all histories fit without scrolling

@@ -10,7 +10,9 @@ from orchard.contract.agent import State
 from orchard.field.kinds import ANIMALS, HAULERS, KINDS, PEOPLE, VEHICLES
 from orchard.field.layout import Lane, Layout
 from orchard.field.placement import Start
+from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
+from orchard.view.columns import TIMELINE, Columns
 from orchard.view.scenery import ROW_Z, model
 
 BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
@@ -23,15 +25,14 @@ WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is 
 
 
 class BodyView:
-    """The entities of all bodies. Methods log at the time that is set on the stream, and only what has changed."""
+    """The entities of all bodies. Methods add only what has changed."""
 
-    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
-        self.rec, self.layout = rec, layout
+    def __init__(self, columns: Columns, layout: Layout) -> None:
+        self.rec, self.columns, self.layout = columns.rec, columns, layout
         self.path = {s.name: f"world/{BRANCHES.get(s.kind, s.kind + 's')}/{s.name}" for s in layout.starts}  # world/pickers/picker_01
         self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
-        self._bins, self._weeds = indices(layout, {"bin"}), indices(layout, {"weed"})
-        self._towing = indices(layout, HAULERS)
-        self._shown: dict[str, int] = {}  # entity -> fill level of a bin, or whether a bar or weed is there
+        self._bins, self._weeds, self._towing = (indices(layout, kinds) for kinds in ({"bin"}, {"weed"}, HAULERS))
+        self._shown: dict[str, np.ndarray] = {}  # fruit levels of bins, whether bars or weeds are there
         for start in layout.starts:
             self._log_static(start)
 
@@ -60,7 +61,7 @@ class BodyView:
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
 
     def doing(self, name: str, text: str, state: State) -> None:
-        """Log what a body does now: its state, and the colour of its pin. Weeds and unknown names are ignored."""
+        """Add what a body does now: its state, and the colour of its pin. Weeds and unknown names are ignored."""
         path, colour, known = self.path.get(name), palette.STATES[state], self._said.get(name)
         if path is None or known is None:
             return
@@ -69,40 +70,39 @@ class BodyView:
         if text not in known:
             known[text] = colour
             self.rec.log(path, rr.StateConfiguration(values=list(known), colors=list(known.values())), static=True)
-        self.rec.log(path, rr.StateChange(state=text))
+        self.columns.add(path, rr.StateChange, state=[text])
         if self.layout.starts[self.layout.index[name]].kind in VEHICLES:
-            self.rec.log(f"pins/{name}", rr.Points3D.from_fields(colors=[colour]))
+            self.columns.add(f"pins/{name}", rr.Points3D, colors=[colour])
 
     def fills(self, fill: np.ndarray) -> None:
-        """Log the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
-        for i in self._bins:
-            path, level = self.path[self.layout.names[i]], int(np.ceil(FILL_STEPS * fill[i] / self.layout.metres_per_bin - 1e-9))
-            if self._is_new(path, level):
-                z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
-                scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
-                self.rec.log(f"{path}/fruit", rr.InstancePoses3D(translations=[(0.0, 0.0, z)], scales=[scale]))
-                self.rec.log(f"{path}/full", rr.InstancePoses3D(scales=[WHOLE if level >= FILL_STEPS else UNSEEN]))
+        """Add the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
+        levels = np.ceil(FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin - 1e-9).astype(int)
+        for i, level in self._changed("levels", levels):
+            path = self.path[self.layout.names[self._bins[i]]]
+            z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
+            scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
+            self.columns.add(f"{path}/fruit", rr.InstancePoses3D, translations=[(0.0, 0.0, z)], scales=[scale])
+            self.columns.add(f"{path}/full", rr.InstancePoses3D, scales=[WHOLE if level >= FILL_STEPS else UNSEEN])
 
     def bars(self, coupled: np.ndarray) -> None:
-        """Log the bars between robots and bins that have changed. `coupled`: (n,) index of the other body, or -1."""
-        for i in self._towing:
-            robot, there = self.layout.starts[i], bool(coupled[i] >= 0)
+        """Add the bars between robots and bins that have changed. `coupled`: (n,) index of the other body, or -1."""
+        for i, there in self._changed("bars", coupled[self._towing] >= 0):
+            robot = self.layout.starts[self._towing[i]]
             path, kind = f"{self.path[robot.name]}/bar", KINDS[robot.kind]
-            if self._is_new(path, there):
-                ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
-                self.rec.log(path, rr.CoordinateFrame(robot.name), static=True)
-                self.rec.log(path, rr.LineStrips3D([ends] if there else [], colors=[palette.BAR], radii=[0.09]))
+            ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
+            self.rec.log(path, rr.CoordinateFrame(robot.name), static=True)
+            self.columns.add(path, rr.LineStrips3D, strips=[ends] if there else [], colors=[palette.BAR], radii=[0.09])
 
     def weeds(self, alive: np.ndarray) -> None:
         """Log the weeds that have grown, and clear those that are flattened. `alive`: (n,) bool."""
-        for i in self._weeds:
-            path, grown = self.path[self.layout.names[i]], bool(alive[i])
-            if self._is_new(path, grown):
-                self.rec.log(path, model("weed") if grown else rr.Clear(recursive=False))
+        for i, grown in self._changed("weeds", alive[self._weeds]):
+            self.rec.set_time(TIMELINE, duration=self.columns.tick * TIME_STEP)
+            self.rec.log(self.path[self.layout.names[self._weeds[i]]], model("weed") if grown else rr.Clear(recursive=False))
 
-    def _is_new(self, path: str, value: int) -> bool:
-        before, self._shown[path] = self._shown.get(path), value
-        return before != value
+    def _changed(self, what: str, now: np.ndarray) -> list[tuple[int, int]]:
+        before, self._shown[what] = self._shown.get(what), now
+        which = np.arange(len(now)) if before is None else np.flatnonzero(now != before)
+        return [*zip(which.tolist(), now[which].tolist(), strict=True)]
 
 
 def indices(layout: Layout, kinds: Container[str]) -> list[int]:
@@ -116,33 +116,32 @@ FRUIT_Z = 1.95  # m, just below the pergola
 
 
 class RowView:
-    """A strip of ground and a cloud of fruit per row. `show` logs the rows of which another piece has been picked."""
+    """A strip of ground and a cloud of fruit per row. `show` adds the rows of which another piece has been picked."""
 
-    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
-        self.rec, self.layout = rec, layout
-        self._done = [[-1]] * len(layout.lanes)  # of each row, as in `show`, pieces of it
+    def __init__(self, columns: Columns, layout: Layout) -> None:
+        self.columns, self._names = columns, [f"row_{lane.number:02d}" for lane in layout.lanes]
+        self._lengths = np.array([[lane.length] for lane in layout.lanes])  # m
+        self._done = np.full((len(layout.lanes), 4), -1)  # of each row, as in `show`, pieces of it
         self._fruit = [_fruit(lane) for lane in layout.lanes]
-        for lane in layout.lanes:
+        for lane, row in zip(layout.lanes, self._names, strict=True):
             points, triangles = _strip(lane)
             strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
-            rec.log(f"world/rows/row_{lane.number:02d}", strip, static=True)
-            rec.log(f"canopy/fruit/row_{lane.number:02d}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
+            columns.rec.log(f"world/rows/{row}", strip, static=True)
+            columns.rec.log(f"canopy/fruit/{row}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
 
     def show(self, row_ends: np.ndarray) -> None:
-        """Log the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
-        for row, ends in enumerate(row_ends.tolist()):
-            done = [int(CHUNKS * min(metres / self.layout.lanes[row].length, 1.0) + 1e-9) for metres in ends]
-            if done != self._done[row]:
-                self._done[row] = done
-                self._paint(row, *done)
+        """Add the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
+        done = (CHUNKS * np.minimum(row_ends / self._lengths, 1.0) + 1e-9).astype(int)
+        for row in np.flatnonzero((done != self._done).any(axis=1)).tolist():
+            self._paint(row, *done[row].tolist())
+        self._done = done
 
     def _paint(self, row: int, west: int, east: int, inside_west: int, inside_east: int) -> None:
         pieces = np.arange(CHUNKS)
         picked = (pieces < west) | (pieces >= CHUNKS - east) | ((pieces < inside_west) & (pieces >= CHUNKS - inside_east))
         colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
-        number = self.layout.lanes[row].number
-        self.rec.log(f"world/rows/row_{number:02d}", rr.Mesh3D.from_fields(vertex_colors=np.repeat(colours, 4, axis=0)))
-        self.rec.log(f"canopy/fruit/row_{number:02d}", rr.Points3D.from_fields(positions=self._fruit[row][~picked].reshape(-1, 3)))
+        self.columns.add(f"world/rows/{self._names[row]}", rr.Mesh3D, vertex_colors=np.repeat(colours, 4, axis=0))
+        self.columns.add(f"canopy/fruit/{self._names[row]}", rr.Points3D, positions=self._fruit[row][~picked].reshape(-1, 3))
 
 
 def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from orchard.field.kinds import HAULERS, VEHICLES, short_name
 from orchard.field.layout import X_WEST, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
+from orchard.view.columns import Columns
 from orchard.view.scenery import MARGIN, plan_size
 
 RENEWED_TICKS = 5  # interval at which the names follow the robots
@@ -35,10 +36,10 @@ def points_to_metres(layout: Layout) -> float:
 
 
 class NameView:
-    """The names of rows and robots. `show` logs where the robots' names are."""
+    """The names of rows and robots. `show` adds where the robots' names are."""
 
-    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
-        self.rec, self.scale = rec, points_to_metres(layout)
+    def __init__(self, columns: Columns, layout: Layout) -> None:
+        self.rec, self.columns, self.scale = columns.rec, columns, points_to_metres(layout)
         robots = [start for kind in VEHICLES for start in layout.starts if start.kind == kind]
         self._index = np.array([layout.index[start.name] for start in robots])
         self._labels = [short_name(start.name) for start in robots]
@@ -62,31 +63,30 @@ class NameView:
         return np.array([(x, lane.y, *self._half(label)) for lane, label in zip(lanes, labels, strict=True)])
 
     def show(self, tick: int, poses: np.ndarray) -> None:
-        """Log the names every half second if a robot has moved. `poses`: (n, 3)."""
-        pins = poses[self._index, :2]
-        if tick % RENEWED_TICKS == 0 and (pins != self._shown).any():
-            self._shown = pins
-            middles = self._placed(pins)
+        """Add the names every half second if a robot has moved. `poses`: (n, 3)."""
+        if tick % RENEWED_TICKS == 0 and ((pins := poses[self._index, :2]) != self._shown).any():
+            self._shown, middles = pins, self._placed(pins)
             points = np.column_stack([middles[:, 0], middles[:, 1] + DROP * self.scale, np.full(len(pins), NAME_Z)])
-            self.rec.log("plan/names", rr.Points3D.from_fields(positions=points))
+            self.columns.add("plan/names", rr.Points3D, positions=points)
 
     def _placed(self, pins: np.ndarray) -> np.ndarray:
-        taken = np.concatenate([self._rows, np.zeros((len(pins), 4))])
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
         boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
-        ranks, covered = np.arange(len(PLACES)), _covered(spots, self._halves, boxes)
+        ranks, covered, taken = np.arange(len(PLACES)), _covered(spots, self._halves, boxes), self._rows
+        against = RANK * ranks + MOVES * (ranks != self._places[:, None])
         for n, half in enumerate(self._halves):
-            names = _covered(spots[n : n + 1], half[None], taken[: len(self._rows) + n])[0]
-            against = RANK * ranks + MOVES * (ranks != self._places[n]) + COVERS_NAME * names + COVERS_PIN * covered[n]
-            self._places[n] = best = int(np.argmin(against))
-            taken[len(self._rows) + n] = *spots[n, best], *half
+            names = _covered(spots[n], half, taken)
+            self._places[n] = best = (against[n] + COVERS_NAME * names + COVERS_PIN * covered[n]).argmin()
+            taken = np.vstack([taken, [*spots[n, best], *half]])
         return taken[len(self._rows) :, :2]
 
 
 def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return how many boxes, (b, 4), each name covers at its possible middles, (k, p, 2). `halves`: (k, 2) half sizes."""
-    apart = np.abs(spots[:, :, None] - boxes[:, :2]) - boxes[:, 2:] - halves[:, None, None]
-    return np.asarray((apart < 0.0).all(axis=3).sum(axis=2))
+    """Return how many boxes, (b, 4), each name covers at its possible middles, (..., p, 2). `halves`: (..., 2) half sizes."""
+    spots, halves = spots[..., None, :], halves[..., None, None, :]
+    across = np.abs(spots[..., 0] - boxes[:, 0]) - boxes[:, 2] - halves[..., 0] < 0.0
+    along = np.abs(spots[..., 1] - boxes[:, 1]) - boxes[:, 3] - halves[..., 1] < 0.0
+    return np.asarray((across & along).sum(axis=-1))
 
 
 FOCUS = "focus"  # its frame, and the entity that the camera follows
@@ -115,29 +115,27 @@ class Focus:
         self._index = {start.name: i for i, start in enumerate(layout.starts) if start.kind in HAULERS}
         self._states: dict[str, State] = dict.fromkeys(self._index, "resting")
         self._robot = ""
-        self._place = np.zeros(2)  # m
+        self._place = [0.0, 0.0]  # m
         self._since, self._tick = 0, 0
 
-    def follow(self, frame: Frame) -> np.ndarray:
-        """Return the pose of the focus at a frame, (3,): x and y in m, yaw 0."""
+    def follow(self, frame: Frame) -> list[float]:
+        """Return the pose of the focus at a frame: x and y in m, yaw 0."""
         self._states.update({name: state for name, state in frame.states.items() if name in self._index})
-        if not self._robot:
+        held, is_first = frame.tick - self._since, not self._robot
+        if is_first or (held >= HOLD / TIME_STEP and max(map(self._work, self._index)) > self._work(self._robot)):
             self._robot, self._since = self._best(frame.poses), frame.tick
-            self._place = self._goal(frame.poses)
-        elif frame.tick - self._since >= HOLD / TIME_STEP and self._work(best := self._best(frame.poses)) > self._work(self._robot):
-            self._robot, self._since = best, frame.tick
-            if math.dist(self._place, self._goal(frame.poses)) > CUT:
+            if is_first or math.dist(self._place, self._goal(frame.poses)) > CUT:
                 self._place = self._goal(frame.poses)
         share = 1.0 - math.exp(-(frame.tick - self._tick) * TIME_STEP / GLIDE)
-        self._place = self._place + share * (self._goal(frame.poses) - self._place)
+        self._place = [now + share * (goal - now) for now, goal in zip(self._place, self._goal(frame.poses), strict=True)]
         self._tick = frame.tick
-        return np.array([*self._place, 0.0])
+        return [*self._place, 0.0]
 
     def _work(self, robot: str) -> int:
         return WORK.get(self._states[robot], 0)
 
-    def _goal(self, poses: np.ndarray) -> np.ndarray:
-        return np.asarray(poses[self._index[self._robot], :2], float)
+    def _goal(self, poses: np.ndarray) -> list[float]:
+        return list(poses[self._index[self._robot], :2].tolist())
 
     def _best(self, poses: np.ndarray) -> str:
         return min(self._index, key=lambda name: (-self._work(name), math.dist(poses[self._index[name], :2], self._place)))

@@ -1,6 +1,6 @@
 """Writes frames into a Rerun recording: moving things in chunks of a second, what changes rarely when it changes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +14,9 @@ from orchard.field.layout import Layout
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
-from orchard.view.blueprint import TIMELINE, blueprint
+from orchard.view.blueprint import blueprint
 from orchard.view.bodies import BodyView, RowView, indices
+from orchard.view.columns import Columns, times
 from orchard.view.files import RecordingFile
 from orchard.view.legend import log_legend
 from orchard.view.names import FOCUS, Focus, NameView, log_focus
@@ -23,9 +24,9 @@ from orchard.view.reader import LEFT_OUT, MISSING, SCENARIO, SINCE, VELOCITIES
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
-CHUNK_TICKS = 10  # a second
+CHUNK_TICKS, MOST_TICKS = 10, 250  # a second; in a chunk at most, while more frames wait: a few large chunks cost less than many
 END_SECONDS = 30.0  # to wait for the end of the file: a program that an own agent has started may hold the pipe
-SCAN_CHUNK_TICKS = 50  # without a live server, scans are sent in larger chunks: a third less to write
+SCANS = 10  # sweeps that are sent together without a live server: a third less to write
 SCAN_BEAMS = 2  # every second beam
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
 
@@ -42,16 +43,15 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 class Recorder:
     """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
 
-    def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, serve: bool = False, port: int = 9876) -> None:
-        """`serve`: open a server for viewers on the loopback. Raises OSError if the file cannot be opened."""
+    def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, port: int | None = None) -> None:
+        """`port`: of a server for viewers on the loopback. Raises OSError if the file cannot be opened."""
         self.layout = layout
         self.rec = rr.RecordingStream("orchard", recording_id=run_name)
         self.rec.set_log_time_enabled(False)
         self.rec.set_log_tick_enabled(False)
         self._file = None if path is None else RecordingFile(Path(path))
-        self.uri = self._open(serve, port)
+        self.uri = self._open(port)
         self.rec.send_recording_name(run_name)
-        self.rec.set_time(TIMELINE, duration=0.0)
         log_scenery(self.rec, layout)
         log_legend(self.rec)
         log_focus(self.rec)
@@ -59,26 +59,24 @@ class Recorder:
         for series, (name, colour, width) in SERIES.items():
             style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
             self.rec.log(series, style, static=True)
-        self.bodies, self.rows, self.talk = BodyView(self.rec, layout), RowView(self.rec, layout), Talk(self.rec, layout)
-        self.names, self.focus = NameView(self.rec, layout), Focus(layout)
+        self._columns = columns = Columns(self.rec)
+        self.bodies, self.rows, self.talk = BodyView(columns, layout), RowView(columns, layout), Talk(columns, layout)
+        self.names, self.focus = NameView(columns, layout), Focus(layout)
+        self.waiting: Callable[[], int] = lambda: 0  # the number of frames that come at once
         self._frames = [*layout.names, FOCUS]
         self._lengths = np.array([lane.length for lane in layout.lanes])  # m, of the rows
-        self._scan_chunk = CHUNK_TICKS if serve else SCAN_CHUNK_TICKS
         self._scanned = indices(layout, MOVERS)
-        self._poses: list[tuple[int, np.ndarray]] = []
+        self._poses: list[tuple[int, np.ndarray, list[float]]] = []  # tick, of the bodies, of the focus
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
-        self._events: list[tuple[int, str, str]] = []  # tick, line, level
-        self._velocities: list[tuple[int, str, Velocities]] = []
         self._drove: dict[str, Velocities] = {}  # of each body, as they were recorded last
         self._last = np.full((len(self._frames), 3), np.nan)  # the poses that were last sent
-        self._newest = 0  # tick
         self._doing: dict[str, tuple[str, State]] = {}
         self._gauges: dict[str, float] = {}
-        self._second, self._sweep = -1, -1  # the last chunks that were sent: of poses, of scans
+        self._second, self._sent = -1, 0  # of the newest figures; tick of the last chunk
         self._left_out = 0  # frames that were left out since this was last recorded
 
-    def _open(self, serve: bool, port: int) -> str:
-        server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port) if serve else None
+    def _open(self, port: int | None) -> str:
+        server = None if port is None else rr.GrpcServerSink(bind_ip="127.0.0.1", port=port)
         sinks = [sink for sink in (rr.FileSink(self._file.inlet) if self._file is not None else None, server) if sink is not None]
         if sinks:
             self.rec.set_sinks(*sinks, default_blueprint=blueprint(self.layout))
@@ -97,35 +95,37 @@ class Recorder:
         return replace(first, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0, velocities={})
 
     def _record(self, frame: Frame) -> None:
-        self.rec.set_time(TIMELINE, duration=frame.tick * TIME_STEP)
+        self._columns.tick = frame.tick
         is_due = frame.tick // CHUNK_TICKS > self._second
-        self._newest = frame.tick
+        self._second = frame.tick // CHUNK_TICKS
         self._left_out += frame.left_out
-        self._poses.append((frame.tick, np.vstack([frame.poses, self.focus.follow(frame)])))
+        self._poses.append((frame.tick, frame.poses, self.focus.follow(frame)))
         if frame.scans is not None and frame.tick % SCAN_TICKS == 0:
             self._scans.append((frame.tick, frame.scans))
         self._changes(frame)
         self._words(frame)
         self._figures(frame, is_due)
         self._drives(frame)
-        if is_due:
-            self._send_chunk(frame.tick)
+        if is_due and (not self.waiting() or frame.tick - self._sent >= MOST_TICKS):
+            self._send()
+            if not self.uri:
+                self.rec.flush()  # into the file, 0.3 ms: a kill loses what waits, and at most one second more
 
     def gap(self, since: int, until: int, why: str) -> None:
         """Record that nothing is recorded between two ticks, and why. The next frame must be a whole one."""
-        self.rec.set_time(TIMELINE, duration=until * TIME_STEP)
-        self.rec.log(MISSING, rr.AnyValues(True, **{SINCE: since}))
+        self._columns.add(MISSING, rr.AnyValues, until, **{SINCE: [since]})
         words = f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
         self.tell(Event(until, "nothing recorded", "logger", "", words))
         self.talk.forget()
 
     def tell(self, event: Event) -> None:
-        """Log an event of a tick that has no frame."""
-        self._events.append((event.tick, line_of(event), level_of(event.what)))
+        """Add an event of a tick that has no frame."""
+        self._columns.add("events", rr.TextLog, event.tick, text=[line_of(event)], level=[level_of(event.what)])
 
     def close(self) -> bool:
         """Write the rest, wait, and end the file and the server. Return whether all is in the file."""
-        self._send(scans=True)
+        self._send()
+        self._send_scans()
         self.rec.flush()
         self.rec.disconnect()
         if self._file is not None:
@@ -134,32 +134,27 @@ class Recorder:
 
     # -- what is sent in chunks
 
-    def _send_chunk(self, tick: int) -> None:
-        self._second, before, self._sweep = tick // CHUNK_TICKS, self._sweep, tick // self._scan_chunk
-        self._send(scans=self._sweep > before)
-        if not self.uri:
-            self.rec.flush()  # into the file, 0.3 ms: a kill loses at most one second, and five of the scans
-
-    def _send(self, scans: bool) -> None:
+    def _send(self) -> None:
+        self._sent = self._columns.tick
         self._send_poses()
-        if self._left_out:
-            self.rec.log(MISSING, rr.AnyValues(True, **{LEFT_OUT: self._left_out}))
-            words = f"left out {self._left_out} frames, which came faster than they can be recorded"
-            self.tell(Event(self._newest, "left out", "logger", "", words))
-            self._left_out = 0
-        self._send_events()
-        self._send_velocities()
-        if scans:
+        if self.uri or len(self._scans) >= SCANS:
             self._send_scans()
+        if self._left_out:
+            self._columns.add(MISSING, rr.AnyValues, **{LEFT_OUT: [self._left_out]})
+            words = f"left out {self._left_out} frames, which came faster than they can be recorded"
+            self.tell(Event(self._columns.tick, "left out", "logger", "", words))
+            self._left_out = 0
+        self._columns.send()
 
     def _send_poses(self) -> None:
         if self._poses:
-            ticks, poses = zip(*self._poses, strict=True)
-            changed = (np.array(poses) != np.array([self._last, *poses[:-1]])).any(axis=2)
+            ticks, bodies, focus = map(np.array, zip(*self._poses, strict=True))
+            poses = np.concatenate([bodies, focus[:, None]], axis=1)
+            changed = (poses != np.concatenate([self._last[None], poses[:-1]])).any(axis=2)
             changed[-1, 0] = True  # the newest tick always gets a row: it shows how far the recording reaches
             when, which = changed.nonzero()
-            columns = _transforms(np.array(poses)[when, which], [self._frames[i] for i in which])
-            self.rec.send_columns("/tf", indexes=[_times(np.array(ticks)[when])], columns=columns)
+            columns = _transforms(poses[when, which], [self._frames[i] for i in which.tolist()])
+            self.rec.send_columns("/tf", indexes=[times(ticks[when])], columns=columns)
             self._last = poses[-1]
             self._poses.clear()
 
@@ -170,39 +165,22 @@ class Recorder:
             if kept:
                 points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, SCAN_BEAMS)
                 column = rr.Points3D.columns(positions=points).partition(lengths)
-                self.rec.send_columns(f"scans/{name}", indexes=[_times([tick for tick, _ in kept])], columns=column)
+                self.rec.send_columns(f"scans/{name}", indexes=[times([tick for tick, _ in kept])], columns=column)
         self._scans.clear()
-
-    def _send_events(self) -> None:
-        if self._events:
-            ticks, texts, levels = zip(*self._events, strict=True)
-            self.rec.send_columns("events", indexes=[_times(ticks)], columns=rr.TextLog.columns(text=texts, level=levels))
-            self._events.clear()
-
-    def _send_velocities(self) -> None:
-        if self._velocities:
-            ticks, names, velocities = zip(*self._velocities, strict=True)
-            bodies = rr.AnyValues.columns(body=[self.layout.index[name] for name in names])
-            numbers = rr.AnyValues.columns(velocities=np.array(velocities).ravel()).partition([6] * len(names))
-            self.rec.send_columns(VELOCITIES, indexes=[_times(ticks)], columns=[*bodies, *numbers])
-            self._velocities.clear()
 
     # -- what changes rarely
 
     def _drives(self, frame: Frame) -> None:
         news = {name: velocities for name, velocities in frame.velocities.items() if self._drove.get(name) != velocities}
         self._drove |= news
-        self._velocities += [(frame.tick, name, velocities) for name, velocities in news.items()]
+        for name, velocities in news.items():
+            self._columns.add(VELOCITIES, rr.AnyValues, body=[self.layout.index[name]], velocities=velocities)
 
     def _changes(self, frame: Frame) -> None:
-        if frame.fill is not None:
-            self.bodies.fills(frame.fill)
-        if frame.coupled is not None:
-            self.bodies.bars(frame.coupled)
-        if frame.alive is not None:
-            self.bodies.weeds(frame.alive)
-        if frame.row_ends is not None:
-            self.rows.show(frame.row_ends)
+        shows = {"fill": self.bodies.fills, "coupled": self.bodies.bars, "alive": self.bodies.weeds, "row_ends": self.rows.show}
+        for name, show in shows.items():
+            if (news := getattr(frame, name)) is not None:
+                show(news)
 
     def _words(self, frame: Frame) -> None:
         for name, text in frame.doing.items():
@@ -213,8 +191,9 @@ class Recorder:
         self.names.show(frame.tick, frame.poses)
         news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
         lines = gathered(news)
-        self._events += [(frame.tick, line_of(event), level_of(event.what)) for event in lines]
-        self._events += [(frame.tick, line_of(event), "DEBUG") for event in frame.events if event not in lines]
+        for event in [*lines, *(event for event in frame.events if event not in lines)]:
+            level = level_of(event.what) if event in lines else "DEBUG"
+            self._columns.add("events", rr.TextLog, text=[line_of(event)], level=[level])
         self.talk.show(frame.tick, frame.poses, news)
 
     def _figures(self, frame: Frame, is_due: bool) -> None:
@@ -223,7 +202,7 @@ class Recorder:
         gauges = {"metrics/bins/delivered": float(frame.delivered), **self._robots(), **self._rows_and_bins(frame)}
         for path, value in gauges.items():
             if self._gauges.get(path) != value or frame.tick % (60 * CHUNK_TICKS) == 0:
-                self.rec.log(path, rr.Scalars(value))
+                self._columns.add(path, rr.Scalars, scalars=[value])
         self._gauges.update(gauges)
 
     def _robots(self) -> dict[str, float]:
@@ -252,14 +231,9 @@ def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.n
 
 
 def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:
-    half = places[:, 2] / 2
-    zero = np.zeros(len(places))
+    half, zero = places[:, 2] / 2, np.zeros(len(places))
     return rr.Transform3D.columns(
         translation=np.stack([places[:, 0], places[:, 1], zero], axis=1).astype(np.float32),
         quaternion=np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1).astype(np.float32),
         child_frame=frames,
     )
-
-
-def _times(ticks: Sequence[int] | np.ndarray) -> rr.TimeColumn:
-    return rr.TimeColumn(TIMELINE, duration=np.round(np.array(ticks) * TIME_STEP * 1e9).astype("timedelta64[ns]"))

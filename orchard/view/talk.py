@@ -11,6 +11,7 @@ from orchard.contract.events import Event
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
+from orchard.view.columns import Columns
 
 MOST_LINES = 40  # arcs at once; arcs to carriers that are sent count more than to those that are asked
 RENEWED_TICKS = 5  # interval at which the arcs follow the robots
@@ -72,8 +73,8 @@ class Drawn(NamedTuple):
 class Talk:
     """The arcs that are shown now."""
 
-    def __init__(self, rec: rr.RecordingStream, layout: Layout) -> None:
-        self.rec, self.index = rec, layout.index
+    def __init__(self, columns: Columns, layout: Layout) -> None:
+        self.columns, self.index = columns, layout.index
         self._lines: list[Drawn] = []
         self._there = False
         self._renewed = -1  # the half second in which the arcs were last drawn
@@ -102,7 +103,7 @@ class Talk:
         if seen or self._there:
             arcs = [_arc(poses[line.start], poses[line.end]) for line in seen]
             looks = [line.look for line in seen]
-            self.rec.log("talk", rr.LineStrips3D(arcs, colors=[look.colour for look in looks], radii=[-look.radius for look in looks]))
+            self.columns.add("talk", rr.LineStrips3D, strips=arcs, colors=[of.colour for of in looks], radii=[-of.radius for of in looks])
             self._there = bool(seen)
 
     def _drawn(self, tick: int, event: Event) -> Drawn | None:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from recordings import frames, lines_of, recording_of, rows_of, seen_at, starts
+from recordings import chunks, frames, lines_of, poses_at, recording_of, rows_of, seen_at, starts
 
 from orchard.contract.events import Frame
 from orchard.field.layout import lay_out
@@ -98,3 +98,22 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     assert ("/world/weeds/weed_01", "Asset3D:blob") in then.keys() - seen.keys()
     assert ("/world/pickers/picker_01/bar", "LineStrips3D:strips") in then.keys() - seen.keys()
     assert ("/canopy/fruit/row_01", "Points3D:positions") in then.keys() - seen.keys()
+
+
+def test_a_recorder_for_which_frames_wait_records_the_same_in_fewer_pieces(tmp_path):
+    frames_ = course(range(701))
+    apart, together, torn = recording_of(tmp_path / "apart.rrd", LAYOUT, frames_), tmp_path / "together.rrd", tmp_path / "torn.rrd"
+    recorder = Recorder(LAYOUT, "a", together)
+    recorder.waiting = lambda: 1
+    for frame in frames_:
+        recorder.tick(frame)
+    recorder.rec.flush()
+    torn.write_bytes(together.read_bytes())
+    assert 450 < before(torn, "a").last < 700, "much waits, but not without end"
+    recorder.close()
+    pieces = [[chunk for chunk in chunks(path) if not chunk.is_static] for path in (apart, together)]
+    assert len(pieces[1]) < len(pieces[0]) / 4
+    known, seen = rows_of(apart), rows_of(together)
+    assert known.keys() == seen.keys()
+    assert [key for key in known if key[0] != "/tf" and known[key] != seen[key]] == []
+    assert all(poses_at(apart, seconds) == poses_at(together, seconds) for seconds in (0.0, 12.3, 70.0))

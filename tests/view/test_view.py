@@ -182,7 +182,7 @@ def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:
 
 def test_a_live_recording_is_served_on_the_loopback_only(layout: Layout) -> None:
     port = free_port()
-    recorder = Recorder(layout, "live", serve=True, port=port)
+    recorder = Recorder(layout, "live", port=port)
     assert recorder.uri.startswith("rerun+http://127.0.0.1:")
     with socket.create_connection(("127.0.0.1", port), timeout=5):
         pass

@@ -124,3 +124,17 @@ def test_an_edge_may_be_driven_more_slowly():
     sent(fleet, name, lambda order: order["edges"][0].update(maximumSpeed=0.3))
     fleet.until(lambda: fleet.state(name)["velocity"]["vx"] == 0.3)
     fleet.until(lambda: fleet.state(name)["velocity"]["vx"] == 1.0)
+
+
+@pytest.mark.parametrize("ticks", [1, 2])
+def test_an_order_that_is_cancelled_in_the_queue_leaves_the_vehicle_no_places_of_the_roads(ticks):
+    """Also those that traffic grants only then."""
+    fleet, name = Fleet(SMALL | {"route": "one-way"}, holds=IgnoredHolds), "carrier_01"
+    fleet.has_master = False
+    sent(fleet, name, lambda order: None)
+    for _ in range(ticks):
+        fleet.tick()
+    fleet.master.instant(name, "cancelOrder")
+    for _ in range(20):
+        fleet.tick()
+    assert fleet.state(name)["lastNodeId"] == "queue/1" and fleet.run.memories[name].reserved == []

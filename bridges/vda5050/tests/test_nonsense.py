@@ -11,9 +11,9 @@ INSTANT = ["startPause", "stopPause", "cancelOrder", "cancelOrder", "stateReques
 WORK = ["pick", "drop", "handOver", "unload"]
 
 
-@pytest.mark.parametrize("seed", [2, 4])
-def test_whatever_comes_each_vehicle_is_in_the_queue_in_the_end(seed):
-    chance, fleet = random.Random(seed), Fleet(SMALL, released=1 + seed % 4, timing=Timing(patience=40.0))
+@pytest.mark.parametrize(("seed", "route"), [(0, "two-way"), (2, "two-way"), (4, "two-way"), (5, "one-way")])
+def test_whatever_comes_each_vehicle_is_in_the_queue_in_the_end(seed, route):
+    chance, fleet = random.Random(seed), Fleet(SMALL | {"route": route}, released=1 + seed % 4, timing=Timing(patience=40.0))
     for _ in range(2500):
         fleet.tick()
         assert all(action.state != "broken" for action in fleet.run.actions.values())

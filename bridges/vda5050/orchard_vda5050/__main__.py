@@ -69,7 +69,7 @@ def _drive(options: argparse.Namespace) -> int:
     try:
         code = agents.main(words)
         if code and DISPATCH in wanted:
-            print("orchard-vda5050: fleet control sends the carriers: start the run with --without dispatch too", file=sys.stderr)
+            print("orchard-vda5050: if dispatch is taken, start the run with --without dispatch too: fleet control sends", file=sys.stderr)
         return code
     finally:
         fleet.lines().close()

@@ -28,4 +28,5 @@ class Desk(Dispatcher):
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
         ordered = {carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in memory.bins}
         memory.bookings = ordered | memory.bookings
-        super().decide(memory, carriers, tick)
+        if any(carrier.is_next for carrier in carriers):
+            super().decide(memory, carriers, tick)

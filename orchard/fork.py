@@ -85,7 +85,11 @@ def _check_changes(before: Layout, now: Layout) -> None:
     why = {path: why for path, why in FIXED.items() if old[path] != new[path]}
     why |= {path: _COURSES for path in NULL_OR_NOT if (_at(old, path) is None) != (_at(new, path) is None)}
     if _lines(before) != _lines(now) and not why:
-        why["carriers"] = "the lines of the queue would be others, and carriers are on their way to those that there are"
+        few, many = before.scenario.queue_carriers, now.scenario.queue_carriers
+        larger = {count: with_changes(now.scenario, carriers=count, queue_room=None) for count in range(few + 1, many)}
+        most = max((count for count, one in larger.items() if _lines(lay_out(one)) == _lines(before)), default=few)
+        lines = "the lines of the queue would be others, and carriers are on their way to those that there are"
+        why["carriers" if many == now.scenario.carrier_count else "queue_room"] = f"{lines}; expected at most {most}"
     if why:
         raise ScenarioError([_refused(f"cannot change under way: {text}", path, _at(new, path)) for path, text in why.items()])
 

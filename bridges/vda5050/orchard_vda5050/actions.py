@@ -15,6 +15,11 @@ class Action:
     description: str
     scope: Literal["NODE", "EDGE"] = "NODE"
 
+    @property
+    def blocking(self) -> list[str]:
+        """The blocking types that fit it: at a node a vehicle stands and does one thing, on an edge it drives."""
+        return ["HARD"] if self.scope == "NODE" else ["NONE", "SINGLE"]
+
     def is_done_at(self, node: str) -> bool:
         return fnmatch(node, self.nodes)
 

@@ -36,12 +36,7 @@ def edge_id(edge: Edge) -> str:
 
 
 def _node(vehicle: str, node: Node) -> dict[str, Any]:
-    actions = [
-        {"actionType": kind, "requirementType": "OPTIONAL", "blockingType": "HARD"}
-        for kind, action in ACTIONS[vehicle].items()
-        if action.scope == "NODE" and action.is_done_at(node.name)
-    ]
-    properties = {"vehicleTypeId": series(vehicle)} | ({"actions": actions} if actions else {})
+    properties = {"vehicleTypeId": series(vehicle)} | _actions(vehicle, "NODE", node.name)
     return {
         "nodeId": node.name,
         "mapId": MAP,
@@ -50,8 +45,18 @@ def _node(vehicle: str, node: Node) -> dict[str, Any]:
     }
 
 
+def _actions(vehicle: str, scope: str, node: str) -> dict[str, Any]:
+    """The actions that are possible at a node, or on an edge to it."""
+    actions = [
+        {"actionType": kind, "requirementType": "OPTIONAL", "blockingType": action.blocking[0]}
+        for kind, action in ACTIONS[vehicle].items()
+        if action.scope == scope and action.is_done_at(node)
+    ]
+    return {"actions": actions} if actions else {}
+
+
 def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
-    properties = {
+    properties: dict[str, Any] = {
         "vehicleTypeId": series(vehicle),
         "vehicleOrientation": 0.0,
         "orientationType": "TANGENTIAL",
@@ -60,7 +65,7 @@ def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
         "rotationAtEndNodeAllowed": "BOTH",
         "maxSpeed": SPEED,
         "reentryAllowed": False,
-    }
+    } | _actions(vehicle, "EDGE", edge.end)
     return {"edgeId": edge_id(edge), "startNodeId": edge.start, "endNodeId": edge.end, "vehicleTypeEdgeProperties": [properties]}
 
 

@@ -173,7 +173,7 @@ def _declared(kind: str, action: Action) -> Message:
         "actionDescription": f"{action.description}; possible {'at' if action.scope == 'NODE' else 'on the edge to'} {action.nodes}",
         "actionScopes": [action.scope],
         "actionParameters": [load, *ignored],
-        "blockingTypes": ["HARD"] if action.scope == "NODE" else ["NONE", "SINGLE"],
+        "blockingTypes": action.blocking,
         "pauseAllowed": False,
         "cancelAllowed": False,
     }

@@ -1,6 +1,7 @@
 """Harvests in which a fleet control drives the carriers, in virtual time; all messages are as the standard has them."""
 
 import json
+from itertools import groupby
 
 import pytest
 from orchard_vda5050.messages import connection_of, factsheet_of
@@ -64,6 +65,23 @@ def test_a_fleet_control_drives_pickers_until_the_harvest_has_finished(scenario,
     assert harvested(fleet) == []
     assert [error for name in fleet.wires for error in fleet.state(name)["errors"]] == []
     assert all("/park/" in fleet.state(name)["lastNodeId"] for name in fleet.wires if name.startswith("picker"))
+
+
+def test_a_picker_picks_a_row_and_changes_bins_by_one_order_that_is_released_step_by_step():
+    fleet, name = checked(Fleet(SMALL, ["picker_01"], released=1)), "picker_01"
+    fleet.has_master = False
+    fleet.tick()
+    row, bins = ("west/in/1", "east/out/1"), ("east/out/1", "east/wait/1")
+    fleet.master.drive(
+        name, "", [*row, "east/wait/1"], dict(zip((row, *bins), [("harvest", None), ("drop", None), ("pick", None)], strict=True))
+    )
+    fleet.has_master = True
+    fleet.until(lambda: [one["actionStatus"] for one in fleet.state(name).get("actionStates", [])] == ["FINISHED"] * 3)
+    states = [message for who, topic, message in fleet.heard if (who, topic) == (name, "state")]
+    done = [sorted(one["actionType"] for one in state["actionStates"] if one["actionStatus"] == "FINISHED") for state in states]
+    assert [kinds for kinds, _ in groupby(done)][:4] == [[], ["harvest"], ["drop", "harvest"], ["drop", "harvest", "pick"]]
+    loads = [[load["loadType"] for load in state["loads"]] for state in states]
+    assert [kinds for kinds, _ in groupby(loads)] == [["empty bin"], ["full bin"], [], ["empty bin"]]
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])

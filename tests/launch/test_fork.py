@@ -3,11 +3,12 @@
 import re
 import shlex
 import signal
+from contextlib import suppress
 
 import pytest
 from code_blocks import block
 from command_line import orchard, running, scenario_file, summary_of, wait_until_simulated
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from local_runs import SHORT, SMALL, local_hash, played
 from stage import empty_orchard
@@ -60,6 +61,21 @@ def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
         room = run.local.engine.layout.scenario.queue_room
         assert run.local.engine.layout.scenario == with_changes(TWO_WAY, queue_room=room, **changes)
         assert room == (3 if changes.get("carriers", 3) < 3 else None), "the queue never becomes shorter"
+
+
+FLEET = with_changes(TWO_WAY, pickers=4, carriers=4, picking_speed=0.5)  # a single line, which would be shorter for three
+
+
+@settings(max_examples=5)
+@example([(24, 4), (1, 3)], "two-way")
+@given(st.lists(st.tuples(st.integers(1, 500), st.integers(1, 6)), min_size=2, max_size=4), st.sampled_from(["one-way", "two-way"]))
+def test_carriers_are_taken_away_and_added_time_and_again(changes, route):
+    run = played(with_changes(FLEET, route=route), 0)
+    for ticks, carriers in changes:
+        with suppress(ScenarioError):
+            run = run.fork(carriers=carriers)
+        played(run, run.engine.tick + ticks)
+    run_out(run)
 
 
 def test_a_fork_without_changes_has_the_hash_of_its_parent_and_leaves_it_as_it_is():

@@ -1,5 +1,6 @@
 """Local mode: a whole run in this process, with its recording, live viewers and snapshots."""
 
+import math
 import os
 import signal
 import time
@@ -154,5 +155,5 @@ def _recorder(request: RunRequest) -> "Recorder | None":
 
     name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if is_live else None
     recorder = Recorder(lay_out(request.scenario), name, request.recording, port)
-    recorder.waiting = lambda: not is_live
+    recorder.waiting = lambda: request.options.pace == math.inf  # what comes at once
     return recorder

@@ -24,7 +24,7 @@ from orchard.view.reader import before
 from orchard.view.recorder import Recorder
 from orchard.wire.codec import frame_of
 from orchard.wire.keys import LOGGER, Keys
-from orchard.wire.messages import End, Events, Letters, Lost, Picture
+from orchard.wire.messages import Bundle, End, Events, Letters, Lost, Picture
 
 MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
 MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
@@ -117,10 +117,10 @@ class Logger:
     def listen(self, session: str) -> None:
         """Subscribe to the run, and declare the liveliness token. Physics then sends a whole frame.
 
-        What comes at each tick is read quietly, all of 50 ms together: to wake a thread for each costs more than what it does.
+        What comes often is read quietly, all of 50 ms together: to wake a thread for each costs more than what it does.
         """
-        for what in ("picture", "events", "letters", "lost", "end"):
-            self.bus.subscribe(self.keys.of(what), quietly=what not in ("lost", "end"))
+        for what in ("bundle", "lost", "end"):
+            self.bus.subscribe(self.keys.of(what), quietly=what == "bundle")
         self.bus.watch(self.keys.of("physics", self.run_id))
         self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
@@ -157,13 +157,8 @@ class Logger:
 
     def _hear(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
-            case ["picture"]:
-                self._see(self._frame(sample.payload))
-            case ["letters"]:
-                letters = read_message(sample.payload, Letters, self.run_id)
-                self._note(talk_of(letters.tick, letters.letters))
-            case ["events"]:
-                self._note(read_message(sample.payload, Events, self.run_id).events)
+            case ["bundle"]:
+                self._unpack(read_message(sample.payload, Bundle, self.run_id))
             case ["lost"]:
                 lost = read_message(sample.payload, Lost, self.run_id)
                 self._note(Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands") for name in lost.names)
@@ -172,13 +167,24 @@ class Logger:
             case _:
                 raise Refused("no such key")
 
+    def _unpack(self, bundle: Bundle) -> None:
+        """Take each picture after the events and letters of its step, which are of the tick before."""
+        told = [*bundle.events, *bundle.letters, *bundle.pictures]
+        for message in sorted(told, key=lambda message: message.tick - isinstance(message, Picture)):
+            match message:
+                case Picture():
+                    self._see(self._frame(message))
+                case Letters():
+                    self._note(talk_of(message.tick, message.letters))
+                case Events():
+                    self._note(message.events)
+
     def _note(self, events: Iterable[Event]) -> None:
         if len(self._notes) >= MOST_NOTES:
             raise Refused("too many", f"{MOST_NOTES} events wait for a frame")
         self._notes += events
 
-    def _frame(self, payload: bytes) -> Frame:
-        picture = read_message(payload, Picture, self.run_id)
+    def _frame(self, picture: Picture) -> Frame:
         try:
             return frame_of(picture, self.layout)
         except ValueError as error:

@@ -85,7 +85,7 @@ _RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
     ("clock", "refusals", "lost", "end"): Right((THE_PHYSICS,), AUDIENCE),
     ("seen",): Right((THE_PHYSICS,), (OWN_HOST,)),
     ("mail",): Right((ANY_HOST,), (OWN_HOST,)),
-    ("letters", "picture"): Right((THE_PHYSICS,), (THE_LOGGER,)),
+    ("letters", "picture", "bundle"): Right((THE_PHYSICS,), (THE_LOGGER,)),
     ("recall",): Right((ANY_HOST,), (THE_PHYSICS,)),
     ("state",): Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
     ("events",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR, *BRIDGES)),

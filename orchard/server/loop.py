@@ -65,6 +65,7 @@ class RunLoop:
         end = self.run.end(why)
         if self.options.result is not None and why != RESET:
             write_end(end, self.options.result)
+        self.run.publisher.send_bundle(end.tick)
         self.run.publisher.publish("end", end)
         self.arrivals.leave()
         self._await_leaving(end, LEAVE_SECONDS if why != RESET else self.options.patience)
@@ -120,6 +121,7 @@ class RunLoop:
             elif now >= again:
                 again = now + AGAIN_SECONDS
                 drivers.show(drivers.silent())
+                self.run.publisher.send_bundle(self._engine.tick)
             self._stand_by()
 
     def _stand_by(self) -> None:
@@ -127,6 +129,7 @@ class RunLoop:
         control = self.run.control
         while self._clock.is_paused:
             control.publish()
+            self.run.publisher.send_bundle(self._engine.tick)
             if not self._drivers.answers.missing:
                 control.finish_steps()
             if not self.arrivals.take(AGAIN_SECONDS):

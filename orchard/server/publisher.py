@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from orchard.contract.agent import Observations
 from orchard.contract.messages import pack
@@ -11,11 +12,12 @@ from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.net.bus import Bus
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Angular, AskedOf, Clock, Linear, Lost, Message, Report, Stamp, SubMessage, Velocity
+from orchard.wire.messages import Angular, AskedOf, Bundle, Clock, Linear, Lost, Message, Report, Stamp, SubMessage, Velocity
 
 log = logging.getLogger("orchard")
 
 RECHECK_SECONDS = 0.05  # between two checks for subscribers
+BUNDLE_TICKS, BUNDLE_SECONDS = 10, 0.05  # of a bundle at most, on the clock of the bus
 
 
 class Publisher:
@@ -26,6 +28,8 @@ class Publisher:
         self._bus, self._keys, self.run, self._layout, self._newest_wins = bus, keys, run, layout, newest_wins
         self._heard: dict[str, bool] = {}  # keys -> whether a session subscribes, as of the last check
         self._recheck_at = 0.0  # s, on the clock of the bus
+        self._bundle: dict[str, list[Any]] = {"events": [], "letters": [], "picture": []}  # what is told, and not sent yet
+        self._bundled_at = 0.0  # s, on the clock of the bus, when it was last sent
 
     # -- a tick
 
@@ -69,9 +73,32 @@ class Publisher:
         self._bus.publish(key, pack(message), self._newest_wins)
 
     def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:
+        self.send_bundle(tick)
         for owner, names in released.items():
             log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
             self.publish("lost", Lost(self.run, tick, names, owner))
+
+    # -- what observers get
+
+    def tell(self, what: str, message: Callable[[], Message]) -> None:
+        """Publish what belongs to a step, on its own key and in the next bundle: each if a session subscribes to it."""
+        alone, together = what == "events" or self.is_heard(what), self.is_heard("bundle")
+        if alone or together:
+            told = message()
+            if alone:
+                self.publish(what, told)
+            if together:
+                self._bundle[what].append(told)
+
+    def is_bundle_due(self) -> bool:
+        return len(self._bundle["picture"]) >= BUNDLE_TICKS or self._bus.clock() >= self._bundled_at + BUNDLE_SECONDS
+
+    def send_bundle(self, tick: int) -> None:
+        """Send what waits to be sent, before all that a logger must hear after it."""
+        self._bundled_at = self._bus.clock()
+        if any(self._bundle.values()):
+            self.publish("bundle", Bundle(self.run, tick, *self._bundle.values()))
+            self._bundle = {each: [] for each in self._bundle}
 
     # -- subscribers
 

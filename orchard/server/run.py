@@ -84,11 +84,12 @@ class Run:
         letters = self.drivers.recovery_log.letters.get(tick, {})
         self.account.update(events, letters)
         if events:
-            self.publisher.publish("events", Events(self.id, tick, events))
-        if letters and self.publisher.is_heard("letters"):
-            self.publisher.publish("letters", Letters(self.id, tick, letters))
-        if self.publisher.is_heard("picture"):
-            self.publisher.publish("picture", picture_of(self.id, self.account.frame(events)))
+            self.publisher.tell("events", lambda: Events(self.id, tick, events))
+        if letters:
+            self.publisher.tell("letters", lambda: Letters(self.id, tick, letters))
+        self.publisher.tell("picture", lambda: picture_of(self.id, self.account.frame(events)))
+        if self.publisher.is_bundle_due():
+            self.publisher.send_bundle(tick)
         if self.account.figures.is_due():
             self._publish_figures()
 

@@ -43,6 +43,7 @@ TABLE: dict[str, Key] = {
     "state": Key("{prefix}/{bin}/state", wire.BinStatus, NEVER_LOST, (wire.BinStatus,)),
     "events": Key("{prefix}/events", wire.Events, NEVER_LOST),
     "picture": Key("{prefix}/picture", wire.Picture, NEVER_LOST),
+    "bundle": Key("{prefix}/bundle", wire.Bundle, NEVER_LOST),
     "figures": Key("{prefix}/figures", wire.Figures, NEVER_LOST),
     "refused": Key("{prefix}/hosts/{session}/refused", wire.RefusedThere, NEVER_LOST),
     "refusals": Key("{prefix}/refusals", wire.Refusal, NEWEST_WINS),

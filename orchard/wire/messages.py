@@ -490,6 +490,14 @@ class Picture(Message):
     velocities: Annotated[dict[Name, DoneAndWanted], Meta(description=VELOCITIES)] = {}
 
 
+class Bundle(Message):
+    """What observers get of some ticks in one message, for a logger: to send and receive ten costs ten times as much."""
+
+    events: list[Events]
+    letters: list[Letters]
+    pictures: Annotated[list[Picture], Meta(description="the picture of a tick is that after the events and letters of the tick before")]
+
+
 class Figures(Message):
     """The figures of the run so far."""
 

@@ -1,6 +1,7 @@
 """The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was said, and holds nobody up."""
 
 import copy
+import math
 import re
 import signal
 import subprocess
@@ -15,12 +16,12 @@ import pytest
 from command_line import orchard, running, summary_of
 from fleet import Process, until
 from local_runs import local_hash
-from recorded_messages import KEYS, Net, StandIn
+from recorded_messages import KEYS, Net, Run, StandIn
 from recordings import lines_of, rows_of, seen_at
 from rerun.chunk import RrdReader
 from slow_logger import MOST, SECONDS
 
-from orchard.contract.events import SELDOM, Event, Frame
+from orchard.contract.events import SELDOM, Event, Frame, talk_of
 from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.local import Local
@@ -30,6 +31,7 @@ from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.reader import missing, read_part
 from orchard.wire.codec import picture_of
+from orchard.wire.messages import Bundle, read
 
 
 def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
@@ -57,7 +59,7 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     def shown(tick):
         world.tick = tick
         frame = builder.frame(local.engine.scans, local.actions, [], local.engine.lookahead.wanted)
-        bus.inbox.put(Sample(KEYS.of("picture"), pack(picture_of("run1", frame))))
+        bus.inbox.put(Sample(KEYS.of("bundle"), pack(Bundle("run1", tick, [], [], [picture_of("run1", frame)]))))
         return frame
 
     builder.frame(local.engine.scans, local.actions, [], local.engine.lookahead.wanted)
@@ -71,6 +73,34 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     assert all(getattr(changed, name) is not None for name in SELDOM)
     assert changed.doing == {}
     assert queue.take().tick == 102
+
+
+def test_bundles_hold_each_picture_with_what_was_said_in_its_step_before_the_run_ends(monkeypatch):
+    monkeypatch.setattr("orchard.server.publisher.BUNDLE_SECONDS", math.inf)
+    ticks, run = 725, Run(Scenario(rows=3), "run1", 725)
+    run.to_the_end()
+    sent = [(key.removeprefix("orchard/"), payload) for key, payload in run.net.sent]
+    bundles = [read(payload, Bundle) for key, payload in sent if key == "bundle"]
+    told = {what: [payload for key, payload in sent if key == what] for what in ("events", "letters", "picture")}
+    assert told == {
+        "events": [pack(message) for bundle in bundles for message in bundle.events],
+        "letters": [pack(message) for bundle in bundles for message in bundle.letters],
+        "picture": [pack(message) for bundle in bundles for message in bundle.pictures],
+    }
+    assert len(told["picture"]) == ticks and told["events"] and told["letters"]
+    assert all(len(bundle.pictures) <= 10 for bundle in bundles)
+    assert [key for key, _ in sent if key in ("bundle", "end")][-2:] == ["bundle", "end"]
+    bus, queue = StandIn(Net(), "logger"), FrameQueue()
+    logger = Logger(bus, KEYS, "run1", run.engine.layout, queue)
+    for bundle in bundles:
+        logger._handle(Sample(KEYS.of("bundle"), pack(bundle)))
+    queue.close()
+    frames_ = [queue.take() for _ in range(ticks)]
+    assert [frame.tick for frame in frames_] == [*range(1, ticks + 1)]
+    assert {event.tick - frame.tick for frame in frames_ for event in frame.events} == {-1}
+    said = sum(len(message.events) for bundle in bundles for message in bundle.events)
+    said += sum(len(talk_of(0, message.letters)) for bundle in bundles for message in bundle.letters)
+    assert sum(len(frame.events) for frame in frames_) == said
 
 
 @pytest.mark.processes

@@ -139,7 +139,7 @@ def logger():
 
 def test_the_logger_refuses_them_and_writes_nothing(other, logger):
     thrown = 0
-    for what in ("picture", "events", "letters", "lost", "end"):
+    for what in ("bundle", "lost", "end"):
         for key, payload in [*bad(other, what, 3000, 0), *((KEYS.of(what), p) for p in oversized())]:
             logger._handle(Sample(key, payload))
             thrown += 1
@@ -147,6 +147,10 @@ def test_the_logger_refuses_them_and_writes_nothing(other, logger):
         logger._handle(Sample(key, b""))
     assert logger.refusals.counts.total() == thrown + 2
     assert not logger._notes and not len(logger.queue)
+
+
+def bundled(picture: dict) -> Sample:
+    return Sample(KEYS.of("bundle"), msgpack.packb({"run": RUN, "tick": TICKS, "events": [], "letters": [], "pictures": [picture]}))
 
 
 def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
@@ -167,12 +171,12 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
         {"doing": {"Not A Name": "x"}},
     ]
     for change in changes:
-        logger._handle(Sample("orchard/picture", msgpack.packb(good | change)))
+        logger._handle(bundled(good | change))
     assert logger.refusals.counts == {"malformed": len(changes)}
     assert not len(logger.queue)
     bodies = len(good["poses"]) // 24
     whole = {"alive": [True] * bodies, "row_ends": [[0.0] * 4] * 3, "fill": [0.0] * bodies, "coupled": [-1] * bodies, "whole": True}
-    logger._handle(Sample("orchard/picture", msgpack.packb(good | whole)))
+    logger._handle(bundled(good | whole))
     assert len(logger.queue) == 1, "the good one is taken"
 
 

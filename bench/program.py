@@ -5,7 +5,6 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean, median
 from tempfile import TemporaryDirectory
@@ -21,7 +20,8 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.launch.request import shares
 from orchard.local import Local
-from orchard.net.bus import Bus, Inbox, Sample
+from orchard.net.bus import Bus, Sample
+from orchard.net.endpoints import LOOPBACK, with_port
 from orchard.net.zenoh_bus import client
 from orchard.sim.lookahead import IgnoredHolds, Lookahead
 from orchard.sim.scan import Scanner
@@ -141,30 +141,17 @@ class RunProfile(NamedTuple):
 def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
     """Start run.py and record all messages for `ticks` ticks."""
     begun = time.perf_counter()
-    popen = subprocess.Popen([*_run(options, hosts, 10 * ticks), "--record", "none"], cwd=ROOT, stdout=subprocess.DEVNULL)
+    endpoint = with_port(LOOPBACK)
+    command = [*_run(options, hosts, 10 * ticks), "--record", "none", "--listen", endpoint]
+    popen = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
     try:
-        with _session(psutil.Process(popen.pid)) as bus:
+        with client(endpoint, seconds=START_SECONDS) as bus:
             bus.subscribe(f"{Keys().prefix}/**")
             first, samples = _received(bus, ticks)
             return RunProfile(first - begun, _memory(psutil.Process(popen.pid)), _sizes(samples))
     finally:
         popen.terminate()
         popen.wait(timeout=START_SECONDS)
-
-
-@contextmanager
-def _session(program: psutil.Process):
-    """A session with the router of a run.py that is starting."""
-    deadline = time.perf_counter() + START_SECONDS
-    while time.perf_counter() < deadline:
-        for child in program.children(recursive=True):
-            command = _command(child)
-            if "--connect" in command:  # a host; the router is in the physics process
-                with client(command[command.index("--connect") + 1], Inbox(), START_SECONDS) as bus:
-                    yield bus
-                return
-        time.sleep(0.02)
-    raise RuntimeError(f"run.py did not start a host within {START_SECONDS:g} s")
 
 
 def _command(process: psutil.Process) -> list[str]:
@@ -223,10 +210,10 @@ class RealtimeFigures(NamedTuple):
 def realtime_figures(seconds: int) -> RealtimeFigures:
     """Run the default scenario at speed 1. Return its processor load, measured for `seconds` after 20 ticks, and its delays."""
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "summary.json"
-        command = [*_run([], "each", 10 * (seconds + 4)), "--mode", "realtime", "--record", "none", "--summary", str(path)]
-        popen = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
-        with _session(psutil.Process(popen.pid)) as bus:
+        path, endpoint = Path(folder) / "summary.json", with_port(LOOPBACK)
+        how = ["--mode", "realtime", "--record", "none", "--summary", str(path), "--listen", endpoint]
+        popen = subprocess.Popen([*_run([], "each", 10 * (seconds + 4)), *how], cwd=ROOT, stdout=subprocess.DEVNULL)
+        with client(endpoint, seconds=START_SECONDS) as bus:
             bus.subscribe(Keys().of("clock"))
             _received(bus, 20)
             begun = _processor_seconds(popen.pid)

@@ -8,11 +8,12 @@ from orchard.agents.sense import something_ahead
 from orchard.agents.steps import Deliver, TakeBin, Unload
 from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
 from orchard.field.geometry import STILL
+from orchard.field.scenario import TIME_STEP
 from orchard_vda5050.actions import DROP, HAND_OVER, PICK, UNLOAD
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver
 from orchard_vda5050.graph import BAY, QUEUE, Graph
-from orchard_vda5050.order import ActionOrder, Parameter
+from orchard_vda5050.order import ActionOrder, Node, Parameter
 from orchard_vda5050.vehicle import ON_A_NODE, Port, Timing, Vehicle
 
 SENT_FOR_SECONDS = 30.0  # after which handing over has failed, if the full bin has not sent for a vehicle: another carrier comes
@@ -50,8 +51,32 @@ class HandOver(Step, frozen=True):
         return bool(picker)
 
 
+class UntilLeft(Step, frozen=True):
+    """Stand before a lane until a full bin is left there, unless the order leads on: a vehicle that stays would shut the picker in."""
+
+    station: str
+    holds: ClassVar[bool] = True
+
+    def act(self, robot: PlanExecutor) -> bool:
+        driver = cast(CarrierDriver, robot)
+        order = driver.duty.order
+        if not driver.before(order.nodes):
+            return True
+        robot.action.waits_for = f"a full bin at {self.station}"
+        robot.hold()
+        if order.nodes[0].actions and (robot.seen.tick - robot.memory.since) * TIME_STEP > SENT_FOR_SECONDS:
+            order.queue = order.nodes[0].actions
+            driver.fails(f"no full bin is left at {self.station} within {SENT_FOR_SECONDS:g} s")
+        return False
+
+
 class CarrierDriver(Driver):
     """A carrier at one tick."""
+
+    def before(self, nodes: Sequence[Node]) -> Sequence[Step]:
+        stop, *onward = nodes
+        station, stays = self.graph.station_of(stop.node_id), stop.actions or not onward or not onward[0].released
+        return [UntilLeft(station)] if station and stays and not self.duty.is_away and not self.calls.bin_at(station) else []
 
     def steps_of(self, action: ActionOrder) -> Sequence[Step]:
         load = str(action.value("loadId") or "")
@@ -97,7 +122,7 @@ class CarrierVehicle(Vehicle):
     """A carrier as a vehicle of VDA 5050."""
 
     Memory: type[VehicleMemory] = VehicleMemory
-    Steps = (Drop, HandOver)
+    Steps = (Drop, HandOver, UntilLeft)
     drives_with = CarrierDriver
     holds = True
 
@@ -122,6 +147,15 @@ class CarrierVehicle(Vehicle):
     def is_home(self, robot: Driver) -> bool:
         return robot.duty.order.last_node.startswith(QUEUE) and (robot.duty.order.is_idle or robot.seen.twist == STILL)
 
+    def is_held_up(self, robot: Driver) -> bool:
+        """Before a lane at which no bin is left, and at a stop with a bin right behind it: it cannot turn beside a picker."""
+        return isinstance(robot.memory.plan[0], UntilLeft) or self._is_at_a_stop(robot)
+
+    def _is_at_a_stop(self, robot: Driver) -> bool:
+        hitch = robot.seen.hitch
+        is_behind = hitch is not None and abs(hitch.x - robot.pose.x) < ON_A_NODE  # it has not turned
+        return is_behind and self.graph.station_of(robot.duty.order.last_node) != ""
+
     def is_out_of_the_way(self, robot: Driver) -> bool:
         last = robot.duty.order.last_node
         return last.startswith(QUEUE) and (last in self.graph.lines or something_ahead(robot.seen, []))
@@ -132,9 +166,8 @@ class CarrierVehicle(Vehicle):
         A picker that waits beside it gets its empty bin: with that one it could not turn there.
         """
         order, promised = robot.duty.order, robot.duty.owes
-        hitch, load = robot.seen.hitch, self._calls.bin_at(self.graph.station_of(order.last_node))
-        is_at_the_picker = not robot.duty.phase and hitch is not None and abs(hitch.x - robot.pose.x) < ON_A_NODE  # it has not turned
-        if load and is_at_the_picker:
+        load = self._calls.bin_at(self.graph.station_of(order.last_node))
+        if load and not robot.duty.phase and self._is_at_a_stop(robot):
             order.queue, promised = [ActionOrder(HAND_OVER, HAND_OVER, "HARD", [Parameter("loadId", load)])], load
         if promised:
             self.add(order, self.graph.bins, PICK, promised)

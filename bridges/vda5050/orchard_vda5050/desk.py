@@ -9,7 +9,7 @@ from orchard_vda5050.calls import Calls
 
 
 class Desk(Dispatcher):
-    """Tells fleet control which full bins wait, and sends the vehicle to a bin whose order names it.
+    """Tells fleet control which full bins wait, and sends the vehicle to a full bin whose order names it.
 
     Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is never free.
     """
@@ -26,7 +26,8 @@ class Desk(Dispatcher):
         return action
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
-        ordered = {carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in memory.bins}
+        full = [name for name, report in memory.bins.items() if not report.seconds_to_full]
+        ordered = {carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in full}
         memory.bookings = ordered | memory.bookings
         if any(carrier.is_next for carrier in carriers):
             super().decide(memory, carriers, tick)

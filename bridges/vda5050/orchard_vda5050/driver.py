@@ -70,6 +70,10 @@ class Driver(PlanExecutor):
         """Why the vehicle cannot begin an action; '' if it can."""
         return ""
 
+    def before(self, nodes: Sequence[Node]) -> Sequence[Step]:
+        """Return the steps before the edge to the first of the nodes that lie ahead."""
+        return ()
+
     def why_not_drive(self) -> str:
         """Why the vehicle cannot leave the last node; '' if it can."""
         return ""
@@ -123,7 +127,7 @@ class Driver(PlanExecutor):
         self.duty.phase = "edge"
         for action in edge.actions:
             self.duty.order.set(action.action_id, "RUNNING")
-        self.next([*self._steps_to(node, edge), Onward()])
+        self.next([*self.before(self.duty.order.nodes), *self._steps_to(node, edge), Onward()])
         return True
 
     def _steps_to(self, node: Node, edge: Edge) -> Iterator[Step]:
@@ -176,6 +180,8 @@ class Driver(PlanExecutor):
         """Shortly before a node, ask for the places that the next edge needs at its beginning."""
         order = self.duty.order
         if self.duty.phase != "edge" or self.wanting or len(order.nodes) < 2 or order.nodes[0].actions or not order.nodes[1].released:
+            return
+        if self.before(order.nodes[1:]):
             return
         node = self.graph.nodes[order.nodes[0].node_id]
         after = self.graph.edges.get((order.nodes[0].node_id, order.nodes[1].node_id))

@@ -123,6 +123,10 @@ class Vehicle:
         """Whether a vehicle that clears the roads by itself has done so."""
         raise NotImplementedError
 
+    def is_held_up(self, robot: Any) -> bool:
+        """Whether a vehicle that stands on its way may do so for ever, though fleet control orders it on."""
+        return False
+
     def is_out_of_the_way(self, robot: Any) -> bool:
         """Whether a vehicle that stands holds up no other one."""
         raise NotImplementedError
@@ -208,7 +212,7 @@ class Vehicle:
         if duty.is_away and self.is_home(robot):
             self._stop(robot)
             duty.is_away = False
-        is_stuck = duty.is_away and duty.phase == "edge" and robot.seen.twist == STILL
+        is_stuck = duty.phase == "edge" and robot.seen.twist == STILL and (duty.is_away or self.is_held_up(robot))
         may_go = not is_stuck and bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
         if (may_go and not duty.is_paused and not duty.is_halted) or not order.last_node or self.is_out_of_the_way(robot):
             duty.idle_since = -1

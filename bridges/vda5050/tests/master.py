@@ -150,6 +150,8 @@ class Master:
 
     def follow(self, serial, state):
         """Release more of a job where the base runs short. Forget it at its end."""
+        if state["operatingMode"] != "AUTOMATIC":
+            self.jobs.pop(serial, None)  # the vehicle has given it up
         job = self.jobs.get(serial)
         if job and job["order"] is None and not state["nodeStates"] and state["instantActionStates"][-1]["actionStatus"] == "FINISHED":
             self.jobs.pop(serial)

@@ -127,6 +127,17 @@ def test_a_picker_waits_for_its_empty_bin_and_says_what_it_cannot_do():
     assert finishes(fleet)
 
 
+@pytest.mark.parametrize("route", ["two-way", "one-way"])
+def test_a_vehicle_that_is_ordered_on_where_it_cannot_turn_serves_the_picker_beside_it(route):
+    """It was sent to the stop without an action. The full bin has sent for the vehicle behind it."""
+    fleet, name = Fleet(SMALL | {"route": route}, timing=Timing(patience=60.0)), "carrier_01"
+    fleet.has_master = False
+    fleet.tick()
+    fleet.master.drive(name, "", fleet.master.way(fleet.state(name)["lastNodeId"], "east/stop/1"), {})
+    fleet.has_master = True
+    assert finishes(fleet)
+
+
 def test_a_vehicle_that_is_left_alone_in_the_queue_drives_up():
     fleet = Fleet(SMALL, timing=Timing(patience=60.0), names=["carrier_02"])
     fleet.has_master = False

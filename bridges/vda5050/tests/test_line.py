@@ -19,8 +19,9 @@ KINDS = ("--robots", "carrier", "picker")
 
 
 def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_killed(tmp_path):
+    """The run is not as fast as it can be: without a broker nothing is done in it, and after 600 s it would be jammed."""
     port = free_port()
-    with broker(tmp_path, port) as first, scene(tmp_path, SMALL, port, ("--without", "picker"), KINDS) as run:
+    with broker(tmp_path, port) as first, scene(tmp_path, SMALL, port, ("--without", "picker", "--speed", "20"), KINDS) as run:
         control = Control(lif(tmp_path), port)
         try:
             is_busy = lambda: next((name for name in CARRIERS if control.states.get(name, {}).get("nodeStates")), None)  # noqa: E731

@@ -51,7 +51,7 @@ def test_random_bytes_on_every_key_change_nothing(fleet, running, undisturbed):
     out, err = wait_for_the_end(fleet, logger)
     assert undisturbed in out
     assert err.count("refused on orchard/picker_01/velocity") == 1, "logged once"
-    assert err.count("refused on orchard/picture") == 1, "by the logger"
+    assert err.count("refused on orchard/bundle") == 1, "by the logger"
     refused = summary()["messages_refused"]
     assert refused["malformed"] > 30, refused
 

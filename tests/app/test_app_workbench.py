@@ -66,6 +66,7 @@ def choose(browser, title):
 
 def compare_two(browser):
     choose(browser, "3 rows, 2 pickers, 2 carriers, seed 1")
+    browser.until(lambda: "seed 1" in browser.view("comparison").text, "the first one is shown")
     choose(browser, "4 rows, 2 pickers, 2 carriers, seed 2")
     browser.until(lambda: "Side by side" in browser.view("comparison").text, "both are shown")
 

@@ -18,6 +18,7 @@ from orchard.sim.snapshot import KEYFRAME, Snapshot, SnapshotError, newest, tick
 from orchard.study.settings import value_of
 
 Say = Callable[[str], None]
+Future = dict[str, Any]  # the figures of its summary, and why it `ended`
 
 
 def clock(tick: int) -> str:
@@ -55,6 +56,16 @@ class WatchedRun:
         now.run, now.lost, now.elsewhere = self._before.run, self._before.lost, self._before.elsewhere
         now.figures = self._before.figures | self.figures.as_data()
         return now
+
+
+def live(until: float, job: tuple[int, Snapshot]) -> Future:
+    """Return what a future gives that is over at a tick `until` at the latest. `job`: its number, and its first moment.
+
+    It stands here for the processes that live futures: they load nothing else.
+    """
+    run = WatchedRun(job[1], is_hashed=False)
+    run.go_on(until)
+    return run.figures.figures() | {"ended": run.ended}
 
 
 def snapshot_at(folder: Path, tick: int, say: Say) -> Snapshot:

@@ -19,7 +19,7 @@ from orchard.field.repeatable import draw
 from orchard.field.scenario import TICKS_PER_SECOND, check, with_changes
 from orchard.fork import NotNow, forked
 from orchard.launch import terminal
-from orchard.launch.fork import WatchedRun, changes_of, clock, snapshot_at
+from orchard.launch.fork import Future, WatchedRun, changes_of, clock, live, snapshot_at
 from orchard.launch.options import ForkOptions
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.study import failures, stoppable
@@ -27,7 +27,6 @@ from orchard.report.summary import write_summary
 from orchard.server.options import last_tick
 from orchard.sim.snapshot import KEYFRAME, Snapshot, SnapshotError, ticks_of
 from orchard.study.comparing import interval
-from orchard.study.picture import save_futures
 from orchard.study.result import Interval
 from orchard.study.settings import Setting
 from orchard.study.words import interval_words
@@ -42,21 +41,12 @@ MINUTE = 60 * TICKS_PER_SECOND
 CONDITION = re.compile(r"([a-z_]+)([<>])(\d+(?:\.\d+)?)")
 EXPECTED = "expected jam, collision, or a figure of the summary that is too small or too large, such as bins_per_hour<20"
 
-Future = dict[str, Any]  # the figures of its summary, and why it `ended`
-
 
 class Branch(NamedTuple):
     """What is changed at a moment: dotted path -> value, and the robots that stand from then on."""
 
     changes: dict[str, Any]
     stop: Sequence[str] = ()
-
-
-def live(until: float, job: tuple[int, Snapshot]) -> Future:
-    """Return what a future gives that is over at a tick `until` at the latest. `job`: its number, and its first moment."""
-    run = WatchedRun(job[1], is_hashed=False)
-    run.go_on(until)
-    return run.figures.figures() | {"ended": run.ended}
 
 
 class Futures:
@@ -199,6 +189,8 @@ def _show(lived: dict[int, list[Future]], well: dict[int, int], good: int | None
         shown.add_row(clock(tick), f"{well[tick]} of {len(some)}" if some else "not now", *means)
     terminal.console.print(shown)
     if picture is not None:
+        from orchard.study.picture import save_futures  # not at the top: matplotlib takes half a second to load
+
         rates = {tick / MINUTE: [one["bins_per_hour"] for one in _well(some)] for tick, some in lived.items()}
         shares = {tick / MINUTE: count / max(1, len(lived[tick])) for tick, count in well.items()}
         save_futures(picture, rates, shares, None if good is None else good / MINUTE)

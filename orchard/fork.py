@@ -134,8 +134,9 @@ def _is_free(world: World, carrier: str, memory: bytes | None) -> bool:
 
 
 def _remembered(memory: bytes | None) -> Mapping[str, Any]:
-    """The fields of a carrier's memory that are not the defaults."""
-    return (memory and unpack(memory, Any)) or {}
+    """The fields of a carrier's memory; none before its first tick, or if an own class remembers something else."""
+    fields = unpack(memory, Any) if memory else None
+    return fields if isinstance(fields, dict) else {}
 
 
 def _places(before: Layout, now: Layout, memories: Mapping[str, bytes | None], swapped: Names) -> dict[str, int]:
@@ -191,7 +192,7 @@ def _world(before: World, world: World, swapped: Names, places: Mapping[str, int
 
 
 def _put_into_its_line(world: World, carrier: str, number: int) -> None:
-    """Put a new carrier, with its bin, to a free place of its line of the queue, the nearest to its own, if there is one."""
+    """Put a new carrier, with its bin, to the free place of its line that is nearest to its own, `number` from 0, if there is one."""
     i, queue = world.index[carrier], world.layout.queue
     first = number - number % queue.places
     bin_ = int(world.coupled[i])

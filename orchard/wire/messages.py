@@ -491,7 +491,7 @@ class Picture(Message):
 
 
 class Bundle(Message):
-    """What observers get of some ticks in one message, for a logger: to send and receive ten costs ten times as much."""
+    """What observers get of some ticks in one message, for a logger: one by one, ten ticks cost some six times as much."""
 
     events: list[Events]
     letters: list[Letters]

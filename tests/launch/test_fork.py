@@ -97,6 +97,11 @@ def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
         played(TWO_WAY, 1400).fork(carriers=1)
 
 
+def test_carriers_whose_own_class_remembers_a_list_can_be_taken_away():
+    run = played(SMALL.model_copy(update={"carriers": 2, "agents": {"carrier": "own_agents.Listing"}}), 20)
+    assert run.fork(carriers=1).memories["carrier_01"] == ["waits"]
+
+
 def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
     varying = with_changes(SHORT, **{"picking.spread.distribution": "gamma", "picking_speed": 0.5, "picking.failure.mean_between": 120.0})
     parent = played(varying, 200)

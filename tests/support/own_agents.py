@@ -25,6 +25,13 @@ class Eastward:
         return Action(twist=Twist(x=0.25), memory=memory, doing="driving on")
 
 
+class Listing(Eastward):
+    Memory = list
+
+    def tick(self, observation, mail, memory):
+        return Action(memory=["waits"])
+
+
 class Forgetful:
     def __init__(self, layout, name):
         pass

@@ -26,6 +26,7 @@ from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
 from orchard.net.endpoints import BusError
 from orchard.server.snapshots import last
+from orchard.sim.engine import Engine
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import PHYSICS
 
@@ -35,6 +36,7 @@ LOOK_SECONDS = 0.2  # between two looks at what runs
 SPEED = 5.0  # of a realtime run: simulated seconds a second
 STAND_TICKS = 20
 STAND_SECONDS = 0.8  # after which the robots of a silent host stand, in realtime
+TICK_SECONDS = 2 * TIME_STEP / SPEED  # within which a tick follows, in realtime
 LIMIT = 300.0  # s of virtual time within which each schedule ends
 
 
@@ -185,7 +187,7 @@ class Schedule:
                 (process.freeze if fault.what == "freeze" else process.think)()
                 self.world.scheduler.after(fault.seconds, process.thaw)
                 stands_after = STAND_SECONDS + self.plan.delays.slow
-                lasts = fault.seconds > stands_after  # after a shorter one it may be stopped by the next fault, which has a look of its own
+                lasts = fault.seconds > stands_after + TICK_SECONDS  # else the next fault may stop it, which has a look of its own
                 if lasts and self.plan.mode == "realtime" and not self.plan.has("lie"):  # who lies in the name of a host drives its robots
                     self.world.scheduler.after(stands_after, partial(self._look_at_robots, process, self._tick))
             case "cut":
@@ -219,9 +221,13 @@ class Schedule:
         self.world.is_disk_full = False
 
     def _look_at_robots(self, process: SimulatedProcess, tick: int) -> None:
-        """In realtime, the robots of a host that has not answered since a tick stand, if the run goes on."""
-        engine = self.world.engine
-        if engine is not None and process.is_stopped and engine.tick > tick + STAND_TICKS:
+        """In realtime, the robots of a host that has not answered since a tick stand in the next tick."""
+        if (engine := self.world.engine) is not None and engine.tick > tick + STAND_TICKS:
+            self.world.scheduler.after(TICK_SECONDS, partial(self._look_again, process, engine, engine.tick))
+
+    def _look_again(self, process: SimulatedProcess, engine: Engine, tick: int) -> None:
+        """Where no tick has followed, the run does not go on: physics is killed or frozen, or has ended."""
+        if process.is_stopped and engine.tick > tick:
             moving = [name for name in process.spec.agents if name in engine.actions and engine.actions[name].twist != STILL]
             self.complaints += [f"{name} drives on, though its host is silent" for name in moving[:1]]
 

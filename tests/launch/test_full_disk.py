@@ -11,7 +11,7 @@ from local_runs import local_hash
 
 from orchard.field.scenario import Scenario
 
-DURATION = 40.0  # simulated s; the recording of 10 of them is larger than the disk
+DURATION = 40.0  # simulated s; the scenery alone, which is recorded first, is larger than the disk
 SHORT = 5.0  # simulated s, where nothing is recorded
 FULL = "No space left on device"
 
@@ -20,7 +20,7 @@ FULL = "No space left on device"
 def small_disk(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", disk], capture_output=True)
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400k", "none", disk], capture_output=True)
     if mounted.returncode:
         pytest.skip("this machine mounts no disk for a test")
     try:
@@ -40,7 +40,7 @@ def harvest(disk: Path, seconds: float, *arguments: object, **streams: object) -
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(small_disk, tmp_path, mode):
     path = tmp_path / "summary.json"
-    slow = "--speed", 10  # enough that the recording fills the disk first
+    slow = "--speed", 10  # enough that snapshots follow after the recording has filled the disk
     done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
     said = done.stdout + done.stderr
     assert done.returncode == 0, said

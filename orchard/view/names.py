@@ -1,4 +1,4 @@
-"""Names on the plan, each where it covers no other, and the point that the first view's camera follows."""
+"""Names on the plan, each where it covers no other or else left out, and the point that the first view's camera follows."""
 
 import math
 from itertools import pairwise, product
@@ -47,7 +47,7 @@ class NameView:
         self._places = np.zeros(len(robots), int)  # the place of each name, an index of PLACES
         self._shown = np.full((len(robots), 2), np.nan)  # the pins that were last named
         self._rows = self._log_rows(layout)
-        look = rr.Points3D.from_fields(radii=[0.01], colors=[palette.ROAD_EDGE], labels=self._labels, show_labels=True)
+        look = rr.Points3D.from_fields(radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
         self.rec.log("plan/names", look, static=True)
 
     def _half(self, label: str) -> tuple[float, float]:
@@ -65,20 +65,23 @@ class NameView:
     def show(self, tick: int, poses: np.ndarray) -> None:
         """Add the names every half second if a robot has moved. `poses`: (n, 3)."""
         if tick % RENEWED_TICKS == 0 and ((pins := poses[self._index, :2]) != self._shown).any():
-            self._shown, middles = pins, self._placed(pins)
-            points = np.column_stack([middles[:, 0], middles[:, 1] + DROP * self.scale, np.full(len(pins), NAME_Z)])
-            self.columns.add("plan/names", rr.Points3D, positions=points)
+            self._shown, (labels, middles) = pins, self._placed(pins)
+            points = np.column_stack([middles[:, 0], middles[:, 1] + DROP * self.scale, np.full(len(labels), NAME_Z)])
+            self.columns.add("plan/names", rr.Points3D, positions=points, labels=labels)
 
-    def _placed(self, pins: np.ndarray) -> np.ndarray:
+    def _placed(self, pins: np.ndarray) -> tuple[list[str], np.ndarray]:
+        """Return the names that cover no other one, and their middles."""
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
         boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
-        ranks, covered, taken = np.arange(len(PLACES)), _covered(spots, self._halves, boxes), self._rows
+        ranks, covered, taken, labels = np.arange(len(PLACES)), _covered(spots, self._halves, boxes), self._rows, list[str]()
         against = RANK * ranks + MOVES * (ranks != self._places[:, None])
         for n, half in enumerate(self._halves):
             names = _covered(spots[n], half, taken)
             self._places[n] = best = (against[n] + COVERS_NAME * names + COVERS_PIN * covered[n]).argmin()
-            taken = np.vstack([taken, [*spots[n, best], *half]])
-        return taken[len(self._rows) :, :2]
+            if not names[best]:
+                taken = np.vstack([taken, [*spots[n, best], *half]])
+                labels.append(self._labels[n])
+        return labels, taken[len(self._rows) :, :2]
 
 
 def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:

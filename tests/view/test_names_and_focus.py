@@ -18,11 +18,13 @@ from orchard.view.scenery import MODELS
 from orchard.view.talk import gathered, level_of, line_of
 
 
-def test_no_name_on_the_plan_covers_another_in_the_largest_orchard(tmp_path: Path) -> None:
-    layout = lay_out(Scenario(rows=20, pickers=20))
+@pytest.mark.parametrize(("size", "named"), [({"rows": 20, "pickers": 20}, 35), ({"rows": 100, "pickers": 50, "carriers": 100}, 65)])
+def test_no_name_on_the_plan_covers_another_where_there_is_no_room_it_is_left_out(size: dict, named: int, tmp_path: Path) -> None:
+    layout = lay_out(Scenario(**size))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
-    labels, scale = Rows(path, "/plan/names").static["Points3D:labels"], points_to_metres(layout)
+    ((_, labels),), scale = Rows(path, "/plan/names").values("Points3D:labels"), points_to_metres(layout)
+    assert len(labels) == len(points) == named
     middles = np.array(points)[:, :2] - (0.0, DROP * scale)
     wide, high = 28.0 * scale, 22.0 * scale  # of a name such as P01, as Rerun writes it
     apart = np.abs(middles[:, None] - middles[None])
@@ -43,8 +45,9 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
     poses, i = starts(layout), layout.index["picker_01"]
     poses[i, :2] = 0.0, layout.bottom + 10.0
     path = recording_of(tmp_path / "alone.rrd", layout, [Frame(0, poses)])
-    place = Rows(path, "/plan/names").static["Points3D:labels"].index("P01")
-    assert np.hypot(*(np.array(Rows(path, "/plan/names").rows[0][1]["Points3D:positions"][place])[:2] - poses[i, :2])) < 2.0
+    ((_, names),) = Rows(path, "/plan/names").rows
+    place = names["Points3D:positions"][names["Points3D:labels"].index("P01")]
+    assert np.hypot(*(np.array(place)[:2] - poses[i, :2])) < 2.0
 
 
 @pytest.mark.parametrize(("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"])

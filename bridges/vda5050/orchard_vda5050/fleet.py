@@ -15,6 +15,7 @@ from orchard_vda5050.desk import Desk
 from orchard_vda5050.graph import Graph, graph_of
 from orchard_vda5050.line import Broker, Line, Notices, broker_at
 from orchard_vda5050.messages import connection_of, factsheet_of
+from orchard_vda5050.network import Network
 from orchard_vda5050.pickers import PickerVehicle, graph_of_pickers
 from orchard_vda5050.vehicle import Port, Timing
 
@@ -57,19 +58,20 @@ class Lines:
 
     def __init__(self) -> None:
         self._broker, self._lines = broker(), dict[str, Line]()
-        self.notices = Notices(self._broker)
+        self._network = Network()
+        self.notices = Notices(self._network, self._broker)
 
     def of(self, name: str) -> Line:
         """Return the line of a vehicle, which is opened when it is first asked for."""
         if name not in self._lines:
             greets = [("connection", connection_of("ONLINE")), ("factsheet", factsheet_of(kind_of(name), timing().state))]
-            self._lines[name] = Line(self._broker, name, ("order", "instantActions"), greets)
+            self._lines[name] = Line(self._network, self._broker, name, ("order", "instantActions"), greets)
         return self._lines[name]
 
     def close(self) -> None:
         for line in self._lines.values():
-            line.close()
-        self.notices.close()
+            line.leave()
+        self._network.close()
 
 
 @cache

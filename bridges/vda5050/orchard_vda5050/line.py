@@ -1,6 +1,6 @@
 """The lines to fleet control: one MQTT client for each vehicle, because the broker speaks for each one that it loses.
 
-A client connects again by itself. What is said while the broker is away is not kept: the next state says all.
+What is said while the broker is away is not kept: the next state says all.
 """
 
 from collections import defaultdict
@@ -17,12 +17,10 @@ from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
 from orchard_vda5050.messages import Message, connection_of
+from orchard_vda5050.network import Connection, Network
 from orchard_vda5050.older import older
 
 VERSIONS: Mapping[str, Callable[[str, Message], Message]] = {"3.0.0": lambda _topic, message: message, "2.1.0": older}  # and its words
-KEEPALIVE_SECONDS = 5  # a broker takes a client for lost after 1.5 times this
-AGAIN_SECONDS = 1  # at least, between two tries to connect
-AGAIN_MOST = 5  # at most
 RETAINED = ("connection", "factsheet")
 AT_LEAST_ONCE = 1  # quality of service of `connection`; of all others 0
 
@@ -64,28 +62,25 @@ def _client(broker: Broker, name: str) -> Client:
     client.username_pw_set(broker.user, broker.password)
     if broker.is_secure:
         client.tls_set()
-    client.reconnect_delay_set(AGAIN_SECONDS, AGAIN_MOST)
     return client
-
-
-def _begin(client: Client, broker: Broker) -> None:
-    client.connect_async(broker.host, broker.port, KEEPALIVE_SECONDS)
-    client.loop_start()
 
 
 class Line:
     """A vehicle's port to fleet control. `subscribes`: the topics that it takes; `greets`: what it sends when it has connected."""
 
-    def __init__(self, broker: Broker, serial: str, subscribes: Sequence[str], greets: Sequence[tuple[str, Message]]) -> None:
+    def __init__(
+        self, network: Network, broker: Broker, serial: str, subscribes: Sequence[str], greets: Sequence[tuple[str, Message]]
+    ) -> None:
         self._broker, self._serial, self._subscribes, self._greets = broker, serial, subscribes, greets
         self._taken: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
         self._numbers: dict[str, Any] = defaultdict(count)  # topic -> the headerIds
         self.state_header_id = 0
-        self._client = _client(broker, serial)
+        client = _client(broker, serial)
         will = self._payload("connection", connection_of("CONNECTION_BROKEN"))
-        self._client.will_set(broker.topic(serial, "connection"), will, AT_LEAST_ONCE, retain=True)
-        self._client.on_connect, self._client.on_message = self._connected, self._arrived
-        _begin(self._client, broker)
+        client.will_set(broker.topic(serial, "connection"), will, AT_LEAST_ONCE, retain=True)
+        client.on_message = self._arrived
+        self._connection = Connection(client, broker.host, broker.port, self._greet)
+        network.keep(self._connection)
 
     def take(self) -> list[tuple[str, bytes]]:
         """Return what has come since the last call: topic and payload."""
@@ -98,15 +93,13 @@ class Line:
 
     def send(self, topic: str, message: Message) -> None:
         """Send a message, if the broker is there."""
-        if self._client.is_connected():
+        if self._connection.is_there:
             quality = AT_LEAST_ONCE if topic == "connection" else 0
-            self._client.publish(self._broker.topic(self._serial, topic), self._payload(topic, message), quality, topic in RETAINED)
+            self._connection.publish(self._broker.topic(self._serial, topic), self._payload(topic, message), quality, topic in RETAINED)
 
-    def close(self) -> None:
-        """Say goodbye, and close the line."""
+    def leave(self) -> None:
+        """Say that the vehicle goes offline."""
         self.send("connection", connection_of("OFFLINE"))
-        self._client.disconnect()
-        self._client.loop_stop()
 
     def _payload(self, topic: str, message: Message) -> bytes:
         number = next(self._numbers[topic]) % 2**32
@@ -117,7 +110,7 @@ class Line:
         body = VERSIONS[self._broker.version](topic, message)
         return msgspec.json.encode(header | {"serialNumber": self._serial} | body)
 
-    def _connected(self, client: Client, *_: Any) -> None:
+    def _greet(self, client: Client) -> None:
         for topic in self._subscribes:
             client.subscribe(self._broker.topic(self._serial, topic))
         for greeting in self._greets:
@@ -130,11 +123,10 @@ class Line:
 class Notices:
     """The line for the list of full bins that wait. It is no topic of VDA 5050: interface/calls, JSON, retained."""
 
-    def __init__(self, broker: Broker) -> None:
+    def __init__(self, network: Network, broker: Broker) -> None:
         self._topic, self._newest = f"{broker.interface}/calls", b"[]"
-        self._client = _client(broker, "calls")
-        self._client.on_connect = lambda *_: self._publish()
-        _begin(self._client, broker)
+        self._connection = Connection(_client(broker, "calls"), broker.host, broker.port, lambda _: self._publish())
+        network.keep(self._connection)
 
     def tell(self, waiting: list[Message]) -> None:
         """Publish the list."""
@@ -142,9 +134,5 @@ class Notices:
         self._publish()
 
     def _publish(self) -> None:
-        if self._client.is_connected():
-            self._client.publish(self._topic, self._newest, retain=True)
-
-    def close(self) -> None:
-        self._client.disconnect()
-        self._client.loop_stop()
+        if self._connection.is_there:
+            self._connection.publish(self._topic, self._newest, is_retained=True)

@@ -46,10 +46,10 @@ def answers(port):
 
 
 @contextmanager
-def broker(folder, port):
-    """A mosquitto on loopback, which answers."""
+def broker(folder, port, lets_in="true"):
+    """A mosquitto on loopback, which answers. `lets_in`: whether it asks for no password."""
     assert MOSQUITTO, "mosquitto is missing: apt-get install mosquitto"
-    (folder / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\n")
+    (folder / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous {lets_in}\n")
     with started([MOSQUITTO, "-c", str(folder / "mosquitto.conf")], folder / "broker.log") as process:
         end = time.monotonic() + 20.0
         while not answers(port):

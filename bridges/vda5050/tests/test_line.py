@@ -1,12 +1,15 @@
 """The line over a real broker: a harvest, with the broker and the bridge killed on the way; and mistakes, told in words."""
 
 import os
+import time
 from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
 from orchard_vda5050 import __main__ as command
 from orchard_vda5050.fleet import vehicles
+from orchard_vda5050.line import Line, broker_at
+from orchard_vda5050.network import Network
 from orchards import SMALL
 from standard import check
 
@@ -63,6 +66,26 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
     monkeypatch.setattr("os.environ", dict(os.environ))
     assert command.main(["drive", "tcp/127.0.0.1:7447", *words]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_a_broker_that_is_away_or_refuses_is_told_of_once(tmp_path, capsys):
+    port, network, said = free_port(), Network(), []
+
+    def told(words):
+        end = time.monotonic() + 20.0
+        while not said or words not in said[-1]:
+            assert time.monotonic() < end, said
+            time.sleep(0.01)
+            said.extend(capsys.readouterr().err.splitlines())
+
+    Line(network, broker_at(f"mqtt://127.0.0.1:{port}", "vda5050", "orchard", "3.0.0"), "carrier_01", [], [])
+    told("the broker is not there: [Errno 111] Connection refused; trying again")
+    with broker(tmp_path, port, lets_in="false"):
+        told("the broker refuses: Not authorized; trying again")
+    with broker(tmp_path, port):
+        told("the broker is there")
+    network.close()
+    assert len(said) == len(set(said))
 
 
 @pytest.mark.parametrize(

@@ -4,18 +4,17 @@ The score of a harvest is what is proven of the shortest one, as a share of the 
 that is never finished has 0. A policy's score is the mean over the orchards, and that of an orchard the mean over its seeds.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from math import inf
 from statistics import fmean
-from typing import NamedTuple
 
+import orchard.optimum.schedule  # noqa: F401  # the workers need its extra: without it, this is told before they start
 from orchard.agents.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, check, with_changes
 from orchard.field.yaml_file import values_of
-from orchard.optimum.schedule import optimum
 from orchard.study.replications import Replications
 from orchard.study.result import Model
 from orchard.study.runs import software
@@ -25,7 +24,6 @@ from orchard.study.workers import Workers
 
 ORCHARDS = "benchmark.yaml"
 SEEDS = 3  # of each orchard in which something is random
-WORK = 2.0  # of the solver for each bound: at most some 8 s
 
 
 def orchards() -> dict[str, Scenario]:
@@ -70,25 +68,6 @@ class BenchmarkResult:
         return [one for one in self.harvests if one.policy == policy]
 
 
-class Bound(NamedTuple):
-    """A bound to prove."""
-
-    orchard: str
-    number: int  # of its seed, from 0
-    scenario: Scenario
-
-
-def bounds_of(orchard: str, scenario: Scenario) -> list[Bound]:
-    """Return the bounds of an orchard: one for all seeds, unless these draw how fast its rows are picked."""
-    seeds = range(scenario.seed, scenario.seed + (SEEDS if scenario.work_is_drawn else 1))
-    return [Bound(orchard, number, with_changes(scenario, seed=seed)) for number, seed in enumerate(seeds)]
-
-
-def prove(bound: Bound) -> float:
-    """Return the time, s, than which no harvest is shorter: work of a worker."""
-    return optimum(lay_out(bound.scenario), WORK).proven_seconds
-
-
 class Benchmark:
     """A benchmark that runs: the harvests of one policy and of all built-in ones by the fast model, and the bounds."""
 
@@ -111,28 +90,26 @@ class Benchmark:
         for i in self.own:
             check_plugins(lay_out(self.settings[i].scenario))
         self.checked = self.own if is_checked else ()
-        self.bounds = [bound for name, one in known.items() for bound in bounds_of(name, one)]
-        self.proven: dict[tuple[str, int], float] = {}  # orchard and number of the seed -> s
+        self.bounds = {name: self.cells.index((name, one.dispatch)) for name, one in known.items()}  # the same with each policy
+        self.drawn = [self.bounds[name] for name, one in known.items() if one.work_is_drawn]  # each seed has a bound of its own
         counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
-        self.wanted = len(self.bounds) + sum(counts) + sum(counts[i] for i in self.checked)
+        bounds = len(known) + (SEEDS - 1) * len(self.drawn)
+        self.wanted = bounds + sum(counts) + sum(counts[i] for i in self.checked)
         self.runs = Replications(self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped)
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped. Raises WorkersError, RunFailed or StoreFailed."""
-        everything = range(len(self.settings))
-        is_whole = self.runs.do(everything, "fast", SEEDS, inf) and self._prove() and self.runs.do(self.checked, "full", SEEDS, inf)
-        return self._result() if is_whole else None
-
-    def _prove(self) -> bool:
-        """Prove all bounds. Return whether they are proven."""
-        for bound, seconds in self.workers.do(prove, self.bounds, lambda: not self.is_stopped()):
-            self.proven[bound.orchard, bound.number] = seconds
-            self._hear()
-        return len(self.proven) == len(self.bounds)
+        asked: list[tuple[Iterable[int], Model, int]] = [
+            (range(len(self.settings)), "fast", SEEDS),
+            (self.bounds.values(), "proven", 1),
+            (self.drawn, "proven", SEEDS),
+            (self.checked, "full", SEEDS),
+        ]
+        return self._result() if all(self.runs.do(settings, model, count, inf) for settings, model, count in asked) else None
 
     def _hear(self) -> None:
         """Tell how far it is. A run of the simulator counts as one of the fast model, so a check takes most of the time at the end."""
-        self.tell((len(self.runs.records) + len(self.proven)) / self.wanted)
+        self.tell(len(self.runs.records) / self.wanted)
 
     def _result(self) -> BenchmarkResult:
         harvests = [self._harvests(i, orchard, policy) for i, (orchard, policy) in enumerate(self.cells)]
@@ -142,8 +119,8 @@ class Benchmark:
 
     def _harvests(self, i: int, orchard: str, policy: str) -> Harvests:
         seconds, checked = self._seconds(i, "fast"), self._seconds(i, "full") if i in self.checked else []
-        proven = [self.proven.get((orchard, number), self.proven[orchard, 0]) for number in range(len(seconds))]
-        return Harvests(orchard=orchard, policy=policy, proven=proven, seconds=seconds, checked=checked)
+        proven = [record.sim_seconds for record in self.runs.known(self.bounds[orchard], "proven")]
+        return Harvests(orchard=orchard, policy=policy, proven=(proven * len(seconds))[: len(seconds)], seconds=seconds, checked=checked)
 
     def _seconds(self, i: int, model: Model) -> list[float | None]:
         return [None if record.ended == "jammed" else record.sim_seconds for record in self.runs.known(i, model)]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Model = Literal["fast", "full"]
+Model = Literal["fast", "full", "proven"]  # the last one in benchmarks: what is proven of the shortest harvest
 Models = Literal["fast", "full", "both"]
 Horizon = Literal["harvest", "long"]
 StoppedBy = Literal["certain", "budget", "seeds", "stopped"]

@@ -1,7 +1,9 @@
 """The benchmark of dispatch policies: its orchards, its scores, and what its command says."""
 
 import json
+import os
 import re
+from dataclasses import asdict
 
 import pytest
 from code_blocks import block
@@ -10,15 +12,26 @@ from command_line import orchard
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, with_changes
-from orchard.study.benchmark import ORCHARDS, orchards
+from orchard.study.benchmark import ORCHARDS, Benchmark, orchards
+from orchard.study.store import Store
+from orchard.study.workers import Workers
 
 SMALL = ("--orchard", "small-fast", "--orchard", "short-rows", "--workers", "2")
+POLICY = "own_policies.FarthestOfMine"
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """The runs of the built-in policies, which each of these tests needs."""
-    return tmp_path_factory.mktemp("benchmark") / "runs.db"
+    """The harvests of the built-in policies and the bounds, which each of these tests needs: all workers of the tests share them."""
+    folder = tmp_path_factory.getbasetemp()
+    return (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "benchmark.db"
+
+
+def carried_out(command, folder, store):
+    """Carry out a command of the document, with an orchard or two in place of twenty. Return what it said."""
+    _, *words = command.replace("my_policy.MyPolicy", POLICY).replace("found.json", f"{folder}/found.json").split()
+    small = [] if "--orchard" in words else ["--orchard", "small-fast"]
+    return orchard(*words, *small, "--workers", "2", "--out", store).stdout
 
 
 def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows():
@@ -31,22 +44,28 @@ def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows()
         assert len({getattr(one, key) for one in known.values()}) == 2
 
 
-def test_a_policy_stands_beside_the_built_in_ones_and_the_simulator(tmp_path, store):
-    command = ("benchmark", "own_policies.FarthestOfMine", "--out", store, "--summary", tmp_path / "found.json", *SMALL)
-    said = orchard(*command).stdout
+def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_the_simulator(tmp_path, store):
+    every, some, check = block("docs/bounds.md", "benchmark").splitlines()
+    assert "of what is proven possible" in carried_out(every, tmp_path, store)
+
+    said = carried_out(f"{some} --summary found.json", tmp_path, store)
     found = json.loads((tmp_path / "found.json").read_text())
     assert list(found["scores"]) == sorted(found["scores"], key=lambda policy: -found["scores"][policy])
-    assert {*found["scores"]} == {*DISPATCH_POLICIES, "own_policies.FarthestOfMine"}
+    assert {*found["scores"]} == {*DISPATCH_POLICIES, POLICY}
     assert all(0.3 < proven / took <= 1.0 for one in found["harvests"] for proven, took in zip(one["proven"], one["seconds"], strict=True))
-    score, (best, *_) = f"{100.0 * found['scores'][found['policy']]:.1f}", found["scores"]
-    assert re.search(rf"own_policies.FarthestOfMine has {score} % of what is proven possible; the best is {best}", said)
+    score, (best, *_) = f"{100.0 * found['scores'][POLICY]:.1f}", found["scores"]
+    assert re.search(rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said)
     assert re.search(rf"^ *short-rows( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
-    assert orchard(*command).stdout == said  # from the store
+    known = {name: orchards()[name] for name in ("small-fast", "short-rows")}
+    with Store(store) as opened:
+        again = Benchmark(POLICY, known, opened, Workers(lambda: None, 1)).run()  # none of these workers can work
+    assert again is not None and asdict(again) == found
 
-    checked = orchard(*command[:-4], "--workers", "2", "--check").stdout
+    checked = carried_out(check, tmp_path, store)
+    assert "of what is proven possible" in checked
     assert re.search(r"^ *small-fast +\d+\.\d +\d+\.\d +[+-]\d\.\d$", checked, re.M)
     harvests = json.loads((tmp_path / "found.json").read_text())["harvests"]
-    (own,) = [one for one in harvests if one["policy"] == found["policy"]]
+    (own,) = [one for one in harvests if one["policy"] == POLICY]
     assert len(own["seconds"]) == len(own["checked"]) == 3
     assert own["seconds"] == pytest.approx(own["checked"], rel=0.02)
 
@@ -71,13 +90,6 @@ def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
     done = orchard("benchmark", *words, "--out", store, code=code)
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize("command", block("docs/bounds.md", "benchmark").splitlines())
-def test_the_commands_in_the_document_run(tmp_path, command):
-    _, *words = command.replace("my_policy.MyPolicy", "own_policies.FarthestOfMine").replace("found.json", f"{tmp_path}/found.json").split()
-    small = [*words, *([] if "--orchard" in words else ["--orchard", "small-fast"]), "--workers", "1", "--out", tmp_path / "runs.db"]
-    assert "of what is proven possible" in orchard(*small).stdout
 
 
 def test_a_carrier_that_failed_beside_its_line_leaves_it():

@@ -16,7 +16,7 @@ from orchard.study.benchmark import ORCHARDS, Benchmark, orchards
 from orchard.study.store import Store
 from orchard.study.workers import Workers
 
-SMALL = ("--orchard", "small-fast", "--orchard", "short-rows", "--workers", "2")
+SMALL = ("--orchard", "small-fast", "--orchard", "small-slow", "--workers", "1")
 POLICY = "own_policies.FarthestOfMine"
 
 
@@ -31,7 +31,7 @@ def carried_out(command, folder, store):
     """Carry out a command of the document, with an orchard or two in place of twenty. Return what it said."""
     _, *words = command.replace("my_policy.MyPolicy", POLICY).replace("found.json", f"{folder}/found.json").split()
     small = [] if "--orchard" in words else ["--orchard", "small-fast"]
-    return orchard(*words, *small, "--workers", "2", "--out", store).stdout
+    return orchard(*words, *small, "--workers", "1", "--out", store).stdout
 
 
 def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows():
@@ -55,8 +55,8 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
     assert all(0.3 < proven / took <= 1.0 for one in found["harvests"] for proven, took in zip(one["proven"], one["seconds"], strict=True))
     score, (best, *_) = f"{100.0 * found['scores'][POLICY]:.1f}", found["scores"]
     assert re.search(rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said)
-    assert re.search(rf"^ *short-rows( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
-    known = {name: orchards()[name] for name in ("small-fast", "short-rows")}
+    assert re.search(rf"^ *small-slow( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
+    known = {name: orchards()[name] for name in ("small-fast", "small-slow")}
     with Store(store) as opened:
         again = Benchmark(POLICY, known, opened, Workers(lambda: None, 1)).run()  # none of these workers can work
     assert again is not None and asdict(again) == found
@@ -83,7 +83,7 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
             1,
             r"own_policies.Raising, tick \d+: LookupError: no such bin here \(.*own_policies.py, line \d+\)",
         ),
-        (("own_policies.Idle", *SMALL), 0, r"never finished, .* carrier that was not sent: 3 of small-fast, 3 of short-rows"),
+        (("own_policies.Idle", *SMALL), 0, r"never finished, .* carrier that was not sent: 3 of small-fast, 3 of small-slow"),
     ],
 )
 def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):

@@ -31,17 +31,6 @@ def scenario(name: str, cured: bool) -> Scenario:
 
 
 @pytest.mark.parametrize("name", FAILURES)
-def test_each_failure_jams_and_says_how(name):
-    stage = Stage(scenario(name, cured=False))
-    stage.run_until(lambda: bool(stage.account.jam), 1500)
-    section = (ROOT / PAGE).read_text().split(f"```yaml {name}\n")[1].split("\n### ")[0]
-    shown = re.findall(r"^    (\w+ \(.*)$", section, re.M)
-    assert shown
-    assert [line for line in shown if line not in stage.account.jam] == [], stage.account.jam
-    assert stage.local.engine.violations() == []
-
-
-@pytest.mark.parametrize("name", FAILURES)
 def test_each_failure_is_cured(name):
     stage = Stage(scenario(name, cured=True))
     stage.run_to_the_end(1500)
@@ -49,12 +38,22 @@ def test_each_failure_is_cured(name):
 
 
 @pytest.mark.parametrize("name", FAILURES)
-def test_each_failure_was_decided_at_the_moment_that_the_page_says(name):
-    found = re.search(r"# decided: (\S+) with ([a-z_]+)=(.+)", block(PAGE, name))
-    assert found
+def test_each_failure_was_decided_at_the_moment_that_the_page_says_jams_and_says_how(name, request):
+    decided = re.search(r"# decided: (\S+) with ([a-z_]+)=(.+)", block(PAGE, name))
+    section = (ROOT / PAGE).read_text().split(f"```yaml {name}\n")[1].split("\n### ")[0]
+    shown = re.findall(r"^    (\w+ \(.*)$", section, re.M)
+    assert decided and shown
     run = WatchedRun(Local(scenario(name, cured=False)).snapshot(), is_hashed=False)
-    for tick, end in ((moment(found[1]), "harvested"), (moment(found[1]) + NEAR, "jammed")):
+
+    def changed_at(tick):
         run.go_on(tick)
-        fork = WatchedRun(forked(run.snapshot(), {found[2]: value_of(found[3])}), is_hashed=False)
+        fork = WatchedRun(forked(run.snapshot(), {decided[2]: value_of(decided[3])}), is_hashed=False)
         fork.go_on(20_000)
-        assert fork.ended == end
+        return fork.ended
+
+    assert changed_at(moment(decided[1])) == "harvested"
+    request.getfixturevalue("soon_jammed")
+    assert changed_at(moment(decided[1]) + NEAR) == "jammed"
+    run.go_on(15_000)
+    assert [line for line in shown if line not in run.figures.jam] == [], run.figures.jam
+    assert run.local.engine.violations() == []

@@ -145,7 +145,7 @@ def small(name: str, **changes) -> Scenario:
 
 @cache
 def harvested(name: str) -> Stage:
-    stage = Stage(small(name, row_length=20.0))
+    stage = Stage(small(name, row_length=20.0), is_hashed=True)
     stage.run_to_the_end()
     return stage
 
@@ -274,7 +274,7 @@ def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_
 
 def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_same_tick(fleet):
     scenario = small("own_policies.Raising", rows=3, dispatch_errors="end")
-    stage = Stage(scenario)
+    stage = Stage(scenario, is_hashed=True)
     stage.run_until(lambda: stage.account.fault == "refused", 200)
     assert stage.account.figures()["orders_refused"] == 1
     fleet.physics(scenario)

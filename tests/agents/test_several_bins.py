@@ -121,7 +121,7 @@ def harvest_of(name: str) -> Scenario:
 @cache
 def snapshots_of(name: str) -> tuple[Stage, list[Snapshot]]:
     """A whole harvest, and snapshots on its way and at its end."""
-    stage, kept = Stage(harvest_of(name)), []
+    stage, kept = Stage(harvest_of(name), is_hashed=True), []
     while not stage.local.engine.over and stage.world.tick < 2_000_000:
         stage.tick()
         if stage.world.tick % 1500 == 700:

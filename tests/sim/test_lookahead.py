@@ -57,7 +57,7 @@ def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
 
 def same_run(scenario, ticks):
     """Assert that holds change neither the hash nor a figure of a run, and return the share of agents that were asked."""
-    runs = {holds: Stage(scenario, holds=holds) for holds in (Lookahead, IgnoredHolds)}
+    runs = {holds: Stage(scenario, holds=holds, is_hashed=True) for holds in (Lookahead, IgnoredHolds)}
     for run in runs.values():
         run.run(ticks / 10)
     on, ignored = runs[Lookahead], runs[IgnoredHolds]

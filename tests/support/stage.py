@@ -49,8 +49,8 @@ class Driven:
 class Stage:
     """An orchard that a test runs until a condition holds. Each wait is bounded in simulated time."""
 
-    def __init__(self, scenario: Scenario, holds: type[Lookahead] = Lookahead, **agents: Agent) -> None:
-        self.local = Local(scenario, holds=holds)
+    def __init__(self, scenario: Scenario, holds: type[Lookahead] = Lookahead, is_hashed: bool = False, **agents: Agent) -> None:
+        self.local = Local(scenario, holds=holds, is_hashed=is_hashed)
         self.local.agents |= agents
         self.account = RunFigures(self.local.engine, time.monotonic)
         self.events: list[Event] = []

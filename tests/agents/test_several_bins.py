@@ -108,7 +108,7 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"picking": FAILURE, "dispatch": "assignment"},
     },
     "sensors with errors": {"pickers": 3, "carriers": 3, "metres_per_bin": 20.0, "sensors": GNSS},
-    "outward, and sensors with errors": {"carriers": 2, "metres_per_bin": 12.0, "order_in_row": "outward", "sensors": GNSS},
+    "outward, and sensors with errors": {"carriers": 2, "metres_per_bin": 20.0, "order_in_row": "outward", "sensors": GNSS},
     "surveyed rows": {"metres_per_bin": 14.0, "order_in_row": "outward"},
 }
 

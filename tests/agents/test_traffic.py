@@ -69,13 +69,13 @@ def test_a_partner_joins_at_once_although_others_stand_in_line():
 
 ORCHARDS = [
     (3, 2, None, 5.0, {}),
-    (5, 2, None, 5.0, {}),
-    (5, 5, None, 5.0, {}),
-    (4, 4, 1, 6.3, {}),
+    (5, 2, None, 5.0, {"row_length": 30.0}),
+    (5, 5, None, 5.0, {"row_length": 30.0}),
+    (4, 4, 1, 6.3, {"row_length": 30.0}),
     (4, 3, 3, 5.0, {"row_length": 20.0}),
     (5, 3, 4, 5.0, {"row_length": 45.5, "bay": 12.5}),
     (4, 3, 3, 5.0, {"row_length": 20.0, "route": TWO_WAY}),
-    (5, 5, 10, 5.0, {"route": TWO_WAY}),
+    (5, 5, 10, 5.0, {"row_length": 30.0, "route": TWO_WAY}),
     (6, 4, 6, 6.3, {"row_length": 40.0, "bay": 5.0, "route": TWO_WAY, "dispatch": FARTHEST}),
     pytest.param(12, 12, 120, 5.0, {}, marks=pytest.mark.soak),  # all ten lines of the queue are left and come back to
     pytest.param(12, 12, 120, 5.0, {"route": TWO_WAY}, marks=pytest.mark.soak),
@@ -105,23 +105,23 @@ def test_all_pickers_call_at_once_and_all_are_served(pickers):
 
 
 WITH_GUESTS = [
-    (3, 2, 1, ONE_WAY),
-    (5, 5, 1, ONE_WAY),
-    (5, 2, 1, ONE_WAY),
-    (6, 4, 1, TWO_WAY),
-    pytest.param(8, 3, 1, ONE_WAY, marks=pytest.mark.soak),
-    pytest.param(5, 2, 1, TWO_WAY, marks=pytest.mark.soak),
+    (3, 2, 1, ONE_WAY, 70.0),
+    (5, 5, 1, ONE_WAY, 30.0),
+    (5, 2, 1, ONE_WAY, 30.0),
+    (6, 4, 1, TWO_WAY, 30.0),
+    pytest.param(8, 3, 1, ONE_WAY, 70.0, marks=pytest.mark.soak),
+    pytest.param(5, 2, 1, TWO_WAY, 70.0, marks=pytest.mark.soak),
     *(
-        pytest.param(*of, route, marks=pytest.mark.soak)
+        pytest.param(*of, route, 70.0, marks=pytest.mark.soak)
         for of in [(5, 2, 3), (12, 6, 1), (20, 10, 1), (20, 20, 1)]
         for route in (ONE_WAY, TWO_WAY)
     ),
 ]
 
 
-@pytest.mark.parametrize(("rows", "pickers", "seed", "route"), WITH_GUESTS)
-def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, seed, route):
-    stage = Stage(Scenario(rows=rows, pickers=pickers, seed=seed, route=route))
+@pytest.mark.parametrize(("rows", "pickers", "seed", "route", "row_length"), WITH_GUESTS)
+def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, seed, route, row_length):
+    stage = Stage(Scenario(rows=rows, pickers=pickers, seed=seed, route=route, row_length=row_length))
     stage.run_to_the_end()
     assert stage.world.delivered == rows
     stage.assert_no_collisions()
@@ -193,13 +193,14 @@ def large_scenario(number: int) -> Scenario:
 
 
 def test_a_full_queue_closes_up_and_serves_from_its_head():
-    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=40, dispatch=NEAREST))
+    stage = Stage(empty_orchard(rows=3, pickers=3, carriers=30, row_length=30.0, dispatch=NEAREST))
     stage.run_until(lambda: len(stage.happened("row picked")) == 3, 80)
     stage.run_to_the_end()
     left = {event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")}
     assert len(left) == 3
-    heads = [name for name in stage.world.layout.names if name.startswith("carrier") and abs(stage.pose(name)[0] - 35.4) < 1e-6]
-    assert len(heads) == 4, "every line has closed up to its head"
+    east = stage.world.layout.row_east + 0.9
+    heads = [name for name in stage.world.layout.names if name.startswith("carrier") and abs(stage.pose(name)[0] - east) < 1e-6]
+    assert len(heads) == 10, "every line has closed up to its head"
 
 
 def test_a_person_standing_in_a_row_holds_up_only_that_row():

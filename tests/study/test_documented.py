@@ -1,16 +1,14 @@
 """The commands of a study in documents run, with a smaller orchard and less time."""
 
-import subprocess
-
 import pytest
 from code_blocks import ROOT, block, commands
+from command_line import orchard
 
 from docs.study import SCENARIO, result
 from orchard.field.scenario import check, parse
 
 SMALL = "rows: 3\npickers: 2\nprices: {carrier_per_hour: 6}\n"
 SHORT = ["--budget", "1s", "--model", "fast", "--workers", "1"]
-SECONDS = 120
 BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "own"), ("bounds", "policies")]
 COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))]
 
@@ -19,8 +17,7 @@ COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"doc
 def test_the_commands_of_the_study_run(command, tmp_path):
     for name in ("rent.yaml", "undisturbed", "hand_picking"):  # a file has precedence over a scenario of the package
         (tmp_path / name).write_text(SMALL)
-    words = [*command, *SHORT, "--out", str(tmp_path / "studies.db")]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
+    done = orchard(*command[2:], *SHORT, "--out", tmp_path / "studies.db", code=None, folder=tmp_path)
     is_too_short = "the budget is too short for one run" in done.stderr  # on a busy machine
     assert done.returncode == int(is_too_short), done.stdout + done.stderr
     assert "bins an hour" in done.stdout or "budget did not allow" in done.stdout

@@ -39,6 +39,16 @@ class _Loader(yaml.SafeLoader):
     """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its base class has it
+    _depth = 0
+
+    def get_event(self) -> Any:
+        """Refuse, before it is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
+        event = super().get_event()
+        self._depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        what = "nested too deeply" if self._depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
+        if what := what or ("tags (!name)" if getattr(event, "tag", None) else ""):
+            raise ScenarioError([_at(event.start_mark, self.name, f"{what}: not allowed in a scenario")])
+        return event
 
 
 class _Dumper(yaml.SafeDumper):
@@ -61,8 +71,8 @@ def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
     if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
         raise ScenarioError([Problem(source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000")])
     try:
-        _refuse_what_is_not_plain(text, source)
         loader = _Loader(text)
+        loader.name = source
         node = loader.get_single_node()
         lines: Lines = {}
         repeated = _walk(node, source, lines)
@@ -72,17 +82,6 @@ def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
         raise ScenarioError([_at(mark, source, f"is not YAML: {error.problem or error.context}")]) from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:
         raise ScenarioError([Problem(source, f"is not YAML: {' '.join(str(error).split())}")]) from None
-
-
-def _refuse_what_is_not_plain(text: str, source: str) -> None:
-    """Refuse, before anything is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
-    depth = 0
-    for event in yaml.parse(text, Loader=_Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        what = "nested too deeply" if depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
-        what = what or ("tags (!name)" if getattr(event, "tag", None) else "")
-        if what:
-            raise ScenarioError([_at(event.start_mark, source, f"{what}: not allowed in a scenario")])
 
 
 def _at(mark: Any, source: str, text: str) -> Problem:

@@ -3,6 +3,8 @@
 A box is (x, y, half length, half width, yaw); metres and radians.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from orchard.field.geometry import Pose
@@ -42,24 +44,23 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
     x, y = x + kind.laser.ahead * np.cos(yaw), y + kind.laser.ahead * np.sin(yaw)
-    angles = yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams)
-    least, most = np.full((2, kind.laser.beams), np.inf)
-    for box in boxes_seen_by(world, me):
-        distances = [distance_to_box(x, y, angles, box, inflate) for inflate in (-slack, 0.0, slack)]
-        least, most = np.minimum(least, np.min(distances, axis=0)), np.minimum(most, np.max(distances, axis=0))
+    angles, boxes = yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams), np.array(boxes_seen_by(world, me))
+    distances = np.array([distance_to_box(x, y, angles, boxes.T[..., None], inflate) for inflate in (-slack, 0.0, slack)])
+    least, most = distances.min(axis=(0, 1)), distances.max(axis=0).min(axis=0)
     return np.where(least <= LASER_RANGE + slack, least - slack, np.inf), np.where(most <= LASER_RANGE - slack, most + slack, np.inf)
 
 
-def distance_to_box(x: float, y: float, angles: np.ndarray, box: tuple, inflate: float = 0.0) -> np.ndarray:
-    """Metres along each ray to where it first meets a box's edge, +inf where it does not: the method of slabs."""
+def distance_to_box(x: float, y: float, angles: np.ndarray, box: Sequence, inflate: float = 0.0) -> np.ndarray:
+    """Metres along each ray to where it first meets a box's edge, +inf where it does not: the method of slabs.
+
+    The numbers of the box may be columns of those of many boxes: then there is a row for each box.
+    """
     box_x, box_y, half_length, half_width, yaw = box
     half_length, half_width = half_length + inflate, half_width + inflate
     c, s = np.cos(yaw), np.sin(yaw)
     along, across = c * (x - box_x) + s * (y - box_y), c * (y - box_y) - s * (x - box_x)
-    outside = max(abs(along) - half_length, abs(across) - half_width)
-    if -TOUCH <= outside <= 0.0:
-        return np.zeros_like(angles)
-    enter, leave = np.full_like(angles, -np.inf), np.full_like(angles, np.inf)
+    outside = np.maximum(abs(along) - half_length, abs(across) - half_width)
+    enter, leave = -np.inf, np.inf
     for at, towards, half in ((along, np.cos(angles - yaw), half_length), (across, np.sin(angles - yaw), half_width)):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             one, other = (-half - at) / towards, (half - at) / towards
@@ -67,4 +68,5 @@ def distance_to_box(x: float, y: float, angles: np.ndarray, box: tuple, inflate:
         enter = np.fmax(enter, np.where(parallel_outside, np.inf, np.fmin(one, other)))
         leave = np.fmin(leave, np.where(parallel_outside, -np.inf, np.fmax(one, other)))
     hit = np.where(enter >= 0.0, enter, leave)
-    return np.where((enter <= leave) & (leave >= 0.0), hit, np.inf)
+    distances = np.where((enter <= leave) & (leave >= 0.0), hit, np.inf)
+    return np.where((-TOUCH <= outside) & (outside <= 0.0), 0.0, distances)

@@ -29,14 +29,12 @@ def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
     """Return the Grid of the walls, (w, 7) boxes that face east. A cell holds each wall within `reach` (m) of a point in the cell."""
     frame = frame_of(walls, cell)
     x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
-    near = []
-    for row in range(int(frame[ROWS])):
-        for column in range(int(frame[COLUMNS])):
-            dx = np.maximum(np.abs(x - frame[WEST] - (column + 0.5) * cell) - hx - cell / 2, 0.0)
-            dy = np.maximum(np.abs(y - frame[SOUTH] - (row + 0.5) * cell) - hy - cell / 2, 0.0)
-            near.append(np.flatnonzero(dx * dx + dy * dy <= reach * reach + TOUCH))
-    begin = np.cumsum([0] + [len(members) for members in near], dtype=np.int64)
-    return Grid(frame, begin, np.concatenate(near).astype(np.int64))
+    columns, rows = np.arange(int(frame[COLUMNS]))[:, None], np.arange(int(frame[ROWS]))[:, None]
+    dx = np.maximum(np.abs(x - frame[WEST] - (columns + 0.5) * cell) - hx - cell / 2, 0.0)
+    dy = np.maximum(np.abs(y - frame[SOUTH] - (rows + 0.5) * cell) - hy - cell / 2, 0.0)
+    near = [np.nonzero(dx * dx + of_row * of_row <= reach * reach + TOUCH) for of_row in dy]  # the columns, and the walls
+    begin = np.cumsum(np.concatenate([[0], *(np.bincount(column, minlength=len(columns)) for column, _ in near)]), dtype=np.int64)
+    return Grid(frame, begin, np.concatenate([members for _, members in near]).astype(np.int64))
 
 
 @inlined

@@ -43,7 +43,7 @@ class _Loader(yaml.SafeLoader):
 
     def get_event(self) -> Any:
         """Refuse, before it is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
-        event = super().get_event()
+        event = super().get_event()  # type: ignore[no-untyped-call]
         self._depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         what = "nested too deeply" if self._depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
         if what := what or ("tags (!name)" if getattr(event, "tag", None) else ""):

@@ -17,7 +17,10 @@ PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are 
 
 
 def orchard(*arguments: object, code: int | None = 0, seconds: float = SECONDS, folder: Path = ROOT) -> subprocess.CompletedProcess:
-    """Run it in a folder to its end, which has this exit code, if not None. What a user gets wrong, code 2, ends without a traceback. It forks, too."""
+    """Run it in a folder to its end, which has this exit code; None: any. It forks, too.
+
+    What a user gets wrong, code 2, ends without a traceback.
+    """
     words = [*map(str, arguments)]
     process = Forked("run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH}, forks=True, folder=folder)
     out, err = process.communicate(timeout=seconds)

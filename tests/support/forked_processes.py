@@ -30,7 +30,8 @@ DOORS = (
     "orchard.processes.agents",
     "orchard.processes.router",
 )  # each runs as a process; what they import is shared
-COMMAND_LINE = ("orchard.launch.commands", "orchard.launch.local_run", "orchard.launch.distributed", "orchard.launch.study")  # what run.py imports
+_LAUNCH = ("commands", "local_run", "distributed", "study")  # what run.py imports
+COMMAND_LINE = tuple(f"orchard.launch.{module}" for module in _LAUNCH)
 ROOT = Path(__file__).parents[2]
 PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 
@@ -39,7 +40,7 @@ class Forked:
     """A process that runs a module; the methods are those of subprocess.Popen.
 
     `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the command. `forks`: what run.py starts,
-    but for the logger, is forked too. `stdin`: of a process that run.py starts, which leads its group. `folder`: in which it runs.
+    but for the logger, is forked too. `stdin`: of a process that run.py starts, which leads its group. `folder`: where it runs.
     """
 
     def __init__(
@@ -55,7 +56,14 @@ class Forked:
         self._module, ends = module, [os.pipe() for _ in range(1 if leads else 2)]
         self.stdout, self.stderr = os.fdopen(ends[0][0]), io.StringIO() if leads else os.fdopen(ends[1][0], errors="backslashreplace")
         self.returncode: int | None = None
-        request = {"module": module, "arguments": arguments, "environment": environment, "leads": leads, "forks": forks, "folder": str(folder)}
+        request = {
+            "module": module,
+            "arguments": arguments,
+            "environment": environment,
+            "leads": leads,
+            "forks": forks,
+            "folder": str(folder),
+        }
         self.pid, self._exit = server().fork(request | {"is_child": bool(stdin)}, [ends[0][1], ends[-1][1], stdin])
         for _, end in ends:
             os.close(end)

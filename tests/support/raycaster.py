@@ -69,4 +69,4 @@ def distance_to_box(x: float, y: float, angles: np.ndarray, box: Sequence, infla
         leave = np.fmin(leave, np.where(parallel_outside, -np.inf, np.fmax(one, other)))
     hit = np.where(enter >= 0.0, enter, leave)
     distances = np.where((enter <= leave) & (leave >= 0.0), hit, np.inf)
-    return np.where((-TOUCH <= outside) & (outside <= 0.0), 0.0, distances)
+    return np.where((outside >= -TOUCH) & (outside <= 0.0), 0.0, distances)

@@ -410,21 +410,21 @@ def test_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str, queues: tu
 
 @pytest.mark.parametrize("length", [28.0, 50.0, 105.0])
 def test_the_only_carrier_of_a_two_way_orchard_brings_in_the_harvest_beside_the_tractor(length: float) -> None:
-    stage = Stage(empty_orchard(rows=4, pickers=2, carriers=1, row_length=length, route=TWO_WAY, tractor=True))
-    stage.run_until(lambda: stage.world.delivered == 4, 4000)
+    stage = Stage(empty_orchard(rows=3, pickers=2, carriers=1, row_length=length, route=TWO_WAY, tractor=True))
+    stage.run_until(lambda: stage.world.delivered == 3, 4000)
     stage.assert_no_collisions()
 
 
 @pytest.mark.parametrize("stands", ["picker_01", "picker_02"])
 def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> None:
-    stage = Stage(Scenario(rows=4, pickers=2, dispatch="nearest"))
+    stage = Stage(Scenario(rows=4, pickers=2, row_length=30.0, dispatch="nearest"))
     stage.local.engine.stop([stands])
     stage.run_until(lambda: stage.world.delivered == 2, 700)
     stage.assert_no_collisions()
 
 
 def test_a_picker_that_never_leaves_its_start_in_the_east_stands_in_no_way() -> None:
-    stage = Stage(Scenario(rows=4, pickers=2), picker_02=Standing())
+    stage = Stage(Scenario(rows=4, pickers=2, row_length=30.0), picker_02=Standing())
     stage.run_until(lambda: stage.world.delivered == 2, 700)
     stage.assert_no_collisions()
 

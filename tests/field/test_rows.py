@@ -63,7 +63,8 @@ def scenario(distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int =
 
 
 def times(distribution: str, cv: float, speed: float) -> list[float]:
-    return [speed / picking_speed_of(scenario(distribution, cv, speed, seed), row) for seed in SEEDS for row in range(1, 21)]
+    orchards = (scenario(distribution, cv, speed, seed) for seed in SEEDS)
+    return [speed / picking_speed_of(orchard, row) for orchard in orchards for row in range(1, 21)]
 
 
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:

@@ -222,7 +222,7 @@ class Watched:
 
 
 def test_faults_of_a_policy_of_the_users_own_are_told(tmp_path):
-    own = with_changes(CHANCE, row_length=20.0, dispatch="own_policies.Raising")
+    own = with_changes(CHANCE, row_length=20.0, pickers=3, dispatch="own_policies.Raising")
     found = study(own, {}, replace(AMPLE, model="full", within=0.5, store=tmp_path / "s.db"))
     (note,) = [note for note in found.notes if "had faults" in note]
     assert note.startswith("the scenario: 5 of 5 runs had faults; seed 1: ")

@@ -64,7 +64,6 @@ def looking_at(size: tuple[int, int], *files: Path) -> Iterator[ViewerClient]:
             if time.monotonic() > deadline:
                 raise TimeoutError(f"the viewer did not load the recording within {PATIENCE:.0f} s")
             client.take_screenshot(max_size=100)
-        _wait_for_the_greeting(client)
         yield client
     finally:
         process.terminate()
@@ -103,6 +102,7 @@ def at(client: ViewerClient, seconds: float, view: str | None = None) -> Image.I
 def picture(recording: Path) -> Image.Image:
     """The window without its menu."""
     with looking_at(WINDOW, recording) as client:
+        _wait_for_the_greeting(client)
         return at(client, SHOWN).crop((0, MENU, WINDOW[0], WINDOW[1] + MENU))
 
 
@@ -112,6 +112,7 @@ def film(recording: Path) -> list[Image.Image]:
     panels = rrb.TimePanel(state="collapsed", timeline=TIMELINE), rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
     rrb.Blueprint(rrb.Vertical(at_work(lay_out(SCENARIO))), *panels, auto_views=False, auto_layout=False).save("orchard", blueprint)
     with looking_at(SMALL_WINDOW, recording, blueprint) as client:
+        _wait_for_the_greeting(client)
         return [at(client, seconds, "At work") for seconds in np.arange(*EXCHANGE, SPEED / RATE)]
 
 

@@ -1,4 +1,7 @@
-"""run.py for tests, as a person uses it; what it imports is there already (`forked_processes.py`). `tests/docs` starts it as it stands."""
+"""run.py for tests, as a person uses it; what it imports is there already (`forked_processes.py`).
+
+The tutorial in `tests/docs` starts it as it stands.
+"""
 
 import json
 import os

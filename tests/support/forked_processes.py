@@ -222,6 +222,7 @@ def begin(request: dict) -> None:
             return
         other.close()
         let_supervisor_fork(own)
+    os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["folder"])
@@ -244,7 +245,7 @@ def let_supervisor_fork(own: socket.socket) -> None:
     def start(command: Sequence[str], **how: Any) -> Any:
         if len(command) < 3 or command[2] not in DOORS:
             return subprocess.Popen(command, **how)
-        return Forked(command[2], command[3:], how["env"], stdin=how["stdin"])
+        return Forked(command[2], command[3:], how["env"], stdin=how["stdin"], folder=Path.cwd())
 
     supervisor.subprocess = SimpleNamespace(**vars(subprocess) | {"Popen": start})
 

@@ -4,8 +4,9 @@ The score of a harvest is what is proven of the shortest one, as a share of the 
 that is never finished has 0. A policy's score is the mean over the orchards, and that of an orchard the mean over its seeds.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from math import inf
 from statistics import fmean
@@ -99,13 +100,10 @@ class Benchmark:
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped. Raises WorkersError, RunFailed or StoreFailed."""
-        asked: list[tuple[Iterable[int], Model, int]] = [
-            (range(len(self.settings)), "fast", SEEDS),
-            (self.bounds.values(), "proven", 1),
-            (self.drawn, "proven", SEEDS),
-            (self.checked, "full", SEEDS),
-        ]
-        return self._result() if all(self.runs.do(settings, model, count, inf) for settings, model, count in asked) else None
+        do = partial(self.runs.do, until=inf)
+        is_known = do(range(len(self.settings)), "fast", SEEDS) and do(self.bounds.values(), "proven", 1)
+        is_whole = is_known and do(self.drawn, "proven", SEEDS) and do(self.checked, "full", SEEDS)
+        return self._result() if is_whole else None
 
     def _hear(self) -> None:
         """Tell how far it is. A run of the simulator counts as one of the fast model, so a check takes most of the time at the end."""

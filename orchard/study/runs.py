@@ -69,13 +69,10 @@ class PlannedRun:
     def do(self, until: float) -> "RunRecord | None":
         """Do the run in this process. Return None if a full one is not over at `until`, as time.time()."""
         begun = time.perf_counter()
-        match self.model:
-            case "full":
-                outcome = _full(self.scenario, until)
-            case "fast":
-                outcome = _fast(self.scenario, self.horizon)
-            case "proven":
-                outcome = _proven(self.scenario)
+        if self.model == "proven":
+            outcome: RunResult | None = _proven(self.scenario)
+        else:
+            outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
         if outcome is None:
             return None
         return RunRecord(

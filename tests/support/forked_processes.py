@@ -222,7 +222,6 @@ def begin(request: dict) -> None:
             return
         other.close()
         let_supervisor_fork(own)
-    os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["folder"])

@@ -281,8 +281,11 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
         candidates = [int(j) for j in near if may_meet(at, stands[j]) and not is_on_its_road(at, heading, stands[j])]
         if candidates:
             x, y = swept(shape, at.x, at.y, HEADINGS[at.heading], angle_between(HEADINGS[at.heading], HEADINGS[heading])).T.copy()
-            apart = [np.maximum(np.abs(x - bx) - half_x, np.abs(y - by) - half_y).min() for bx, by, half_x, half_y in boxes[candidates]]
-            found += [(at, stands[j]) for j, gap in zip(candidates, apart, strict=True) if gap < TURN_MARGIN - 0.02]
+            apart = {
+                (bx, by, half_x, half_y): np.maximum(np.abs(x - bx) - half_x, np.abs(y - by) - half_y).min()
+                for bx, by, half_x, half_y in {stands[j][:4] for j in candidates}  # many stand at one place
+            }
+            found += [(at, stands[j]) for j in candidates if apart[stands[j][:4]] < TURN_MARGIN - 0.02]
     return found
 
 

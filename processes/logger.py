@@ -6,7 +6,9 @@ Killing it does not disturb the run. If it is started again with the same file, 
 """
 
 import logging
+import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from orchard.field.problems import ScenarioError
@@ -26,6 +28,8 @@ log = logging.getLogger("orchard")
 
 def main(argv: list[str] | None = None) -> int:
     """Record a run until it ends; the exit code."""
+    with suppress(AttributeError, OSError):  # where the system knows how, it interrupts no process for which the run waits
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     return run_process("logger", LoggerOptions, argv, _run, BusError, ScenarioError, ValueError, OSError, RuntimeError)
 
 

@@ -2,6 +2,7 @@
 
 import copy
 import math
+import os
 import re
 import signal
 import subprocess
@@ -161,6 +162,7 @@ def battered(tmp_path_factory):
     with running("--rows", 3, *pace, "--record", file, "--summary", folder / "summary.json") as run:
         wait_for(lambda: has_begun(file))
         (first,) = loggers_of(run)
+        assert os.sched_getscheduler(first.pid) == os.SCHED_BATCH, "it interrupts those for which the run waits"
         first.kill()
         second = next_logger(run, first)
         second.kill()

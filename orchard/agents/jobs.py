@@ -121,7 +121,7 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Time
     crossings = _uses(before)
     ready = next((use for use in reversed(crossings) if use.place == place), None)
     if of_lane is None or ready is None:
-        raise ValueError(f"robots need no place {place} on your route, or do not give it back: so nobody knows when they are there")
+        raise ValueError(f"robots need no place {place} on your route, or do not give it back: so it is not known when they are there")
     stands = ready.at + ready.ticks * TIME_STEP + stop - of_lane.at  # when a carrier that holds before the lane can stand there
     gone = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
     begins = min(use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1)))  # all lines lead to there

@@ -122,7 +122,7 @@ class Driver(PlanExecutor):
 
     def _leave(self, node: Node, edge: Edge) -> bool:
         if why := self.why_not_drive():
-            self._halt(Rejected("NO_ROUTE_TO_TARGET", why, {"nodeId": node.node_id}, "CRITICAL").error)
+            self._halt(Rejected("NODE_UNREACHABLE", why, {"nodeId": node.node_id}, "CRITICAL").error)
             return False
         self.duty.phase = "edge"
         for action in edge.actions:

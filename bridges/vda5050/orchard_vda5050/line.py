@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from itertools import count
 from queue import Empty, SimpleQueue
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 import msgspec
 from paho.mqtt.client import Client, MQTTMessage
@@ -54,11 +54,12 @@ def broker_at(url: str, interface: str, manufacturer: str, version: str) -> Brok
         raise ValueError(f"{wrong[0]!r}: a part of a topic needs characters, but none of / + # $")
     is_secure = parts.scheme == "mqtts"
     port = parts.port or (8883 if is_secure else 1883)
-    return Broker(parts.hostname, port, is_secure, parts.username, parts.password, interface, manufacturer, version)
+    user, password = (word if word is None else unquote(word) for word in (parts.username, parts.password))
+    return Broker(parts.hostname, port, is_secure, user, password, interface, manufacturer, version)
 
 
 def _client(broker: Broker, name: str) -> Client:
-    client = Client(CallbackAPIVersion.VERSION2, client_id=f"{broker.manufacturer}-{name}")
+    client = Client(CallbackAPIVersion.VERSION2, client_id=f"{broker.interface}-{broker.manufacturer}-{name}")
     client.username_pw_set(broker.user, broker.password)
     if broker.is_secure:
         client.tls_set()
@@ -71,7 +72,7 @@ class Line:
     def __init__(
         self, network: Network, broker: Broker, serial: str, subscribes: Sequence[str], greets: Sequence[tuple[str, Message]]
     ) -> None:
-        self._broker, self._serial, self._subscribes, self._greets = broker, serial, subscribes, greets
+        self._network, self._broker, self._serial, self._subscribes, self._greets = network, broker, serial, subscribes, greets
         self._taken: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
         self._numbers: dict[str, Any] = defaultdict(count)  # topic -> the headerIds
         self.state_header_id = 0
@@ -83,7 +84,8 @@ class Line:
         network.keep(self._connection)
 
     def take(self) -> list[tuple[str, bytes]]:
-        """Return what has come since the last call: topic and payload."""
+        """Return what has come since the last call: topic and payload. The first call opens the line."""
+        self._network.open()
         taken = []
         while True:
             try:

@@ -13,7 +13,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard_vda5050.actions import ACTIONS, IGNORED, INSTANT, Action
 from orchard_vda5050.graph import Graph
 from orchard_vda5050.lif import MAP, series
-from orchard_vda5050.order import ActionState, Edge, Error, Node, OrderState
+from orchard_vda5050.order import LARGEST, LONGEST_ID, ActionState, Edge, Error, Node, OrderState
 
 Message = dict[str, Any]
 
@@ -110,7 +110,7 @@ def factsheet_of(kind: str, state_seconds: float) -> Message:
             "length": body.length,
         },
         "protocolLimits": {
-            "maximumStringLengths": {},
+            "maximumStringLengths": {"maximumMessageLength": LARGEST, "maximumIdLength": LONGEST_ID},
             "maximumArrayLengths": {},
             "timing": {"minimumOrderInterval": TIME_STEP, "minimumStateInterval": TIME_STEP, "defaultStateInterval": state_seconds},
         },

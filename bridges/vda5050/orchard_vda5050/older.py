@@ -9,6 +9,7 @@ ERRORS: Mapping[str, str] = {
     "VALIDATION_FAILURE": "validationError",
     "UNSUPPORTED_PARAMETER": "validationError",
     "NO_ROUTE_TO_TARGET": "noRouteError",
+    "NODE_UNREACHABLE": "noRouteError",
     "UNKNOWN_MAP_ID": "noRouteError",
     "START_NODE_OUT_OF_RANGE": "noRouteError",
     "OUTDATED_ORDER_UPDATE": "orderUpdateError",
@@ -64,7 +65,7 @@ def _visualization(message: Message) -> Message:
 
 def _factsheet(message: Message) -> Message:
     kind, physical, timing = message["typeSpecification"], message["physicalParameters"], message["protocolLimits"]["timing"]
-    features = message["protocolFeatures"]
+    features, longest = message["protocolFeatures"], message["protocolLimits"]["maximumStringLengths"]
     return {
         "typeSpecification": {
             "seriesName": kind["seriesName"],
@@ -86,7 +87,7 @@ def _factsheet(message: Message) -> Message:
             "length": physical["length"],
         },
         "protocolLimits": {
-            "maxStringLens": {},
+            "maxStringLens": {"msgLen": longest["maximumMessageLength"], "idLen": longest["maximumIdLength"]},
             "maxArrayLens": {},
             "timing": {
                 "minOrderInterval": timing["minimumOrderInterval"],

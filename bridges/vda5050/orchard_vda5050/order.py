@@ -13,11 +13,16 @@ from msgspec import Meta
 
 from orchard_vda5050.actions import ACTIONS, IGNORED, Action
 from orchard_vda5050.graph import Graph
+from orchard_vda5050.graph import Node as Place
 from orchard_vda5050.lif import MAP
 
+LONGEST_ID = 200  # characters of the name of an order or an action
+LONGEST_TOLD = 300  # characters of what an error says or refers to
 Count = Annotated[int, Meta(ge=0, lt=2**32)]
+Name = Annotated[str, Meta(max_length=LONGEST_ID)]
 Status = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"]
 Level = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
+LASTING = ("ACTION_FAILED", "NODE_UNREACHABLE")  # errors with which a vehicle stands until its order is cancelled
 UNUSABLE = (  # of an edge
     "trajectory",
     "corridor",
@@ -28,7 +33,8 @@ UNUSABLE = (  # of an edge
     "maxRotationSpeed",
 )
 LARGEST = 1 << 20  # bytes of a message
-MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own map
+MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own map, and a vehicle beside the line of an edge
+OFF = 5.0  # m by which a vehicle may stand off its first node, whatever the order allows: it drives straight on from there
 
 # -- messages of fleet control
 
@@ -45,8 +51,8 @@ class Parameter(Part):
 class ActionOrder(Part):
     """An action in an order, or an instant action."""
 
-    action_type: str
-    action_id: str
+    action_type: Name
+    action_id: Name
     blocking_type: Literal["NONE", "SINGLE", "SOFT", "HARD"]
     action_parameters: list[Parameter] = []
 
@@ -87,6 +93,8 @@ class Edge(Part):
     sequence_id: Count
     released: bool
     actions: list[ActionOrder]
+    start_node_id: str | None = None
+    end_node_id: str | None = None
     maximum_speed: Annotated[float, Meta(gt=0.0)] | None = None  # m/s
     max_speed: Annotated[float, Meta(gt=0.0)] | None = None  # the same in version 2.1
 
@@ -105,7 +113,7 @@ class Header(msgspec.Struct, rename="camel"):
 
 
 class Order(Header):
-    order_id: str
+    order_id: Name
     order_update_id: Count
     nodes: list[Node]
     edges: list[Edge]
@@ -183,8 +191,8 @@ class Rejected(Exception):
 
     def __init__(self, error_type: str, why: str, references: Mapping[str, object], level: Level = "WARNING") -> None:
         super().__init__(why)
-        named = [Reference(key, str(value)) for key, value in references.items()]
-        self.error = Error(error_type, level, named, why)
+        named = [Reference(key, str(value)[:LONGEST_TOLD]) for key, value in references.items()]
+        self.error = Error(error_type, level, named, why[:LONGEST_TOLD])
 
 
 def read(payload: bytes) -> Order:
@@ -200,7 +208,7 @@ def read(payload: bytes) -> Order:
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise Rejected("VALIDATION_FAILURE", f"not an order: {error}", known) from None
     for edge, raw in zip(order.edges, data["edges"], strict=True):
-        if unusable := [name for name in UNUSABLE if name in raw]:
+        if unusable := [name for name in UNUSABLE if raw.get(name) is not None]:
             raise Rejected(
                 "UNSUPPORTED_PARAMETER", f"edge {edge.edge_id}: cannot use {', '.join(unusable)}", {"parameter": unusable[0]}, "CRITICAL"
             )
@@ -216,6 +224,12 @@ def _check_sequence(order: Order) -> None:
     released = [part.released for part in parts]
     if not released[0] or sorted(released, reverse=True) != released or (len(parts) > 1 and sum(released) % 2 == 0):
         raise ValueError("the base must come first, and begin and end with a node")
+    for start, edge, end in zip(order.nodes, order.edges, order.nodes[1:], strict=False):
+        if (edge.start_node_id or start.node_id, edge.end_node_id or end.node_id) != (start.node_id, end.node_id):
+            raise ValueError(f"edge {edge.edge_id} is not from {start.node_id} to {end.node_id}, between which it stands")
+    ids = [action.action_id for part in parts for action in part.actions]
+    if len(set(ids)) < len(ids):
+        raise ValueError("two actions have the same actionId")
 
 
 def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x: float, y: float) -> OrderState:
@@ -244,6 +258,8 @@ def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x
             "VALIDATION_FAILURE", f"the update must begin with the last node of the base, {name} with sequenceId {sequence}", named
         )
     _check_ways(order, graph)
+    if not is_new:
+        _check_names(state, order)
     _check_actions(order, ACTIONS[graph.kind], bins)
     if is_new:
         _check_start(state, order, graph, x, y)
@@ -257,11 +273,20 @@ def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: flo
     if first.node_id == state.last_node:
         return
     node, room = graph.nodes[first.node_id], MATCHES
-    if first.node_position is not None:
-        room += first.node_position.allowed
+    if first.node_position is not None and _is_beside(node, order, graph, x, y):
+        room += min(first.node_position.allowed, OFF)
     if hypot(node.x - x, node.y - y) > room:
         far = f"{first.node_id} is {hypot(node.x - x, node.y - y):.1f} m away"
         raise Rejected("START_NODE_OUT_OF_RANGE", far, {"orderId": order.order_id, "nodeId": first.node_id})
+
+
+def _is_beside(node: Place, order: Order, graph: Graph, x: float, y: float) -> bool:
+    """Whether a vehicle at (x, y) stands on the line of the order's first edge: that one leads along x, or along y."""
+    after = next((graph.nodes[one.node_id] for one in order.nodes if one.node_id != node.name), None)
+    if after is None:
+        return False
+    leads_along_x = abs(after.x - node.x) > abs(after.y - node.y)
+    return abs(node.y - y if leads_along_x else node.x - x) <= MATCHES
 
 
 def _check_ways(order: Order, graph: Graph) -> None:
@@ -279,6 +304,20 @@ def _check_ways(order: Order, graph: Graph) -> None:
         if start.node_id != end.node_id and (start.node_id, end.node_id) not in graph.edges:
             why = f"no edge from {start.node_id} to {end.node_id}"
             raise Rejected("NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id})
+
+
+def _check_names(state: OrderState, order: Order) -> None:
+    """The actions that an update adds must be new ones, also where it takes the place of the horizon."""
+    kept = {one.action_id for one in state.actions} - _horizon(state)
+    added = [one.action_id for one in _states([*order.nodes[1:], *order.edges])]
+    if again := [one for one in added if one in kept]:
+        raise Rejected("VALIDATION_FAILURE", "the order has an action with this actionId already", {"actionId": again[0]})
+
+
+def _horizon(state: OrderState) -> set[str]:
+    """Return the actions of the horizon."""
+    parts: list[Node | Edge] = [*state.nodes, *state.edges]
+    return {action.action_id for part in parts if not part.released for action in part.actions}
 
 
 def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[str]) -> None:
@@ -318,8 +357,7 @@ def _begun(state: OrderState, order: Order) -> OrderState:
 
 def _continued(state: OrderState, order: Order) -> OrderState:
     """The update takes the place of the horizon. Its first node is known, and so are the actions there."""
-    parts: list[Node | Edge] = [*state.nodes, *state.edges]
-    horizon = {action.action_id for part in parts if not part.released for action in part.actions}
+    horizon = _horizon(state)
     return msgspec.structs.replace(
         state,
         update_id=order.order_update_id,
@@ -327,7 +365,7 @@ def _continued(state: OrderState, order: Order) -> OrderState:
         nodes=[*(node for node in state.nodes if node.released), *order.nodes[1:]],
         edges=[*(edge for edge in state.edges if edge.released), *order.edges],
         actions=[*(action for action in state.actions if action.action_id not in horizon), *_states([*order.nodes[1:], *order.edges])],
-        errors=[],
+        errors=[error for error in state.errors if error.error_type in LASTING],
     )
 
 

@@ -27,6 +27,7 @@ from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, OrderSta
 
 ON_A_NODE = 0.05  # m
 MOST_INSTANT = 50  # instant actions that it remembers
+NOT_AVAILABLE = "MOBILE_ROBOT_NOT_AVAILABLE"  # the error of an order that comes while it clears the roads by itself
 MOST_BYTES = LARGEST_MEMORY // 2  # of an order in its memory
 
 
@@ -142,21 +143,38 @@ class Vehicle:
         try:
             if topic == "order":
                 order = orders.read(payload)
+                self._check_addressee(order)
                 if duty.is_away:
-                    raise Rejected("MOBILE_ROBOT_NOT_AVAILABLE", "it drives to the queue by itself", {"orderId": order.order_id})
+                    raise Rejected(NOT_AVAILABLE, "it drives to the queue by itself", {"orderId": order.order_id})
                 taken = orders.take(duty.order, order, self.graph, self._bins, robot.pose.x, robot.pose.y)
                 if len(_packed(taken)) > MOST_BYTES:
                     raise Rejected("INSUFFICIENT_MEMORY", "the order is too long", {"orderId": order.order_id}, "URGENT")
                 duty.is_halted = duty.is_halted and taken.order_id == duty.order.order_id
                 duty.order = taken
-            elif topic == "instantActions" and len(payload) <= orders.LARGEST:
-                for action in msgspec.json.decode(payload, type=orders.InstantActions).actions:
+            else:
+                for action in self._instant(payload):
                     self._obey_at_once(robot, action)
         except Rejected as rejected:
-            duty.order.errors = [*(e for e in duty.order.errors if e.error_type != rejected.error.error_type), rejected.error]
+            self._tell(duty, rejected)
         except (ValueError, RecursionError) as error:
             duty.errors = [Rejected("VALIDATION_FAILURE", f"not an instant action: {error}", {}).error]
         self._news = None
+
+    def _check_addressee(self, message: orders.Header) -> None:
+        if message.serial_number != self.name:
+            raise Rejected("VALIDATION_FAILURE", f"it is for {message.serial_number}, and this is {self.name}", {})
+
+    def _instant(self, payload: bytes) -> list[ActionOrder]:
+        """Return the instant actions in a payload. Raises ValueError if it is malformed, Rejected if it is for another one."""
+        if len(payload) > orders.LARGEST:
+            raise ValueError(f"{len(payload)} bytes are more than {orders.LARGEST}")
+        message = msgspec.json.decode(payload, type=orders.InstantActions)
+        self._check_addressee(message)
+        return message.actions
+
+    def _tell(self, duty: Duty, rejected: Rejected) -> None:
+        """Keep an error until a new order is taken; of each kind the newest."""
+        duty.order.errors = [*(e for e in duty.order.errors if e.error_type != rejected.error.error_type), rejected.error]
 
     def _obey_at_once(self, robot: Driver, action: ActionOrder) -> None:
         duty, state = robot.duty, ActionState(action.action_id, action.action_type, "FINISHED")
@@ -178,11 +196,13 @@ class Vehicle:
                 why = f"no instant action {action.action_type}; there are {', '.join(INSTANT)}"
                 duty.errors = [Rejected("INVALID_INSTANT_ACTION", why, {"actionId": action.action_id}).error]
         duty.instant = [*duty.instant, state][-MOST_INSTANT:]
+        while len(_packed(duty.instant)) > MOST_BYTES // 2:
+            del duty.instant[0]
 
     def _cancel(self, robot: Driver, action: ActionOrder) -> orders.Status:
         duty, wanted = robot.duty, action.value("orderId")
         if duty.order.is_idle or duty.is_away or wanted not in (None, duty.order.order_id):
-            duty.errors = [Rejected("NO_ORDER_TO_CANCEL", "no such order is active", {"actionId": action.action_id}).error]
+            self._tell(duty, Rejected("NO_ORDER_TO_CANCEL", "no such order is active", {"actionId": action.action_id}))
             return "FAILED"
         self._give_up(robot)
         return "RUNNING"
@@ -212,6 +232,7 @@ class Vehicle:
         if duty.is_away and self.is_home(robot):
             self._stop(robot)
             duty.is_away = False
+            order.errors = [error for error in order.errors if error.error_type != NOT_AVAILABLE]
         is_stuck = duty.phase == "edge" and robot.seen.twist == STILL and (duty.is_away or self.is_held_up(robot))
         may_go = not is_stuck and bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
         if (may_go and not duty.is_paused and not duty.is_halted) or not order.last_node or self.is_out_of_the_way(robot):

@@ -162,7 +162,7 @@ def test_a_vehicle_that_drives_home_by_itself_says_so_and_takes_no_order():
     fleet.until(lambda: fleet.state(name)["errors"])
     assert [error["errorType"] for error in fleet.state(name)["errors"]] == ["MOBILE_ROBOT_NOT_AVAILABLE"]
     fleet.until(lambda: fleet.state(name)["operatingMode"] == "AUTOMATIC")
-    assert fleet.state(name)["lastNodeId"].startswith("queue/")
+    assert fleet.state(name)["lastNodeId"].startswith("queue/") and fleet.state(name)["errors"] == []
 
 
 def test_a_bin_that_another_carrier_fetches_fails_the_action_and_the_order_can_be_cancelled():

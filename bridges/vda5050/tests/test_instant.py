@@ -1,5 +1,6 @@
 """What a vehicle obeys at once."""
 
+import json
 import random
 
 import pytest
@@ -44,7 +45,6 @@ def test_a_cancelled_order_ends_at_the_next_node_and_a_new_one_begins_there():
 @pytest.mark.parametrize(
     ("kind", "parameters", "error"),
     [
-        ("cancelOrder", {"orderId": "another"}, "NO_ORDER_TO_CANCEL"),
         ("initializePosition", {}, "INVALID_INSTANT_ACTION"),
         ("fly", {}, "INVALID_INSTANT_ACTION"),
     ],
@@ -59,6 +59,21 @@ def test_what_a_vehicle_cannot_do_fails_and_is_said(kind, parameters, error):
     fleet.until(lambda: status(fleet, name, fine) == "FINISHED" and fleet.state(name)["errors"] == [])
 
 
+def test_that_there_is_no_order_to_cancel_is_said_until_a_new_one_is_taken():
+    fleet, name = Fleet(SMALL), "carrier_01"
+    fleet.has_master = False
+    fleet.tick()
+    action = fleet.master.instant(name, "cancelOrder", orderId="another")
+    fleet.until(lambda: status(fleet, name, action) == "FAILED")
+    fine = fleet.master.instant(name, "stateRequest")
+    fleet.until(lambda: status(fleet, name, fine) == "FINISHED")
+    (told,) = fleet.state(name)["errors"]
+    assert told["errorType"] == "NO_ORDER_TO_CANCEL" and told["errorReferences"] == [{"referenceKey": "actionId", "referenceValue": action}]
+    sent(fleet, name, lambda order: None)
+    fleet.until(lambda: fleet.state(name)["driving"])
+    assert fleet.state(name)["errors"] == []
+
+
 def test_a_factsheet_is_sent_on_request_and_finished_instant_actions_are_forgotten():
     fleet, name = begun()
     request = fleet.master.instant(name, "factsheetRequest")
@@ -68,7 +83,7 @@ def test_a_factsheet_is_sent_on_request_and_finished_instant_actions_are_forgott
     fleet.until(lambda: [one["actionType"] for one in fleet.state(name)["instantActionStates"]] == ["clearInstantActions"])
 
 
-@pytest.mark.parametrize("payload", [b"{", b"[]", b'{"actions": 3}'])
+@pytest.mark.parametrize("payload", [b"{", b"[]", b'{"actions": 3}', b" " * (1 << 20) + b"{}"], ids=lambda payload: str(payload[:12]))
 def test_what_is_no_instant_action_is_said(payload):
     fleet, name = begun()
     fleet.wires[name].inbox.append(("instantActions", payload))
@@ -94,6 +109,44 @@ def test_a_vehicle_to_which_nothing_happens_is_asked_once_a_second():
     assert [name for name in fleet.wires if asked.count(name) > 15] == []
 
 
+HERE = {"nodeId": "queue/1", "sequenceId": 0, "released": True, "actions": []}
+
+
+def noise(seed, length):
+    return "".join(random.Random(seed).choices("0123456789abcdef", k=length))
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [
+        ("order", {"orderId": noise(0, 400_000), "orderUpdateId": 3, "nodes": [], "edges": []}),
+        ("instantActions", {"actions": [{"actionType": noise(1, 400_000), "actionId": "one", "blockingType": "NONE"}]}),
+        ("instantActions", {"actions": [{"actionType": "stateRequest", "actionId": noise(2, 400_000), "blockingType": "NONE"}]}),
+        ("order", {"orderId": "one", "orderUpdateId": 0, "nodes": [HERE], "edges": [], "serialNumber": "carrier_02"}),
+        ("instantActions", {"actions": [], "serialNumber": "carrier_02"}),
+    ],
+    ids=["order", "type", "id", "order of another", "actions of another"],
+)
+def test_what_a_vehicle_cannot_keep_or_is_for_another_one_is_rejected_in_few_words(topic, message):
+    fleet, name = Fleet(SMALL), "carrier_01"
+    fleet.has_master = False
+    fleet.tick()
+    fleet.master.publish(name, topic, message)
+    state = fleet.until(lambda: fleet.state(name).get("errors") and fleet.state(name), seconds=5.0)
+    assert [error["errorType"] for error in state["errors"]] == ["VALIDATION_FAILURE"] and len(json.dumps(state)) < 3000
+
+
+def test_the_names_of_many_instant_actions_are_kept_while_they_fit():
+    fleet, name = Fleet(SMALL), "carrier_01"
+    fleet.has_master = False
+    fleet.tick()
+    for number in range(50):
+        action = {"actionType": noise(number, 200), "actionId": noise(100 + number, 200), "blockingType": "NONE"}
+        fleet.master.publish(name, "instantActions", {"actions": [action]})
+    state = fleet.until(lambda: fleet.state(name).get("errors") and fleet.state(name), seconds=5.0)
+    assert 20 < len(state["instantActionStates"]) < 50 and state["instantActionStates"][-1]["actionId"] == noise(149, 200)
+
+
 def sent(fleet, name, change):
     """Send a vehicle in the queue an order to a stop, after a change of it."""
     fleet.tick()
@@ -110,7 +163,7 @@ def test_a_vehicle_remembers_no_more_than_it_can():
     fleet, name = Fleet(SMALL), "carrier_01"
     for _ in range(60):
         fleet.master.instant(name, "stateRequest")
-    ids = ["".join(random.Random(number).choices("0123456789abcdef", k=900)) for number in range(40)]
+    ids = [noise(number, 200) for number in range(200)]
     actions = [{"actionType": "drop", "actionId": one, "blockingType": "HARD", "actionParameters": []} for one in ids]
     sent(fleet, name, lambda order: order["nodes"][-1].update(actions=actions))
     state = fleet.until(lambda: fleet.state(name)["errors"] and fleet.state(name))

@@ -1,12 +1,15 @@
 """The line over a real broker: a harvest, with the broker and the bridge killed on the way; and mistakes, told in words."""
 
 import os
+import socket
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from threading import Thread
 from types import SimpleNamespace
 
 import pytest
 from orchard_vda5050 import __main__ as command
+from orchard_vda5050 import network as lines_to_broker
 from orchard_vda5050.fleet import vehicles
 from orchard_vda5050.line import Line, broker_at
 from orchard_vda5050.network import Network
@@ -29,6 +32,9 @@ def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_k
         try:
             is_busy = lambda: next((name for name in CARRIERS if control.states.get(name, {}).get("nodeStates")), None)  # noqa: E731
             busy = control.until(is_busy, BEGIN_SECONDS)
+            with bridging(run.endpoint, port, tmp_path, *KINDS) as second:
+                assert second.wait(BEGIN_SECONDS) == 2, "its robots are taken"
+            assert {message["connectionState"] for _, topic, message in control.heard if topic == "connection"} == {"ONLINE"}
             first.kill()
             first.wait()
             with broker(tmp_path, port):
@@ -68,24 +74,140 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
     assert told in capsys.readouterr().err
 
 
-def test_a_broker_that_is_away_or_refuses_is_told_of_once(tmp_path, capsys):
-    port, network, said = free_port(), Network(), []
+def opened(network, address, serial="carrier_01", topics=()):
+    """A vehicle's line that is open."""
+    line = Line(network, broker_at(f"mqtt://{address}", "vda5050", "orchard", "3.0.0"), serial, topics, [])
+    assert line.take() == []
+    return line
 
-    def told(words):
-        end = time.monotonic() + 20.0
-        while not said or words not in said[-1]:
-            assert time.monotonic() < end, said
-            time.sleep(0.01)
-            said.extend(capsys.readouterr().err.splitlines())
 
-    Line(network, broker_at(f"mqtt://127.0.0.1:{port}", "vda5050", "orchard", "3.0.0"), "carrier_01", [], [])
+def hears(line):
+    """Send orders to a vehicle until one comes."""
+    taken = []
+    until(lambda: line.send("order", {}) or taken.extend(line.take()) or taken, "nothing came")
+
+
+@pytest.fixture
+def told(capsys):
+    """Waits until these words are said, and returns all that was."""
+    said = []
+
+    def wait(words):
+        until(lambda: said.extend(capsys.readouterr().err.splitlines()) or any(words in line for line in said), said)
+        return said
+
+    return wait
+
+
+def until(condition, what):
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.01)
+
+
+@contextmanager
+def server(answer):
+    """A server that is no broker: it answers each caller with these bytes, and says no more. Its address."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve():
+            with suppress(OSError), ExitStack() as callers:  # until the listener is closed
+                while True:
+                    caller = callers.enter_context(listener.accept()[0])
+                    caller.sendall(answer)
+
+        thread = Thread(target=serve)
+        thread.start()
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
+        listener.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def test_a_broker_that_is_away_or_refuses_is_told_of_once(tmp_path, told):
+    port, network = free_port(), Network()
+    opened(network, f"127.0.0.1:{port}")
     told("the broker is not there: [Errno 111] Connection refused; trying again")
     with broker(tmp_path, port, lets_in="false"):
         told("the broker refuses: Not authorized; trying again")
     with broker(tmp_path, port):
-        told("the broker is there")
+        said = told("the broker is there")
     network.close()
     assert len(said) == len(set(said))
+
+
+def test_a_host_that_cannot_be_is_told_of(told):
+    network = Network()
+    opened(network, "orchard..example")
+    told("the broker is not there: encoding with 'idna' codec failed")
+    network.close()
+
+
+def test_a_broker_that_does_not_answer_is_told_of(told, monkeypatch):
+    monkeypatch.setattr(lines_to_broker, "KEEPALIVE_SECONDS", 1)
+    network = Network()
+    with server(b"") as address:
+        opened(network, address)
+        told("the broker gives no answer to vehicles that connect: Keep alive timeout; trying again")
+        network.close()
+
+
+def test_what_is_no_broker_keeps_no_other_line_from_fleet_control(tmp_path, told):
+    """It lets the vehicle in, and sends an order whose topic is no text."""
+    port, network = free_port(), Network()
+    with server(b"\x20\x02\x00\x00" + b"\x30\x05\x00\x02\xff\xfe{") as address, broker(tmp_path, port):
+        opened(network, address)
+        told("the broker is not one of MQTT: UnicodeDecodeError")
+        hears(opened(network, f"127.0.0.1:{port}", "carrier_02", ["order"]))
+        network.close()
+
+
+def test_a_bridge_to_another_run_with_the_same_vehicles_is_told_of(tmp_path, told, monkeypatch):
+    monkeypatch.setattr(lines_to_broker, "AGAIN_SECONDS", 0.1)
+    port, networks = free_port(), [Network(), Network()]
+    with broker(tmp_path, port):
+        for network in networks:
+            opened(network, f"127.0.0.1:{port}")
+        told("drops vehicles that it has just let in: does another bridge have their names")
+        networks[0].close()
+        assert "is there" in told("is there")[-1]
+        networks[1].close()
+
+
+def test_the_bridges_of_two_interfaces_share_a_broker(tmp_path):
+    port, network = free_port(), Network()
+    with broker(tmp_path, port):
+        address = f"mqtt://127.0.0.1:{port}"
+        both = [Line(network, broker_at(address, name, "orchard", "3.0.0"), "carrier_01", ["order"], []) for name in ("one", "two")]
+        for line in both:
+            hears(line)
+        network.close()
+    assert "already connected" not in (tmp_path / "broker.log").read_text()
+
+
+def test_connecting_many_vehicles_lets_the_others_be_read(monkeypatch):
+    """A connection with TLS to a broker far away takes long; a broker takes a vehicle that says nothing for 7.5 s for lost."""
+    clock, network, tried = [0.0], Network(), []
+    monkeypatch.setattr(lines_to_broker, "monotonic", lambda: clock[0])
+
+    class Slow:
+        socket, is_there, trouble, again = None, False, "", 0.0
+
+        def connect(self):
+            clock[0] += 0.3
+            self.again = clock[0] + 100.0
+            tried.append(self)
+
+    for _ in range(9):
+        network.keep(Slow())
+    for count in (2, 4, 6, 8, 9):
+        network._care(clock[0])
+        assert len(set(tried)) == count
+
+
+def test_a_password_may_hold_any_character():
+    at = broker_at("mqtt://the%20fleet:p%40ss%2Fw%3Ard@127.0.0.1:1883", "vda5050", "orchard", "3.0.0")
+    assert (at.user, at.password, at.host) == ("the fleet", "p@ss/w:rd", "127.0.0.1")
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,9 @@ def placed(**more):
 BEGUN = taken(OrderState(), order(released=2))
 CANCELLED = taken(OrderState(), order(released=2))
 orders.cancel(CANCELLED, is_driving=False)
+WITH_ACTION = taken(OrderState(), order(actions=[action()]))
+AGAIN = [node(WAY[-1], 2 * len(WAY) - 2), node(WAY[-1], 2 * len(WAY), actions=[action()])]  # of the same name
+EDGE = {"edgeId": "", "sequenceId": 2 * len(WAY) - 1, "released": True, "actions": []}
 DONE = OrderState("one", 3, b"", WAY[2], 4)
 
 
@@ -87,6 +90,11 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("VALIDATION_FAILURE", BEGUN, order(update=1, first=1)),
         ("VALIDATION_FAILURE", BEGUN, order(update=1, first=3)),
         ("VALIDATION_FAILURE", DONE, order(update=4, first=1)),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 0, "startNodeId"], "bay")),
+        ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 1, "endNodeId"], WAY[1])),
+        ("VALIDATION_FAILURE", OrderState(), order(actions=[action(), action("drop", key="")])),
+        ("VALIDATION_FAILURE", OrderState(), order(order_id="long" * 100)),
+        ("VALIDATION_FAILURE", WITH_ACTION, order(update=1, first=len(WAY) - 1) | {"nodes": AGAIN, "edges": [EDGE]}),
         ("UNSUPPORTED_PARAMETER", OrderState(), changed(order(), ["edges", 0, "trajectory"], {"controlPoints": []})),
         ("UNSUPPORTED_PARAMETER", OrderState(), order(actions=[action() | HEIGHT])),
         ("UNSUPPORTED_PARAMETER", OrderState(), placed(theta=0)),
@@ -172,6 +180,28 @@ def test_the_first_node_may_allow_a_vehicle_to_stand_further_away():
     position = {"x": START.x, "y": START.y, "mapId": "orchard", "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0}}
     message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode())
     assert orders.take(OrderState(), message, GRAPH, BINS, far, START.y).order_id == "one"
+
+
+@pytest.mark.parametrize(("x", "y"), [(-6.0, 0.0), (0.0, 1.0), (-1.0, 3.0)])
+def test_what_an_order_allows_lets_no_vehicle_drive_off_the_roads(x, y):
+    """It would drive straight on from where it stands, to the side of the edge or from far away."""
+    far = {"x": START.x, "y": START.y, "mapId": "orchard", "allowedDeviationXY": {"a": 500.0, "b": 500.0, "theta": 0.0}}
+    message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], far)).encode())
+    with pytest.raises(Rejected, match="m away"):
+        orders.take(OrderState(), message, GRAPH, BINS, START.x + x, START.y + y)
+
+
+def test_a_field_that_is_null_is_not_there():
+    message = order()
+    message["edges"][0] |= {"trajectory": None, "maximumRotationSpeed": None}
+    assert taken(OrderState(), message).order_id == "one"
+
+
+def test_an_update_leaves_the_error_with_which_a_vehicle_stands():
+    state = taken(OrderState(), order(released=2))
+    state.errors = [Rejected(kind, "why", {}).error for kind in ("ACTION_FAILED", "NODE_UNREACHABLE", "SAME_ORDER_UPDATE_ID")]
+    updated = taken(state, order(update=1, first=2))
+    assert [error.error_type for error in updated.errors] == ["ACTION_FAILED", "NODE_UNREACHABLE"]
 
 
 def test_a_cancelled_order_leaves_a_vehicle_that_drives_its_next_node():

@@ -108,7 +108,7 @@ class RollOut:
         self.courses, self.now, self.ends = courses, now, ends
         self.robots = list[RobotUnderWay]()
         self.begun, self.done = list[int](), list[int]()  # of each robot: the tick that is 0 on its course, and the events that are over
-        self.next = list[tuple[int, int]]()  # tick, and the robot that goes on then, or -1 - the line in which a carrier may leave
+        self.next = list[tuple[int, int]]()  # tick, and the robot that goes on then; or a line in which a carrier may leave, below 0
         self.taken = dict[str, list[int]]()  # place -> the robots that wait for it; without a key it is free
         self.wanted = dict[str, int]()  # picker that needs a carrier -> tick from which on it can stop there
         self.number = dict.fromkeys(courses, -1)  # picker -> its bin with which it came out last
@@ -142,7 +142,7 @@ class RollOut:
         """Let carriers leave from now on. `free`: the lines in which the first one can leave."""
         for line in self.home:
             self.is_open[line] |= line in free
-            heappush(self.next, (self.now, -1 - line))
+            self._look(self.now, line)
         self.end = self.waited = 0
 
     @property
@@ -161,7 +161,7 @@ class RollOut:
         while self.next and self.next[0][0] < until:
             tick, number = heappop(self.next)
             if number < 0:
-                self._leave(tick, -1 - number)
+                self._leave(tick, number + len(self.home))
             else:
                 self._drive(number, tick, until)
 
@@ -203,7 +203,7 @@ class RollOut:
             job, after = (course_of(self.courses, picker, bin_number).job for bin_number in (robot.number, number))
             self.come_out(picker, number, tick + job.going_on + after.ready)
             for line in self.home:
-                heappush(self.next, (max(tick, self._due(picker)), -1 - line))
+                self._look(max(tick, self._due(picker)), line)
 
     def _in_line(self, line: int, what: What, tick: int) -> None:
         if what is What.HOME:
@@ -212,7 +212,11 @@ class RollOut:
         else:
             self.is_open[line] = True
             tick += MOVING_UP
-        heappush(self.next, (tick, -1 - line))
+        self._look(tick, line)
+
+    def _look(self, tick: int, line: int) -> None:
+        """Look at a tick whether a carrier may leave a line. The first line comes first, as in the dispatcher's decisions."""
+        heappush(self.next, (tick, line - len(self.home)))
 
     def _due(self, picker: str) -> int:
         return self.wanted[picker] - course_of(self.courses, picker, self.number[picker]).job.approach - EARLY
@@ -223,6 +227,6 @@ class RollOut:
             return
         due, picker = min((self._due(picker), picker) for picker in self.wanted)
         if due > tick:
-            heappush(self.next, (due, -1 - line))
+            self._look(due, line)
         else:
             self.send(picker, line, tick)

@@ -8,6 +8,7 @@ from stage import empty_orchard
 
 from orchard import Assignment, BinReport, CarrierReport, lay_out
 from orchard.agents.rolling import AHEAD, Rolling
+from orchard.agents.rollout import AWAY, RollOut
 from orchard.contract.messages import pack, unpack
 from orchard.discrete.calls import Dispatched
 from orchard.discrete.harvest import DiscreteHarvest
@@ -41,6 +42,17 @@ def test_it_foresees_when_all_bins_are_home(values, monkeypatch):
     monkeypatch.setattr(Rolling, "value", noted)
     seconds = DiscreteHarvest(orchard(**values)).run().seconds
     assert min(ends[:5]) / 10 == pytest.approx(seconds, rel=0.15)
+
+
+def test_of_several_lines_the_first_one_leaves_first_as_in_the_decisions_of_the_dispatcher():
+    policy = Rolling(orchard(rows=20, pickers=10, carriers=10))
+    lines = sorted(set(policy.lines.values()))
+    plan = RollOut(policy.courses, policy.lines.values(), 0, dict.fromkeys(policy.courses, 1))
+    for picker in policy.courses:
+        plan.come_out(picker, 0, stop=0)
+    plan.go_on(lines)
+    plan.run(1)
+    assert [robot.line for robot in plan.robots if robot.line != AWAY] == lines == [0, 1, 2, 3]
 
 
 def test_no_picker_is_left_out_while_one_goes_on_for_ever():

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from orchard import BusError, Scenario, ScenarioError, connect, lay_out, load
 from orchard.field.kinds import DISPATCH
+from orchard.net.endpoints import NO_ENDPOINT, check_security
 from orchard.processes import agents
 from orchard_vda5050 import fleet
 from orchard_vda5050.lif import lif_of
@@ -34,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(options.do(options))
     except KeyboardInterrupt:
         return 0
-    except (ValueError, OSError, ScenarioError) as error:
+    except (ValueError, OSError, ScenarioError, BusError) as error:
         print(f"orchard-vda5050: {error}", file=sys.stderr)
         return 2
 
@@ -76,13 +77,16 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def wait_for_a_run(endpoint: str, secure: str | None) -> Sequence[str]:
-    """Return the agents of the run when there is one. Say what it waits for."""
+    """Return the agents of the run when there is one. Say what it waits for. Raises BusError for an endpoint at which none can be."""
+    check_security(endpoint, secure is not None)
     said = ""
     while True:
         try:
             with connect(endpoint, secure=secure) as run:
                 return run.names
         except BusError as why:
+            if NO_ENDPOINT in str(why):
+                raise
             if str(why) != said:
                 said = str(why)
                 print(f"orchard-vda5050: waiting for a run: {said}", file=sys.stderr, flush=True)

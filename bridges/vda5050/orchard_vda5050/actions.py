@@ -40,6 +40,7 @@ ACTIONS: Mapping[str, Mapping[str, Action]] = {  # by kind of vehicle
         PICK: Action("*/wait/*", False, "wait for the empty bin that a carrier brings, and couple it"),
     },
 }
+WITH_THE_BIN = (DROP, UNLOAD)  # actions whose loadId, if there is one, names the bin on the bar
 IGNORED = ("stationType", "stationName", "loadType")  # parameters that change nothing here
 
 INSTANT: Mapping[str, str] = {

@@ -14,6 +14,7 @@ from orchard import DriveTo, Mail, Observation, OneWay, PlanExecutor, Step
 from orchard.agents.steps import Need
 from orchard.field.scenario import TIME_STEP
 from orchard_vda5050 import order as orders
+from orchard_vda5050.actions import WITH_THE_BIN
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.graph import Graph
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Error, Node, OrderState, Rejected
@@ -145,11 +146,18 @@ class Driver(PlanExecutor):
         self.duty.phase, self.duty.began = "action", self.seen.tick
         self.memory.doing, self.memory.state = f"{kind} {load}".strip(), "handling a bin"
         self.duty.order.set(action.action_id, "RUNNING")
-        if why := self.why_not(action):
+        if why := self.why_not(action) or self._why_not_this_bin(load, action.action_type):
             self.fails(why)
             return False
         self.next([*self.steps_of(action), Onward()])
         return True
+
+    def _why_not_this_bin(self, load: str, kind: str) -> str:
+        """Why an action with the bin on the bar cannot be done; '' if it can."""
+        hitch = self.seen.hitch
+        if hitch is None or kind not in WITH_THE_BIN or load in ("", hitch.name):
+            return ""
+        return f"its bin is {hitch.name}, not {load}"
 
     def leave_edge(self) -> None:
         """Give back the places that the present edge needs at its beginning, which the vehicle has not left."""

@@ -340,8 +340,11 @@ def _why_not(action: ActionOrder, known: Mapping[str, Action], scope: str, node:
     if kind.scope != scope or not kind.is_done_at(node):
         where = {"NODE": "at", "EDGE": "on the edge to"}
         return f"{action.action_type} is not possible {where[scope]} {node}, only {where[kind.scope]} {kind.nodes}"
-    if kind.needs_load and str(action.value("loadId")) not in bins:
-        return f"{action.action_type} needs the parameter loadId, the name of a bin"
+    if scope == "EDGE" and action.blocking_type not in kind.blocking:
+        return f"{action.action_type} is done while driving: its blockingType must be {' or '.join(kind.blocking)}"
+    load = action.value("loadId")
+    if (kind.needs_load or load is not None) and str(load) not in bins:
+        return f"{action.action_type} needs the parameter loadId, the name of a bin" if load is None else f"loadId: no bin {load}"
     return ""
 
 

@@ -179,6 +179,16 @@ def test_an_edge_may_be_driven_more_slowly():
     fleet.until(lambda: fleet.state(name)["velocity"]["vx"] == 1.0)
 
 
+def test_a_vehicle_drops_no_other_bin_than_the_one_that_is_named():
+    fleet, name = Fleet(SMALL), "carrier_01"
+    fleet.has_master = False
+    other = {"actionType": "drop", "actionId": "a", "blockingType": "HARD", "actionParameters": [{"key": "loadId", "value": "bin_02"}]}
+    sent(fleet, name, lambda order: order["nodes"][-1].update(actions=[other]))
+    (told,) = fleet.until(lambda: fleet.state(name)["errors"])
+    (load,) = fleet.state(name)["loads"]
+    assert told["errorType"] == "ACTION_FAILED" and told["errorDescription"] == f"its bin is {load['loadId']}, not bin_02"
+
+
 @pytest.mark.parametrize("ticks", [1, 2])
 def test_an_order_that_is_cancelled_in_the_queue_leaves_the_vehicle_no_places_of_the_roads(ticks):
     """Also those that traffic grants only then."""

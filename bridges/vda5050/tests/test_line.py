@@ -74,6 +74,17 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("endpoint", "told"),
+    [("nowhere", "nowhere: not an endpoint; use one such as tcp/127.0.0.1:7447"), ("tls/127.0.0.1:7447", "tls needs certificates")],
+)
+def test_a_bridge_does_not_wait_at_an_endpoint_at_which_no_run_can_be(endpoint, told, capsys, monkeypatch):
+    monkeypatch.setattr("os.environ", dict(os.environ))
+    monkeypatch.setattr(command.time, "sleep", lambda _: pytest.fail("it waits"))
+    assert command.main(["drive", endpoint]) == 2
+    assert told in capsys.readouterr().err
+
+
 def opened(network, address, serial="carrier_01", topics=()):
     """A vehicle's line that is open."""
     line = Line(network, broker_at(f"mqtt://{address}", "vda5050", "orchard", "3.0.0"), serial, topics, [])

@@ -7,6 +7,7 @@ import pytest
 from orchard_vda5050 import order as orders
 from orchard_vda5050.graph import graph_of
 from orchard_vda5050.order import OrderState, Rejected
+from orchard_vda5050.pickers import graph_of_pickers
 
 from orchard import Carrier, Scenario, lay_out
 
@@ -104,6 +105,7 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value=3)])),
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value="bin_77")])),
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value=["bin_01"])])),
+        ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action("drop", value="bin_77")])),
         ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 0, "maximumSpeed"], -1.0)),
         ("INVALID_ORDER_ACTION", OrderState(), changed(order(), ["edges", 0, "actions"], [action("drop")])),
         ("OTHER_ORDER_ACTIVE", BEGUN, order(order_id="two")),
@@ -123,6 +125,19 @@ def test_an_order_is_rejected_with_the_standards_error(error_type, state, messag
         taken(state, message)
     assert rejected.value.error.error_type == error_type and rejected.value.error.error_description
     assert repr(state) == before
+
+
+@pytest.mark.parametrize("blocking", ["SOFT", "HARD"])
+def test_what_is_done_while_driving_cannot_forbid_to_drive(blocking):
+    graph = graph_of_pickers(LAYOUT, Carrier(LAYOUT, "carrier_01").route)
+    way = ["west/in/1", "east/out/1"]
+    edge = {"edgeId": "", "sequenceId": 1, "released": True, "actions": [action("harvest", key="") | {"blockingType": blocking}]}
+    message = HEADER | {"orderId": "one", "orderUpdateId": 0, "nodes": [node(way[0], 0), node(way[1], 2)], "edges": [edge]}
+    start = graph.nodes[way[0]]
+    with pytest.raises(Rejected, match="its blockingType must be NONE or SINGLE"):
+        orders.take(OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y)
+    edge["actions"][0]["blockingType"] = "NONE"
+    assert orders.take(OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y).order_id == "one"
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ carriers` without numbers is as many as it takes.
 
 ```sh vary
 orchard study rent.yaml --vary carriers --vary dispatch=nearest,predictive
-orchard study rent.yaml --vary picking_speed=0.03,0.05 --horizon harvest --goal harvest_seconds
+orchard study rent.yaml --vary picking_rate=1.5,2.5 --horizon harvest --goal harvest_seconds
 orchard study rent.yaml --vary route=one-way,two-way --vary carriers=2,3
 ```
 

@@ -63,6 +63,7 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
         letters = unpack(pack(_renamed(unpack(pack(snapshot.letters), Any), swapped)), list[tuple[int, dict[str, Written]]])
     world = _world(before, World(layout), swapped, places)
     figures = _renamed(snapshot.figures, swapped)
+    figures["is_changed"] = figures.get("is_changed", False) or layout.scenario != before.layout.scenario
     resting = [world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES]
     figures["states"]["ticks"] = {name: list(resting) for name in layout.names} | figures["states"]["ticks"]
     engine = Engine(world, snapshot.digest, figures)

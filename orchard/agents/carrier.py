@@ -105,8 +105,7 @@ class Carrier:
         """Return the steps of which the plan in a memory is a part, for whichever line of the queue."""
         job, number = memory.job, memory.queue_place or self.number
         numbers = dict.fromkeys((number, number + self.layout.first_charging))
-        jobs = [self.fetch(number, job) for number in numbers] if job else []
-        return sum(jobs, self.route.wait_in_queue())
+        return sum([self.fetch(number, job) for number in numbers if job], self.route.wait_in_queue())
 
     def fetch(self, number: int, job: Job) -> list[Step]:
         return self.route.fetch(number, job.lane, self.route.sides[job.side], job.picker, job.bin)

@@ -133,8 +133,7 @@ class TwoWay(OneWay):
         blind = self.at_work(lane, side)
         out: list[Step] = [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face("NORTH", blind)]
         if side is self.west:
-            merge = Gate([MERGE], self.MERGE_HOLD)
-            return [*out, *self._to_bay(self._northward(lane, side), [merge])]
+            return [*out, *self._to_bay(self._northward(lane, side), [Gate([MERGE], self.MERGE_HOLD)])]
         enter, leave = self._northward(lane, side)
         return [
             *out,

@@ -193,8 +193,7 @@ class Draft:
 
     def drop_classes(self) -> None:
         self.values = {**self.values, **{path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}}
-        built_in = {path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)}
-        self._base = self._base.model_copy(update=built_in)
+        self._base = self._base.model_copy(update={path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)})
         self._check()
 
     def _check(self) -> None:

@@ -88,8 +88,7 @@ class Guard:
 
     def _answer(self, observation: Observation, mail: Mail, memory: Any) -> Any:
         """What an own agent returns, which gets arrays and mail of its own: what it changes in them changes nothing for others."""
-        own = copy_of(mail)
-        action = _ask(self.agent, observation, self._typed(own), memory)
+        action = _ask(self.agent, observation, self._typed(copy_of(mail)), memory)
         if self._repetition is not None:
             again = self._typed(copy_of(mail)), self._unpacked_memory()
             self._repetition.compare(observation.tick, action, lambda fresh: _ask(fresh, observation, *again))

@@ -132,8 +132,7 @@ class Reservations:
 
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:
-    event = env.timeout(time - env.now)
-    event.callbacks.append(lambda _: act(*words))
+    env.timeout(time - env.now).callbacks.append(lambda _: act(*words))
 
 
 def hasten(event: simpy.Event, sooner: simpy.Event) -> None:

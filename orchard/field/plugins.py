@@ -142,8 +142,7 @@ def place_of_error(error: BaseException) -> str:
     own = [frame for frame in frames if not frame.filename.startswith(_LIBRARIES)]
     if not own and error.__cause__ is not None and (place := place_of_error(error.__cause__)):
         return place
-    last = (own or frames)[-1:]
-    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in last)
+    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in (own or frames)[-1:])
 
 
 def is_own(file: str) -> bool:

@@ -87,8 +87,7 @@ def short_lines(row_length: float, bay: float, carriers: int) -> Iterator[Queue]
     for lines, west, last in ((_SHORT[:1], after_bay - AREA, after_bay), *several):
         most = int((furthest - last) / CLOSED_UP + 1.0) if furthest >= last else 0
         if places := min(most, -(-carriers // len(lines))):
-            head = max(last + CLOSED_UP * (places - 1), NEAREST_HEAD)
-            queues.append(Queue(lines, round(head, 3), places, west))
+            queues.append(Queue(lines, round(max(last + CLOSED_UP * (places - 1), NEAREST_HEAD), 3), places, west))
     usual, more = queues[:2], queues[2:]
     yield from sorted(usual, key=lambda queue: (queue.room < carriers, math.floor(queue.head), len(queue.lines)))
     yield from more

@@ -155,8 +155,7 @@ def deed_mask(world: World, name: str) -> np.ndarray:
     """Return which deeds a body can try, (3,) int8: nothing; couple, where a free bin stands on its coupling point; uncouple."""
     robot = world.index[name]
     has = bool(world.coupled[robot] != NONE)
-    may_couple = not has and _bin_behind(world, robot) != NONE
-    return np.array([True, may_couple, has], dtype=np.int8)
+    return np.array([True, not has and _bin_behind(world, robot) != NONE, has], dtype=np.int8)
 
 
 def _bin_behind(world: World, robot: int) -> int:

@@ -99,6 +99,8 @@ def changes_of(chosen: ForkOptions, scenario: Scenario) -> dict[str, Any]:
         path, _, text = word.partition("=")
         if not path or not text:
             raise ValueError(f"--set {word}: expected KEY=VALUE, such as carriers=+1 or picking.spread.cv=0.5")
+        if path in changes:
+            raise ValueError(f"--set {word}: {path} is given twice; once is allowed")
         value = value_of(text.removeprefix("+"))
         if text[0] in "+-" and isinstance(value, int | float):
             value += _present(scenario, path)

@@ -134,8 +134,7 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
             from orchard.view.web import how_to_open, serve_web
 
             print_line("\n".join(how_to_open("Live", options.web, request.uri)))
-            browser = stack.enter_context(serve_web(options.web, request.uri))
-            stack.callback(let_go, browser, True, print_error)
+            stack.callback(let_go, stack.enter_context(serve_web(options.web, request.uri)), True, print_error)
         viewer = open_viewer(request.uri) if options.view else None
         with Progress(console, options.progress == "json", options.duration) as progress:
             if options.progress == "text":

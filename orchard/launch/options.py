@@ -68,6 +68,12 @@ def whole(text: str, most: int, expected: str) -> int:
     return int(text)
 
 
+def picture_file(text: str) -> Path:
+    if Path(text).suffix.lower() not in (".svg", ".png"):
+        raise BadParameter(f"{text}: a picture's name ends in .svg or .png")
+    return Path(text)
+
+
 def _speed(text: str) -> float:
     speed = math.inf if text == "max" else number(text)
     if not speed > 0:
@@ -303,7 +309,7 @@ class ForkOptions(HarvestOptions):
     stop: list[str] | None = option(FORK, "Robots that stand from then on (repeatable).", "ROBOT|KIND")
     futures: int | None = option(FORK, FUTURES, "N", min=1, max=1000)
     bisect: str | None = option(FORK, BISECT, "jam|collision|FIGURE<NUMBER")
-    picture: Path | None = option(FORK, "Draw the futures of --bisect over the moments.", "FILE.svg|png")
+    picture: Path | None = option(FORK, "Draw the futures of --bisect over the moments.", "FILE.svg|png", parser=picture_file)
     scenario: None = field(default=None, init=False)  # no options of a fork
     resume: None = field(default=None, init=False)
     replay: None = field(default=None, init=False)
@@ -312,6 +318,8 @@ class ForkOptions(HarvestOptions):
         yield from super()._faults()
         if self.at is None and self.bisect is None:
             yield "--at", "is missing: the moment at which the fork begins"
+        if self.picture is not None and self.bisect is None:
+            yield "--picture", "it shows the futures of --bisect: give that, too"
         if self.asks_for_futures and self.seed is not None:
             yield "--seed", "each future has a seed of its own; leave out --seed"
         if self.asks_for_futures and self.stop and self.duration is None:

@@ -11,14 +11,13 @@ from typer import Argument, BadParameter
 
 from orchard.field.problems import Problem
 from orchard.field.scenario import PREDICTIVE
-from orchard.launch.options import File, Style, flag, named, number, option, whole
+from orchard.launch.options import File, Style, flag, named, number, option, picture_file, whole
 from orchard.study.result import Goal, Horizon, Models
 
 LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
 LEAST_BUDGET = 1.0  # s
 MOST_WORKERS = 1000
-PICTURES = (".svg", ".png")
 QUESTION, RUNS, FILES = "The question", "The runs", "What it shows and writes"
 
 # -- parsers; all of them raise BadParameter
@@ -123,21 +122,19 @@ class StudyArguments:
     anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")
     summary: Path | None = option(FILES, "Write the whole answer to this file.", "FILE.json")
     csv: Path | None = option(FILES, "Write the table to this file.", "FILE.csv")
-    picture: Path | None = option(FILES, "Draw the table.", "FILE.svg|png")
+    picture: Path | None = option(FILES, "Draw the table.", "FILE.svg|png", parser=_checked(picture_file))
     report: Path | None = option(FILES, "Write a report.", "FILE.html")
     progress: Style = "text"
 
     @property
     def files(self) -> list[Path]:
-        return [path for path in (self.summary, self.csv, self.picture, self.report) if path is not None]
+        return [path for path in (self.summary, self.csv, self.picture, self.report) if isinstance(path, Path)]
 
     def problems(self) -> list[Problem]:
         """Return what is wrong with each option, whose value then means nothing, and with all together."""
         found = [replace(value, file=named([name])) for name, value in vars(self).items() if isinstance(value, Problem)]
         if self.scheduler and self.workers:
             found.append(Problem("--workers", "the scheduler has its own workers; leave out --workers"))
-        if self.picture and self.picture.suffix.lower() not in PICTURES:
-            found.append(Problem("--picture", f"{self.picture}: a picture's name ends in {' or '.join(PICTURES)}"))
         if len(set(self.files)) < len(self.files):
             found.append(Problem("--summary", f"{', '.join(map(str, self.files))}: two of these are one file"))
         return found

@@ -62,6 +62,10 @@ class Output(Console):
                 name = "stderr" if self.stderr else "stdout"
                 self.other.print(f"{name} cannot be written: {error.strerror}; the run goes on without it", markup=False, soft_wrap=True)
 
+    def on_broken_pipe(self) -> None:
+        """Let `print` know, which has called this by Rich. Rich would end the program before it has written its files."""
+        raise
+
     def end(self) -> None:
         """Write what is left, or drop it. Python would end with exit code 120 because of it."""
         try:

@@ -47,7 +47,7 @@ UNUSUAL = (
     "recording_gaps",
 )  # shown if they are not zero
 NAMED = 3  # broken agents that a line of progress names
-OF_NONE = {"lost_seconds": "known of a complete harvest only, with built-in agents, policy and route"}  # what an empty figure says
+OF_NONE = {"lost_seconds": "known of a complete harvest only, of built-in classes, not stopped, not forked with changes"}  # if it is empty
 NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
 
 

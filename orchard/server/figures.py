@@ -34,13 +34,14 @@ class RunFigures:
             self._figures = msgspec.convert(before.get("harvest", {"progress_tick": engine.tick}), HarvestFigures)
             self._history = msgspec.convert(before.get("history", {}), History)
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
+            self._is_changed = msgspec.convert(before.get("is_changed", False), bool)  # by a fork
         except ValueError as error:
             raise SnapshotError(f"the figures in the snapshot are malformed: {error}") from error
         self._begun = self._reported = self._clock()
 
     def as_data(self) -> dict[str, Any]:
         counted = {"harvest": msgspec.to_builtins(self._figures), "history": msgspec.to_builtins(self._history)}
-        return counted | {"wall_seconds": self._wall()} | self._engine.figures_as_data()
+        return counted | {"wall_seconds": self._wall(), "is_changed": self._is_changed} | self._engine.figures_as_data()
 
     def _wall(self) -> float:
         return self._wall_before + self._clock() - self._begun
@@ -86,7 +87,8 @@ class RunFigures:
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
-        lost = lost_seconds(self._world.layout, self._world.seconds) if self._engine.over else {}
+        is_own = not self._is_changed and not any(self._engine.states.counts.stopped.values())  # the scenario alone has led to it
+        lost = lost_seconds(self._world.layout, self._world.seconds) if self._engine.over and is_own else {}
         now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)
         scenario = self._world.layout.scenario.model_dump()
         return self.figures() | {"lost_seconds": lost, "scenario": scenario, "history": self._history.until(now)}

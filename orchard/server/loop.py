@@ -93,8 +93,7 @@ class RunLoop:
             self.arrivals.take(left)
 
     def _tick(self) -> None:
-        seen = self._engine.observe()
-        self._drivers.begin(seen, self._pacer.begin())
+        self._drivers.begin(self._engine.observe(), self._pacer.begin())
         self._engine.account()
         self.run.report()
         if self.run.account.snapshot_writer.is_due(self._engine.tick):

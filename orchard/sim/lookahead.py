@@ -160,5 +160,4 @@ HOLDS: dict[Holds, type[Lookahead]] = {"on": Lookahead, "ignored": IgnoredHolds,
 
 def _broken_promise(held: Action, action: Action) -> str:
     status = {name: getattr(held, name) for name in PROMISED}
-    again = replace(action, deeds=[], requests=[], answers=[], **status)
-    return difference(again, action, "its answer")
+    return difference(replace(action, deeds=[], requests=[], answers=[], **status), action, "its answer")

@@ -80,8 +80,7 @@ def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _noise_key(seed: int, name: str) -> int:
-    digest = hashlib.blake2b(f"{seed}/laser/{name}".encode(), digest_size=8).digest()
-    return int.from_bytes(digest, "little")
+    return int.from_bytes(hashlib.blake2b(f"{seed}/laser/{name}".encode(), digest_size=8).digest(), "little")
 
 
 def observe(world: World, scans: Scans) -> Observations:

@@ -192,8 +192,7 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
     engine = local.engine
     while not engine.over and not figures.jammed(engine.world):
-        events = local.tick()
-        figures.update(engine.world, events, local.answers)
+        figures.update(engine.world, local.tick(), local.answers)
         if time.time() > until:
             return None
     found, violations = harvest_figures(engine.world, figures), engine.violations()

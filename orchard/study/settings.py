@@ -123,7 +123,8 @@ def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tupl
                 key = problem.path, problem.text
                 problems.setdefault(key, _placed(problem, setting, varied))
                 of_key = values_of.setdefault(key, [])
-                if not problem.text.startswith("unknown key") and problem.value not in of_key:
+                is_more = problem.value not in of_key if problem.path in varied else not of_key  # else one setting is named
+                if is_more and not problem.text.startswith("unknown key"):
                     of_key.append(problem.value)
     return settings, [replace(problem, value=_together(values_of[key])) for key, problem in problems.items()]
 

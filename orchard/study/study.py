@@ -288,7 +288,7 @@ class _Study:
             notes.append("nothing in these settings is random, so one run of each stands for all seeds")
         if missing := [i for i in range(len(self.settings)) if i not in shown]:
             count = f"{len(missing)} setting{'s' if len(missing) > 1 else ''}"
-            notes.append(f"the budget did not allow a run of {count}, {self._words(missing)}: not in the table")
+            notes.append(f"there was no time for a run of {count}, {self._words(missing)}: not in the table")
         notes += [f"{self.settings[i].words or 'the scenario'} jams: robots wait for each other for ever" for i in self.jammed]
         return [*notes, *self._faults(shown)]
 

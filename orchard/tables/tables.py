@@ -51,8 +51,7 @@ class BodyRows:
     def keep(self, engine: Engine) -> None:
         world = engine.world
         self._hear(world, engine.answers)
-        stopped = np.flatnonzero(world.stopped).tolist()
-        self._words.append(_replaced(self._said, dict.fromkeys(stopped, STANDING)))
+        self._words.append(_replaced(self._said, dict.fromkeys(np.flatnonzero(world.stopped).tolist(), STANDING)))
         self._ticks.append(world.tick)
         wanted = engine.lookahead.wanted
         if not engine.sensors.is_exact:

@@ -112,6 +112,15 @@ def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
     assert run_out(one).tick != run_out(other).tick
 
 
+def test_what_a_harvest_loses_is_not_told_if_a_user_stopped_a_robot_in_it():
+    run = WatchedRun(played(SHORT, 100).snapshot())
+    run.local.engine.stop(["picker_01"])
+    run.go_on(150)
+    run.local.engine.reset()
+    run.go_on(60_000)
+    assert (run.ended, run.figures.summary()["lost_seconds"]) == ("harvested", {})
+
+
 def test_a_robot_may_be_stopped_and_an_unknown_one_is_named():
     fork = played(played(SMALL, 100).fork(stop=["picker_02"]), 300)
     i = fork.engine.layout.index["picker_02"]
@@ -182,6 +191,8 @@ def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
     orchard("fork", harvest[0], "--at", 60, "--set", "carriers=+1", "--seed", 7, "--mode", "local", "--record", "none", "--summary", path)
     fork = summary_of(path)
     assert (fork["finished"], fork["scenario"]["carriers"], fork["scenario"]["seed"], fork["violations"]) == (True, 2, 7, [])
+    assert harvest[1]["lost_seconds"]
+    assert fork["lost_seconds"] == {}, "the optimum is that of two carriers from the beginning on"
     stopped = "--at", "2:00", "--stop", "picker_02", "--duration", 130
     orchard("fork", "last", *stopped, "--mode", "local", "--record", "none", "--summary", path)
     assert 1000 < summary_of(path)["ticks"] < 1310
@@ -233,11 +244,14 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
         (["--at", "1:75"], "--at: 1:75: expected a simulated time, in s or as M:SS"),
         (["--at", 60, "--set", "carriers"], "--set carriers: expected KEY=VALUE"),
         (["--at", 60, "--set", "dispatch=+1"], "--set dispatch: it has no number to which something can be added"),
+        (["--at", 60, "--set", "carriers=2", "--set", "carriers=3"], "--set carriers=3: carriers is given twice; once is allowed"),
         (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
         (["--at", 60, "--stop", "robot"], "robot"),
         ([], "--at: is missing: the moment at which the fork begins"),
         (["--at", 60, "--futures", 2, "--seed", 3], "--seed: each future has a seed of its own; leave out --seed"),
         (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
+        (["--bisect", "jam", "--picture", "futures.txt"], "^--picture: futures.txt: a picture's name ends in .svg or .png"),
+        (["--at", 60, "--futures", 2, "--picture", "futures.svg"], "--picture: it shows the futures of --bisect: give that, too"),
         (["--bisect", "jams"], "--bisect jams: expected jam, collision, or a figure of the summary"),
         (["--bisect", "speed<3"], "--bisect speed<3: expected jam, collision, or a figure of the summary"),
     ],

@@ -74,6 +74,18 @@ def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, t
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(SHORT * 10))
 
 
+def test_a_pipe_that_is_closed_early_ends_nothing():
+    """As by `| head`: a study still writes its files."""
+    program = (
+        "import sys; from orchard.launch.terminal import console; console.print('a'); print('goes on', file=sys.stderr); console.end()"
+    )
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "w") as closed:
+        done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, stdout=closed, stderr=subprocess.PIPE, text=True, timeout=SECONDS)
+    assert (done.returncode, done.stderr) == (0, "stdout cannot be written: Broken pipe; the run goes on without it\ngoes on\n")
+
+
 def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
     """Python itself would end with code 120."""
     program = "from orchard.launch.terminal import console; print('a line'); console.end()"

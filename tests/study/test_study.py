@@ -66,6 +66,10 @@ MISTAKES = [
     (["prices.per_bin=-1,2"], "--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"),
     (["picking_speed=NaN"], "--vary picking_speed=nan: picking_speed = nan: must be null or a number from 0.001 to 1.0"),
     (
+        ["picking_rate=20", "picking_speed=0.3,0.5"],
+        "the setting picking_rate=20, picking_speed=0.3: picking_speed = 0.3, picking_rate = 20.0: at",
+    ),
+    (
         ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
         "the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row",
     ),
@@ -297,7 +301,7 @@ def test_settings_with_and_without_chance_are_compared(tmp_path):
 def test_a_used_budget_is_told(tmp_path):
     short = study(CHANCE, {"carriers": [1, 2, 3]}, replace(AMPLE, budget_seconds=1e-3, store=tmp_path / "s.db"))
     assert short.stopped_by == "budget" and short.best is None and short.table == []
-    assert any("the budget did not allow a run of 3 settings" in note for note in short.notes)
+    assert any("there was no time for a run of 3 settings" in note for note in short.notes)
 
 
 def test_the_long_run_and_costs(tmp_path):

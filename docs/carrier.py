@@ -24,7 +24,8 @@ def chapter() -> str:
     """Return the chapter."""
     off_d = _freed(_ROUTE.loop_to_full_bin(1, _EAST), _EAST.place("D", 1))
     off_east = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-east")
-    off_west = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-west") - _ROUTE.inner_bottom
+    north = _ROUTE.go_to_bay(1, _EAST)
+    off_west, off_turn = (_freed(north, f"{what}/south-west") - _ROUTE.inner_bottom for what in ("corner", "turn"))
     return f"""## The job of a carrier, letter by letter
 
 `examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m, with zenoh, msgpack and the standard library of Python.
@@ -47,11 +48,11 @@ def chapter() -> str:
 9. Drive to x = {_QUEUE.turn_off:g}, turn to your line, and drive to its head, behind what is ahead.
 
 **A claim** to `traffic` has in `keep` the places that the carrier holds, and in `want` those that it waits for: it gets all or none. Names: `east/D/3`,
-`west/F/1`, `corner/south-east`, `corner/south-west`, and `top` if there are more than {_QUEUE.places} carriers. The answer `places` names what it holds. Claim
+`west/F/1`, `corner/south-east`, `corner/south-west`, `turn/south-west`, and `top` if there are more than {_QUEUE.places} carriers. The answer `places` names what it holds. Claim
 when a place is given back, and every {PATIENCE} ticks while one is wanted; a wish that is not repeated for {traffic.FORGET} ticks is dropped. 
 
-Give back D at the lane of the delivery at x = {off_d:g} ({_WEST.x(off_d):g} in the west). On F, give back `corner/south-east` at x = {off_east:g}, and
-`corner/south-west` {off_west:g} m north of F's bottom road. On D, you need `corner/south-east` from {_ROUTE.HOLD:g} m north of F's bottom road on. Give back each
+Give back D at the lane of the delivery at x = {off_d:g} ({_WEST.x(off_d):g} in the west). On F, give back `corner/south-east` at x = {off_east:g}. Its turn
+north needs both places of the south-west: give them back {off_west:g} m and {off_turn:g} m north of F's bottom road. On D, you need `corner/south-east` from {_ROUTE.HOLD:g} m north of F's bottom road on. Give back each
 corner on D after the turn.
 
 **The letters**, with the ticks after which they are repeated:

@@ -254,9 +254,9 @@ class Carrier:
             yield from self.need("corner/south-east")
             yield from self.face(WEST)
             yield from self.drive("x", west.x(field.F), frees=[("corner/south-east", 34.7)])
-            yield from self.need("corner/south-west")
+            yield from self.need("corner/south-west", "turn/south-west")
             yield from self.face(NORTH)
-            corner = [("corner/south-west", field.bottom_f + 1.4)]
+            corner = [("corner/south-west", field.bottom_f + 1.4), ("turn/south-west", field.bottom_f + 3.75)]
         needs, frees = field.along(west, "F", west.lanes(first=lane if side is west else None))
         yield from self.drive("y", field.TOP_ROAD, needs, frees + corner)
         yield from self.face(EAST)
@@ -310,13 +310,13 @@ class Carrier:
             yield
         self.steps += 1
 
-    def need(self, place):
-        while place not in self.reserved:
-            self.want(place)
+    def need(self, *places):
+        while not {*places} <= {*self.reserved}:
+            self.want(*places)
             yield
 
-    def want(self, place):
-        self.wanted, self.waits_for = [place], place
+    def want(self, *places):
+        self.wanted, self.waits_for = [*places], places[0]
 
     def free(self, *places):
         self.reserved = [place for place in self.reserved if place not in places]

@@ -94,6 +94,7 @@ class OneWay:
     CORNER_HOLD_X = -35.5  #: x before which a carrier on the outer bottom road waits for the south-west corner
     CORNER_CLEAR_X = 34.7  #: x on the inner bottom road at which a full bin has left the south-east corner
     CORNER_CLEAR_Y = 1.4  #: distance north of that road at which a full bin has left the south-west corner
+    TURN_CLEAR_Y = 3.75  #: distance north of it at which a full bin is beyond what the next carrier's turn there sweeps
     TOP_CLEAR = 3.75  #: distance south of the southernmost line in use at which a carrier has left the place `top`
 
     def __init__(self, layout: Layout) -> None:
@@ -320,15 +321,16 @@ class OneWay:
         out: list[Step] = [st.DriveTo(x=side.x(self.F_ROAD), blind_to=blind), st.Face(side.heading("SOUTH"), blind)]
         if side is self.west:
             return [*out, *self._north_to_bay(self._lanes(side, first=lane))]
+        corner = ("corner/south-west", self.CORNER_CLEAR_Y), ("turn/south-west", self.TURN_CLEAR_Y)
         return [
             *out,
             self._along(side, "F", self._lanes(side, first=lane), stop=self.inner_bottom),
             st.Need(["corner/south-east"]),
             st.Face("WEST"),
             st.DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(self.CORNER_CLEAR_X))]),
-            st.Need(["corner/south-west"]),
+            st.Need(["corner/south-west", "turn/south-west"]),
             st.Face("NORTH"),
-            *self._north_to_bay(self._lanes(self.west), [Gate(["corner/south-west"], self.inner_bottom + self.CORNER_CLEAR_Y)]),
+            *self._north_to_bay(self._lanes(self.west), [Gate([place], self.inner_bottom + clear) for place, clear in corner]),
         ]
 
     def go_home(self, carrier: int) -> list[Step]:

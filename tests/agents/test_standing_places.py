@@ -265,9 +265,15 @@ def too_near(layout: Layout) -> list[tuple[Area, Area]]:
 
 
 def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
-    """Whether the other robot stands on the road from which this one comes, or to which it turns: they keep their distance by lasers."""
-    aside = abs(stand.y - turn.y) if stand.heading in ("EAST", "WEST") else abs(stand.x - turn.x)
-    return stand.heading in (turn.heading, heading) and aside < 1e-6
+    """Whether lasers keep its distance from the other robot, which stands on the road from which it comes, or to which it turns.
+
+    There it sees the other one only if that is in the way of its own drive to the turn: what stands beside it is behind its laser.
+    """
+    along_x = stand.heading in ("EAST", "WEST")
+    aside, ahead = (abs(stand.y - turn.y), abs(stand.x - turn.x)) if along_x else (abs(stand.x - turn.x), abs(stand.y - turn.y))
+    half = stand.half_x if along_x else stand.half_y
+    is_seen = stand.heading == turn.heading or ahead - half < KINDS["carrier"].width / 2 + SIDE_MARGIN
+    return stand.heading in (turn.heading, heading) and aside < 1e-6 and is_seen
 
 
 def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
@@ -362,6 +368,7 @@ def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn
 @example(empty_orchard(rows=6, pickers=6, carriers=16))
 @example(empty_orchard(rows=3, pickers=3, carriers=120))
 @example(empty_orchard(rows=3, pickers=3, carriers=120, route=TWO_WAY))
+@example(empty_orchard(rows=4, row_width=6.9))  # a bin before the last lane is beside the turn onto its road
 def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> None:
     assert in_a_turn(lay_out(scenario)) == []
 

@@ -16,7 +16,8 @@ from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
-JAM_SECONDS = 600.0  # without a metre picked or a step of work finished
+JAM_SECONDS = 600.0  # without a metre picked or a step of work finished, in an orchard of up to JAM_METRES from north to south
+JAM_METRES = 300.0  # a carrier drives one step home past all rows, at 1 m/s or slower
 
 
 @dataclass
@@ -65,8 +66,9 @@ class HarvestFigures:
             self.weeds_flattened += 1
 
     def jammed(self, world: World) -> bool:
-        """Whether no robot has picked a metre or finished a step of work for ten minutes in which none was stopped."""
-        return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS
+        """Whether no robot has picked a metre or finished a step for ten minutes, longer beyond 300 m, in which none was stopped."""
+        metres = world.layout.top - world.layout.bottom
+        return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS * max(1.0, metres / JAM_METRES)
 
 
 def orders_refused(answers: Mapping[str, Action | None]) -> int:

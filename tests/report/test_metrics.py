@@ -16,7 +16,7 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario
 from orchard.report import bounds, metrics
 from orchard.report.bounds import Bounds, lost_seconds, proven_seconds, schedule_seconds
-from orchard.report.metrics import shares
+from orchard.report.metrics import HarvestFigures, shares
 from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures
 
@@ -46,6 +46,13 @@ def test_a_run_in_which_somebody_works_is_not_jammed(soon_jammed):
     stage = Stage(empty_orchard(picking_speed=0.02))
     stage.run(140)
     assert stage.account.jam == []
+
+
+@pytest.mark.parametrize(("rows", "jams"), [(20, True), (100, False)])
+def test_where_a_drive_home_takes_longer_than_ten_minutes_it_is_no_jam(rows, jams):
+    world = Stage(empty_orchard(rows=rows)).world
+    world.tick = 6000
+    assert HarvestFigures().jammed(world) == jams
 
 
 @cache

@@ -216,10 +216,10 @@ def secure(chosen: SecureOptions) -> None:
 
 # -- an orchard of one's own
 
-layout = typer.Typer(help="Import the rows of an orchard of your own.", add_completion=False, pretty_exceptions_enable=False)
-# the callback makes `import` the name of a command
-app.add_typer(layout, name="layout", cls=options.Group, no_args_is_help=True, callback=lambda: None)
+layout = typer.Typer(help="Import rows of your own, export the roads of an orchard.", add_completion=False, pretty_exceptions_enable=False)
+app.add_typer(layout, name="layout", cls=options.Group, no_args_is_help=True)
 layout.command("import", cls=options.Command)(own_orchard.write_scenario)
+layout.command("export", cls=options.Command)(own_orchard.write_map)
 
 
 # -- a study

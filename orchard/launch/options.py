@@ -40,7 +40,7 @@ COMMANDS = {
     "resume": "let a paused run go on",
     "step": "do some steps of a paused run",
     "secure": "make the certificates of a secured run",
-    "layout": "import the rows of an orchard of your own",
+    "layout": "import the rows of an orchard of your own, export its roads",
     "study": "compare settings: how many carriers, which policy, which route",
     "fork": "go on with a run from any moment, with something changed",
     "bound": "prove how short a harvest could be, whatever sends the carriers",
@@ -436,3 +436,4 @@ System = Annotated[
     str | None, Option("--crs", metavar="NAME", help="Their coordinate system, such as EPSG:2193. Default: the one that the file names.")
 ]
 NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", help="A new file for the scenario. Default: stdout.")]
+NewMap = Annotated[Path, Option("--lif", metavar="FILE.json", help="The file for the map.")]

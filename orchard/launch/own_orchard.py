@@ -1,14 +1,16 @@
-"""The command `orchard layout import`: writes a scenario with the rows of a survey."""
+"""The commands `orchard layout`: write a scenario with the rows of a survey, and the roads of an orchard as a map."""
 
 from itertools import pairwise
 
 from orchard.field.geojson import import_rows
+from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
+from orchard.field.shipped import load_or_shipped
 from orchard.field.survey import Survey
 from orchard.folders import write_whole
 from orchard.launch import options
-from orchard.launch.terminal import exit_on_errors, needs_extra, print_line
+from orchard.launch.terminal import exit_on_errors, needs_extra, own_classes_run, print_line
 
 
 def write_scenario(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:
@@ -21,11 +23,16 @@ def write_scenario(file: options.GeoJson, out: options.NewScenario = None, crs: 
             return
         if out.exists():
             raise FileExistsError(f"{out}: there is such a file; --out must name a new one")
-        try:
-            write_whole(out, text.encode())
-        except OSError as error:
-            raise OSError(f"{out}: not written: {error.strerror}") from error
+        write_whole(out, text.encode())
         print_line(f"{out}: {_sizes(scenario)}")
+
+
+def write_map(lif: options.NewMap, scenario: options.File = None) -> None:
+    """Write the roads of an orchard as a map for fleet control, in the layout interchange format (LIF) of the VDMA."""
+    from orchard_vda5050.export import export_map
+
+    with own_classes_run(), exit_on_errors(ScenarioError, OSError):
+        print_line(f"{lif}: {export_map(lay_out(load_or_shipped(scenario)), lif)}")
 
 
 def _sizes(scenario: Scenario) -> str:

@@ -41,7 +41,6 @@ class Optimum:
     proven_seconds: float  #: no dispatch policy makes a shorter harvest
     best_seconds: float  #: of the best schedule that was found
     bins: int
-    solver_seconds: float  #: on this machine
 
     @property
     def gap(self) -> float:
@@ -69,8 +68,7 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         schedule.hint(solvers[0])
         solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
     proven, best = max(least, *(one.best_objective_bound for one in solvers)), min(one.objective_value for one in solvers)
-    seconds = sum(one.wall_time for one in solvers)
-    return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs), seconds)
+    return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs))
 
 
 def _unknown(layout: Layout) -> str:

@@ -11,7 +11,7 @@ from code_blocks import ROOT
 from command_line import SECONDS
 from run_endings import harvested
 
-from orchard.launch import commands, own_orchard
+from orchard.launch import commands
 from orchard.report.summary import sentence
 
 ESCAPE = "\x1b[31mX"
@@ -150,13 +150,14 @@ def test_the_sentence_counts_rows_as_the_table_does():
 def test_a_disk_that_is_full_is_told_with_the_file_and_no_empty_file_is_left(tmp_path, monkeypatch, capfd):
     pytest.importorskip("pyproj")
 
-    def full(path, content):
+    def full(file):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(own_orchard, "write_whole", full)
-    sample, out = ROOT / "examples" / "te_puke.geojson", tmp_path / "mine.yaml"
-    assert said(["layout", "import", sample, "--out", out], monkeypatch, capfd) == (2, f"{out}: not written: No space left on device")
-    assert not out.exists()
+    monkeypatch.setattr(os, "fsync", full)
+    out = tmp_path / "mine"
+    for words in (["import", ROOT / "examples" / "te_puke.geojson", "--out", out], ["export", "--lif", out]):
+        assert said(["layout", *words], monkeypatch, capfd) == (2, f"{out}: No space left on device")
+        assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,16 @@
-"""`orchard-vda5050`, or `python -m orchard_vda5050`: drive the robots of a run by orders, or write the map of an orchard."""
+"""`orchard-vda5050`, or `python -m orchard_vda5050`: drive the robots of a run by orders."""
 
 import argparse
-import json
 import os
 import sys
 import time
 from collections.abc import Sequence
-from datetime import UTC, datetime
-from pathlib import Path
 
-from orchard import BusError, Scenario, ScenarioError, connect, lay_out, load
+from orchard import BusError, ScenarioError, connect
 from orchard.field.kinds import DISPATCH
 from orchard.net.endpoints import NO_ENDPOINT, check_security
 from orchard.processes import agents
 from orchard_vda5050 import fleet
-from orchard_vda5050.lif import lif_of
 
 AGAIN_SECONDS = 1.0  # between two looks for a run
 HELP = {
@@ -52,10 +48,6 @@ def _parser() -> argparse.ArgumentParser:
     for name, default in fleet.DEFAULTS.items():
         drive.add_argument(f"--{name}", default=default, type=type(default), help=HELP[name])
     drive.set_defaults(do=_drive)
-    lif = commands.add_parser("lif", help="write the roads of an orchard as a LIF map")
-    lif.add_argument("file", type=Path, help="the file to write")
-    lif.add_argument("scenario", nargs="?", type=Path, help="SCENARIO.yaml; without one, the default orchard")
-    lif.set_defaults(do=_write_lif)
     return parser
 
 
@@ -91,15 +83,6 @@ def wait_for_a_run(endpoint: str, secure: str | None) -> Sequence[str]:
                 said = str(why)
                 print(f"orchard-vda5050: waiting for a run: {said}", file=sys.stderr, flush=True)
             time.sleep(AGAIN_SECONDS)
-
-
-def _write_lif(options: argparse.Namespace) -> int:
-    layout = lay_out(load(options.scenario) if options.scenario else Scenario())
-    graphs = fleet.graphs_of(layout)
-    made_at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    options.file.write_text(json.dumps(lif_of(graphs, "the Orchard", made_at), indent=1) + "\n")
-    print(f"{options.file}: {sum(len(graph.nodes) for graph in graphs)} nodes, {sum(len(graph.edges) for graph in graphs)} edges")
-    return 0
 
 
 if __name__ == "__main__":

@@ -6,17 +6,16 @@ from functools import cache
 
 from orchard import Agent, Layout
 from orchard.agents.policies import POLICIES
-from orchard.agents.routes import ROUTES, route_of
+from orchard.agents.routes import ROUTES
 from orchard.contract.guard import Guard
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.carriers import CarrierVehicle
 from orchard_vda5050.desk import Desk
-from orchard_vda5050.graph import Graph, graph_of
 from orchard_vda5050.line import Broker, Line, Notices, broker_at
 from orchard_vda5050.messages import connection_of, factsheet_of
 from orchard_vda5050.network import Network
-from orchard_vda5050.pickers import PickerVehicle, graph_of_pickers
+from orchard_vda5050.pickers import PickerVehicle, graphs_of
 from orchard_vda5050.vehicle import Port, Timing
 
 VEHICLES: Mapping[str, type[CarrierVehicle | PickerVehicle]] = {"carrier": CarrierVehicle, "picker": PickerVehicle}
@@ -98,8 +97,3 @@ def agents_of(layout: Layout, names: Collection[str], port_of: Callable[[str], P
     desk = {name: Desk(layout, name, calls) for name in names if name == DISPATCH}
     driven = [name for name in names if name not in desk]
     return desk | {name: VEHICLES[kind_of(name)](layout, name, graphs[kind_of(name)], port_of(name), calls, times) for name in driven}
-
-
-def graphs_of(layout: Layout) -> list[Graph]:
-    """Return the roads of each kind of vehicle in an orchard."""
-    return [graph_of(layout, route_of(layout)), graph_of_pickers(layout, route_of(layout))]

@@ -10,13 +10,14 @@ from dataclasses import replace
 from typing import cast
 
 from orchard import DriveTo, Face, Heard, Layout, OneWay, Picker, PickerMemory, PlanExecutor, Side, Step
+from orchard.agents.routes import route_of
 from orchard.agents.steps import FetchEmpty, Free, Need
 from orchard.contract.messages import Answer, BinState, StateRequest
 from orchard.field.passes import Pass
 from orchard_vda5050.actions import DROP, PICK
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver
-from orchard_vda5050.graph import Edge, Graph, Node
+from orchard_vda5050.graph import Edge, Graph, Node, graph_of
 from orchard_vda5050.order import ActionOrder
 from orchard_vda5050.vehicle import Port, Timing, Vehicle
 
@@ -49,6 +50,11 @@ class FreeWithout(Step, frozen=True):
         if robot.seen.hitch is None:
             robot.free(self.places)
         return True
+
+
+def graphs_of(layout: Layout) -> list[Graph]:
+    """Return the roads of each kind of vehicle in an orchard."""
+    return [graph_of(layout, route_of(layout)), graph_of_pickers(layout, route_of(layout))]
 
 
 def graph_of_pickers(layout: Layout, route: OneWay) -> Graph:

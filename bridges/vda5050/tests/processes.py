@@ -134,7 +134,7 @@ def scene(folder, scenario, broker_port, orchard_words=(), bridge_words=()):
 
 
 def lif(folder):
-    """The map that the bridge writes for the orchard in a folder."""
-    words = [sys.executable, "-m", "orchard_vda5050", "lif", str(folder / "map.lif.json"), str(folder / "orchard.yaml")]
-    subprocess.run(words, cwd=FOLDER, check=True, capture_output=True, timeout=60)
+    """The map of the orchard in a folder, as `orchard layout export` writes it."""
+    words = [*shlex.split(os.environ["ORCHARD"]), "layout", "export", "orchard.yaml", "--lif", "map.lif.json"]
+    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=60)
     return json.loads((folder / "map.lif.json").read_text())

@@ -89,14 +89,11 @@ class SimulationControl:
         self._begun = True
         self.publish()
 
-    def end(self) -> None:
-        self._ended = True
-        self.publish()
-        self.finish_steps()
-
-    def set(self, wanted: Literal["playing", "paused"]) -> None:
-        """Let the run play, or pause it. That also ends the steps of a query."""
-        if wanted == "paused":
+    def set(self, wanted: Literal["playing", "paused", "quitting"]) -> None:
+        """Let the run play, pause it, or end it. That also ends the steps of a query."""
+        if wanted == "quitting":
+            self._ended = True
+        elif wanted == "paused":
             self.clock.pause()
         else:
             self.clock.play()

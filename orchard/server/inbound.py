@@ -100,10 +100,7 @@ class Queries:
 
     def _set_simulation_state(self, query: Query) -> None:
         wanted, control = read_message(query.payload, wire.SetSimulationState, self._run.id), self._run.control
-        if wanted.state == "quitting":
-            control.end()
-        else:
-            control.set(wanted.state)
+        control.set(wanted.state)
         query.reply(pack(control.state))
         query.drop()
         if wanted.state == "quitting":

@@ -57,7 +57,7 @@ class RunLoop:
             self.again = msgspec.structs.replace(self.options, listen=listen, **news)
         except RunEnded as ended:
             why = str(ended)
-        self.run.control.end()
+        self.run.control.set("quitting")
         self.run.report()
         if why in ("stopped", "duration"):
             self.run.keep()

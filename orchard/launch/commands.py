@@ -208,8 +208,7 @@ def secure(chosen: SecureOptions) -> None:
         sizes = {"rows": chosen.rows, "pickers": chosen.pickers, "carriers": chosen.carriers}
         names = agent_names(_scenario(chosen.scenario, sizes))
         hosts = host_roles(names, chosen.role or (), lambda rest: shares(rest, chosen.hosts))
-        clients = hosts + bridge_roles(names, chosen.bridge or ())
-        roles = make(chosen.folder, clients, chosen.address or (), chosen.days, chosen.anew)
+        roles = make(chosen.folder, hosts + bridge_roles(names, chosen.bridge or ()), chosen.address or (), chosen.days, chosen.anew)
     for role in roles:
         terminal.print_line(f"{chosen.folder / role.name}: {', '.join(role.names) or role.duty}")
 

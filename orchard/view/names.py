@@ -1,7 +1,7 @@
 """Names on the plan, each where it covers no other or else left out, and the point that the first view's camera follows."""
 
 import math
-from itertools import pairwise, product
+from itertools import compress, pairwise, product
 
 import numpy as np
 import rerun as rr
@@ -73,23 +73,28 @@ class NameView:
         """Return the names that cover no other one, and their middles."""
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
         boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
-        ranks, covered, taken, labels = np.arange(len(PLACES)), _covered(spots, self._halves, boxes), self._rows, list[str]()
-        against = RANK * ranks + MOVES * (ranks != self._places[:, None])
+        ranks, first = np.arange(len(PLACES)), len(self._rows)
+        against = RANK * ranks + MOVES * (ranks != self._places[:, None]) + COVERS_PIN * _covers(spots, self._halves, boxes).sum(axis=-1)
+        self._places = against.argmin(axis=1)
+        best = spots[np.arange(len(pins)), self._places, None]  # where each would be if there were no other names
+        taken = np.vstack([self._rows, np.column_stack([best[:, 0], self._halves])])
+        collides = np.any(np.tril(_covers(best, self._halves, taken)[:, 0], first - 1), axis=1)  # with one before it
         for n, half in enumerate(self._halves):
-            names = _covered(spots[n], half, taken)
-            self._places[n] = best = (against[n] + COVERS_NAME * names + COVERS_PIN * covered[n]).argmin()
-            if not names[best]:
-                taken = np.vstack([taken, [*spots[n, best], *half]])
-                labels.append(self._labels[n])
-        return labels, taken[len(self._rows) :, :2]
+            if collides[n]:
+                covered = _covers(spots[n], half, taken[: first + n]).sum(axis=-1)
+                self._places[n] = place = (against[n] + COVERS_NAME * covered).argmin()
+                taken[first + n, :2] = np.nan if covered[place] else spots[n, place]
+                collides |= _covers(best, self._halves, taken[[first + n]])[:, 0, 0]
+        is_shown = ~np.isnan(taken[first:, 0])
+        return [*compress(self._labels, is_shown)], taken[first:, :2][is_shown]
 
 
-def _covered(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return how many boxes, (b, 4), each name covers at its possible middles, (..., p, 2). `halves`: (..., 2) half sizes."""
+def _covers(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Return which boxes, (b, 4), each name covers at its possible middles, (..., p, 2): (..., p, b). `halves`: (..., 2) half sizes."""
     spots, halves = spots[..., None, :], halves[..., None, None, :]
     across = np.abs(spots[..., 0] - boxes[:, 0]) - boxes[:, 2] - halves[..., 0] < 0.0
     along = np.abs(spots[..., 1] - boxes[:, 1]) - boxes[:, 3] - halves[..., 1] < 0.0
-    return np.asarray((across & along).sum(axis=-1))
+    return np.asarray(across & along)
 
 
 FOCUS = "focus"  # its frame, and the entity that the camera follows
@@ -126,7 +131,8 @@ class Focus:
         self._states.update({name: state for name, state in frame.states.items() if name in self._index})
         held, is_first = frame.tick - self._since, not self._robot
         if is_first or (held >= HOLD / TIME_STEP and max(map(self._work, self._index)) > self._work(self._robot)):
-            self._robot, self._since = self._best(frame.poses), frame.tick
+            self._robot = min(self._index, key=lambda name: (-self._work(name), math.dist(frame.poses[self._index[name], :2], self._place)))
+            self._since = frame.tick
             if is_first or math.dist(self._place, self._goal(frame.poses)) > CUT:
                 self._place = self._goal(frame.poses)
         share = 1.0 - math.exp(-(frame.tick - self._tick) * TIME_STEP / GLIDE)
@@ -139,6 +145,3 @@ class Focus:
 
     def _goal(self, poses: np.ndarray) -> list[float]:
         return list(poses[self._index[self._robot], :2].tolist())
-
-    def _best(self, poses: np.ndarray) -> str:
-        return min(self._index, key=lambda name: (-self._work(name), math.dist(poses[self._index[name], :2], self._place)))

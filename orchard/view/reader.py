@@ -139,9 +139,5 @@ def _values(chunk: Chunk, name: str) -> list[tuple[int, int]]:
 
 
 def _words(chunk: Chunk) -> list[dict[str, Colour]]:
-    rows = zip(column(chunk, WORDS), column(chunk, COLOURS), strict=True)
-    return sorted((dict(zip(words, map(_colour, colours), strict=True)) for words, colours in rows if words), key=len)
-
-
-def _colour(rgba: int) -> Colour:
-    return rgba >> 24 & 255, rgba >> 16 & 255, rgba >> 8 & 255
+    rows = [row for row in zip(column(chunk, WORDS), column(chunk, COLOURS), strict=True) if row[0]]
+    return sorted(({word: (c >> 24 & 255, c >> 16 & 255, c >> 8 & 255) for word, c in zip(*row, strict=True)} for row in rows), key=len)

@@ -293,6 +293,7 @@ class ReplayOptions(HarvestOptions):
     replay: Annotated[Path, Argument(metavar="FILE.mcap", help="The bag.", show_default=False)] = field()
 
 
+OF_FUTURES = {*CHANGES, "run", "at", "settings", "stop", "futures", "bisect", "picture", "duration", "summary"} - {"seed"}
 PARENT = "The run: last, its name, its recording, or its folder of snapshots."
 FUTURES = "Compare N futures of the moment, as it was and as changed, in place of a run. Default for --bisect: 8."
 BISECT = "Find the last moment, up to --at, from which some future does not end so."
@@ -320,8 +321,8 @@ class ForkOptions(HarvestOptions):
             yield "--at", "is missing: the moment at which the fork begins"
         if self.picture is not None and self.bisect is None:
             yield "--picture", "it shows the futures of --bisect: give that, too"
-        if self.asks_for_futures and self.seed is not None:
-            yield "--seed", "each future has a seed of its own; leave out --seed"
+        if self.asks_for_futures and (wrong := self.typed(name for name in self.given() if name not in OF_FUTURES)):
+            yield "--bisect" if self.bisect else "--futures", f"leave out {wrong}: each future is a run of its own, in local mode"
         if self.asks_for_futures and self.stop and self.duration is None:
             yield "--duration", "is missing: a harvest does not end while robots stand"
 

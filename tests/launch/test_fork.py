@@ -248,7 +248,8 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
         (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
         (["--at", 60, "--stop", "robot"], "robot"),
         ([], "--at: is missing: the moment at which the fork begins"),
-        (["--at", 60, "--futures", 2, "--seed", 3], "--seed: each future has a seed of its own; leave out --seed"),
+        (["--at", 60, "--futures", 2, "--seed", 3], "--futures: leave out --seed: each future is a run of its own, in local mode"),
+        (["--bisect", "jam", "--view", "--web", 9090], "--bisect: leave out --view, --web: each future is a run of its own, in local mode"),
         (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
         (["--bisect", "jam", "--picture", "futures.txt"], "^--picture: futures.txt: a picture's name ends in .svg or .png"),
         (["--at", 60, "--futures", 2, "--picture", "futures.svg"], "--picture: it shows the futures of --bisect: give that, too"),
@@ -257,7 +258,8 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
     ],
 )
 def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, told):
-    assert re.search(told, orchard("fork", harvest[0], *words, "--mode", "local", "--record", "none", code=2).stderr)
+    quick = [] if {"--futures", "--bisect"} & {*words} else ["--mode", "local", "--record", "none"]
+    assert re.search(told, orchard("fork", harvest[0], *words, *quick, code=2).stderr)
 
 
 def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are_told(harvest, tmp_path):

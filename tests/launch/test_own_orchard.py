@@ -1,5 +1,6 @@
-"""The command `orchard layout import`: the document's commands run, and mistakes are told with exit code 2."""
+"""The commands of `orchard layout`: the document's commands run, and mistakes are told with exit code 2."""
 
+import json
 import os
 import subprocess
 import sys
@@ -23,13 +24,15 @@ def imported(*words: object):
 
 def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
-    make, harvest = commands(block("docs/how-to.md", "own orchard"))
+    make, harvest, export = commands(block("docs/how-to.md", "own orchard"))
     make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]
     short = [*harvest, "--mode", "local", "--record", "none", "--duration", "2"]  # as it stands it only takes longer
-    for words in (make, short):
+    for words in (make, short, export):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
         assert done.returncode == 0, done.stdout + done.stderr
     assert load(tmp_path / "te_puke.yaml").rows == 8
+    stations = json.loads((tmp_path / "te_puke.lif.json").read_text())["layouts"][0]["stations"]
+    assert {f"row/{number}" for number in range(1, 9)} < {station["stationId"] for station in stations}
     places = python("-c", block("docs/how-to.md", "places"), cwd=tmp_path, PYTHONPATH=str(ROOT))
     assert places.stdout.startswith("block-3/1 (1892797.98")
 

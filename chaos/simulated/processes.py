@@ -39,7 +39,7 @@ from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError, store
-from orchard.wire.keys import Keys
+from orchard.wire.keys import LOGGER, Keys
 
 log = logging.getLogger("orchard")
 MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)  # that a process logs, and ends with code 2
@@ -257,7 +257,8 @@ def _logger(process: SimulatedProcess) -> int:
         queue = FrameQueue()
         process.world.frames.append(queue)
         logger = Logger(bus, keys, run.run, lay_out(check(run.scenario, "the scenario that physics sent")), queue)
-        logger.listen(run.run)
+        logger.listen()
+        bus.declare_alive(keys.of("alive", LOGGER, run.run))
         return logger.run(_NoWriter())[0]  # type: ignore[arg-type]
 
 

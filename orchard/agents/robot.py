@@ -165,6 +165,8 @@ class PlanExecutor:
         if not (is_off or is_away or abs(off) > SLACK):
             memory.way = 0.0
             return False
+        if ahead > 0.0 and not is_off and memory.way and self.seen.tick - memory.moved >= HELD_UP and not sense.back_is_free(self.seen):
+            return False  # something keeps it past its place: it goes on from there
         self._choose_way(speed > 0.0 and -ahead * SLANT > abs(left))
         most = SLANT if abs(left) <= FAR + self.doubt else EIGHTH * 4
         steep = min(most, max(abs(left), NEAR / (max(speed, SHIFT) * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR
@@ -184,7 +186,7 @@ class PlanExecutor:
         memory, tick = self.memory, self.seen.tick
         if self.seen.twist != STILL:
             memory.moved = tick
-        if not memory.way:
+        if not memory.way or (self.seen.twist.x and not memory.driving):  # the latter: something else has driven it
             ahead, _ = to_frame(self.pose, self.course.x, self.course.y)
             memory.way, memory.moved = 1.0 if has_room or (ahead > 0.0 and not sense.something_ahead(self.seen, [])) else -1.0, tick
         elif (self._has_collided and memory.driving) or tick - memory.moved >= HELD_UP:

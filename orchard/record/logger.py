@@ -29,7 +29,6 @@ from orchard.wire.messages import Bundle, End, Events, Letters, Lost, Picture
 MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
 MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
 LOOK_SECONDS = 0.5  # between two checks that the writer still writes
-AWAY = "the logger was away"
 
 log = logging.getLogger("orchard")
 
@@ -70,34 +69,34 @@ class FrameQueue:
             return self._waiting.popleft() if self._waiting else None
 
 
-def write_recording(queue: FrameQueue, layout: Layout, run: str, file: Path | None, port: int | None) -> Path | None:
-    """Begin or continue a recording, and write all frames. Return the part that is written, None if not all is in it."""
+def open_recording(layout: Layout, run: str, file: Path | None, port: int | None) -> tuple[Recorder, int | None]:
+    """Begin a recording, or a further part of one. Return also the last tick of the earlier parts; None without."""
     last: int | None = None
     said: Mapping[str, Mapping[str, Colour]] = {}
-    if file is not None:  # earlier parts are read while the logger receives what comes next
+    if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file, last, said = before(file, run)
     recorder = Recorder(layout, run, file, port)
-    recorder.waiting = queue.__len__
     recorder.bodies.remember(said)
     print("recording", recorder.uri or file, flush=True)
+    return recorder, last
+
+
+def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | None:
+    """Write all frames, and the gaps after tick `last` and between them, until the queue is closed. Return the file if all is in it."""
+    recording.waiting = queue.__len__
     try:
-        write(queue, recorder, last)
+        while (frame := queue.take()) is not None:
+            first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
+            if last is not None and first > last + 1:
+                recording.gap(last, first, "the logger was away")
+            for event in (late := [event for event in frame.events if event.tick < frame.tick - 1]):
+                recording.tell(event)
+            recording.tick(replace(frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]) if late else frame)
+            last = frame.tick
     finally:
-        is_whole = recorder.close()
-    return file if is_whole else None
-
-
-def write(queue: FrameQueue, recording: Recorder, last: int | None) -> None:
-    """Write all frames, and the gaps between them, until the queue is closed. `last`: tick; None at the begin."""
-    while (frame := queue.take()) is not None:
-        first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
-        if last is not None and first > last + 1:
-            recording.gap(last, first, AWAY)
-        for event in (late := [event for event in frame.events if event.tick < frame.tick - 1]):
-            recording.tell(event)
-        recording.tick(replace(frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]) if late else frame)
-        last = frame.tick
+        file = recording.close()
+    return file
 
 
 # -- the thread that receives
@@ -114,15 +113,14 @@ class Logger:
         self._ending = Ending(bus.clock)
         self._tick: int | None = None  # of the newest frame that was passed on
 
-    def listen(self, session: str) -> None:
-        """Subscribe to the run, and declare the liveliness token. Physics then sends a whole frame.
+    def listen(self) -> None:
+        """Subscribe to the run.
 
         What comes often is read quietly, all of 50 ms together: to wake a thread for each costs more than what it does.
         """
         for what in ("bundle", "lost", "end"):
             self.bus.subscribe(self.keys.of(what), quietly=what == "bundle")
         self.bus.watch(self.keys.of("physics", self.run_id))
-        self.bus.declare_alive(self.keys.of("alive", LOGGER, session))
 
     def run(self, writing: Future[Path | None]) -> tuple[int, Path | None]:
         """Record until the run ends. Return the exit code, and the part that is whole, if any. Raises what `writing` raises."""
@@ -173,7 +171,10 @@ class Logger:
         for message in sorted(told, key=lambda message: message.tick - isinstance(message, Picture)):
             match message:
                 case Picture():
-                    self._see(self._frame(message))
+                    try:
+                        self._see(frame_of(message, self.layout))
+                    except ValueError as error:
+                        raise Refused("malformed", str(error)) from error
                 case Letters():
                     self._note(talk_of(message.tick, message.letters))
                 case Events():
@@ -184,17 +185,10 @@ class Logger:
             raise Refused("too many", f"{MOST_NOTES} events wait for a frame")
         self._notes += events
 
-    def _frame(self, picture: Picture) -> Frame:
-        try:
-            return frame_of(picture, self.layout)
-        except ValueError as error:
-            raise Refused("malformed", str(error)) from error
-
     def _see(self, frame: Frame) -> None:
         """Pass a frame on. After a missed one, wait for a whole one: others contain only what has changed."""
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
-            self._tick = frame.tick
-            frame.events, self._notes = self._notes, []
+            self._tick, frame.events, self._notes = frame.tick, self._notes, []
             self.queue.put(frame)
 
 
@@ -203,5 +197,7 @@ def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: s
     run = fetch_run(bus, keys, end_if_asked)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     logger = Logger(bus, keys, run.run, layout, FrameQueue())
-    logger.listen(session or bus.id)
-    return logger.run(bus.executor.submit(write_recording, logger.queue, layout, run.run, file, port))
+    logger.listen()  # so what comes while earlier parts are read is not lost
+    recorder, last = open_recording(layout, run.run, file, port)
+    bus.declare_alive(keys.of("alive", LOGGER, session or bus.id))  # the first tick waits for it, and a whole frame comes
+    return logger.run(bus.executor.submit(write, logger.queue, recorder, last))

@@ -21,6 +21,7 @@ from orchard.sim.world import NONE, Fixed, Space, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
+PAST_HEAD = 2.0  # m east of the queue: there one waits that something has driven on, while another keeps it from coming back
 
 
 _CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends", "pick_from"
@@ -139,4 +140,6 @@ def harvest_is_over(world: World) -> bool:
 
 def _waits_in_queue(world: World, carrier: int) -> bool:
     x, y, yaw = world.pose[carrier].tolist()
-    return world.layout.queue.area.contains(x, y) and abs(angle_between(yaw, EAST)) <= FACING and bool(world.coupled[carrier] != NONE)
+    area = world.layout.queue.area
+    is_there = area._replace(east=area.east + PAST_HEAD).contains(x, y)
+    return is_there and abs(angle_between(yaw, EAST)) <= FACING and bool(world.coupled[carrier] != NONE)

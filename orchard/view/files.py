@@ -109,7 +109,7 @@ class RecordingFile(threading.Thread):
     def __init__(self, path: Path) -> None:
         """Raises OSError if the file cannot be opened."""
         super().__init__(name="recording", daemon=True)
-        self._path, self._file = path, path.open("wb", buffering=0)
+        self.path, self._file = path, path.open("wb", buffering=0)
         self._outlet, self._sealed = os.pipe()
         self.inlet = f"/dev/fd/{self._sealed}"
         self.is_whole = True
@@ -131,4 +131,4 @@ class RecordingFile(threading.Thread):
                 piece = piece[self._file.write(piece) :]
         except OSError as error:
             self.is_whole = False
-            log.error("%s: %s; the rest of the run is not recorded", self._path, error.strerror)
+            log.error("%s: %s; the rest of the run is not recorded", self.path, error.strerror)

@@ -87,12 +87,9 @@ class Recorder:
     def tick(self, frame: Frame) -> None:
         """Record one frame. Frames come in order; ticks may be left out. With one of tick 1 the start is recorded too."""
         if frame.tick == 1 and self._second < 0:
-            self._record(self._start_of(frame))
+            starts = np.array([start.pose for start in self.layout.starts])
+            self._record(replace(frame, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0, velocities={}))
         self._record(frame)
-
-    def _start_of(self, first: Frame) -> Frame:
-        starts = np.array([start.pose for start in self.layout.starts])
-        return replace(first, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0, velocities={})
 
     def _record(self, frame: Frame) -> None:
         self._columns.tick = frame.tick
@@ -122,15 +119,15 @@ class Recorder:
         """Add an event of a tick that has no frame."""
         self._columns.add("events", rr.TextLog, event.tick, text=[line_of(event)], level=[level_of(event.what)])
 
-    def close(self) -> bool:
-        """Write the rest, wait, and end the file and the server. Return whether all is in the file."""
+    def close(self) -> Path | None:
+        """Write the rest, wait, and end the file and the server. Return the file if all is in it."""
         self._send()
         self._send_scans()
         self.rec.flush()
         self.rec.disconnect()
         if self._file is not None:
             self._file.join(END_SECONDS)
-        return self._file is not None and self._file.is_whole and not self._file.is_alive()
+        return self._file.path if self._file is not None and self._file.is_whole and not self._file.is_alive() else None
 
     # -- what is sent in chunks
 
@@ -190,7 +187,7 @@ class Recorder:
                 self.bodies.doing(name, text, state)
         self.names.show(frame.tick, frame.poses)
         news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
-        lines = gathered(news)
+        lines = dict.fromkeys(gathered(news))
         for event in [*lines, *(event for event in frame.events if event not in lines)]:
             level = level_of(event.what) if event in lines else "DEBUG"
             self._columns.add("events", rr.TextLog, text=[line_of(event)], level=[level])

@@ -152,6 +152,15 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
         (2480, "picker_02", 0.916847694408812, -0.3126112065199836, 13),
         (3385, "picker_01", 0.614761371903781, -0.12484377430627414, 20),
     ),
+    "past the place where it turns, with another one behind": (
+        {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": "two-way", "tractor": True},
+        (1801, "carrier_02", 1.0, 0.25, 12),
+    ),
+    "past the head of the queue, with another one behind": (
+        {"rows": 4, "pickers": 2, "carriers": 4, "row_length": 30.0, "route": "two-way", "tractor": True},
+        (1879, "carrier_01", 1.0, 0.17337756876858523, 16),
+        (2215, "carrier_02", 1.0, -0.2899141750246008, 18),
+    ),
 }
 
 

@@ -60,7 +60,7 @@ class DiscreteHarvest:
         self.battery, self.chargers = scenario.carrying.battery, simpy.Resource(self.env, max(1, scenario.chargers))
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
         self.deliveries: list[float] = []  # s, when each bin was unloaded
-        self._full_since: dict[str, int] = {}  # picker -> tick at which its bin was full
+        self._full_since: dict[str, int] = {}  # picker that waits for an empty bin -> tick at which its bin was full
         self._waits: list[tuple[int, int]] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
         self._trips: list[tuple[float, float]] = []  # of carriers: the ticks between which one was outside the queue
         self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
@@ -84,7 +84,7 @@ class DiscreteHarvest:
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`, and return it."""
         before, longest = -1, LONGEST * self.bins
-        while goes_on() and self.env.peek() < longest and (self.done > before or self._drives):
+        while goes_on() and self.env.peek() < longest and (self.done > before or self.drives or self.chargers.count):
             before = self.done
             self.env.run(until=min(longest, self.env.now + JAM))
         return self
@@ -97,8 +97,8 @@ class DiscreteHarvest:
         return DiscreteFigures(rate, self.picker_waiting_seconds(), self.carrier_utilisation(), self.seconds, self.delivered)
 
     @property
-    def _drives(self) -> bool:
-        return any(robot.is_on_the_way for robot in self.robots.values()) or self.chargers.count > 0
+    def drives(self) -> bool:
+        return any(robot.is_on_the_way for robot in self.robots.values())
 
     @property
     def done(self) -> int:
@@ -125,12 +125,13 @@ class DiscreteHarvest:
         self.calls.fails(picker)
 
     def end_row(self, picker: Robot) -> None:
-        self._full_since[picker.name] = picker.tick
         if not self._passes[picker.name][0].leaves_bin:
             del self._passes[picker.name][0]
+        elif self._passes[picker.name][0].is_full:
+            self._full_since[picker.name] = picker.tick
 
     def couple(self, picker: Robot) -> None:
-        self._waits.append((picker.tick, picker.tick - self._full_since[picker.name]))
+        self._waits.append((picker.tick, picker.tick - self._full_since.pop(picker.name)))
 
     def leave(self, picker: Robot) -> None:
         one = self._passes[picker.name].pop(0)
@@ -178,8 +179,9 @@ class DiscreteHarvest:
 
     @property
     def waited_seconds(self) -> float:
-        """The time for which all pickers together have waited for the empty bins that they got, s."""
-        return sum(wait for _, wait in self._waits) * TIME_STEP
+        """The time for which all pickers together have waited for empty bins so far, s."""
+        now = [max(0.0, self.env.now - tick) for tick in self._full_since.values()]  # of those that still wait
+        return sum([*(wait for _, wait in self._waits), *now]) * TIME_STEP
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
         """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over the carriers; None: to the end."""

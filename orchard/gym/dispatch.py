@@ -111,7 +111,7 @@ class Transition(NamedTuple):
     """What happened from one action to the next, for a reward."""
 
     seconds: float  #: that passed
-    waited: float  #: s for which pickers, now served, have waited for an empty bin
+    waited: float  #: s for which all pickers together have waited for empty bins
     delivered: int  #: bins unloaded
 
 
@@ -169,9 +169,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         if options:
             raise ValueError(f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none")
         episode = self._episode.after(plain(seed))
-        layout = lay_out(with_changes(self.scenario, seed=episode.seed))
+        self.harvest = DiscreteHarvest(lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused)
         self._episode, self._is_over, self._moved = episode, True, (0, 0.0)
-        self.harvest = DiscreteHarvest(layout, calls=Paused)
         self._until_decision()
         self._is_over = False
         return self._observed(), self._info()
@@ -216,7 +215,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
             env.step()
             done, since = self._moved
-            if harvest.done > done or any(robot.is_on_the_way for robot in harvest.robots.values()):
+            if harvest.done > done or harvest.drives:
                 self._moved = harvest.done, env.now
             elif env.now - since > JAM:
                 self._calls.pending = None
@@ -225,9 +224,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             harvest.run()  # the last robots drive home
 
     def _so_far(self) -> Transition:
-        harvest = self.harvest
-        seconds = harvest.seconds if harvest.is_over else harvest.env.now * TIME_STEP
-        return Transition(seconds, harvest.waited_seconds, harvest.delivered)
+        seconds = self.harvest.seconds if self.harvest.is_over else self.harvest.env.now * TIME_STEP
+        return Transition(seconds, self.harvest.waited_seconds, self.harvest.delivered)
 
     def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
         decision = self._calls.pending

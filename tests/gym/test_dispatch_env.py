@@ -51,6 +51,7 @@ def test_rewards():
     model = DiscreteHarvest(lay_out(SMALL)).run()
     assert played(dispatch_env(SMALL, reward="delivery"), scripted)[0] == model.delivered == SMALL.rows
     assert played(dispatch_env(SMALL, reward="waiting"), scripted)[0] == pytest.approx(-model.waited_seconds)
+    assert played(dispatch_env(SMALL, reward="waiting"), lambda info: 0)[0] < -1200.0, "two pickers, which wait for 600 s until it is a jam"
     assert played(dispatch_env(SMALL, reward=lambda interval: 2.0 * interval.delivered), scripted)[0] == 2.0 * SMALL.rows
 
 

@@ -113,7 +113,7 @@ class Header(msgspec.Struct, rename="camel"):
 
 
 class Order(Header):
-    order_id: Name
+    order_id: Annotated[Name, Meta(min_length=1)]
     order_update_id: Count
     nodes: list[Node]
     edges: list[Edge]
@@ -238,7 +238,7 @@ def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x
     An order that it has already changes nothing.
     """
     named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
-    is_new = order.order_id != state.order_id or not state.order_id
+    is_new = order.order_id != state.order_id
     if is_new and not state.is_idle:
         raise Rejected("OTHER_ORDER_ACTIVE", f"busy with order {state.order_id}", {"orderId": order.order_id})
     if not is_new and order.order_update_id < state.update_id:

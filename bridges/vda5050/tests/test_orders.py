@@ -95,6 +95,7 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 1, "endNodeId"], WAY[1])),
         ("VALIDATION_FAILURE", OrderState(), order(actions=[action(), action("drop", key="")])),
         ("VALIDATION_FAILURE", OrderState(), order(order_id="long" * 100)),
+        ("VALIDATION_FAILURE", OrderState(), order(order_id="")),
         ("VALIDATION_FAILURE", WITH_ACTION, order(update=1, first=len(WAY) - 1) | {"nodes": AGAIN, "edges": [EDGE]}),
         ("UNSUPPORTED_PARAMETER", OrderState(), changed(order(), ["edges", 0, "trajectory"], {"controlPoints": []})),
         ("UNSUPPORTED_PARAMETER", OrderState(), order(actions=[action() | HEIGHT])),

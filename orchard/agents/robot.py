@@ -155,7 +155,7 @@ class PlanExecutor:
         """Whether the robot is off its course, and comes back: off its line it drives aslant, ahead or back.
 
         `speed`: at which it drives to the place of its course, m/s; 0: it stands there. Where it cannot turn, it drives on as it
-        faces; where it is held up, it takes the other way.
+        faces; where it is held up, it takes the other way. If something keeps it past its place, it goes on from there.
         """
         memory = self.memory
         if memory.course is None:
@@ -166,7 +166,7 @@ class PlanExecutor:
             memory.way = 0.0
             return False
         if ahead > 0.0 and not is_off and memory.way and self.seen.tick - memory.moved >= HELD_UP and not sense.back_is_free(self.seen):
-            return False  # something keeps it past its place: it goes on from there
+            return False
         self._choose_way(speed > 0.0 and -ahead * SLANT > abs(left))
         most = SLANT if abs(left) <= FAR + self.doubt else EIGHTH * 4
         steep = min(most, max(abs(left), NEAR / (max(speed, SHIFT) * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR

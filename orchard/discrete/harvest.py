@@ -180,8 +180,8 @@ class DiscreteHarvest:
     @property
     def waited_seconds(self) -> float:
         """The time for which all pickers together have waited for empty bins so far, s."""
-        now = [max(0.0, self.env.now - tick) for tick in self._full_since.values()]  # of those that still wait
-        return sum([*(wait for _, wait in self._waits), *now]) * TIME_STEP
+        still = [max(0.0, self.env.now - tick) for tick in self._full_since.values()]  # of those that wait now
+        return sum([*(wait for _, wait in self._waits), *still]) * TIME_STEP
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
         """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over the carriers; None: to the end."""

@@ -21,7 +21,7 @@ from orchard.sim.world import NONE, Fixed, Space, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
-PAST_HEAD = 2.0  # m east of the queue: there one waits that something has driven on, while another keeps it from coming back
+PAST_HEAD = 2.0  # m past the queue: a carrier that something drove there, and that another one keeps there, still waits in it
 
 
 _CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends", "pick_from"

@@ -27,6 +27,7 @@ from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.bus import Sample, Signal
+from orchard.record import logger as recording
 from orchard.record.logger import FrameQueue, Logger, write
 from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
@@ -48,6 +49,18 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     assert None not in (whole["coupled"], whole["fill"], whole["row_ends"])
     assert {"picker_01", "carrier_01"} <= whole["doing"].keys()
     token.undeclare()
+
+
+def test_a_logger_listens_and_opens_its_recording_before_it_shows_the_token_for_which_the_first_tick_waits(monkeypatch):
+    done, run = [], SimpleNamespace(run="run1", scenario=Scenario(rows=3).model_dump())
+    executor = SimpleNamespace(submit=lambda *_: done.append("write"))
+    bus = SimpleNamespace(clock=lambda: 0.0, declare_alive=done.append, executor=executor)
+    monkeypatch.setattr(recording, "fetch_run", lambda *_: run)
+    monkeypatch.setattr(recording, "open_recording", lambda *_: (done.append("open"), None))
+    monkeypatch.setattr(Logger, "listen", lambda self: done.append("listen"))
+    monkeypatch.setattr(Logger, "run", lambda self, writing: (0, None))
+    assert recording.record(bus, KEYS, None, None, "me") == (0, None)
+    assert done == ["listen", "open", KEYS.of("alive", "logger", "me"), "write"]
 
 
 def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everything_rare_has_changed():

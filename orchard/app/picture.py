@@ -19,21 +19,21 @@ class Picture:
 
     def __init__(self, scenario: Scenario, files: Files) -> None:
         self.port, self._views_port = free_pair(), free_pair()
-        self._files, self._shown = files, [data_uri(self.port)]
+        self._files, self._shown = files, data_uri(self.port)
         for_page(lay_out(scenario)).save("orchard", files.views)
         self._servers: list[subprocess.Popen[bytes]] = [serve_web(self._views_port, str(files.views))]
 
     def play(self) -> None:
         """Serve the recording from now on."""
-        self._shown = list(map(str, parts_of(self._files.recording)))
-        self._servers.append(serve_web(self.port, *self._shown))
+        self._shown = str(self._files.recording)
+        self._servers.append(serve_web(self.port, *map(str, parts_of(self._files.recording))))
 
     @property
     def address(self) -> str:
         """The address of the picture, live or recorded; '' while its servers do not answer."""
         ports = self.port, self.port + 1, self._views_port + 1
         views = address(self._views_port, str(self._files.views))
-        return page_url(self.port, *self._shown, views) if all(map(is_open, ports)) else ""
+        return page_url(self.port, self._shown, views) if all(map(is_open, ports)) else ""
 
     def close(self) -> None:
         for server in self._servers:

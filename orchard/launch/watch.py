@@ -22,9 +22,8 @@ def serve(parts: Sequence[Path], port: int) -> int:
     """Serve a recording to browsers until Ctrl-C. Return the exit code. Raises FileNotFoundError or BusError."""
     viewer_program()
     check_ports(port)
-    shown = list(map(str, parts))
-    with serve_web(port, *shown) as server:
-        print_line("\n".join([*how_to_open("In a browser on this machine", port, *shown), "Ctrl-C ends it."]))
+    with serve_web(port, *map(str, parts)) as server:
+        print_line("\n".join([*how_to_open("In a browser on this machine", port, str(parts[0])), "Ctrl-C ends it."]))
         try:
             code = server.wait()
         finally:

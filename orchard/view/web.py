@@ -1,20 +1,22 @@
-"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer, and recordings for it to play.
+"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer, and a recording for it to play.
 
 `python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs until its standard input ends, as `serve_web` starts it.
 `rr.serve_web_viewer` is not used: it listens on all interfaces. A recording goes to the viewer over HTTP, which plays it from its
-beginning. What comes from Rerun's own server opens at the end, and keeps a core busy (rerun-io/rerun#10944).
+beginning. What comes from Rerun's own server opens at the end, and keeps a core busy (rerun-io/rerun#10944). The parts of a recording
+are one answer, in their order: of two answers the viewer begins with either.
 """
 
 import argparse
 import os
 import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import threading
-from email.message import Message
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import ClassVar, NoReturn
 from urllib.parse import quote, urlencode, urlsplit
@@ -38,26 +40,28 @@ def address(port: int, what: str) -> str:
 
 
 def page_url(port: int, *what: str) -> str:
-    """Return the address to open in a browser or a frame. `what`: files that are served, or addresses of data."""
+    """Return the address to open in a browser or a frame. `what`: recordings that are served, or addresses of data."""
     options = {"url": [address(port, each) for each in what], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
     return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 
 
-def command(port: int, *what: str) -> list[str]:
+def command(port: int, what: str) -> list[str]:
     """Return the command line of the viewer's server. `what`: as in `page_url`."""
-    shown = [address(port, each) for each in what]
-    return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), *shown]
+    return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), address(port, what)]
 
 
-def how_to_open(words: str, port: int, *what: str) -> list[str]:
+def how_to_open(words: str, port: int, what: str) -> list[str]:
     """Return lines for the user: a viewer's address after some words and, over ssh, how to reach it."""
     there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
     forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
-    return [f"{words}: {page_url(port, *what)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there)]
+    return [f"{words}: {page_url(port, what)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there)]
 
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
-    """Serve the viewer at `page_url(port, *what)`. The caller ends the returned process with `terminate()`."""
+    """Serve the viewer at `page_url(port, what[0])`. The caller ends the returned process with `terminate()`.
+
+    `what`: the address of live data, or the parts of a recording. Each part but the last must be whole.
+    """
     shown = [each if "://" in each else str(Path(each).resolve()) for each in what]  # the server has another working directory
     line, null = [sys.executable, "-m", "orchard.view.web", *shown, "--port", str(port)], subprocess.DEVNULL
     return subprocess.Popen(line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null)
@@ -82,21 +86,23 @@ def is_open(port: int) -> bool:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
-class _Files(SimpleHTTPRequestHandler):
-    """Answers with a few files, by name, on this machine only: a page of another site must not read them."""
+class _Recording(BaseHTTPRequestHandler):
+    """Answers with a recording, on this machine only: a page of another site must not read it."""
 
-    files: ClassVar[dict[str, str]] = {}  # path of the address -> path of the file
-    headers = Message()  # of a request that could not be read
+    parts: ClassVar[list[Path]] = []
 
-    def translate_path(self, path: str) -> str:
-        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
-        return self.files.get(urlsplit(path).path, "") if host in LOCAL else ""
-
-    def end_headers(self) -> None:
-        origin = self.headers.get("Origin", "")
+    def do_GET(self) -> None:
+        host, origin = urlsplit(f"//{self.headers.get('Host', '')}").hostname, self.headers.get("Origin", "")
+        if host not in LOCAL or urlsplit(self.path).path != f"/{quote(self.parts[0].name)}":
+            return self.send_error(HTTPStatus.NOT_FOUND)
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Length", str(sum(part.stat().st_size for part in self.parts)))
         if urlsplit(origin).hostname in LOCAL:
             self.send_header("Access-Control-Allow-Origin", origin)
-        super().end_headers()
+        self.end_headers()
+        for part in self.parts:
+            with part.open("rb") as file:
+                shutil.copyfileobj(file, self.wfile)
 
     def log_message(self, *_: object) -> None:
         """Print nothing."""
@@ -108,9 +114,9 @@ def main() -> None:
     parser.add_argument("what", nargs="+", help="the address of live data, or the parts of a recording")
     parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
     arguments = parser.parse_args()
-    line, viewer = command(arguments.port, *arguments.what), os.getpid()
-    _Files.files = {f"/{quote(Path(each).name)}": each for each in arguments.what if "://" not in each}
-    server = ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Files) if _Files.files else None
+    line, viewer = command(arguments.port, arguments.what[0]), os.getpid()
+    _Recording.parts = [Path(each) for each in arguments.what if "://" not in each]
+    server = ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Recording) if _Recording.parts else None
     if os.fork() == 0:
         if server is not None:
             threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -90,7 +90,7 @@ NEAR = 40  # sum of the differences of a colour's three parts; leaves are 59 fro
 
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
-    """A recording of two parts whose pickers pick until they call at its end; `orchard view` serves it, and prints this address."""
+    """A recording of two parts whose pickers pick in the one, and call in the other; `orchard view` serves it, and prints this address."""
     skip_without_packages()
     layout = lay_out(Scenario(rows=3))
     names = ("picker_01", "picker_02")

@@ -121,33 +121,30 @@ ASKED = [
 
 
 @pytest.mark.parametrize(("path", "headers", "answers"), ASKED)
-def test_a_recording_is_read_on_this_machine_only_and_nothing_beside_it(stand_in, tmp_path, path, headers, answers):
+def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(stand_in, tmp_path, path, headers, answers):
     stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({SECONDS})\n")
-    for name in ("a run.rrd", "other.rrd"):
+    for name in ("a run.rrd", "a run.part2.rrd", "other.rrd"):
         (tmp_path / name).write_text(name)
     port = free_pair()
-    with serve_web(port, str(tmp_path / "a run.rrd")) as server:
+    with serve_web(port, str(tmp_path / "a run.rrd"), str(tmp_path / "a run.part2.rrd")) as server:
         wait_for(server, address(port, "a run.rrd"))
         link = HTTPConnection("127.0.0.1", port + 1, timeout=SECONDS)
         link.request("GET", path, headers=headers)
         answer = link.getresponse()
         assert (answer.status, answer.getheader("Access-Control-Allow-Origin")) == answers
-        assert answer.status != 200 or answer.read() == b"a run.rrd"
+        assert answer.status != 200 or answer.read() == b"a run.rrda run.part2.rrd"
         link.close()
         server.terminate()
 
 
-def test_a_recording_beside_the_user_is_served_with_all_its_parts_over_ssh_too_and_a_server_that_fails_is_named(
-    stand_in, monkeypatch, tmp_path
-):
+def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_named(stand_in, monkeypatch, tmp_path):
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
     monkeypatch.delenv("DISPLAY")
-    port, parts = free_pair(), ["run.rrd", "run.part2.rrd"]
-    for part in parts:
-        (tmp_path / part).write_bytes(HEAD)
+    port = free_pair()
+    (tmp_path / "run.rrd").write_bytes(HEAD)
     done = python(RUN, "view", "run.rrd", "--web", port, cwd=tmp_path)
-    assert told(stand_in) == command(port, *parts)[1:]
-    assert told(stand_in)[-2:] == [f"http://127.0.0.1:{port + 1}/{part}" for part in parts]
+    assert told(stand_in) == command(port, "run.rrd")[1:]
+    assert told(stand_in)[-1] == f"http://127.0.0.1:{port + 1}/run.rrd"
     assert f"http://127.0.0.1:{port}/" in done.stdout
     assert f"-L {port}:127.0.0.1:{port} -L {port + 1}:127.0.0.1:{port + 1} 192.0.2.2" in done.stdout
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")

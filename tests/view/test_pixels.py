@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterator
 from ctypes.util import find_library
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from orchard.contract.events import Frame
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
+from orchard.view.files import parts_of
 from orchard.view.palette import STATES
 from orchard.view.scenery import plan_size
 from orchard.view.web import free_pair
@@ -113,10 +116,12 @@ def pixels(browser, colour: tuple[int, int, int]) -> int:
     return int((np.abs(view - colour).sum(axis=2) < NEAR).sum())
 
 
-def test_a_recording_opens_at_its_beginning_with_robots_in_view(address: str, tmp_path: Path) -> None:
+def test_a_recording_opens_whole_at_its_beginning_with_robots_in_view(address: str, tmp_path: Path) -> None:
     with chromium_with(tmp_path / "profile", tmp_path, SOFTWARE) as browser:
         browser.driver.set_window_size(900, 700)
         browser.driver.get(address)
         browser.until(lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", SECONDS)
         assert pixels(browser, KINDS["picker"].colour) > 5
         assert pixels(browser, STATES["calling"]) == 0
+    with urlopen(parse_qs(urlsplit(address).query)["url"][0], timeout=SECONDS) as answer:
+        assert answer.read() == b"".join(part.read_bytes() for part in parts_of(tmp_path / "run.rrd"))

@@ -15,7 +15,7 @@ from orchard.contract.messages import Written, pack, unpack
 from orchard.field.kinds import DISPATCH, kind_of, number_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
-from orchard.field.scenario import Scenario, with_changes
+from orchard.field.scenario import with_changes
 from orchard.sim.engine import Engine
 from orchard.sim.invariants import overlapping_bodies
 from orchard.sim.restore import fitting, world_from
@@ -54,7 +54,9 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     is no robot's.
     """
     before = world_from(snapshot)
-    layout = lay_out(_with_room(before.layout.scenario, with_changes(before.layout.scenario, **changes)))
+    old, now = before.layout.scenario, with_changes(before.layout.scenario, **changes)
+    shrinks = now.queue_carriers < old.queue_carriers  # the queue stays as long as before: carriers are on their way to it
+    layout = lay_out(with_changes(now, queue_room=old.queue_carriers) if shrinks else now)
     _check_changes(before.layout, layout)
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
@@ -73,11 +75,6 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     owned = sorted(name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents)
     rest = figures, owned, snapshot.lost, snapshot.elsewhere
     return Snapshot(snapshot.run, layout.scenario.model_dump(), engine.as_data(), engine.digest, memories, letters, *rest)
-
-
-def _with_room(before: Scenario, now: Scenario) -> Scenario:
-    """Return the scenario with a queue as long as before: carriers are on their way to it."""
-    return with_changes(now, queue_room=before.queue_carriers) if now.queue_carriers < before.queue_carriers else now
 
 
 def _check_changes(before: Layout, now: Layout) -> None:

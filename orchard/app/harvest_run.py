@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 from nicegui import ui
-from nicegui.events import GenericEventArguments, ValueChangeEventArguments
+from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand
@@ -96,10 +96,10 @@ class RunControls:
     def _build_speed(self) -> None:
         with self._setting("Speed", "speed"):
             self._slider = ui.slider(min=1, max=FASTEST, step=1, value=1).classes("speed-slider").props("aria-label=Speed")
-            self._slider.on("update:model-value", self._slid, throttle=0.05)
             self._speed = ui.input(value=self.settings.speed, suffix="x", on_change=self._enters("speed")).classes("number")
             self._speed.props("dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure")
             self._speed.props(f'title="times real time, {span(SPEEDS)}"')
+            self._slider.on("update:model-value", lambda event: self._speed.set_value(shown(event.args)), throttle=0.05)
             self._fastest = ui.checkbox("fastest", value=self.settings.is_fastest, on_change=self._enters("as_fast_as_it_goes"))
             self._fastest.props("dense data-field=fastest")
             self._fastest.props('title="as fast as this machine can"')
@@ -119,9 +119,6 @@ class RunControls:
         return place
 
     # -- user actions
-
-    def _slid(self, event: GenericEventArguments) -> None:
-        self._speed.set_value(shown(event.args))
 
     def _enters(self, name: str) -> Callable[[ValueChangeEventArguments[Any]], None]:
         def enter(event: ValueChangeEventArguments[Any]) -> None:
@@ -161,7 +158,7 @@ class Run(PageCommand):
         words = super().words_of(line)
         with contextlib.suppress(ValueError, KeyError, RecursionError):  # any other line
             self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
-            words, self.has_begun = str(self.headline), True
+            words, self.has_begun = self.headline.line(), True
             self._add_to_course(self.headline)
         return words
 

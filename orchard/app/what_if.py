@@ -39,7 +39,7 @@ def moment(seconds: float) -> str:
 
 def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) -> None:
     """Add the time line of a run that has left keyframes, some settings that may change, and the button. `go_on`: starts a fork."""
-    known, draft = [tick * TIME_STEP for tick in ticks_of(snapshots)], Draft(scenario)
+    known, draft = [round(tick * TIME_STEP, 1) for tick in ticks_of(snapshots)], Draft(scenario)
     if not known:
         return
     heading(3, "What if from here?")

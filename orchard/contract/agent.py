@@ -38,7 +38,7 @@ MOST_STEPS = 2**53 - 1
 MOST_HOLD = 1000  # ticks after which an agent is asked again, whatever it holds
 MOST_ZONES = 4  # of each kind in a hold
 MOST_LEVELS = 32  # of lists and maps within each other in the fields of a message of an agent's own type
-LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes: the memories of a session's agents go in one message to a session that takes over
+LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes
 
 
 class Hitch(NamedTuple):

@@ -94,7 +94,10 @@ class Claimant:
             self.wanted = []
         self._plan()
         if granted and self._pause is not None and self._pause.callbacks:
-            hasten(self._pause, self.env.timeout(ceil(self.env.now) - self.env.now))
+            sooner = self.env.timeout(ceil(self.env.now) - self.env.now)  # what waits for the pause waits for this
+            assert sooner.callbacks is not None
+            sooner.callbacks.extend(self._pause.callbacks)
+            self._pause.callbacks.clear()
 
     def granted_or(self, event: simpy.Event) -> simpy.Event:
         """Return an event for the robot to wait for: it waits only until the tick after it is granted places, if that is before."""
@@ -133,13 +136,6 @@ class Reservations:
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:
     env.timeout(time - env.now).callbacks.append(lambda _: act(*words))
-
-
-def hasten(event: simpy.Event, sooner: simpy.Event) -> None:
-    """Let what waits for an event wait for another one."""
-    assert sooner.callbacks is not None and event.callbacks is not None
-    sooner.callbacks.extend(event.callbacks)
-    event.callbacks.clear()
 
 
 def first_of(env: simpy.Environment, events: Sequence[simpy.Event]) -> simpy.Event:

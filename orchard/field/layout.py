@@ -234,7 +234,8 @@ def _laid_out(text: str) -> Layout:
     scenario = Scenario.model_validate_json(text)
     lanes, lines = _alike(scenario) if scenario.survey is None else _surveyed(scenario, scenario.survey)
     bare = Layout(scenario, lanes, lines, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
-    walls, machines, half = np.array(_fences(bare) + _trunks_and_posts(bare)), _machines(bare), FENCE_THICKNESS / 2
+    trunks_and_posts = [(x, line.y, TRUNK / 2, TRUNK / 2) for line in lines for x in sorted(line.trees_x + line.posts_x)]
+    walls, machines, half = np.array(_fences(bare) + trunks_and_posts), _machines(bare), FENCE_THICKNESS / 2
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
     starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(bare.queue_places))
@@ -278,10 +279,6 @@ def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
     middle, half_height = (layout.top + low) / 2, (layout.top - low) / 2 + half
     across, half_width = (X_WEST + layout.east) / 2, (layout.east - X_WEST) / 2 + half
     return [(across, y, half_width, half) for y in (layout.top, low)] + [(x, middle, half, half_height) for x in (X_WEST, layout.east)]
-
-
-def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
-    return [(x, line.y, TRUNK / 2, TRUNK / 2) for line in layout.lines for x in sorted(line.trees_x + line.posts_x)]
 
 
 def _picker_start(layout: Layout, block: Block) -> Pose:

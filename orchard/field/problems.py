@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 from orchard.field.kinds import KINDS
 
 MOST_TOLD = 50  # problems in the text of a ScenarioError
+LONGEST = 200  # characters of a line of a user's code
 
 Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
@@ -23,9 +24,6 @@ _NOT_A_NAME = {  # what is wrong with a key of it
     "agents": f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01",
     "agents_without_body": "not a name: small letters, digits and _, beginning with a letter",
 }
-
-
-LONGEST = 200  # characters of a line of a user's code
 
 
 def printable(words: str, most: int = LONGEST) -> str:

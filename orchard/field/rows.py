@@ -57,7 +57,8 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
 def _checked(given: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
     if not isinstance(given, Mapping) or any(name not in given for name in _pickers(scenario)):
         raise TypeError(f"it returned {given!r}; it must return a map with the keys {', '.join(_pickers(scenario))}")
-    blocks = {name: _block(given[name]) for name in _pickers(scenario)}
+    named = {name: given[name] if isinstance(given[name], Block) else Block(given[name]) for name in _pickers(scenario)}
+    blocks = {name: Block(tuple(int(row) for row in block.rows), block.start) for name, block in named.items()}
     shown = {name: block.rows for name, block in blocks.items()}
     if sorted(row for rows in shown.values() for row in rows) != list(range(1, scenario.rows + 1)) or not all(shown.values()):
         raise ValueError(f"{shown}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one")
@@ -66,11 +67,6 @@ def _checked(given: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
     if wrong := [f"{name} at {block.start!r}" for name, block in blocks.items() if block.start not in get_args(End)]:
         raise ValueError(f"a picker starts at the end 'west' or 'east', and not {', '.join(wrong)}")
     return blocks
-
-
-def _block(given: Any) -> Block:
-    block = given if isinstance(given, Block) else Block(given)
-    return Block(tuple(int(row) for row in block.rows), block.start)
 
 
 def _cut(scenario: Scenario, ends: list[int]) -> dict[str, Block]:

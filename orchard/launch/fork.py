@@ -15,6 +15,8 @@ from orchard.local import Local
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import examine
 from orchard.sim.snapshot import KEYFRAME, Snapshot, SnapshotError, newest, ticks_of
+from orchard.sim.stops import stopped
+from orchard.sim.world import World
 from orchard.study.settings import value_of
 
 Say = Callable[[str], None]
@@ -56,6 +58,12 @@ class WatchedRun:
         now.run, now.lost, now.elsewhere = self._before.run, self._before.lost, self._before.elsewhere
         now.figures = self._before.figures | self.figures.as_data()
         return now
+
+
+def check_end(world: World, duration: float | None) -> None:
+    """Raise SnapshotError if nothing ends a run without a network: robots stand, and it has no `duration`, s."""
+    if duration is None and (standing := stopped(world)):
+        raise SnapshotError(f"--duration: is missing: a harvest does not end while robots stand: {', '.join(standing)}")
 
 
 def live(until: float, job: tuple[int, Snapshot]) -> Future:

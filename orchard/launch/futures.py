@@ -19,12 +19,13 @@ from orchard.field.repeatable import draw
 from orchard.field.scenario import TICKS_PER_SECOND, check, with_changes
 from orchard.fork import NotNow, forked
 from orchard.launch import terminal
-from orchard.launch.fork import Future, WatchedRun, changes_of, clock, live, snapshot_at
+from orchard.launch.fork import Future, WatchedRun, changes_of, check_end, clock, live, snapshot_at
 from orchard.launch.options import ForkOptions
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.study import failures, stoppable
 from orchard.report.summary import write_summary
 from orchard.server.options import last_tick
+from orchard.sim.restore import world_from
 from orchard.sim.snapshot import KEYFRAME, Snapshot, SnapshotError, ticks_of
 from orchard.study.comparing import interval
 from orchard.study.result import Interval
@@ -54,6 +55,7 @@ class Futures:
 
     def __init__(self, chosen: ForkOptions, workers: Workers, is_stopped: Callable[[], bool], shown: Progress) -> None:
         self._count, self._workers, self._is_stopped = chosen.futures or FUTURES, workers, is_stopped
+        self._duration = chosen.duration
         self._live, self._shown, self._task = partial(live, last_tick(chosen.duration)), shown, shown.add_task("", total=0)
 
     def of(self, moment: Snapshot, *branches: Branch) -> list[Snapshot]:
@@ -62,7 +64,10 @@ class Futures:
         is_random = any(Setting({}, with_changes(scenario, **branch.changes)).is_random for branch in branches)
         drawn = [int(draw(scenario.seed, "future", number)[0] * 2**53) for number in range(self._count)]
         seeds = drawn if is_random else [scenario.seed]
-        return [forked(moment, {**branch.changes, "seed": seed}, branch.stop) for branch in branches for seed in seeds]
+        begun = [forked(moment, {**branch.changes, "seed": seed}, branch.stop) for branch in branches for seed in seeds]
+        for one in begun[:: len(seeds)]:
+            check_end(world_from(one), self._duration)
+        return begun
 
     def live(self, begun: Sequence[Snapshot]) -> list[Future]:
         """Return what these futures give. Raises typer.Exit if the user stops the command."""
@@ -119,12 +124,14 @@ def _words(branch: Branch) -> str:
 
 def _difference(words: str, before: Sequence[Future], now: Sequence[Future]) -> str:
     """The answer: by how much earlier the futures end, in pairs of one seed."""
-    pairs = [(was["sim_seconds"], one["sim_seconds"]) for was, one in zip(before, now, strict=True) if len(_well([was, one])) == 2]
+    both = [pair for pair in zip(before, now, strict=True) if all(one["ended"] == "harvested" for one in pair)]
+    pairs = [(was["sim_seconds"], one["sim_seconds"]) for was, one in both]
     if not pairs:
-        return f"With {words} no pair of futures ends well."
+        return f"With {words} no pair of futures is harvested to its end."
     earlier = interval([was - one for was, one in pairs], CONFIDENCE)
     half, mean = round(10 * (earlier.high - earlier.mean)), round(10 * earlier.mean)
-    count = f"{len(pairs)} pairs of futures, {100 * CONFIDENCE:g} % confidence" if len(pairs) > 1 else "nothing is random"
+    count = f"{len(pairs)} pairs of futures, {100 * CONFIDENCE:g} % confidence" if len(pairs) > 1 else "one pair of futures"
+    count += f"; {len(before) - len(pairs)} more are not harvested to their end" if len(pairs) < len(before) else ""
     return f"With {words} the harvest ends {clock(abs(mean))} ± {clock(half)} min {'earlier' if mean >= 0 else 'later'} ({count})."
 
 
@@ -168,7 +175,7 @@ def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, 
         lived.update({tick: [*islice(found, len(some))] for tick, some in begun.items()})
         return any(not is_bad(one) for one in lived[ticks[-1]])
 
-    ends_well(*known[:: -(-len(known) // MOST_MOMENTS)])
+    ends_well(*dict.fromkeys([*known[:: -(-len(known) // MOST_MOMENTS)], known[-1]]))
     good = max((tick for tick, some in lived.items() if any(not is_bad(one) for one in some)), default=None)
     bad = min((tick for tick in lived if good is not None and tick > good), default=None)
     while good is not None and bad is not None and bad - good > NEAR:
@@ -204,7 +211,7 @@ def _begun(chosen: ForkOptions, moment: Snapshot, futures: Futures) -> list[Snap
 
 
 def _decision(condition: str, good: int | None, bad: int | None, first: int, count: int) -> str:
-    some = f"some of {count} futures end well" if count > 1 else "the future ends well, as nothing is random,"
+    some = f"some of {count} futures end well" if count > 1 else "the future ends well"
     if good is None:
         return f"{condition}: decided before {clock(first)}: none of {count} futures ends well."
     if bad is None:

@@ -20,6 +20,7 @@ from orchard.contract.messages import LAST_TICK
 from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, TIME_STEP
 from orchard.field.shipped import DEFAULT, names
+from orchard.server.options import last_tick
 from orchard.server.snapshots import KEYFRAME_SECONDS
 
 LIVE_SPEED = 4.0  # simulated s per s, with --view or --web, if no speed is given
@@ -76,8 +77,8 @@ def picture_file(text: str) -> Path:
 
 def _speed(text: str) -> float:
     speed = math.inf if text == "max" else number(text)
-    if not speed > 0:
-        raise BadParameter(f"{text}: expected a number above 0 (1 is real time), or max")
+    if not 0 < speed <= (math.inf if text == "max" else LONGEST):
+        raise BadParameter(f"{text}: expected a number above 0 (1 is real time), at most {LONGEST:.0f}, or max")
     return speed
 
 
@@ -109,8 +110,8 @@ def _moment(text: str) -> int:
 
 
 def _patience(value: float | None) -> float | None:
-    if value is not None and not LEAST_PATIENCE <= value < math.inf:
-        raise BadParameter(f"{value}: expected a number from {LEAST_PATIENCE:g}: a host needs 2 s to detect an unanswered letter")
+    if value is not None and not LEAST_PATIENCE <= value <= LONGEST:
+        raise BadParameter(f"{value}: expected {LEAST_PATIENCE:g} to {LONGEST:.0f}: a host needs 2 s to detect an unanswered letter")
     return value
 
 
@@ -203,7 +204,9 @@ class HarvestOptions:
     view: bool = flag(OUTPUT, "--view", "Open the viewer and watch live. Its window stays; Ctrl-C closes it.")
     web: int | None = option(OUTPUT, "Watch live in a browser on this machine.", "PORT", min=1024, max=65534)
     summary: Path | None = option(OUTPUT, "Write the summary to this file.", "FILE.json")
-    keyframes: float = option(OUTPUT, "Simulated seconds between two moments kept for forks.", "SECONDS", default=KEYFRAME_SECONDS, min=0.1)
+    keyframes: float = option(
+        OUTPUT, "Simulated time between moments for forks.", "SECONDS", default=KEYFRAME_SECONDS, min=0.1, max=LONGEST
+    )
     table: Path | None = option(OUTPUT, "Write Parquet tables to this folder: docs/how-to.md.", "DIR", parser=_folder)
     progress: Style = "text"
     listen: str | None = option(NETWORK, "Address where other machines may join: tcp/0.0.0.0:7447.", "ENDPOINT")
@@ -323,8 +326,8 @@ class ForkOptions(HarvestOptions):
             yield "--picture", "it shows the futures of --bisect: give that, too"
         if self.asks_for_futures and (wrong := self.typed(name for name in self.given() if name not in OF_FUTURES)):
             yield "--bisect" if self.bisect else "--futures", f"leave out {wrong}: each future is a run of its own, in local mode"
-        if self.asks_for_futures and self.stop and self.duration is None:
-            yield "--duration", "is missing: a harvest does not end while robots stand"
+        if self.at is not None and last_tick(self.duration) <= self.at:
+            yield "--duration", "the run would end before --at; it counts from the beginning of the harvest"
 
     @property
     def asks_for_futures(self) -> bool:

@@ -203,7 +203,9 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
         result |= missing(recording, result["ticks"])
     result |= {} if request.forked_from is None else {"forked_from": request.forked_from}
     outcome = msgspec.convert(result, Outcome)
-    _print_result(request, result, outcome)
+    figures = {key: value for key, value in result.items() if key != "hash"} if request.options.verbose else unusual_figures(result)
+    lines = [sentence(outcome), limit_sentence(outcome), _what_to_try(request)]
+    _print_result_lines(*lines, *([as_table(figures)] if figures else []))
     if slow := speed_not_kept(request, outcome):
         print_error(slow)
     troubles = [f"violated: {violation}" for violation in result["violations"]]
@@ -221,13 +223,6 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
     for trouble in troubles:
         print_error(trouble)
     return FAILED if troubles or (console.has_lost and errors.has_lost) else FINISHED
-
-
-def _print_result(request: RunRequest, result: dict[str, Any], outcome: Outcome) -> None:
-    """Print the result, what limits it and what to try next; all figures if asked for, else those that are unusual."""
-    figures = {key: value for key, value in result.items() if key != "hash"} if request.options.verbose else unusual_figures(result)
-    lines = [sentence(outcome), limit_sentence(outcome), _what_to_try(request)]
-    _print_result_lines(*lines, *([as_table(figures)] if figures else []))
 
 
 def _print_result_lines(*objects: Any) -> None:

@@ -25,7 +25,6 @@ from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
-from orchard.optimum import NoBound
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again
@@ -131,8 +130,8 @@ def schedule_seconds(layout: Layout) -> float:
 
 
 def proven_seconds(layout: Layout) -> float | None:
-    """Return what is proven of the shortest time of the harvest without traffic, s; None if the extra `optimum` is missing, and for agents
-    and steps of the user's own."""
+    """Return what is proven of the shortest time of the harvest without traffic, s; None if the extra `optimum` is missing, and for agents,
+    steps and some routes of the user's own."""
     return _proven(lay_out(undisturbed(layout.scenario, dispatch=NEAREST)))  # the same for each policy
 
 
@@ -144,7 +143,7 @@ def _proven(layout: Layout) -> float | None:
         return None
     try:
         return optimum(layout, PROOF, free_roads=True).proven_seconds
-    except NoBound:
+    except ValueError:  # NoBound, or a route of the user's own on which robots take no turns
         return None
 
 

@@ -26,7 +26,8 @@ class HarvestFigures:
 
     waits: list[float] = field(default_factory=list)  # s from a picker's full bin to its next empty one
     waiting_since: dict[str, int] = field(default_factory=dict)  # picker -> tick at which its bin was full
-    busy_ticks: int = 0  # of all carriers, outside the queue
+    carrier_ticks: int = 0  # of all carriers
+    busy_ticks: int = 0  # of these, outside the queue
     charging_ticks: int = 0  # of all carriers
     flat_ticks: int = 0
     weeds_flattened: int = 0
@@ -47,6 +48,7 @@ class HarvestFigures:
             if kind_of(name) in HAULERS:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
+        self.carrier_ticks += len(world.fixed.carriers)
         self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
         charging = 0
         if world.layout.first_charging:
@@ -124,7 +126,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "row_end_seconds": bounds.row_end_seconds,
         "row_end_share": bounds.row_end_share,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
-        "carrier_utilisation": figures.busy_ticks / (world.tick * scenario.carrier_count) if world.tick else 0.0,
+        "carrier_utilisation": figures.busy_ticks / figures.carrier_ticks if figures.carrier_ticks else 0.0,
         "charging_seconds": round(figures.charging_ticks * TIME_STEP, 1),
         "flat_seconds": round(figures.flat_ticks * TIME_STEP, 1),
         "orders_refused": figures.orders_refused,

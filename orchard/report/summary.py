@@ -84,9 +84,6 @@ class Headline(msgspec.Struct, kw_only=True):
         rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
         return rest / self.times_real_time if self.times_real_time else math.inf
 
-    def __str__(self) -> str:
-        return self.line()
-
     def line(self, until: float | None = None) -> str:
         """Return the headline as a line of at most 80 characters, and the broken agents. `until`: as in `seconds_left`."""
         left, picked = self.seconds_left(until), share_picked(self.metres_picked, self.rows * self.row_length)
@@ -174,7 +171,9 @@ ENDS = {  # other words come from the processes of the run
 def sentence(outcome: Outcome) -> str:
     """Return the first sentence of a summary: the result. Times are simulated, since the start, also of a resumed run."""
     faults = [_count(outcome.violations, "violation"), _count(outcome.broken_agents, "broken agent")]
-    told = _finished(outcome) if outcome.finished else _unfinished(outcome)
+    rows = f"{outcome.rows_picked} of {outcome.rows} rows"
+    whole = f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an hour"
+    told = whole if outcome.finished else _unfinished(outcome)
     return f"{told}{''.join(f'; {fault}' for fault in faults if fault)}."
 
 
@@ -225,11 +224,6 @@ def clock(seconds: float) -> str:
 def share_picked(metres: float, all_metres: float) -> str:
     """Return the share of all metres that is picked: 37 %. Rounded down, it is 100 % only when all is picked."""
     return f"{int(100.0 * metres / all_metres + 1e-9)} %"
-
-
-def _finished(outcome: Outcome) -> str:
-    rows = f"{outcome.rows_picked} of {outcome.rows} rows"
-    return f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an hour"
 
 
 def _unfinished(outcome: Outcome) -> str:

@@ -229,7 +229,7 @@ def _refuse_repeats(words: Sequence[str], why: str) -> None:
 
 def _make_room(folder: Path, anew: bool) -> None:
     """Make an empty directory that only its owner can read. With `anew`, remove what an earlier call made there."""
-    made = [path for path in folder.glob("*/") if _is_ours(path)] if folder.is_dir() else []
+    made = [path for path in folder.glob("*/") if (path / ROLE).is_file() or (path.name == HOME and (path / CERTIFICATE).is_file())]
     if made and not anew:
         raise ValueError(f"{folder}: it has an authority already; --anew replaces it, and makes the old certificates invalid")
     if folder.exists() and not set(folder.iterdir()) <= set(made):
@@ -238,7 +238,3 @@ def _make_room(folder: Path, anew: bool) -> None:
         shutil.rmtree(path)
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.chmod(0o700)
-
-
-def _is_ours(path: Path) -> bool:
-    return (path / ROLE).is_file() or (path.name == HOME and (path / CERTIFICATE).is_file())

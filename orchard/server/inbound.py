@@ -34,7 +34,7 @@ class Queries:
             "layout": self._layout,
             "recall": self._recall,
             "stop": self._stop,
-            "simulation_state": self._simulation_state,
+            "simulation_state": lambda query: query.reply(pack(run.control.state)),
             "set_simulation_state": self._set_simulation_state,
             "step_simulation": self._step_simulation,
             "reset_simulation": self._reset_simulation,
@@ -94,9 +94,6 @@ class Queries:
             raise Refused("no such robot", str(error)) from error
         kept = run.keep_at_once() if changed else run.is_kept()
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
-
-    def _simulation_state(self, query: Query) -> None:
-        query.reply(pack(self._run.control.state))
 
     def _set_simulation_state(self, query: Query) -> None:
         wanted, control = read_message(query.payload, wire.SetSimulationState, self._run.id), self._run.control

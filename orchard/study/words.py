@@ -104,17 +104,14 @@ def answer(result: StudyResult) -> str:
     if not result.table:
         return "No setting has been run yet."
     if (best := result.best_row) is None:
-        return _jammed(result)
-    least = f"At least {setting_words(best.setting)}" if result.beyond else setting_words(best.setting)
-    parts = [f"{least}: {_figures(best, result)}", _optimum(best), _end(result), _alike(result), _undecided(result), _checked(best, result)]
+        what = setting_words(result.table[0].setting) if len(result.table) == 1 else f"All {len(result.table)} settings"
+        return f"{what} jammed: robots waited for each other for ever."
+    is_least = any(value > best.setting[key] for key, value in result.beyond.items())
+    shown = f"{('At least ' if is_least else 'At most ') if result.beyond else ''}{setting_words(best.setting)}"
+    parts = [f"{shown}: {_figures(best, result)}", _optimum(best), _end(result), _alike(result), _undecided(result), _checked(best, result)]
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
     return f"{'; '.join(filter(None, parts))}. {orchard}."
-
-
-def _jammed(result: StudyResult) -> str:
-    what = setting_words(result.table[0].setting) if len(result.table) == 1 else f"All {len(result.table)} settings"
-    return f"{what} jammed: robots waited for each other for ever."
 
 
 def _figures(best: Row, result: StudyResult) -> str:
@@ -136,7 +133,7 @@ def _optimum(best: Row) -> str:
 
 def _end(result: StudyResult) -> str:
     """That the best is the last one of what was tried."""
-    further = [f"{key_words(key)} {value_words(value)}" for key, value in result.beyond.items()]
+    further = [setting_words({key: value}) for key, value in result.beyond.items()]
     return f"the range is too small, as {_listed(further)} may be better" if further else ""
 
 
@@ -146,6 +143,8 @@ def _alike(result: StudyResult) -> str:
     if not equal or result.best is None or result.beyond or result.undecided:
         return ""
     key, within = _only_difference([result.best, *equal]), f"{100.0 * result.within:g} %"
+    if (lead := result.best_row and result.best_row.lead) and lead.high > result.within:
+        return f"the best mean is {100.0 * lead.mean:.1f} ± {100.0 * (lead.high - lead.mean):.1f} % ahead, where {within} count"
     if key is None:
         return f"{_listed([_one(one) for one in equal])} {'is' if len(equal) == 1 else 'are'} within {within} of it"
     values = [one[key] for one in equal]

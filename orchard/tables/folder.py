@@ -85,10 +85,6 @@ def path_of(folder: Path, table: str) -> Path:
     return folder / f"{table}.parquet"
 
 
-def metadata_of(scenario: Scenario) -> dict[bytes, str]:
-    return {SCENARIO: scenario.model_dump_json()}
-
-
 def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> None:
     """Make the folder. `tick`: at which a resumed run goes on. Raises OSError, or ValueError for tables there."""
     instead = "; --table DIR names another folder"

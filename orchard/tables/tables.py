@@ -23,7 +23,7 @@ from orchard.sim.obstacles import with_names
 from orchard.sim.world import World
 from orchard.tables.columns import BODIES, EVENTS, MESSAGES, NUMBER, TEXT
 from orchard.tables.exchanges import CALLING, calls, exchanges
-from orchard.tables.folder import AT_THE_END, GROWING, MOST_ROWS, GrowingTable, metadata_of, path_of, write_table
+from orchard.tables.folder import AT_THE_END, GROWING, MOST_ROWS, SCENARIO, GrowingTable, path_of, write_table
 
 Said = tuple[str, str | None, str | None]  # its state, the same in words, and what it waits for
 SILENT: Said = ("resting", None, None)  # of a body whose agent says nothing
@@ -101,7 +101,7 @@ class Tables:
         self._folder, self._bodies = folder, BodyRows(engine.layout)
         self._events: list[Event] = []
         self._messages: list[tuple[int, str, str, str, str]] = []
-        self._metadata = metadata_of(engine.layout.scenario)
+        self._metadata = {SCENARIO: engine.layout.scenario.model_dump_json()}
         self._growing: dict[str, GrowingTable] = {}
         with self._faults_logged():
             self._begin(engine.tick)

@@ -71,16 +71,13 @@ def viewer_program() -> str:
 
     `python -m rerun` is not used: it starts the program as a child, which keeps running when its parent is ended.
     """
-    path = Path(os.environ.get(CHOSEN) or _packaged())
+    found = find_spec("rerun_cli")  # nothing is imported, and the virtual environment need not be active
+    packaged = Path("rerun" if found is None or found.origin is None else found.origin).with_name("rerun")
+    path = Path(os.environ.get(CHOSEN) or packaged)
     if not path.is_file():
         which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
         raise FileNotFoundError(f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk installs")
     return str(path)
-
-
-def _packaged() -> Path:
-    found = find_spec("rerun_cli")  # nothing is imported, and the virtual environment need not be active
-    return Path("rerun" if found is None or found.origin is None else found.origin).with_name("rerun")
 
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # variables that name a screen on Linux

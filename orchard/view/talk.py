@@ -30,7 +30,7 @@ def level_of(what: str) -> str:
 
 
 def line_of(event: Event) -> str:
-    """Return an event as one line, such as 'bin_01 > carrier_02: call, lane 3 east'."""
+    """Return an event as one line, such as 'bin_01 > carrier_02: call, is a carrier free? row 3, east end'."""
     what, text = event.what, event.detail
     said = text if not what or text.lower().startswith(what.lower()) else f"{what}, {text}" if text else what
     return f"{event.who} > {event.whom}: {said}" if event.whom else f"{event.who}: {said}"

@@ -16,6 +16,7 @@ from orchard.field.problems import printable
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
+LARGEST_OF_MANY = 16 * MAX_PAYLOAD  # bytes: the memories of 512 agents, or ten ticks of the largest orchard
 
 # the longest descriptions of fields
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
@@ -67,8 +68,9 @@ class Message(RunMessage):
 
 def read(payload: bytes, type_: type[M]) -> M:
     """Return the message in a payload. Raises ValueError, with the reason, if it is too large or not such a message."""
-    if len(payload) > MAX_PAYLOAD:
-        raise ValueError(f"{len(payload)} bytes; at most {MAX_PAYLOAD}")
+    most = LARGEST_OF_MANY if type_ in (Joined, Bundle) else MAX_PAYLOAD
+    if len(payload) > most:
+        raise ValueError(f"{len(payload)} bytes; at most {most}")
     message: M = unpack(payload, type_)
     return message
 

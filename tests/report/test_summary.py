@@ -119,7 +119,7 @@ def test_where_the_output_is_no_terminal_there_are_plain_lines_now_and_then():
         for _ in range(20):
             progress.show(FIGURES, fleet(2, 2), {})
     lines = console.file.getvalue().splitlines()
-    assert lines == [str(headline_of(FIGURES))]
+    assert lines == [headline_of(FIGURES).line()]
     assert "\x1b" not in console.file.getvalue()
 
 

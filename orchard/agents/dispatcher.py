@@ -119,11 +119,7 @@ class Dispatcher:
         """Return the policy's decision. Raises what the policy raises, and TypeError or ValueError for what cannot be."""
         remembered = unpack(memory.policy, self.policy.Memory) if memory.policy else self.policy.Memory()
         assignments = checked(self.policy.assign(tick, list(bins), list(free), remembered), bins, free)
-        packed = pack(remembered)
-        if len(packed) > LARGEST_POLICY_MEMORY:
-            raise ValueError(f"the policy's memory takes {len(packed)} bytes; at most {LARGEST_POLICY_MEMORY}")
-        unpack(packed, self.policy.Memory)
-        memory.policy = packed
+        memory.policy = as_kept(remembered, self.policy)
         return assignments
 
     def refuse(self, memory: DispatcherMemory, error: BaseException, tick: int) -> None:
@@ -152,6 +148,15 @@ def fault_of(policy: Dispatch, path: str, error: BaseException, tick: int) -> st
     """Return what is wrong with a policy's decision, and where in the user's file. `path`: its name in the scenario."""
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     return f"dispatch policy {path}, tick {tick}: {fault}{place_of_error(error) or place_of_class(type(policy))}"
+
+
+def as_kept(remembered: object, policy: Dispatch) -> bytes:
+    """Return a policy's memory as it is kept. Raises TypeError or ValueError if it is too large, or no data of its class."""
+    packed = pack(remembered)
+    if len(packed) > LARGEST_POLICY_MEMORY:
+        raise ValueError(f"the policy's memory takes {len(packed)} bytes; at most {LARGEST_POLICY_MEMORY}")
+    unpack(packed, policy.Memory)
+    return packed
 
 
 def checked(assignments: object, bins: list[BinReport], carriers: list[CarrierReport]) -> list[Assignment]:

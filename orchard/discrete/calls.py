@@ -9,13 +9,14 @@ import simpy
 from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
-from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, checked, fault_of
+from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, as_kept, checked, fault_of
 from orchard.agents.forecast import horizon
 from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.ranking import MARGIN
 from orchard.agents.robot import ASK
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import way_to
+from orchard.contract.messages import unpack
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
 from orchard.field.kinds import number_of
@@ -217,7 +218,10 @@ class Dispatched(Calls):
         """Return what the policy decides. Raises PolicyFault."""
         now, bins, carriers = decision.now, decision.bins, decision.carriers
         try:
-            return checked(contained(self.policy.assign, now, list(bins), list(carriers), self.memory), bins, carriers)
+            orders = checked(contained(self.policy.assign, now, list(bins), list(carriers), self.memory), bins, carriers)
+            if not self._knows_policy:  # what a user's policy remembers must be what a dispatcher would keep
+                self.memory = unpack(as_kept(self.memory, self.policy), self.policy.Memory)
+            return orders
         except MISTAKES as error:
             reraise_ctrl_c(error)
             raise PolicyFault(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error

@@ -18,7 +18,7 @@ from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check, with_chang
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
-from orchard.launch.fork import fork_of
+from orchard.launch.fork import clock, fork_of
 from orchard.launch.options import BoundOptions, ExportOptions, ForkOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
@@ -159,6 +159,7 @@ def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
         found = newest(runs.snapshots(where), refused, examine=examine)
     for why in refused:
         terminal.print_error(f"not used: {why}")
+    terminal.print_line(f"going on with {runs.snapshots(where).stem} from {clock(found.tick)}")
     if found.lost:
         lost = ", ".join(f"{name} (tick {tick})" for name, tick in sorted(found.lost.items()))
         terminal.print_error(f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this")

@@ -274,7 +274,7 @@ class HarvestOptions:
         if self.only and (wrong := self.typed(name for name in self.given() if name not in OF_ONLY)):
             yield "--only", f"leave out {wrong}: the run itself defines that"
         if self.replay and self.resume:
-            yield "--replay", "a run that is resumed has its own velocities; leave out --replay"
+            yield "--replay", "a replay begins at its bag's beginning; leave out --resume"
         if self.own_code and not self.replay:
             yield "--own-code", "it is about the scenario in a bag: give --replay FILE.mcap, too"
         if self.mode == "realtime" and self.speed == math.inf:

@@ -177,7 +177,7 @@ def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
     """Print the result of a run, and how to go on and to watch it; write the summary. Return the exit code."""
     recording, folder = request.recording, request.snapshots
     code = _report_result(request, result, why)
-    if why == "harvested":
+    if why == "harvested" or request.options.replay:  # what a bag drives cannot go on without it
         for snapshot in folder.glob(f"*{SNAPSHOT}"):  # keyframes stay, for forks
             snapshot.unlink(missing_ok=True)
     elif folder.is_dir():

@@ -52,6 +52,8 @@ def check_recording(path: Path) -> None:
     """Raise ValueError for a file that a recording must not replace: by its name, or by its contents."""
     if path.suffix != ".rrd":
         raise ValueError(f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}")
+    if is_further_part(path):
+        raise ValueError(f"{path}: a further part of another recording has such a name; expected one without .part and a number")
     if path.is_file() and _head_of(path) not in (HEAD, b""):
         raise ValueError(f"{path}: this file is no recording, and is not replaced; expected another name, or a recording")
 

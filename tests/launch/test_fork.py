@@ -17,6 +17,7 @@ from orchard.contract.messages import pack
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.folders import runs_folder
+from orchard.fork import forked
 from orchard.launch.fork import WatchedRun, clock
 from orchard.launch.options import _moment as moment
 from orchard.local import Local
@@ -221,7 +222,7 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
     gained = harvest[1]["sim_seconds"] - summary_of(path)["sim_seconds"]
     assert gained > 0.0
     told = orchard("fork", harvest[0], *compared, "--summary", path).stdout
-    assert f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (nothing is random)." in told
+    assert f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (one pair of futures)." in told
     futures = summary_of(path)["futures"]
     assert [len(some) for some in futures.values()] == [1, 1]
     assert futures["as it was"][0]["sim_seconds"] == harvest[1]["sim_seconds"]
@@ -233,8 +234,21 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
     assert f": decided after {clock(round(10 * decided))}: the future ends well" in told
     ends = {float(at): any(one["sim_seconds"] <= limit for one in some) for at, some in found["futures"].items()}
     assert max(at for at, well in ends.items() if well) == decided
+    assert ticks_of(harvest[0].with_suffix(".snapshots"))[-1] / 10 == max(ends), "the last moment is tried too"
     assert min(at for at in ends if at > decided) - decided <= 1.0
     assert "end well, %" in picture.read_text()
+
+
+def test_a_future_that_duration_cuts_off_tells_nothing_of_when_the_harvest_ends(harvest):
+    told = orchard("fork", harvest[0], "--at", 60, "--futures", 1, "--stop", "picker_02", "--duration", 70).stdout
+    assert "With picker_02 stopped no pair of futures is harvested to its end." in told
+
+
+def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_before():
+    run = WatchedRun(Local(TWO_WAY).snapshot())
+    run.go_on(2200)  # two of three carriers are back in the queue
+    fewer = WatchedRun(forked(run.snapshot(), {"carriers": 1}))
+    assert 0.5 < fewer.figures.figures()["carrier_utilisation"] == run.figures.figures()["carrier_utilisation"] < 1.0
 
 
 @pytest.mark.parametrize(
@@ -251,6 +265,8 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
         (["--at", 60, "--futures", 2, "--seed", 3], "--futures: leave out --seed: each future is a run of its own, in local mode"),
         (["--bisect", "jam", "--view", "--web", 9090], "--bisect: leave out --view, --web: each future is a run of its own, in local mode"),
         (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
+        (["--at", 60, "--stop", "picker_02"], "--duration: is missing: a harvest does not end while robots stand: picker_02"),
+        (["--at", 60, "--duration", 60], "--duration: the run would end before --at"),
         (["--bisect", "jam", "--picture", "futures.txt"], "^--picture: futures.txt: a picture's name ends in .svg or .png"),
         (["--at", 60, "--futures", 2, "--picture", "futures.svg"], "--picture: it shows the futures of --bisect: give that, too"),
         (["--bisect", "jams"], "--bisect jams: expected jam, collision, or a figure of the summary"),

@@ -10,6 +10,7 @@ from stage import Stage, Standing, empty_orchard
 from orchard.agents.route import OneWay
 from orchard.agents.routes import duration
 from orchard.agents.steps import DriveTo, Face
+from orchard.agents.two_way import TwoWay
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
@@ -167,6 +168,17 @@ def test_without_a_solver_nothing_is_proven_and_the_parts_still_add_up(monkeypat
     assert without["schedule"] == pytest.approx(with_solver["optimum"] + with_solver["dispatch"], abs=0.1)
     assert without.keys() - with_solver.keys() == {"schedule"}
     assert proven_seconds(layout) is None
+
+
+class NoTurns(TwoWay):
+    """A route whose pickers ask for no places."""
+
+    def cross(self, *_):
+        return []
+
+
+def test_nothing_is_proven_of_a_users_route_on_which_robots_take_no_turns():
+    assert proven_seconds(lay_out(empty_orchard(rows=5, pickers=2, carriers=2, route="test_metrics.NoTurns"))) is None
 
 
 def test_what_a_harvest_with_a_users_agent_lost_is_not_told():

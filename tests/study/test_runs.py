@@ -46,6 +46,7 @@ WRONG_POLICIES = [
     ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available; .*"),
     ("Silent", "TypeError: assign returned None; .*"),
     ("Leaving", "SystemExit: 0"),
+    ("Hoarding", "ValueError: the policy's memory takes 20009 bytes; at most 16384"),
 ]
 
 

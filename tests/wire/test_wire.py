@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from local_runs import SMALL
 from msgspec.structs import replace
 
-from orchard.contract.agent import Action, Hitch, Observation, Observations
+from orchard.contract.agent import LARGEST_MEMORY, Action, Hitch, Observation, Observations
 from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Call, Couple, Offer, Uncouple, pack
 from orchard.field.geometry import Twist, angle_between, yaw_of
 from orchard.field.kinds import AROUND, KINDS
@@ -180,6 +180,11 @@ def test_another_run_is_refused_by_name():
 def test_what_is_too_big_is_not_even_read():
     with pytest.raises(Refused, match="at most"):
         read_message(bytes(MAX_PAYLOAD + 1), Velocity, RUN)
+
+
+def test_a_session_gets_the_memories_of_all_its_agents_however_many_there_are():
+    joined = wire.Joined(RUN, 3, {f"bin_{i:03d}": bytes(LARGEST_MEMORY) for i in range(500)}, {})
+    assert read_message(pack(joined), wire.Joined, RUN) == joined
 
 
 MESSAGES = (Velocity, wire.Velocities, wire.Seen, wire.Recall, wire.Recalled, wire.Letter, wire.Join, wire.Stop)

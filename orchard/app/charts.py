@@ -55,13 +55,10 @@ class Charts:
             lines = {name: points for name, course in courses.items() if (points := course[title])}
             box.set_visibility(bool(lines))
             series = [_line(name, points, STEPS[title], n) for n, (name, points) in enumerate(lines.items())]
-            chart.options["series"] = [*series, _marks(marks)]
+            look = {"silent": True, "symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
+            marked = look | {"data": [{"xAxis": round(at / 60.0, 2)} for at in marks]}
+            chart.options["series"] = [*series, {"type": "line", "data": [], "markLine": marked}]
             chart.update()
-
-
-def _marks(moments: Sequence[float]) -> dict[str, Any]:
-    look = {"silent": True, "symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
-    return {"type": "line", "data": [], "markLine": look | {"data": [{"xAxis": round(at / 60.0, 2)} for at in moments]}}
 
 
 def colour(number: int) -> str:

@@ -162,6 +162,6 @@ def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], seconds: float) -> 
             raise BusError(f"{bus.endpoint}: physics did not answer within {seconds:g} s; the command may have arrived: try again")
         if waited >= QUIET_SECONDS and not is_said:
             is_said = True
-            print_error(f"{bus.endpoint}: physics does not answer yet; waiting for up to {seconds:g} s")
+            print_error(f"{bus.endpoint}: physics has not answered yet; waiting for up to {seconds:,.0f} s")
 
     return ask(bus, key, payload, lambda reply: read(reply, type_), seconds, meanwhile=check_time)

@@ -111,10 +111,14 @@ class RunLoop:
         """Wait until all answers are in, or their time is over. Send the tick again to silent sessions."""
         self._stand_by()
         drivers, answers, again = self._drivers, self._drivers.answers, self._clock() + AGAIN_SECONDS
+        warn_at = self._clock() + WARN_SECONDS if answers.deadline < math.inf else math.inf
         while answers.missing:
             until, enough = min(answers.deadline, again), 1 if len(self.bus.inbox) else len(drivers.silent())
             self.arrivals.take(max(0.0, until - self._clock()), enough)
             now = self._clock()
+            if now >= warn_at:
+                warn_at, words = math.inf, "no answer to tick %d yet from %s: waiting for up to %.0f s more"
+                log.warning(words, self._engine.tick, ", ".join(sorted(answers.missing)), max(0.0, answers.deadline - now))
             if now >= answers.deadline:
                 drivers.give_up()
             elif now >= again:

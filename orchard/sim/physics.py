@@ -23,7 +23,6 @@ UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 PAST_HEAD = 2.0  # m past the queue: a carrier that something drove there, and that another one keeps there, still waits in it
 
-
 _CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends", "pick_from"
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
 _ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
@@ -68,15 +67,12 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
 def _left_part_full(world: World, events: list[Event]) -> list[Event]:
     """The events for bins that a picker has left though they are not full: the last ones of a harvest."""
     left = [(event, world.index[event.whom]) for event in events if event.what == "uncoupled" and kind_of(event.who) == "picker"]
+    row_y = world.fixed.row_y
     return [
-        Event(world.tick, "bin full", event.whom, event.who, _held(world, bin_, _row_of(world, bin_)))
+        Event(world.tick, "bin full", event.whom, event.who, _held(world, bin_, int(np.argmin(np.abs(row_y - world.pose[bin_, 1])))))
         for event, bin_ in left
         if world.fixed.bin_least <= world.fill[bin_] < world.fixed.bin_full
     ]
-
-
-def _row_of(world: World, body: int) -> int:
-    return int(np.argmin(np.abs(world.fixed.row_y - world.pose[body, 1])))
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:

@@ -140,14 +140,12 @@ class Tables:
         with self._faults_logged():
             for table in self._growing.values():
                 table.finish()
-            if self._growing:
-                self._write_rest()
-
-    def _write_rest(self) -> None:
-        events = pq.read_table(path_of(self._folder, "events")).to_pylist()
-        messages = pq.read_table(path_of(self._folder, "messages"), filters=[("type", "in", OF_A_CALL)]).to_pylist()
-        for name, rows in (("calls", calls(events, messages)), ("exchanges", exchanges(events))):
-            write_table(path_of(self._folder, name), pa.Table.from_pylist(rows, AT_THE_END[name].with_metadata(self._metadata)))
+            if not self._growing:
+                return
+            events = pq.read_table(path_of(self._folder, "events")).to_pylist()
+            messages = pq.read_table(path_of(self._folder, "messages"), filters=[("type", "in", OF_A_CALL)]).to_pylist()
+            for name, rows in (("calls", calls(events, messages)), ("exchanges", exchanges(events))):
+                write_table(path_of(self._folder, name), pa.Table.from_pylist(rows, AT_THE_END[name].with_metadata(self._metadata)))
 
     @contextmanager
     def _faults_logged(self) -> Iterator[None]:

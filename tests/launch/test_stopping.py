@@ -78,7 +78,7 @@ def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(m
         physics.answer("orchard/stop")
         asked = pool.submit(control, RunNote("a", physics.endpoint), of_robots(robots, is_stop=True))
         question = physics.inbox.take(20.0)
-        assert "does not answer yet" in told.get(timeout=20.0)
+        assert "has not answered yet" in told.get(timeout=20.0)
         question.reply(pack(Stopped("a", 0, robots, robots)))
         question.drop()
         assert asked.result(20.0).changed == robots

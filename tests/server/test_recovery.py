@@ -1,6 +1,7 @@
 """What comes back after a kill or a freeze, and what is told of it. `tests/chaos/test_schedules.py`: all else that may happen."""
 
 import os
+import re
 import signal
 
 import pytest
@@ -89,6 +90,16 @@ def killed_with_snapshots(fleet, tmp_path) -> tuple[str, ...]:
     wait_for_tick(fleet, 30)
     end(fleet.world)
     return (*keeping, "--resume", "--run", fleet.run, "--listen", fleet.endpoint)
+
+
+def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
+    fleet.physics(SMALL, *PACE, "--patience", "15")
+    fleet.share(2, TOY)
+    wait_for_tick(fleet, 30)
+    end(fleet.hosts[0])
+    fleet.wait(lambda: False, 10.0)
+    assert re.search(r"no answer to tick \d+ yet from .*: waiting for up to 12 s more", fleet.world.complaints)
+    assert "no longer waited for" not in fleet.world.complaints
 
 
 def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own_and_whole(fleet, undisturbed, tmp_path):

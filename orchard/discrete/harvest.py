@@ -118,12 +118,6 @@ class DiscreteHarvest:
         seconds = until_full(self.layout, row, side.name, one.metres / speed, before + after)
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
-    def go_on(self, picker: Robot) -> None:
-        self.calls.goes_on(picker)
-
-    def fail(self, picker: Robot) -> None:
-        self.calls.fails(picker)
-
     def end_row(self, picker: Robot) -> None:
         if not self._passes[picker.name][0].leaves_bin:
             del self._passes[picker.name][0]

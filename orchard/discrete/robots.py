@@ -33,10 +33,9 @@ class Model(Protocol):
     exit: float  # x at which carriers leave the queue, m
     left: dict[str, simpy.Event]  # full bin -> it is left in its lane
     battery: Battery
+    calls: Any  # `Calls`, which imports this module
 
     def begin_row(self, picker: "Robot", before: float = 0.0) -> None: ...
-    def go_on(self, picker: "Robot") -> None: ...
-    def fail(self, picker: "Robot") -> None: ...
     def end_row(self, picker: "Robot") -> None: ...
     def leave(self, picker: "Robot") -> None: ...
     def couple(self, picker: "Robot") -> None: ...
@@ -276,9 +275,9 @@ class Robot(Follower):
     def _(self, step: st.Say) -> None:
         before, self.memory.doing, self.memory.state = self.memory.state, step.doing, step.state
         if step.state == "picking":
-            (self.model.go_on if before == "failed" else self.model.begin_row)(self)
+            (self.model.calls.goes_on if before == "failed" else self.model.begin_row)(self)
         elif before == "picking":
-            (self.model.fail if step.state == "failed" else self.model.end_row)(self)
+            (self.model.calls.fails if step.state == "failed" else self.model.end_row)(self)
 
     @do.register(st.MayFail)
     @do.register(st.Repair)

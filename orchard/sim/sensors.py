@@ -48,8 +48,9 @@ class Sensors:
         self._bend = {i: odometry.heading * askew for i, (_, askew) in errors.items()}  # rad per metre
         self._drifts, accuracy = odometry.distance > 0.0 or odometry.heading > 0.0, math.sqrt(gnss.white**2 + gnss.bias**2)
         self._accuracies = dict.fromkeys(self._robots, accuracy) if accuracy else {}
-        for name, i in self._robots.items() if world.tick == 0 else ():  # a slow error is then as probable as at any other time
-            world.bias[i] = np.multiply(gnss.bias, normals(self._seed, f"bias of {name}", 0))
+        for name, i in self._robots.items():  # a slow error is as probable at first as at any other time
+            if not world.bias[i].any():  # at tick 0, or added by a fork
+                world.bias[i] = np.multiply(gnss.bias, normals(self._seed, f"bias of {name}", 0))
 
     def advance(self) -> None:
         """Go on by one tick, after each step of the world."""

@@ -239,6 +239,15 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
     assert "end well, %" in picture.read_text()
 
 
+def test_a_carrier_that_a_fork_adds_has_a_slow_error_of_its_receiver_from_the_first():
+    run = Local(with_changes(TWO_WAY, carriers=2, queue_room=3, **{"sensors.gnss.bias": 0.02}))
+    for _ in range(20):
+        run.tick()
+    before, after = run.engine.world, run.fork(carriers=3).engine.world
+    assert after.bias[after.index["carrier_03"]].any()
+    assert (after.bias[after.index["carrier_02"]] == before.bias[before.index["carrier_02"]]).all()
+
+
 def test_a_future_that_duration_cuts_off_tells_nothing_of_when_the_harvest_ends(harvest):
     told = orchard("fork", harvest[0], "--at", 60, "--futures", 1, "--stop", "picker_02", "--duration", 70).stdout
     assert "With picker_02 stopped no pair of futures is harvested to its end." in told

@@ -33,7 +33,8 @@ class Roster:
         if (name, owner) not in self.tokens:
             return NO_TOKEN
         before = self.owners.get(name, owner)
-        return f"{TAKEN}, by session {before}" if before != owner and (name, before) in self.tokens else ""
+        words = f"{TAKEN}, by session {before}; a run that is started --without {name} leaves it to others"
+        return words if before != owner and (name, before) in self.tokens else ""
 
     @property
     def has_logger(self) -> bool:

@@ -184,7 +184,7 @@ def test_who_joins_again_forgets_all_mail():
 def test_an_agent_has_one_owner_until_that_one_is_gone():
     one = roster(("picker_01", "a"))
     one.token("picker_01", "b", True)
-    assert one.may_join("picker_01", "b") == "it is taken, by session a"
+    assert one.may_join("picker_01", "b") == "it is taken, by session a; a run that is started --without picker_01 leaves it to others"
     assert one.may_join("picker_01", "a") == ""
     one.token("picker_01", "a", False)
     assert one.may_join("picker_01", "b") == ""

@@ -342,6 +342,13 @@ def test_code_that_the_scenario_in_a_bag_names_is_imported_only_if_the_user_asks
         orchard(*replay, "--dispatch", "nearest")
 
 
+def test_a_replay_that_has_ended_cannot_go_on_without_its_bag(tmp_path):
+    path, record = written(tmp_path / "run.mcap", MOVES), tmp_path / "replayed.rrd"
+    done = orchard("replay", path, "--rows", 3, "--mode", "local", "--record", record, "--duration", "1")
+    assert "To go on" not in done.stdout
+    assert "no usable snapshot" in orchard("--resume", record, "--mode", "local", code=2).stderr
+
+
 def test_a_bag_of_another_orchard_is_refused_before_the_run(tmp_path):
     path = written(tmp_path / "run.mcap", (topics.CMD_VEL, "picker_09", 3, messages.velocity("picker_09", 3, 1.0, 0.0)))
     done = orchard("replay", path, "--mode", "local", "--rows", 3, "--record", "none", code=2)

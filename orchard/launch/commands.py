@@ -18,7 +18,7 @@ from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check, with_chang
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
-from orchard.launch.fork import clock, fork_of
+from orchard.launch.fork import check_end, clock, fork_of
 from orchard.launch.options import BoundOptions, ExportOptions, ForkOptions, HarvestOptions, ReplayOptions, SecureOptions
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
@@ -28,6 +28,7 @@ from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
 from orchard.server.snapshots import examine, sole
+from orchard.sim.restore import world_from
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, Snapshot, SnapshotError, as_file, newest, store
 from orchard.view.files import is_recording, parts_of, remove_further_parts, viewer_program, window
 
@@ -87,6 +88,8 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     before = _before(chosen, runs)
     if before is not None:
         scenario = check(before.scenario, "the snapshot's scenario")
+        if chosen.mode == "local":
+            check_end(world_from(before), chosen.duration)
     else:
         scenario = _scenario(chosen.scenario, chosen.changes) if chosen.replay is None else _replayed(chosen, chosen.replay)
     check_plugins(lay_out(scenario))

@@ -16,7 +16,6 @@ from orchard.contract.agent import Agent
 from orchard.contract.events import Frame, talk_of
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
-from orchard.launch.fork import check_end
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import let_go, open_viewer
 from orchard.launch.terminal import CTRL_C, FAILED, console, handled, print_error, print_line
@@ -77,7 +76,6 @@ def run(
     agents = _replayed(request)
     local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
     engine = local.engine
-    check_end(engine.world, request.options.duration)
     executor, keyframes = ThreadPoolExecutor(max_workers=1), request.options.keyframes
     snapshot_writer = SnapshotWriter(request.snapshots, executor, time.monotonic, keyframe_seconds=keyframes)
     account = RunAccount(engine, request.resumed, snapshot_writer, request.options.table, time.monotonic)

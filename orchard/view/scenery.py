@@ -118,7 +118,8 @@ def _fields() -> list[Part]:
     draw, hues = np.random.default_rng(1), palette.FIELDS
     edges = [-2000.0, -1300.0, -850.0, -560.0, -360.0, -220.0, 180.0, 310.0, 520.0, 800.0, 1250.0, 2000.0]
     squares = [(west, south, east, north) for west, east in pairwise(edges) for south, north in pairwise(edges)]
-    return [_slab(w, s, e, n, MEADOW_Z, hues[0] if w < 0 < e and s < 0 < n else hues[draw.integers(len(hues))]) for w, s, e, n in squares]
+    colours = (palette.MEADOW if w < 0 < e and s < 0 < n else hues[draw.integers(len(hues))] for w, s, e, n in squares)
+    return [_slab(*square, MEADOW_Z, colour) for square, colour in zip(squares, colours, strict=True)]
 
 
 def _lawn(layout: Layout) -> list[Part]:

@@ -30,7 +30,7 @@ def chapter() -> str:
 
 `examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m, with zenoh, msgpack and the standard library of Python.
 
-1. It waits in the queue with an empty bin. With the default dispatch policy, `predictive`, the agent `dispatch` asks all carriers by
+1. It waits in the queue with an empty bin. With the default dispatch policy, `rolling`, the agent `dispatch` asks all carriers by
    `carrierquery`, and sends one to a bin. Answer `carrierstatus`; `is_next` is true if you have no job and your x is less than 0.1 m short
    of {_QUEUE.head:g}, or you are moving forward and less than {PITCH + 0.2:g} m short of it. `metres` is how far x is short of the head of your own line.
 2. With `nearest` full bins ask by `call` instead. If you are next, answer `offer` with your place and the metres by road to the stop of step 5, else `no`. Offer

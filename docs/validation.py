@@ -16,7 +16,7 @@ from rich.progress import track
 
 from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
-from orchard.field.scenario import NEAREST, PREDICTIVE, Animals, People, Scenario
+from orchard.field.scenario import NEAREST, Animals, People, Scenario
 from orchard.report.bounds import Bounds
 
 MEASURED = Path(__file__).with_name("validation.json")
@@ -25,7 +25,7 @@ COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25)  # carriers
 SEEDS = range(1, 5)
 CV = 0.28  # of the time to fill a tray, see config/hand_picking.yaml
 NEAR = 5.0  # points: a figure that is nearer than this agrees
-WORDS = {NEAREST: "reactive", PREDICTIVE: "predictive"}
+WORDS = {NEAREST: "reactive", "predictive": "predictive"}
 
 Curve = tuple[float, str]  # the efficiency of pickers who carry their bins themselves, and the dispatch policy of the carriers
 
@@ -69,8 +69,8 @@ SLOW = "their robots are faster than a person who carries: 6 of ours have {six:.
 HALF = "a carrier comes half a round after the call, and their robots drive faster than a person who carries, ours as fast"
 SURE = "their robots guess from a tray's weight when it is full; a bin here knows"
 ONE = "a cart takes many boxes to the road, a carrier here takes one bin"
-CREW = (0.80, NEAREST), (0.80, PREDICTIVE)
-MORNING, AFTERNOON, FIELD = (0.818, NEAREST), (0.782, NEAREST), (0.857, PREDICTIVE)
+CREW = (0.80, NEAREST), (0.80, "predictive")
+MORNING, AFTERNOON, FIELD = (0.818, NEAREST), (0.782, NEAREST), (0.857, "predictive")
 FINDINGS = (
     Finding(
         "crew",

@@ -5,7 +5,7 @@ and errors of sensors are left out: they take time, and give none.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import floor
 from typing import NamedTuple
 
@@ -84,14 +84,13 @@ class TimedStep(NamedTuple):
         return [(place, at) for gate in gates if (at := self.at(gate)) is not None for place in gate.places]
 
 
-def jobs_of(layout: Layout, rounds: int = 1) -> list[TimedJob]:
-    """Return the jobs of a harvest: those of each picker in its order. It picks its rows in so many rounds.
+def jobs_of(layout: Layout) -> list[TimedJob]:
+    """Return the jobs of a harvest: those of each picker in its order.
 
     Raises ValueError for a route on which robots do not take turns at the lanes.
     """
     route = route_of(layout)
-    blocks = {picker: replace(block, rows=block.rows * rounds) for picker, block in layout.blocks.items()}
-    return [job for picker, block in blocks.items() for job in _jobs_of(route, picker, block)]
+    return [job for picker, block in layout.blocks.items() for job in _jobs_of(route, picker, block)]
 
 
 def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:

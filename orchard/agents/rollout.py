@@ -23,7 +23,6 @@ ORDERED = 12  # ticks from a decision until the carrier leaves, on average
 MOVING_UP = 10  # ticks after which the carrier behind can leave
 IN_BAY = Unload.ticks + 45  # ticks from one carrier in the bay to the next, which is behind its bin
 EARLY = round(MARGIN / TIME_STEP)
-ROUNDS = 2  # after so many rounds of its rows a picker leaves each at the same end again
 AWAY = -1  # in place of a line: a picker
 
 
@@ -76,12 +75,12 @@ def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
 def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     """Return the courses of each picker's jobs, with rows that are all picked at the mean speed."""
     lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
-    jobs = jobs_of(replace(layout, lanes=tuple(lanes)), ROUNDS)
+    jobs = jobs_of(replace(layout, lanes=tuple(lanes)))
     return {picker: [JobCourse(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
 
 
 def course_of(courses: Mapping[str, list[JobCourse]], picker: str, number: int) -> JobCourse:
-    """Return the course for a bin of a picker. After its last row it may pick its rows again."""
+    """Return the course for a bin of a picker. After its last row comes its first one."""
     return courses[picker][number % len(courses[picker])]
 
 

@@ -56,6 +56,9 @@ class DiscreteHarvest:
             raise ValueError("the discrete-event model knows no errors of sensors; run the simulator")
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
+        if rows_each:
+            rows = {name: tuple(islice(cycle(block.rows), rows_each)) for name, block in layout.blocks.items()}
+            layout = replace(layout, blocks={name: replace(block, rows=rows[name]) for name, block in layout.blocks.items()})
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
         self.battery, self.chargers = scenario.carrying.battery, simpy.Resource(self.env, max(1, scenario.chargers))
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
@@ -64,9 +67,7 @@ class DiscreteHarvest:
         self._waits: list[tuple[int, int]] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
         self._trips: list[tuple[float, float]] = []  # of carriers: the ticks between which one was outside the queue
         self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
-        rows = {name: islice(cycle(block.rows), rows_each or len(block.rows)) for name, block in layout.blocks.items()}
-        self.blocks = {name: replace(block, rows=tuple(rows[name])) for name, block in layout.blocks.items()}
-        self._passes = {name: layout.passes(block) for name, block in self.blocks.items()}
+        self._passes = {name: layout.passes(block) for name, block in layout.blocks.items()}
         self.bins = sum(one.leaves_bin for passes in self._passes.values() for one in passes)
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
         roads = [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
@@ -74,7 +75,7 @@ class DiscreteHarvest:
         self._carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
         has_dispatcher = DISPATCH in scenario.bodiless_agents
         self.calls = (calls or (Dispatched if has_dispatcher else Calls))(self.env, self.route, self._carriers)
-        for name, block in self.blocks.items():
+        for name, block in layout.blocks.items():
             self.robots[name].plan = list(self.route.harvest(block))
         for robot in self._carriers:
             robot.plan = list(self.route.wait_in_queue())
@@ -201,7 +202,7 @@ def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
     """
     harvest = DiscreteHarvest(layout, rows_each or _rows_each(layout))
     harvest.spread_charges()
-    pickers = [harvest.robots[name] for name in harvest.blocks]
+    pickers = [harvest.robots[name] for name in harvest.layout.blocks]
     harvest.run(lambda: all(picker.plan for picker in pickers))
     if all(picker.plan for picker in pickers):
         raise Jam(f"only {harvest.delivered} bins were delivered: robots wait for each other")

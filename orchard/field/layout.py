@@ -110,6 +110,11 @@ class Layout:
         return sum(one.leaves_bin for block in self.blocks.values() for one in self.passes(block))
 
     @property
+    def is_picked_again(self) -> bool:
+        """Whether pickers pick rows more than once, as in the long run."""
+        return any(len(set(block.rows)) < len(block.rows) for block in self.blocks.values())
+
+    @property
     def mean_length(self) -> float:
         """Mean length of the picked parts of the rows, m."""
         return fmean(lane.length for lane in self.lanes) if self.scenario.survey else self.row_length

@@ -20,8 +20,8 @@ from orchard.field.yaml_file import dump, read, values_of
 TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
-NEAREST, PREDICTIVE, END = "nearest", "predictive", "end"
-DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", PREDICTIVE, "predictive-farthest", "rolling", "assignment")  # built in
+NEAREST, ROLLING, END = "nearest", "rolling", "end"
+DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", "predictive", "predictive-farthest", ROLLING, "assignment")  # built in
 ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
 ROW_ORDERS = ONWARD, OUTWARD = "onward", "outward"  # the built-in orders of picking inside a row
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
@@ -227,7 +227,7 @@ class Scenario(Section):
     sensors: Annotated[SensorSettings, Field(description="what robots measure of their own motion")] = SensorSettings()
     agents: Classes = {}
     agents_without_body: MoreAgents = {}
-    dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = PREDICTIVE
+    dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = ROLLING
     dispatch_errors: Annotated[str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")] = NEAREST
     rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED_ENDS
     order_in_row: Annotated[str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first")] = ONWARD

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from typer import Argument, BadParameter
 
 from orchard.field.problems import Problem
-from orchard.field.scenario import PREDICTIVE
+from orchard.field.scenario import ROLLING
 from orchard.launch.options import File, Style, flag, named, number, option, picture_file, whole
 from orchard.study.result import Goal, Horizon, Models
 
@@ -147,7 +147,7 @@ Policy = Annotated[str, Argument(metavar="POLICY", help="A policy of your own, m
 class BenchmarkOptions:
     """The options of `benchmark`."""
 
-    policy: Policy = PREDICTIVE
+    policy: Policy = ROLLING
     orchard: list[str] | None = option(QUESTION, "Only this orchard of the twenty (repeatable).", "NAME")
     check: bool = flag(RUNS, "--check", "Do the harvests of POLICY by the simulator too, which takes long, and show the difference.")
     workers: int | None = option(RUNS, "Processes. Default: one per core.", "N", parser=_workers)

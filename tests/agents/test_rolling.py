@@ -55,15 +55,22 @@ def test_of_several_lines_the_first_one_leaves_first_as_in_the_decisions_of_the_
     assert [robot.line for robot in plan.robots if robot.line != AWAY] == lines == [0, 1, 2, 3]
 
 
-def test_no_picker_is_left_out_while_one_goes_on_for_ever():
+def test_it_decides_as_predictive_with_many_pickers_in_the_long_run_and_on_roads_that_it_does_not_know():
+    many, most = orchard(rows=30, pickers=21, carriers=4), orchard(rows=30, pickers=20, carriers=4)
+    unknown = orchard(rows=4, pickers=2, carriers=2, route="examples.seams.signalled_route.SignalledRoute")
+    again = DiscreteHarvest(orchard(rows=4, pickers=2, carriers=2), rows_each=6).layout
+    assert [bool(Rolling(layout).courses) for layout in (many, unknown, again, most)] == [False, False, False, True]
+
+
+def test_no_picker_is_left_out_while_others_go_on():
     class Counted(Dispatched):
         def start(self, call, carrier):
             served[call.picker] += 1
             ahead.append(max(served.values()) - min(served[picker] for picker in layout.blocks))
             super().start(call, carrier)
 
-    layout, served, ahead = orchard(rows=9, pickers=3, carriers=1, row_length=30.0), Counter[str](), list[int]()
-    DiscreteHarvest(layout, rows_each=12, calls=Counted).run()
+    layout, served, ahead = orchard(rows=36, pickers=3, carriers=1, row_length=30.0), Counter[str](), list[int]()
+    DiscreteHarvest(layout, calls=Counted).run()
     assert set(served.values()) == {12}
     assert max(ahead) <= AHEAD
 

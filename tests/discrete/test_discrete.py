@@ -140,7 +140,7 @@ def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() ->
     """Else they are done while the others go on, and the long run has fewer pickers than the orchard."""
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
-    assert {name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).blocks.items()} == dict.fromkeys(layout.blocks, 6)
+    assert {name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).layout.blocks.items()} == dict.fromkeys(layout.blocks, 6)
     assert long_run(layout).bins_per_hour == pytest.approx(long_run(layout, 48).bins_per_hour, rel=0.01)
 
 

@@ -41,7 +41,7 @@ def test_equal_rows_by_survey_are_those_without_one():
 
 @pytest.mark.parametrize(("route", "ends"), [(ONE_WAY, "balanced"), (TWO_WAY, "balanced-ends")])
 def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
-    stage = Stage(orchard_of(UNEQUAL, pickers=2, carriers=2, route=route, rows_to_pickers=ends))
+    stage = Stage(orchard_of(UNEQUAL, pickers=2, carriers=2, route=route, rows_to_pickers=ends, dispatch="predictive"))  # no near ties
     stage.run_until(lambda: stage.local.engine.over, 900)
     stage.assert_no_collisions()
     assert stage.world.row_picked.tolist() == [row.length for row in UNEQUAL]

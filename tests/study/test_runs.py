@@ -37,7 +37,7 @@ def test_an_error_in_a_run_is_told_with_the_run_and_does_not_end_the_program(err
         raise error
 
     monkeypatch.setattr("orchard.study.runs._fast", fail)
-    with pytest.raises(RunFailed, match=rf"seed 1, fast model, predictive: {type(error).__name__}: {error}"):
+    with pytest.raises(RunFailed, match=rf"seed 1, fast model, rolling: {type(error).__name__}: {error}"):
         do(PlannedRun(SCENARIO, "fast"), time.time())
 
 

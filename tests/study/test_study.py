@@ -238,7 +238,7 @@ def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
     assert settled.stopped_by == "certain"
     assert any("nothing in these settings is random" in note for note in settled.notes)
     assert all(0.5 * row.harvest_seconds.mean < row.proven_seconds <= row.harvest_seconds.mean for row in settled.table)
-    assert settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, predictive dispatch"
+    assert settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, rolling dispatch"
     assert any(note.startswith("drives to the ends of rows take 43.6 %") for note in settled.notes)
 
 

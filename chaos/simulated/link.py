@@ -111,6 +111,7 @@ class Link:
         under_way = max(self._last[way]) - self._scheduler.now
         self.is_open[way] = False
         self._scheduler.after(max(0.0, under_way) * share, self._close_if_heard)
+        self._scheduler.after(LEASE, self.close)
 
     def _close_if_heard(self) -> None:
         if not any(self._silent):

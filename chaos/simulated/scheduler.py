@@ -149,14 +149,14 @@ class VirtualInbox(Inbox):
         if self._reader is not None:
             self._reader.wake()
 
-    def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
+    def take(self, seconds: float = inf, enough: int = 1, look: float = Inbox.LOOK) -> Item | None:
         self._enough, deadline = enough, self._scheduler.in_future(max(seconds, LOOK_SECONDS))
         while not self._items:
             left = deadline - self._scheduler.now
             if left <= 0.0:
                 return None
             self._reader = self._task
-            self._task.wait(min(left, self.POLL) if enough > 1 else left)
+            self._task.wait(min(left, look) if enough > 1 else left)
             self._reader = None
         return self._items.popleft()
 

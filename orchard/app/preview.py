@@ -1,7 +1,6 @@
 """What a scenario looks like before it is run: the plan to scale, and the figures that follow from it."""
 
 from nicegui import ui
-from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.elements import heading, tiles
 from orchard.field.kinds import KINDS
@@ -41,7 +40,8 @@ class PlanView:
 
     def __init__(self) -> None:
         self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
-        self._full_width = ui.switch("Full width", on_change=self._widen).classes("corner").props("dense size=sm data-field=full-width")
+        self._full_width = ui.switch("Full width", on_change=lambda: self._plan.classes(toggle="wide")).classes("corner")
+        self._full_width.props("dense size=sm data-field=full-width")
         self._is_deep = False
         with ui.element("div").classes("legend"):
             places = {"tree": "tree", "driveway": "driveway", "bay": "unloading bay", "D": "road of deliveries", "F": "road of full bins"}
@@ -58,9 +58,6 @@ class PlanView:
         if is_deep != self._is_deep:  # all of it at once would be a stripe
             self._is_deep = is_deep
             self._full_width.set_value(is_deep)
-
-    def _widen(self, event: ValueChangeEventArguments[bool | None]) -> None:
-        self._plan.classes(add="wide" if event.value else "", remove="" if event.value else "wide")
 
     def fade(self) -> None:
         """Mark the plan as stale: the input is invalid, so the plan shows the last valid scenario."""

@@ -152,8 +152,9 @@ class Robot(Follower):
             free_to = room(self, before) if before is not None else inf
             goal = min(target, gate_at, meeting)
             limit = min(goal, max(here, free_to))
-            if arrived:
-                self._extend(limit)
+            if arrived and limit > self.end + NEAR:
+                self.end = limit
+                self._tell()
             if limit - here <= NEAR:
                 self.stood = self.tick
                 if target - here <= NEAR:
@@ -171,7 +172,8 @@ class Robot(Follower):
             self.moved_ticks += self.tick - begun
             here, self._leg = min(limit, was + (self.tick - begun) * stride), None
             if axis == "x":
-                self._note_exit(begun, was, here, stride)
+                if was <= self.model.exit < here and self.away == inf:
+                    self.away = begun + (self.model.exit - was) / stride
                 self.x = sign * here
             else:
                 self.y = sign * here
@@ -190,10 +192,6 @@ class Robot(Follower):
         else:
             look = [self.env.timeout(self.places.ticks_to_answer())] if ahead is not None else []
             yield self.places.granted_or(first_of(self.env, [*look, *events]))
-
-    def _note_exit(self, begun: int, was: float, here: float, stride: float) -> None:
-        if was <= self.model.exit < here and self.away == inf:
-            self.away = begun + (self.model.exit - was) / stride
 
     def _meet(self) -> Generator[simpy.Event, Any, float]:
         yield self.env.timeout(self.model.bystanders.meeting_ticks(self.name, self.meetings))
@@ -229,11 +227,6 @@ class Robot(Follower):
         self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True
-
-    def _extend(self, end: float) -> None:
-        if end > self.end + NEAR:
-            self.end = end
-            self._tell()
 
     def _tell(self) -> None:
         """Let the robots behind go on, if they wait: in the next tick, and a tick later if they see its bin, which follows it."""

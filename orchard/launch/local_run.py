@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -95,7 +94,7 @@ def run(
                 letters = local.post.written.get(engine.tick - 1, {})
                 account.update(events, letters)
                 if look is not None:
-                    look(replace(account.frame(events), events=[*events, *talk_of(engine.tick - 1, letters)]))
+                    look(account.frame_builder.frame([*events, *talk_of(engine.tick - 1, letters)]))
                 if account.figures.is_due():
                     message = account.figures.message("", {})
                     show(message.figures, message.doing, message.waits_for)

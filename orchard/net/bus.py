@@ -81,7 +81,7 @@ class Inbox:
     Waking a thread costs more than handling a message. So a reader that needs several quiet items passes their number to `take`.
     """
 
-    POLL = 0.05  # s between two checks of a reader that is not woken
+    LOOK = 0.05  # s between two looks of a reader that quiet items do not wake
 
     def __init__(self) -> None:
         self._items: deque[Item] = deque()
@@ -132,15 +132,15 @@ class Inbox:
             with suppress(RuntimeError):  # another thread has just woken it
                 self._unwoken.release()
 
-    def take(self, seconds: float = inf, enough: int = 1) -> Item | None:
-        """Return the next item, None if none arrives in `seconds`. `enough`: quiet items that wake the reader."""
+    def take(self, seconds: float = inf, enough: int = 1, look: float = LOOK) -> Item | None:
+        """Return the next item, None if none arrives in `seconds`. `enough`: quiet items that wake it; it looks for fewer each `look` s."""
         self._enough = enough
         deadline = monotonic() + seconds
         while not self._items:
             left = deadline - monotonic()
             if left <= 0.0:
                 return None
-            self._unwoken.acquire(timeout=min(left, self.POLL))
+            self._unwoken.acquire(timeout=min(left, look))
         return self._items.popleft()
 
 

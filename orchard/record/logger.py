@@ -28,7 +28,8 @@ from orchard.wire.messages import Bundle, End, Events, Letters, Lost, Picture
 
 MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
 MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
-LOOK_SECONDS = 0.5  # between two checks that the writer still writes
+ENOUGH = 100  # bundles, of ten ticks or fewer, for which the logger does not wait longer
+LOOK_SECONDS, LIVE_SECONDS = 0.5, 0.05  # between two looks at what has come quietly; for a file, and while viewers are served
 
 log = logging.getLogger("orchard")
 
@@ -105,8 +106,9 @@ def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | No
 class Logger:
     """Receives one run's frames, events and messages, and passes them to the writer."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, queue: FrameQueue) -> None:
-        self.bus, self.keys, self.run_id, self.layout, self.queue = bus, keys, run, layout, queue
+    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, queue: FrameQueue, look: float = LOOK_SECONDS) -> None:
+        """`look`: s between two looks at the bundles that have come."""
+        self._look, self.bus, self.keys, self.run_id, self.layout, self.queue = look, bus, keys, run, layout, queue
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
         self._gone_until = bus.clock() + GONE_SECONDS  # s, on the bus's clock, when physics counts as ended; inf while it is alive
@@ -114,10 +116,7 @@ class Logger:
         self._tick: int | None = None  # of the newest frame that was passed on
 
     def listen(self) -> None:
-        """Subscribe to the run.
-
-        What comes often is read quietly, all of 50 ms together: to wake a thread for each costs more than what it does.
-        """
+        """Subscribe to the run. What comes often is read together: to wake a thread for each costs more than what it does."""
         for what in ("bundle", "lost", "end"):
             self.bus.subscribe(self.keys.of(what), quietly=what == "bundle")
         self.bus.watch(self.keys.of("physics", self.run_id))
@@ -127,7 +126,7 @@ class Logger:
         code = 1
         try:
             while not writing.done() and self.bus.clock() < self._gone_until:
-                if (item := self.bus.inbox.take(LOOK_SECONDS, enough=MOST)) is not None:
+                if (item := self.bus.inbox.take(LOOK_SECONDS, ENOUGH, self._look)) is not None:
                     self._handle(item)
         except HostEnded as end:
             code = end.code
@@ -196,7 +195,7 @@ def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: s
     """Record a run into a file, and serve viewers on a port. Return as `Logger.run` does."""
     run = fetch_run(bus, keys, end_if_asked)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    logger = Logger(bus, keys, run.run, layout, FrameQueue())
+    logger = Logger(bus, keys, run.run, layout, FrameQueue(), LOOK_SECONDS if port is None else LIVE_SECONDS)
     logger.listen()  # so what comes while earlier parts are read is not lost
     recorder, last = open_recording(layout, run.run, file, port)
     bus.declare_alive(keys.of("alive", LOGGER, session or bus.id))  # the first tick waits for it, and a whole frame comes

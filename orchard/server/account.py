@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orchard.contract.events import Event, Frame
+from orchard.contract.events import Event
 from orchard.contract.messages import Written
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SnapshotWriter
@@ -28,7 +28,7 @@ class RunAccount:
         clock: Callable[[], float],
     ) -> None:
         """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written."""
-        self._engine, self.frame_builder = engine, FrameBuilder(engine.world)
+        self._engine, self.frame_builder = engine, FrameBuilder(engine)
         self.figures = RunFigures(engine, clock, before.figures if before else {})
         self.snapshot_writer = snapshot_writer
         self._tables: Tables | None = None
@@ -41,9 +41,6 @@ class RunAccount:
         self.figures.update(events)
         if self._tables is not None:
             self._tables.update(self._engine, events, letters)
-
-    def frame(self, events: list[Event]) -> Frame:
-        return self.frame_builder.frame(self._engine.scans, self._engine.actions, events, self._engine.lookahead.wanted)
 
     def keep(self, snapshot: Snapshot) -> None:
         if self._tables is not None:

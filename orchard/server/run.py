@@ -87,7 +87,7 @@ class Run:
             self.publisher.tell("events", lambda: Events(self.id, tick, events))
         if letters:
             self.publisher.tell("letters", lambda: Letters(self.id, tick, letters))
-        self.publisher.tell("picture", lambda: picture_of(self.id, self.account.frame(events)))
+        self.publisher.tell("picture", lambda: picture_of(self.id, self.account.frame_builder.frame(events)))
         if self.publisher.is_bundle_due():
             self.publisher.send_bundle(tick)
         if self.account.figures.is_due():

@@ -1,32 +1,32 @@
 """Makes the frames of a picture from the world at each tick. A frame holds only what has changed."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from orchard.contract.agent import Action, State, state_of
 from orchard.contract.events import SCAN_TICKS, SELDOM, STOPPED, Event, Frame, Velocities
+from orchard.sim.engine import Engine
+from orchard.sim.obstacles import PLACES
 from orchard.sim.stops import as_shown
-from orchard.sim.world import World
 
 WHOLE_TICKS = 50  # ticks between two whole frames, 5 s, for viewers that join later
 
 
 class FrameBuilder:
-    """Makes the frames of one world."""
+    """Makes the frames of one engine's world."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
         self.forget()
 
-    def frame(self, scans: Sequence[np.ndarray], actions: Mapping[str, Action], events: Sequence[Event], wanted: np.ndarray) -> Frame:
-        """Return the frame of the world after a step. `wanted`: (n, 3) the velocities that the agents wanted in it, m/s and rad/s."""
-        world = self._world
+    def frame(self, events: list[Event]) -> Frame:
+        """Return the frame of the world after a step, with the events of it."""
+        world, scans = self._engine.world, self._engine.scans
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
         is_whole = not self._shown  # not: all fields are there; after some ticks without a frame they may all have changed
-        news = self._news_of(as_shown(world, actions))
+        news = self._news_of()
         seldom: dict[str, Any] = {name: self._if_changed(name, getattr(world, name)) for name in SELDOM}
         return Frame(
             tick=world.tick,
@@ -37,28 +37,36 @@ class FrameBuilder:
             delivered=world.delivered,
             events=events,
             is_whole=is_whole,
-            velocities=self._new_velocities(np.hstack([world.twist, wanted])),
+            velocities=self._new_velocities(np.concatenate([world.twist, self._engine.lookahead.wanted], axis=1)),
             **seldom,
         )
 
     def forget(self) -> None:
-        self._shown, self._said = dict[str, np.ndarray](), dict[str, tuple[str, State]]()
-        self._drove = np.zeros((0, 6))
+        self._shown, self._said = dict[str, bytes](), dict[str, tuple[str, State]]()
+        self._drove, self._tick = np.zeros((0, 6)), -1
+        self._halted, self._hindered = list[str](), list[str]()  # robots that are shown as stopped, and those with an obstacle in the way
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:
-        if what in self._shown and (self._shown[what] == now).all():
+        if self._shown.get(what) == (shown := now.tobytes()):
             return None
-        self._shown[what] = now.copy()
-        return self._shown[what]
+        self._shown[what] = shown
+        return now.copy()
 
     def _new_velocities(self, now: np.ndarray) -> dict[str, Velocities]:
-        changed = (self._drove != now).any(axis=1) if len(self._drove) else np.ones(len(now), dtype=bool)
-        self._drove, names = now, self._world.layout.names
-        return {names[i]: tuple(now[i].tolist()) for i in np.flatnonzero(changed).tolist()}
+        changed = (self._drove != now).any(axis=1).nonzero()[0] if len(self._drove) else np.arange(len(now))
+        self._drove, names = now, self._engine.layout.names
+        return {names[i]: tuple(own) for i, own in zip(changed.tolist(), now[changed].tolist(), strict=True)}
 
-    def _news_of(self, actions: Mapping[str, Action]) -> dict[str, tuple[str, State]]:
-        said: dict[str, tuple[str, State]] = {name: ("standing", "resting") for name, (words, _) in self._said.items() if words == STOPPED}
-        said |= {name: (words_of(action), state_of(action)) for name, action in actions.items() if action.doing or action.state}
+    def _news_of(self) -> dict[str, tuple[str, State]]:
+        """Return what robots do that did something else. Beside new actions, bodies in the way and stops change what is said of a robot."""
+        engine = self._engine
+        said: dict[str, tuple[str, State]] = dict.fromkeys(self._halted, ("standing", "resting"))
+        names = [*engine.answers, *self._hindered, *self._halted] if engine.tick == self._tick + 1 else engine.actions
+        new = {name: engine.actions[name] for name in names if name in engine.actions}
+        shown = as_shown(engine.world, new)
+        said |= {name: (words_of(action), state_of(action)) for name, action in shown.items() if action.doing or action.state}
+        self._hindered, self._tick = [name for name, action in new.items() if action.waits_for in PLACES], engine.tick
+        self._halted = [name for name, (words, _) in said.items() if words == STOPPED]
         news = {name: now for name, now in said.items() if self._said.get(name) != now}
         self._said |= news
         return news

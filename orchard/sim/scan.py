@@ -55,7 +55,8 @@ class Scanner:
         self._constant = in_order(cast_all, constant, skip=4)
         self.begin, self._begin = begin, begin.tolist()
         self._noise = layout.scenario.laser.noise
-        self._keys = np.array([_noise_key(layout.scenario.seed, name) for name in layout.names], dtype=np.uint64)
+        keys = (hashlib.blake2b(f"{layout.scenario.seed}/laser/{name}".encode(), digest_size=8).digest() for name in layout.names)
+        self._keys = np.frombuffer(b"".join(keys), "<u8").astype(np.uint64)
 
     def scan(self, world: World) -> Scans:
         """Return the ranges of each body now, (180,) or (60,) float32, m, +inf without a return: new, read-only views of bytes."""
@@ -77,10 +78,6 @@ def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     quarter, share = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
     angles = [q * repeatable.QUARTER + repeatable.atan2(s, 1.0 - s) for q, s in zip(quarter.tolist(), share.tolist(), strict=True)]
     return beams, np.array(angles) / laser.increment
-
-
-def _noise_key(seed: int, name: str) -> int:
-    return int.from_bytes(hashlib.blake2b(f"{seed}/laser/{name}".encode(), digest_size=8).digest(), "little")
 
 
 def observe(world: World, scans: Scans) -> Observations:

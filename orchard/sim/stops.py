@@ -16,7 +16,7 @@ from orchard.sim.world import World
 
 
 def stopped(world: World) -> list[str]:
-    return [name for name, latched in zip(world.layout.names, world.stopped.tolist(), strict=True) if latched]
+    return [world.layout.names[i] for i in world.stopped.nonzero()[0].tolist()]
 
 
 def latch(world: World, words: Sequence[str], stop: bool) -> list[str]:

@@ -40,14 +40,14 @@ ROBOTS = ["carrier_01", "picker_01", "picker_02"]
 def record(file, ticks=range(1, TICKS + 1), gap=None):
     """Record these ticks of a run, and a gap before them; return (pose, twist, wanted) of each tick."""
     local, recorder = Local(SMALL), Recorder(lay_out(SMALL), "one", file)
-    frames, was = FrameBuilder(local.engine.world), {}
+    frames, was = FrameBuilder(local.engine), {}
     if gap is not None:
         recorder.gap(*gap)
     while local.engine.tick < max(ticks):
         events = local.tick()
         world, wanted = local.engine.world, local.engine.lookahead.wanted
         if world.tick in ticks:
-            recorder.tick(frames.frame(local.engine.scans, local.actions, events, wanted))
+            recorder.tick(frames.frame(events))
             was[world.tick] = world.pose.copy(), world.twist.copy(), wanted.copy()
     assert recorder.close()
     return was

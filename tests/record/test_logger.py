@@ -1,6 +1,5 @@
 """The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was said, and holds nobody up."""
 
-import copy
 import math
 import os
 import re
@@ -67,16 +66,16 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     """After ticks without a subscriber a picture holds all changes: each rare field, and only the bodies that do something new."""
     local = Local(Scenario(rows=3))
     local.tick()
-    world, bus, queue = copy.deepcopy(local.engine.world), StandIn(Net(), "logger"), FrameQueue()
-    builder = FrameBuilder(world)
+    world, bus, queue = local.engine.world, StandIn(Net(), "logger"), FrameQueue()
+    builder = FrameBuilder(local.engine)
 
     def shown(tick):
         world.tick = tick
-        frame = builder.frame(local.engine.scans, local.actions, [], local.engine.lookahead.wanted)
+        frame = builder.frame([])
         bus.inbox.put(Sample(KEYS.of("bundle"), pack(Bundle("run1", tick, [], [], [picture_of("run1", frame)]))))
         return frame
 
-    builder.frame(local.engine.scans, local.actions, [], local.engine.lookahead.wanted)
+    builder.frame([])
     for name in SELDOM:
         setattr(world, name, np.zeros_like(getattr(world, name)) if getattr(world, name).any() else getattr(world, name) + 1)
     changed = shown(101)

@@ -120,17 +120,17 @@ def test_an_orchard_that_is_stopped_for_long_is_not_jammed_and_one_that_was_is_a
 
 
 def test_what_people_are_told_and_the_figures(driven):
-    camera = FrameBuilder(driven.world)
+    camera = FrameBuilder(driven.local.engine)
     driven.local.engine.stop(["picker_01"])
     driven.run(2.0)
     assert {event.who for event in driven.happened("stopped")} == {"picker_01", "bin_01"}
     assert driven.account.message("", {}).doing["picker_01"] == "stopped"
-    assert camera.frame([], driven.local.actions, [], driven.local.engine.lookahead.wanted).doing["picker_01"] == "stopped"
+    assert camera.frame([]).doing["picker_01"] == "stopped"
     assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
     driven.local.engine.reset()
     driven.run(1.0)
     assert {event.who for event in driven.happened("reset")} == {"picker_01", "bin_01"}
-    assert camera.frame([], driven.local.actions, [], driven.local.engine.lookahead.wanted).doing["picker_01"] != "stopped"
+    assert camera.frame([]).doing["picker_01"] != "stopped"
     assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
     assert driven.account.figures()["state_seconds"]["picker"]["stopped"] == 2.0
 

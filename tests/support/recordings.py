@@ -23,11 +23,11 @@ def starts(layout: Layout) -> np.ndarray:
 
 def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
     local = Local(layout.scenario)
-    builder, engine = FrameBuilder(local.engine.world), local.engine
+    builder, engine = FrameBuilder(local.engine), local.engine
     while engine.tick < round(seconds * 10):
         events = local.tick()
         events += talk_of(engine.tick - 1, local.post.written.get(engine.tick - 1, {}))
-        yield builder.frame(engine.scans, local.actions, events, engine.lookahead.wanted)
+        yield builder.frame(events)
 
 
 def recording_of(path: Path, layout: Layout, frames: Iterable[Frame], run: str = "a run") -> Path:

@@ -73,6 +73,7 @@ def mutations(
     with _workers() as workers:
         found = list(track(workers.map(partial(first_seed, most), names), "mutations", len(names), console=console))
     rows = [f"| {name} | {'not found' if seed is None else seed} | {what} |" for name, (seed, what) in zip(names, found, strict=True)]
+    rows = [row.replace(f"{Path.cwd()}/", "") for row in rows]
     _say("\n".join(rows))
     if not only:
         head = f"What fails if one safety net of the protocol is cut out ({date.today()}, at most {most} schedules each)."

@@ -151,7 +151,6 @@ def _recorder(request: RunRequest) -> "Recorder | None":
         return None
     from orchard.view.recorder import Recorder  # not at the top: Rerun takes half a second to load
 
-    name, port = f"{request.scenario.rows} rows, seed {request.scenario.seed}", request.data_port if is_live else None
-    recorder = Recorder(lay_out(request.scenario), name, request.recording, port)
+    recorder = Recorder(lay_out(request.scenario), request.run_id, request.recording, request.data_port if is_live else None)
     recorder.waiting = lambda: request.options.pace == math.inf  # what comes at once
     return recorder

@@ -43,15 +43,18 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 class Recorder:
     """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
 
-    def __init__(self, layout: Layout, run_name: str, path: str | Path | None = None, port: int | None = None) -> None:
-        """`port`: of a server for viewers on the loopback. Raises OSError if the file cannot be opened."""
+    def __init__(self, layout: Layout, run: str, path: str | Path | None = None, port: int | None = None) -> None:
+        """`run`: its id, by which viewers tell recordings apart. `port`: of a server for viewers on the loopback.
+
+        Raises OSError if the file cannot be opened.
+        """
         self.layout = layout
-        self.rec = rr.RecordingStream("orchard", recording_id=run_name)
+        self.rec = rr.RecordingStream("orchard", recording_id=run)
         self.rec.set_log_time_enabled(False)
         self.rec.set_log_tick_enabled(False)
         self._file = None if path is None else RecordingFile(Path(path))
         self.uri = self._open(port)
-        self.rec.send_recording_name(run_name)
+        self.rec.send_recording_name(run if path is None else Path(path).stem)
         log_scenery(self.rec, layout)
         log_legend(self.rec)
         log_focus(self.rec)

@@ -1,8 +1,13 @@
-"""The examples that compare: the limit with the long run, the fast model with the simulator, intervals with the truth."""
+"""The examples that compare: the limit with the long run, the fast model with the simulator, intervals with the truth, recordings."""
 
 import re
+import signal
+import subprocess
+import sys
+from itertools import islice
 
-from command_line import python
+from command_line import ROOT, orchard, python
+from rerun.catalog import CatalogClient
 
 
 def printed(*arguments: str) -> str:
@@ -24,3 +29,17 @@ def test_intervals_stand_beside_the_truth():
     said = printed("examples/interval_coverage.py", "--truth", "3", "1")
     assert re.findall(r"(\d+\.\d) % of (\d+) \(95 %: \d+\.\d to \d+\.\d\)", said)
     assert [int(count) for count in re.findall(r"% of (\d+)", said)] == [3, 1, 1]
+
+
+def test_recordings_of_several_runs_are_one_dataset_with_the_views_of_the_orchard(tmp_path):
+    files = [tmp_path / f"{name}.rrd" for name in ("two", "three")]
+    for file, carriers in zip(files, (2, 3), strict=True):
+        orchard("--mode", "local", "--rows", 3, "--carriers", carriers, "--record", file)
+    example = [sys.executable, "examples/compare_recordings.py", *map(str, files)]
+    with subprocess.Popen(example, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        said = [line.strip() for line in islice(process.stdout, 3)]
+        dataset = CatalogClient(said[-1].removeprefix("serving ")).get_dataset("harvests")
+        assert (dataset.blueprints(), len(dataset.segment_ids())) == ([dataset.default_blueprint()], 2)
+        process.send_signal(signal.SIGINT)
+    assert (process.returncode, said[:2]) == (0, ["three: 3 bins delivered", "two: 3 bins delivered"])
+    assert "docs/orchard.png" in python("examples/compare_recordings.py", "docs/orchard.png", code=1).stderr

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
 from orchard.agents.ranking import Predictive, PredictiveMemory, free_carriers
-from orchard.agents.rollout import RollOut, course_of, courses_of
+from orchard.agents.rollout import RollOut, courses_of
 from orchard.agents.routes import ROUTES
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
@@ -71,7 +71,7 @@ class Rolling(Predictive):
             courses = self.courses.get(report.picker, [])
             first = max(0, expected[report.picker].number - 1) if courses else 0  # it reports again if its carrier does not come
             for number in range(first, len(courses)):
-                job = course_of(self.courses, report.picker, number).job
+                job = courses[number].job
                 if (job.lane, job.side) == (report.lane, report.side):
                     reported.setdefault(report.picker, NextBin(number, memory.full[report.name] + job.clearing))
                     break
@@ -94,11 +94,10 @@ class Rolling(Predictive):
         return orders
 
     def remember(self, trip: Trip, carrier: str, memory: RollingMemory) -> None:
-        number, job = trip.bin.number, course_of(self.courses, trip.picker, trip.bin.number).job
-        stop = max(trip.bin.stop, trip.sent + job.approach)
+        job, *following = (course.job for course in self.courses[trip.picker][trip.bin.number :])
+        stop, ready = max(trip.bin.stop, trip.sent + job.approach), following[0].ready if following else 0  # of no bin after the last one
         memory.trips[carrier] = trip
-        following = course_of(self.courses, trip.picker, number + 1).job
-        memory.after[trip.picker] = NextBin(number + 1, stop + job.going_on + following.ready)
+        memory.after[trip.picker] = NextBin(trip.bin.number + 1, stop + job.going_on + ready)
 
     def plan(self, now: int, reported: dict[str, NextBin], memory: RollingMemory) -> RollOut:
         """Return where all robots are now, as far as can be known, and up to which bins they go on."""

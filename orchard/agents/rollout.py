@@ -79,11 +79,6 @@ def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     return {picker: [JobCourse(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
 
 
-def course_of(courses: Mapping[str, list[JobCourse]], picker: str, number: int) -> JobCourse:
-    """Return the course for a bin of a picker. After its last row comes its first one."""
-    return courses[picker][number % len(courses[picker])]
-
-
 class RobotUnderWay(NamedTuple):
     """A robot on its way."""
 
@@ -127,11 +122,12 @@ class RollOut:
         """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick on."""
         self.wanted[picker], self.number[picker] = stop, number
         self.taken[f"{picker} is out"] = []
-        self._begin(RobotUnderWay(course_of(self.courses, picker, number).of_picker, picker, number, AWAY), stop)
+        self._begin(RobotUnderWay(self.courses[picker][number].of_picker, picker, number, AWAY), stop)
 
     def send(self, picker: str, line: int, tick: int) -> None:
         """Decide at a tick that the carrier at the head of a line leaves for a picker."""
-        number, course = self.number[picker], course_of(self.courses, picker, self.number[picker])
+        number = self.number[picker]
+        course = self.courses[picker][number]
         self.waited -= self.wanted.pop(picker)
         self.home[line] -= 1
         self.is_open[line] = False
@@ -199,7 +195,7 @@ class RollOut:
         self.waited += tick
         picker, number = robot.picker, robot.number + 1
         if self.number[picker] < number < self.ends[picker]:
-            job, after = (course_of(self.courses, picker, bin_number).job for bin_number in (robot.number, number))
+            job, after = self.courses[picker][robot.number].job, self.courses[picker][number].job
             self.come_out(picker, number, tick + job.going_on + after.ready)
             for line in self.home:
                 self._look(max(tick, self._due(picker)), line)
@@ -218,7 +214,7 @@ class RollOut:
         heappush(self.next, (tick, line - len(self.home)))
 
     def _due(self, picker: str) -> int:
-        return self.wanted[picker] - course_of(self.courses, picker, self.number[picker]).job.approach - EARLY
+        return self.wanted[picker] - self.courses[picker][self.number[picker]].job.approach - EARLY
 
     def _leave(self, tick: int, line: int) -> None:
         """Let the first carrier of a line leave, once it is time for a bin."""

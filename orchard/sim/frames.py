@@ -21,7 +21,7 @@ class FrameBuilder:
         self.forget()
 
     def frame(self, events: list[Event]) -> Frame:
-        """Return the frame of the world after a step, with the events of it."""
+        """Return the frame of the world after a step, with the events of the step. Units and shapes are those of `Frame`."""
         world, scans = self._engine.world, self._engine.scans
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
@@ -43,7 +43,7 @@ class FrameBuilder:
 
     def forget(self) -> None:
         self._shown, self._said = dict[str, bytes](), dict[str, tuple[str, State]]()
-        self._drove, self._tick = np.zeros((0, 6)), -1
+        self._drove, self._tick = np.zeros((0, 6)), -1  # of the newest frame: the velocities, as in `Velocities`, and its tick
         self._halted, self._hindered = list[str](), list[str]()  # robots that are shown as stopped, and those with an obstacle in the way
 
     def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:

@@ -88,6 +88,21 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     assert queue.take().tick == 102
 
 
+def test_the_changes_of_all_pictures_together_are_what_a_whole_one_says():
+    """Also while robots are stopped, reset and in each other's way, and after a tick without a picture."""
+    local, said = Local(Scenario(rows=10, pickers=10, seed=4)), dict[str, str]()
+    builder = FrameBuilder(local.engine)
+    for tick in range(1500):
+        if tick % 150 == 40:
+            local.engine.stop(["picker_01", "carrier_01"])
+        if tick % 150 == 90:
+            local.engine.reset()
+        local.tick()
+        if tick % 37:
+            said |= builder.frame([]).doing
+            assert said == FrameBuilder(local.engine).frame([]).doing
+
+
 def test_bundles_hold_each_picture_with_what_was_said_in_its_step_before_the_run_ends(monkeypatch):
     monkeypatch.setattr("orchard.server.publisher.BUNDLE_SECONDS", math.inf)
     ticks, run = 725, Run(Scenario(rows=3), "run1", 725)

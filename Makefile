@@ -7,7 +7,7 @@ QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockst
  $(patsubst %,tests/contract/test_%.py,read_only zones) \
  $(patsubst %,tests/sim/test_%.py,deeds invariants movement picking repeatable scan snapshot)
 RUN := $(VENV)/bin/python
-INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
+INSTALL := .ci/install $(VENV) --constraint constraints.txt --editable
 
 unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile all its modules
 
@@ -61,7 +61,7 @@ lint: $(VENV)/installed-dev  ## style, types, and the order of the packages
 	$(VENV)/bin/lint-imports
 
 test: $(VENV)/installed-dev  ## all tests but the long matrix
-	$(RUN) -m pytest --numprocesses 4 --dist worksteal
+	$(RUN) -m pytest --numprocesses 3 --dist worksteal
 
 quick: $(VENV)/installed-dev  ## the tests that tell most, in at most 90 s
 	$(RUN) -m pytest --numprocesses 2 --dist loadfile $(QUICK)

@@ -34,7 +34,7 @@ def test_the_package_is_installed_with_its_command_its_launch_file_and_its_pictu
     """As in the block `install`, but without the environment."""
     (command,) = [line for line in block("ros2 install").splitlines() if "pip install" in line]
     shutil.copytree(FOLDER, tmp_path / "bridges" / "ros2")
-    words = [sys.executable, "-m", "pip", *command.split()[1:], "--no-deps", "--target", "there", "--quiet"]
+    words = [os.environ["ORCHARD_PYTHON"], "-m", "pip", *command.split()[1:], "--no-deps", "--target", "there", "--quiet"]
     subprocess.run(words, cwd=tmp_path, check=True, timeout=120)
     share = tmp_path / "there" / "share" / "orchard_ros2"
     assert (tmp_path / "there" / "bin" / "orchard-ros2").exists()

@@ -41,9 +41,17 @@ def pytest_configure(config: pytest.Config) -> None:
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The tests of the page come first: one worker does them for minutes, and the others take what it has after them."""
-    items.sort(key=lambda item: "chromium" not in getattr(item, "fixturenames", ()))
+@pytest.hookimpl(trylast=True)  # of what `-m` and `-k` have left
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let one worker begin with the tests of the page, and the next with those that wait for processes: the others compute meanwhile."""
+    of_page, waiting, others = list[pytest.Item](), list[pytest.Item](), list[pytest.Item]()
+    for item in items:
+        fixtures = getattr(item, "fixturenames", ())
+        waits = "battered" in fixtures or item.get_closest_marker("processes")
+        (of_page if "chromium" in fixtures else waiting if waits else others).append(item)
+    share = len(items) // getattr(config, "workerinput", {"workercount": 1})["workercount"]  # of a worker; what is left is stolen
+    behind = max(0, share - len(of_page))
+    items[:] = of_page + others[:behind] + waiting + others[behind:]
 
 
 def pytest_collection_finish() -> None:

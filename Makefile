@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile 
 $(VENV)/installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is not Python 3.11 or newer, which the orchard\
 	 needs: $$($(PYTHON) --version 2>&1). To name another: make $(MAKECMDGOALS) PYTHON=python3.11" >&2; exit 1; }
-	@echo "installing into $(VENV), once: about 320 MB are loaded"
+	@echo "installing into $(VENV), once: about 340 MB are loaded"
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) .
 	touch $@

@@ -1,5 +1,6 @@
 """What pyproject.toml says of the package: ranges and exact versions agree, and all files of the package are in it."""
 
+import os
 import re
 import subprocess
 import sys
@@ -81,3 +82,27 @@ def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_check
     said = subprocess.run([sys.executable, ".ci/vulnerabilities.py", audit, packages], cwd=ROOT, capture_output=True, text=True)
     assert words in said.stdout
     assert said.returncode == code, said.stderr
+
+
+@pytest.mark.parametrize("uv_can", [True, False])
+def test_uv_is_told_where_pip_finds_packages_and_pip_does_what_uv_cannot(uv_can, tmp_path):
+    """In a folder whose pip and uv write down what they are told. What the environment says counts before a file."""
+    told, file = tmp_path / "told", tmp_path / "pip.conf"
+    file.write_text("[global]\nfind-links = /other\nextra-index-url =\n    file:///b\n    file:///c\n")
+    heard = f'env | grep -E "^UV_(DEFAULT_INDEX|INDEX|FIND)" | sort >{told}; echo uv "$@" >>{told}; exit {int(not uv_can)}'
+    for name, text in {
+        ".ci/install": (ROOT / ".ci" / "install").read_text(),
+        ".venv/bin/pip": f'#!/bin/sh\n[ "$1" = config ] && exec {sys.executable} -m pip "$@"; echo pip "$@" >>{told}\n',
+        ".venv/bin/uv": f"#!/bin/sh\n{heard}\n",
+    }.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        path.chmod(0o755)
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(("PIP_", "UV_"))}
+    says = {"PIP_CONFIG_FILE": str(file), "PIP_INDEX_URL": "file:///a", "PIP_FIND_LINKS": "/d /e"}
+    done = subprocess.run([tmp_path / ".ci" / "install", "there", "x"], env=plain | says, capture_output=True, text=True, check=True)
+    by_uv = ["UV_DEFAULT_INDEX=file:///a", "UV_FIND_LINKS=/d,/e", "UV_INDEX=file:///b file:///c", "UV_INDEX_STRATEGY=unsafe-best-match"]
+    by_uv += ["uv pip install --quiet --python there/bin/python x"]
+    assert told.read_text().splitlines() == by_uv + ["pip --python there/bin/python install --quiet x"] * (not uv_can)
+    assert ("uv cannot; pip tries" in done.stderr) is not uv_can

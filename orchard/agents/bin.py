@@ -104,8 +104,8 @@ class Bin:
             action.hold = None  # the last step before a picker stands is shorter, and tells nothing: the next tick tells
         if not seen.fill:
             memory.picking_speed = self.layout.scenario.mean_picking_speed
-        elif is_steady and memory.speed >= LEAST_SPEED and seen.fill > memory.fill:
-            memory.picking_speed = memory.speed
+        elif is_steady and memory.speed >= LEAST_SPEED and seen.fill > memory.fill and abs(memory.speed - memory.picking_speed) >= KEEPS:
+            memory.picking_speed = memory.speed  # its last bits differ from tick to tick: those of the first one stay, whenever it is asked
         elif not memory.picking_speed:  # it begins without a memory, on a picker that has begun
             memory.picking_speed = self.layout.scenario.mean_picking_speed
         memory.fill = seen.fill

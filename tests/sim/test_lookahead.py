@@ -79,6 +79,10 @@ def test_holds_change_no_result_of_a_whole_harvest_and_few_are_asked(dispatch):
     assert same_run(scenario, 1700) <= 0.15
 
 
+def test_holds_change_no_result_where_a_bin_keeps_the_speed_of_its_picker():
+    same_run(empty_orchard(rows=3, carriers=3, row_length=30.0, metres_per_bin=27.1, dispatch="predictive"), 1500)
+
+
 @given(SCENARIOS, st.data())
 @settings(max_examples=4)
 def test_a_run_that_is_stopped_reset_and_handed_over_is_the_same_with_holds(scenario, data):

@@ -64,10 +64,11 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         schedule.share_roads()
         schedule.model.add(schedule.end >= least)
     solvers = [_solved(schedule.model, FIRST * work)]
-    if solvers[0].best_objective_bound < solvers[0].objective_value:
+    if not solvers[0].response_proto.solution or solvers[0].best_objective_bound < solvers[0].objective_value:
         schedule.hint(solvers[0])
         solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
-    proven, best = max(least, *(one.best_objective_bound for one in solvers)), min(one.objective_value for one in solvers)
+    proven = max(least, *(one.best_objective_bound for one in solvers))
+    best = min((one.objective_value for one in solvers if one.response_proto.solution), default=schedule.horizon)  # one job after the other
     return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs))
 
 

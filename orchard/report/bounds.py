@@ -36,7 +36,7 @@ class Bounds:
 
     def __init__(self, layout: Layout) -> None:
         scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
-        of_each = [_of_a_bin(route, early, block) for block in layout.blocks.values()]  # each picker delivers as many bins as another
+        of_each = [_of_a_bin(route, early, block) for block in layout.blocks.values()]  # the means: as if each delivered as many bins
         picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
         self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
@@ -46,7 +46,7 @@ class Bounds:
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
         self.bay_seconds = Unload.ticks * TIME_STEP + TRAIN  # t_bay, for which one carrier occupies the bay
         self.terms = {
-            "pickers": scenario.pickers / self.bin_seconds,
+            "pickers": sum(1.0 / sum(seconds[:3]) for seconds in of_each),  # each at its own rate
             "carriers": scenario.carrier_count / (cycle + charging),
             "unloading": 1.0 / self.bay_seconds,
         } | ({"chargers": scenario.chargers / charging} if charging else {})
@@ -156,7 +156,8 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     scenario = layout.scenario
     if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
         return {}
-    alone, schedule, proven = undisturbed(scenario), schedule_seconds(layout), proven_seconds(layout)
+    alone, proven = undisturbed(scenario), proven_seconds(layout)
+    schedule = max(schedule_seconds(layout), proven or 0.0)  # on free roads a carrier may stop before its picker is out of its way
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
     parts = {"schedule": schedule} if proven is None else {"optimum": proven, "dispatch": schedule - proven}
     parts |= {"traffic": own - schedule, "people_and_animals": seconds - own}

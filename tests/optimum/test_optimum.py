@@ -118,6 +118,11 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
     return float(solved.fun)
 
 
+def test_where_no_schedule_is_found_the_best_one_known_is_one_job_after_the_other():
+    found = optimum(lay_out(empty_orchard(rows=20, pickers=10, carriers=10)), work=1e-6)
+    assert 0.0 < found.proven_seconds < found.best_seconds
+
+
 def test_the_same_question_has_the_same_answer():
     layout = lay_out(empty_orchard(rows=12, pickers=6, carriers=4, picking_speed=0.5))
     one, other = (optimum(layout, 0.1) for _ in range(2))

@@ -11,7 +11,7 @@ from orchard.agents.route import OneWay
 from orchard.agents.routes import duration
 from orchard.agents.steps import DriveTo, Face
 from orchard.agents.two_way import TwoWay
-from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.harvest import DiscreteHarvest, long_run
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario
@@ -93,6 +93,13 @@ def test_the_bottleneck_is_the_part_that_allows_least(changes, bottleneck):
     assert bounds.bins_per_hour == pytest.approx(3600 * bounds.terms[bottleneck])
 
 
+@pytest.mark.parametrize("seed", [4, 10])
+def test_pickers_of_unequal_rows_allow_together_what_each_allows(seed):
+    changes = {"rows": 4, "pickers": 4, "carriers": 8, "picking_speed": 0.05, "seed": seed, "dispatch": "predictive"}
+    layout = lay_out(empty_orchard(**changes, picking={"spread": {"distribution": "gamma", "cv": 0.3}}))
+    assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
+
+
 def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says():
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1, dispatch=NEAREST))
     called = stage.run_until(lambda: stage.local.memories.get("carrier_01") and stage.local.memories["carrier_01"].job is not None, 90)
@@ -157,6 +164,11 @@ def test_what_a_harvest_lost_adds_up_to_its_length(changes):
     assert sum(lost.values()) == pytest.approx(seconds, abs=0.3)
     assert (lost["people_and_animals"] > 0.0) == bool(scenario.people.workers or scenario.sensors.gnss.bias)
     assert min(lost["optimum"], lost["dispatch"], lost["traffic"]) > 0.0
+
+
+def test_no_schedule_is_shorter_than_what_is_proven():
+    lost = lost_seconds(lay_out(empty_orchard(rows=5, bins_per_row=2, carriers=5, route="two-way", dispatch="rolling")), 900.0)
+    assert lost["dispatch"] == 0.0 and sum(lost.values()) == pytest.approx(900.0, abs=0.3)
 
 
 def test_without_a_solver_nothing_is_proven_and_the_parts_still_add_up(monkeypatch):

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
 from orchard.field.layout import Layout
@@ -75,11 +74,6 @@ class PredictiveMemory(msgspec.Struct):
             self.full[report.name] = now + round(report.seconds_to_full / TIME_STEP)
 
 
-def slack(report: BinReport) -> float:
-    """Return the time for which a carrier may still wait in the queue, s; negative if it is late."""
-    return report.seconds_to_full - report.seconds_to_reach - MARGIN
-
-
 class Predictive(Ranking):
     """A carrier leaves so that it arrives when the picker is done; the bin for which it is latest first. Ties by name."""
 
@@ -87,7 +81,7 @@ class Predictive(Ranking):
     early = True
 
     def is_due(self, report: BinReport) -> bool:
-        return slack(report) <= 0.0
+        return report.seconds_to_full - report.seconds_to_reach <= MARGIN
 
     def rank(self, report: BinReport, memory: PredictiveMemory) -> tuple[Any, ...]:
         return memory.full[report.name] * TIME_STEP - report.seconds_to_reach, report.name
@@ -98,28 +92,16 @@ class Predictive(Ranking):
         return super().assign(now, bins, carriers, memory)
 
 
-class PredictiveFarthest(FarthestFirst):
+class PredictiveFarthest(Predictive):
     """A carrier leaves so that it arrives when the picker is done; of the bins due the farthest first. Ties by name."""
 
-    early = True
-
-    def is_due(self, report: BinReport) -> bool:
-        return slack(report) <= 0.0
+    def rank(self, report: BinReport, memory: PredictiveMemory) -> tuple[Any, ...]:
+        return -report.metres, report.name
 
 
 class GlobalAssignment(Ranking):
-    """All full bins and all free carriers are matched at once, so that the sum of the ways by road is least."""
+    """All full bins and free carriers are matched at once, so that the ways together are shortest: all lead by the queue's head, so the
+    nearest bins get carriers."""
 
-    def __init__(self, layout: Layout) -> None:
-        try:
-            from scipy.optimize import linear_sum_assignment  # only this policy needs it
-        except ImportError as error:
-            raise ImportError(f"it needs scipy ({error}); install it with pip install 'orchard-sim[study]'") from None
-        self.match = linear_sum_assignment
-
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
-        calling, free = sorted(bins, key=lambda report: (report.since, report.name)), free_carriers(carriers)
-        metres = np.array([[round(carrier.metres, 3) + report.metres for carrier in free] for report in calling]).reshape(
-            len(calling), len(free)
-        )
-        return [Assignment(calling[i].name, free[j].name) for i, j in zip(*self.match(metres), strict=True)]
+    def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
+        return report.metres, report.since, report.name

@@ -1,9 +1,7 @@
 """The built-in dispatch policies: what they decide, whole harvests with them, early carriers, and policies that make mistakes."""
 
 import re
-import sys
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -24,9 +22,6 @@ from orchard.contract.agent import Heard, Mail, Reply, without_body
 from orchard.contract.messages import CarrierQuery, CarrierStatus, Fetch
 from orchard.field.scenario import DISPATCH_POLICIES
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
-
-NEEDS_SCIPY = pytest.mark.skipif(find_spec("scipy") is None, reason="scipy, the extra `study`, is not installed")
-POLICIES = [pytest.param(name, marks=NEEDS_SCIPY if name == "assignment" else ()) for name in DISPATCH_POLICIES]
 
 
 def policy(name: str) -> Dispatch:
@@ -55,19 +50,19 @@ DECISIONS = {
 }
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_the_bin_that_the_policy_prefers_gets_the_only_free_carrier(name):
     assert decide(name, [NEAR, FAR], [HEAD, BUSY]) == [(DECISIONS[name][0], "carrier_02")]
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
     orders = decide(name, [NEAR, FAR], [BUSY, CarrierReport("carrier_01", "", True, 0.5), HEAD])
     assert {bin_name for bin_name, _ in orders} == {"bin_01", "bin_02"}
     assert {carrier for _, carrier in orders} == {"carrier_01", "carrier_02"}
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_carriers_at_the_heads_of_two_lines_go_by_name_though_one_stands_a_rounding_error_behind(name):
     assert decide(name, [NEAR], [HEAD, CarrierReport("carrier_01", "", True, 2e-15)]) == [("bin_01", "carrier_01")]
 
@@ -120,7 +115,7 @@ CARRIERS = st.lists(
 )
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", DISPATCH_POLICIES)
 @settings(max_examples=40)
 @given(BINS, CARRIERS, st.randoms(use_true_random=False))
 def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_of_the_reports(name, bins, carriers, random):
@@ -129,14 +124,12 @@ def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_
     assert {carrier for _, carrier in orders} <= {carrier.name for carrier in carriers if carrier.is_next}
     assert all(len(set(names)) == len(orders) for names in zip(*orders, strict=True))
     random.shuffle(bins), random.shuffle(carriers)
-    if name != "assignment":  # of several best matches scipy takes one
-        assert decide(name, bins, carriers) == orders
+    assert decide(name, bins, carriers) == orders
 
 
-def test_a_policy_whose_package_is_missing_says_how_to_install_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
-    with pytest.raises(ScenarioError, match=r"dispatch = assignment: cannot be used: .*pip install 'orchard-sim\[study\]'"):
-        check_plugins(lay_out(empty_orchard(dispatch="assignment")))
+def test_a_policy_whose_package_is_missing_names_the_package():
+    with pytest.raises(ScenarioError, match=r"dispatch = own_policies.Lacking: cannot be used: .*No module named 'no_such_package'"):
+        check_plugins(lay_out(empty_orchard(dispatch="own_policies.Lacking")))
 
 
 def small(name: str, **changes) -> Scenario:
@@ -150,7 +143,7 @@ def harvested(name: str) -> Stage:
     return stage
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", DISPATCH_POLICIES)
 def test_a_harvest_with_each_policy_is_complete_without_a_collision(name):
     stage = harvested(name)
     assert (stage.world.delivered, stage.account.figures()["broken_agents"]) == (4, [])

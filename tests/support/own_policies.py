@@ -10,6 +10,11 @@ class Own:
         pass
 
 
+class Lacking(Own):
+    def __init__(self, layout):
+        import no_such_package  # noqa: F401
+
+
 class AtOnce(Own):
     """An early policy that sends a carrier as soon as a bin reports: much too early."""
 

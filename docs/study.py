@@ -93,7 +93,7 @@ examples/interval_coverage.py`).
 
 A setting in which a harvest jams is left out, and named. The [fast model](bounds.md#the-discrete-event-model) does all runs. With
 `--horizon harvest` the simulator checks the best two settings; `--model full` lets it do all, and agents of your own need that.
-The study knows no transport, no day's end and no repair.
+A study ends at the bay, and knows no day's end.
 
 ## Other questions
 

@@ -57,6 +57,7 @@ class Local:
         self.post = LocalMail()
         self.seen: Observations  # of all bodies, at the tick at which agents were asked last
         self.observed: dict[str, Observation] = {}  # those of the agents that were asked
+        self._played = set[str]()  # names given to `play`
         self._digests: dict[str, bytes] = {}  # name -> digest of the mail that the agent heard at that tick
 
     @classmethod
@@ -82,7 +83,9 @@ class Local:
 
         `stop`: robots that stand from now on. This run stays as it is. Agents that are not of the scenario are left behind.
         """
-        return Local.resume(forked(self.snapshot(), changes, stop))
+        snapshot = self.snapshot()
+        snapshot.memories = {name: memory for name, memory in snapshot.memories.items() if name not in self._played}
+        return Local.resume(forked(snapshot, changes, stop))
 
     def play(self, name: str, agent: Agent) -> None:
         """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guard`).
@@ -93,6 +96,7 @@ class Local:
         if name not in self.engine.layout.agents:
             raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")
         self.agents = dict(sorted({**self.agents, name: self._guarded(name, agent)}.items()))
+        self._played.add(name)
         self.engine.wake([name])
         memory = self.memories.pop(name, None)
         with suppress(ValueError):

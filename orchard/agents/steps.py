@@ -378,7 +378,7 @@ class FetchEmpty(Coupling, frozen=True):
             robot.want([self.place], beside=robot.memory.carrier)
             robot.hold()
             return False
-        robot.memory.taken = robot.memory.offered
+        robot.memory.taken, robot.memory.carrier = robot.memory.offered, ""
         return True
 
 

@@ -16,6 +16,7 @@ from orchard.app.own_classes import AGENTS, CHOICES
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
+from orchard.study.words import none_words
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
 DECIMAL = re.compile(r"[-+]?([0-9]{1,40}\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
@@ -95,9 +96,8 @@ class Entry:
 
     @property
     def none(self) -> str:
-        """The word for no value: the one that the description gives (`null: never`), else 'automatic'."""
-        found = re.search(r"null: (\w+)$", self.words)
-        return found.group(1) if found else "automatic"
+        """The word for no value."""
+        return none_words(self.words)
 
     @property
     def unit(self) -> str:

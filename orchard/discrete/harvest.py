@@ -85,7 +85,7 @@ class DiscreteHarvest:
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`, and return it."""
         before, longest = -1, LONGEST * self.bins
-        while goes_on() and self.env.peek() < longest and (self.done > before or self.drives or self.chargers.count):
+        while goes_on() and self.env.peek() < longest and (self.done > before or self.drives):
             before = self.done
             self.env.run(until=min(longest, self.env.now + JAM))
         return self
@@ -99,7 +99,8 @@ class DiscreteHarvest:
 
     @property
     def drives(self) -> bool:
-        return any(robot.is_on_the_way for robot in self.robots.values())
+        """Whether a robot is on its way, or charges: the harvest goes on."""
+        return bool(self.chargers.count) or any(robot.is_on_the_way for robot in self.robots.values())
 
     @property
     def done(self) -> int:
@@ -187,8 +188,8 @@ class DiscreteHarvest:
 
     @property
     def is_over(self) -> bool:
-        """Whether all bins were delivered; if not, robots wait for each other."""
-        return self.delivered == self.bins
+        """Whether all bins were delivered, and no battery is flat; if not, robots wait for each other."""
+        return self.delivered == self.bins and all(carrier.charge > 0.0 for carrier in self._carriers)
 
     @property
     def delivered(self) -> int:

@@ -13,6 +13,7 @@ from pettingzoo import ParallelEnv
 from orchard.agents.robot import RobotMemory
 from orchard.contract.agent import Action, Observation
 from orchard.contract.events import Event
+from orchard.contract.messages import PickFrom
 from orchard.field.geometry import STILL, Twist
 from orchard.field.kinds import MOVERS, kind_of
 from orchard.field.layout import Layout, lay_out
@@ -148,7 +149,8 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         if command.velocity == look.action.twist and not self._deeds:
             return
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
-        deeds = arrays.deeds_of(world, name, command.deed) if self._deeds else action.deeds
+        own = [deed for deed in action.deeds if isinstance(deed, PickFrom)]  # which no action names
+        deeds = [*arrays.deeds_of(world, name, command.deed), *own] if self._deeds else action.deeds
         self._answers[name] = replace(action, twist=command.velocity, deeds=deeds, hold=None)
         if isinstance(action.memory, RobotMemory):
             action.memory.moving = command.velocity != STILL

@@ -162,8 +162,9 @@ def badly(condition: str, known: Collection[str]) -> Callable[[Future], bool]:
 
 def _bisected(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
     """Print the last moment from which some future ends well, and the futures of all moments that were tried. Return these."""
-    known = [tick for tick in ticks_of(folder) if chosen.at is None or tick <= chosen.at]
-    first = snapshot_at(folder, known[0] if known else chosen.at or 0, terminal.print_error)
+    known = [tick for tick in ticks_of(folder) if chosen.at is None or tick < chosen.at]
+    known += [chosen.at] if chosen.at is not None else []
+    first = snapshot_at(folder, known[0] if known else 0, terminal.print_error)
     figures = WatchedRun(first).figures.figures()
     is_bad = badly(chosen.bisect or "", [key for key, figure in figures.items() if isinstance(figure, int | float)])
     lived: dict[int, list[Future]] = {}

@@ -61,7 +61,7 @@ def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path, others = folder / name, list[Path]()
     if run_of(folder) != run:
-        others = list(folder.glob("tick-*"))
+        others = [old for old in folder.glob("tick-*") if old != path]
         write_whole(folder / RUN, run.encode())
     write_whole(path, content)
     for old in [*(others or _outdated(path)), *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote

@@ -105,7 +105,7 @@ def compare(
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
     for i, values in samples.items():
-        differences = sign * np.subtract(samples[top], values) / abs(float(np.mean(values)))
+        differences = sign * np.subtract(samples[top], values) / (abs(float(np.mean(values))) or 1.0)  # 0: costs, without prices
         is_sure = i == top or {i, top} <= set(without_chance) or 2.0 ** (1 - len(values)) <= error
         ahead[i] = float(np.mean(differences))
         leads[i] = interval(differences.tolist(), 1.0 - error) if is_sure or np.ptp(differences) > 0.0 else None

@@ -176,7 +176,8 @@ def _draw_axis(axes: Axes, content: Content) -> None:
     axes.set_xlabel(axis_words(content.key), color=INK)
     if not content.is_numeric:
         axes.set_xticks(
-            range(len(content.values)), [value_words(value).replace("-", "-\n").replace(".", ".\n") for value in content.values]
+            range(len(content.values)),
+            [value_words(value, content.key).replace("-", "-\n").replace(".", ".\n") for value in content.values],
         )
         axes.set_xlim(-0.5, max(0.5, len(content.values) - 0.5))
     elif len(content.values) <= MOST_TICKS:

@@ -94,10 +94,9 @@ LEAST_CHECKS = 3  # fewer are told
 
 def confirmed(replications: Replications, two: Sequence[int], confidence: float, until: float) -> tuple[dict[int, Check], list[str]]:
     """Have the full model harvest two settings, on the seeds of the fast model, as far as the time allows. Return the checks, and notes."""
-    wanted = CHECKS if any(replications.settings[i].is_random for i in two) else 1
-    replications.do(two, "full", wanted, until)
+    replications.do(two, "full", CHECKS, until)
     checks = {i: _check(replications, i, confidence) for i in two if replications.known(i, "full")}
-    return checks, [note for i in two for note in _notes(replications.settings[i].words or "the scenario", checks.get(i), wanted)]
+    return checks, [note for i in two for note in _notes(replications.settings[i], checks.get(i))]
 
 
 def _check(replications: Replications, i: int, confidence: float) -> Check:
@@ -110,7 +109,8 @@ def _check(replications: Replications, i: int, confidence: float) -> Check:
     return Check(bins_per_hour=found, difference=difference, replications=len(full), jammed=len(full) - len(rates))
 
 
-def _notes(words: str, check: Check | None, wanted: int) -> list[str]:
+def _notes(setting: Setting, check: Check | None) -> list[str]:
+    words, wanted = setting.words or "the scenario", CHECKS if setting.is_random else 1
     if check is None:
         return [f"the budget did not allow a run of {words} by the simulator: the fast model alone answers"]
     notes = []

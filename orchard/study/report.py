@@ -46,7 +46,7 @@ def document(result: StudyResult) -> str:
 
 
 def _made(result: StudyResult) -> dict[str, Any]:
-    varied = {f"{key_words(key)} tried": ", ".join(map(value_words, values)) for key, values in result.varied.items()}
+    varied = {f"{key_words(key)} tried": ", ".join(value_words(value, key) for value in values) for key, values in result.varied.items()}
     runs = sum(row.replications + (row.check.replications if row.check else 0) for row in result.table)
     return varied | {
         "goal": GOALS[result.goal],

@@ -44,7 +44,7 @@ def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
     """Return the heads of the columns, and the lines, with marks in the first cells. `legend` explains them."""
     known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
     shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
-    columns = {key_words(key): [value_words(row.setting[key]) for row in result.table] for key in result.compared} | shown
+    columns = {key_words(key): [value_words(row.setting[key], key) for row in result.table] for key in result.compared} | shown
     lines = zip(*columns.values(), result.table, strict=True)
     return list(columns), [[f"{first} {MARKS[row.standing]}".rstrip(), *rest] for first, *rest, row in lines]
 

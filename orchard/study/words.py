@@ -25,7 +25,7 @@ def setting_words(setting: Mapping[str, Any]) -> str:
     """Return a setting in words: '9 carriers with predictive on two-way, picking speed 0.03'."""
     counts = ", ".join(counted(key, setting[key]) for key in COUNTED if key in setting)
     choices = [words.format(setting[key]) for key, words in SAID.items() if key in setting]
-    named = [f"{key_words(key)} {value_words(value)}" for key, value in setting.items() if key not in (*COUNTED, *SAID)]
+    named = [f"{key_words(key)} {value_words(value, key)}" for key, value in setting.items() if key not in (*COUNTED, *SAID)]
     first = " ".join(filter(None, [counts, *choices])).removeprefix("with ").removeprefix("on ")
     return ", ".join(filter(None, [first, *named])) or "this scenario"
 
@@ -73,9 +73,15 @@ def _description(key: str) -> str:
     return words
 
 
-def value_words(value: object) -> str:
-    """Return a value of a setting: '0.03', 'predictive', 'automatic' for none."""
-    return "automatic" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+def value_words(value: object, key: str = "") -> str:
+    """Return a value of a setting: '0.03', 'predictive', and for none what the key's description says: 'never'."""
+    return none_words(_description(key)) if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def none_words(description: str) -> str:
+    """Return the words for no value that a description gives, as after `null: never`; else 'automatic'."""
+    found = re.search(r"null: (\w+)$", description)
+    return found.group(1) if found else "automatic"
 
 
 def number_words(value: float, spread: float = 0.0) -> str:

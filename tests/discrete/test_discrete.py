@@ -174,6 +174,12 @@ def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monke
         long_run(layout)
 
 
+def test_a_harvest_whose_carrier_is_flat_before_it_is_home_is_not_over() -> None:
+    layout = lay_out(orchard(rows=3, pickers=3, carriers=1, seed=27, route="one-way", carrying={"battery": {"hours": 0.2, "reserve": 0.3}}))
+    harvest = DiscreteHarvest(layout).run()
+    assert (harvest.delivered, harvest.is_over) == (3, False)
+
+
 def test_agents_of_the_users_own_need_the_simulator() -> None:
     with pytest.raises(ValueError, match=r"built-in agents only, and not picker_01; run the simulator"):
         DiscreteHarvest(lay_out(orchard(agents={"picker_01": "tests.support.own_agents.Eastward"})))

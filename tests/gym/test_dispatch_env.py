@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
+from stage import empty_orchard
 
 from examples.learned_dispatch import SCALE, AnyOrchard
 from orchard.agents.dispatch import BinReport, CarrierReport
@@ -45,6 +46,12 @@ def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_
     total, terminated = played(env, scripted)
     assert terminated and env.harvest.deliveries == model.deliveries and env.harvest.seconds == model.seconds
     assert -model.seconds <= total < 0.0  # the time before the first decision belongs to no action
+
+
+def test_an_episode_goes_on_while_all_carriers_charge_for_longer_than_a_jam_takes():
+    scenario = empty_orchard(rows=4, pickers=2, carriers=1, dispatch="predictive", carrying={"battery": {"hours": 0.25, "reserve": 0.6}})
+    env = dispatch_env(scenario)
+    assert played(env, scripted)[1] and env.harvest.seconds == DiscreteHarvest(lay_out(scenario)).run().seconds
 
 
 def test_rewards():

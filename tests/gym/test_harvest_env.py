@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+from orchard.contract.messages import Couple, PickFrom, Uncouple
 from orchard.field.geometry import Twist
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -66,6 +67,18 @@ def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash():
     assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
     assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(20.0)
     assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
+
+
+def test_where_a_picker_begins_to_pick_is_no_deed_of_an_action():
+    many = with_changes(TINY, bins_per_row=2, order_in_row="outward", picking_speed=0.3)
+    env, local = parallel_env(many, ["picker_01"], deeds=True), Local(many)
+    env.reset()
+    while env.agents:
+        action = env._looks["picker_01"].action
+        did = [type(deed) for deed in (env._answers.get("picker_01") or action).deeds if not isinstance(deed, PickFrom)]
+        env.step({"picker_01": {"velocity": action.twist[::2], "deed": {Couple: 1, Uncouple: 2}[did[0]] if did else 0}})
+        local.tick()
+    assert local.engine.over
 
 
 def test_bodies_without_an_action_follow_their_agents():

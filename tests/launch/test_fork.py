@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from local_runs import SHORT, SMALL, local_hash, played
 from stage import empty_orchard
 
+from orchard.contract.agent import Action
 from orchard.contract.messages import pack
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -84,6 +85,18 @@ def test_a_fork_without_changes_has_the_hash_of_its_parent_and_leaves_it_as_it_i
     fork = played(parent.fork(), 500)
     assert parent.engine.tick == 300
     assert fork.engine.hash == played(parent, 500).engine.hash == local_hash(SMALL, 500)
+
+
+def test_a_fork_leaves_agents_behind_that_were_given_to_play():
+    class Standing:
+        Memory = dict  # nothing that a picker remembers
+
+        def tick(self, seen, mail, memory):
+            return Action(memory={"ticks": 1})
+
+    parent = played(SMALL, 100)
+    parent.play("picker_01", Standing())
+    run_out(played(parent, 100).fork())
 
 
 def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
@@ -247,9 +260,10 @@ def test_a_carrier_that_a_fork_adds_has_a_slow_error_of_its_receiver_from_the_fi
     assert (after.bias[after.index["carrier_02"]] == before.bias[before.index["carrier_02"]]).all()
 
 
-def test_the_last_of_fourteen_moments_is_tried_too(harvest):
-    told = orchard("fork", harvest[0], "--bisect", "bins_per_hour<0.1", "--at", "4:20", "--futures", 1).stdout
-    assert "not decided: the future ends well from 4:20, the last moment." in told
+@pytest.mark.parametrize("at", ["4:20", "4:27"])
+def test_the_last_of_many_moments_is_tried_too_also_where_nothing_was_kept(harvest, at):
+    told = orchard("fork", harvest[0], "--bisect", "bins_per_hour<0.1", "--at", at, "--futures", 1).stdout
+    assert f"not decided: the future ends well from {at}, the last moment." in told
 
 
 def test_a_future_that_duration_cuts_off_tells_nothing_of_when_the_harvest_ends(harvest):

@@ -70,6 +70,13 @@ def test_the_newest_two_are_kept_and_the_newest_is_read(written):
     assert refused == []
 
 
+def test_the_first_snapshot_of_another_run_takes_the_place_of_one_of_the_same_tick(written):
+    other = local_at(12).snapshot()
+    other.run = "other"
+    store(*as_file(other), written, "other")
+    assert newest(written, []).run == "other" and len(list(written.glob("tick-*"))) == 1
+
+
 def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_most_and_newest(tmp_path):
     own, other = local_at(10).snapshot(), local_at(12).snapshot()
     own.run, other.run = "own", "other"

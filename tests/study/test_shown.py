@@ -19,7 +19,7 @@ from rich.console import Console
 from orchard.field.scenario import Scenario, parse
 from orchard.study import picture, report, table
 from orchard.study.result import StudyResult
-from orchard.study.words import answer, number_words, orchard_words
+from orchard.study.words import answer, number_words, orchard_words, value_words
 
 NINE, TEN, ELEVEN = (a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2)))
 PRICED = replace(NINE, cost_per_bin=interval(7.7, 0.05))
@@ -123,6 +123,11 @@ def test_the_answer_is_one_sentence_and_one_about_its_orchard(result, told):
 )
 def test_a_study_without_a_best_setting_says_why(result, told):
     assert answer(result) == told
+
+
+def test_no_value_has_the_words_of_its_key():
+    values = {"picking.failure.mean_between": "never", "prices.per_bin": "none", "carriers": "automatic"}
+    assert {key: value_words(None, key) for key in values} == values
 
 
 def test_many_equal_settings_are_counted_and_not_all_named():

@@ -34,8 +34,8 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers, one-way, predictive dispatch'."""
     rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
     length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
-    each = scenario.bin_metres
-    bins = f", a bin every {each:.3g} m" if each and "metres_per_bin" not in varied else ""
+    each, varies = scenario.bin_metres, not {"metres_per_bin", "bins_per_row"}.isdisjoint(varied)
+    bins = "" if varies else f", a bin every {each:.3g} m" if each else ", one bin a row"
     rate = scenario.picking_rate
     fast = f" at {rate:g} bins an hour" if rate and "picking_rate" not in varied else ""
     words = {

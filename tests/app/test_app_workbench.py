@@ -236,7 +236,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.press("study-start")
     state(page, "finished")
     page.until(lambda: len(page.view("study-table").find_elements("css selector", "tr")) > 2, "a line for each setting")
-    assert "The orchard: 3 rows of 70 m, 2 pickers, two-way, rolling dispatch" in page.view("answer").text
+    assert "The orchard: 3 rows of 70 m, one bin a row, 2 pickers, two-way, rolling dispatch" in page.view("answer").text
     assert "a bin" in page.view("answer").text and page.view("answer").text.split()[1].startswith("carrier")
     page.until(lambda: "cost of a bin" in page.view("study-picture").text, "the picture of the costs")
     assert violations(page) == []

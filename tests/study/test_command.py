@@ -54,7 +54,7 @@ def undisturbed(folder) -> dict:
     run = orchard(*words(folder, "quiet.db"), "--summary", folder / "quiet.json", "--csv", folder / "quiet.csv")
     summary = found(folder / "quiet.json")
     assert summary["answer"] in run.stdout
-    assert summary["orchard"] == "3 rows of 70 m, 2 pickers, two-way"
+    assert summary["orchard"] == "3 rows of 70 m, one bin a row, 2 pickers, two-way"
     assert f"The orchard: {summary['orchard']}" in run.stdout
     return summary
 
@@ -106,7 +106,8 @@ def test_two_sentences_come_first_and_the_table_fits_80_columns_and_python_says_
     assert run.returncode == 0, run.stderr
     sentences, *table = run.stdout.splitlines()
     assert re.fullmatch(
-        r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows of 70 m, 2 pickers, two-way, .*\.", sentences
+        r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows .*, one bin a row, 2 pickers, two-way, .*\.",
+        sentences,
     )
     assert table[0].split()[0] == "behind," or "carriers" in table[1]
     assert max(map(len, table)) <= 80

@@ -138,7 +138,7 @@ def test_many_equal_settings_are_counted_and_not_all_named():
     assert "; nearest, longest-waiting, farthest-first and 3 more are within 2 % of it." in told
 
 
-MADE_OF = "20 rows of 70 m, 10 pickers, two-way, rolling dispatch"
+MADE_OF = "20 rows of 70 m, one bin a row, 10 pickers, two-way, rolling dispatch"
 HOSTILE = 'mine.<script>alert("1")</script>&[bold]'
 
 
@@ -311,8 +311,8 @@ def test_the_report_escapes_what_others_have_named():
 def test_the_orchard_is_named_without_what_varies():
     assert whole().orchard == MADE_OF
     scenario = Scenario(rows=3, row_length=60.5, carriers=1)
-    assert orchard_words(scenario) == "3 rows of 60.5 m, 2 pickers, 1 carrier, two-way, rolling dispatch"
-    assert orchard_words(scenario, ["rows", "row_length", "pickers", "route", "dispatch"]) == "rows, 1 carrier"
+    assert orchard_words(scenario) == "3 rows of 60.5 m, one bin a row, 2 pickers, 1 carrier, two-way, rolling dispatch"
+    assert orchard_words(scenario, ["rows", "row_length", "pickers", "route", "dispatch"]) == "rows, one bin a row, 1 carrier"
     assert orchard_words(orchard_of(UNEQUAL)).startswith("4 rows, as surveyed, ")
 
 

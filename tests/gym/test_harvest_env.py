@@ -70,7 +70,7 @@ def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash():
 
 
 def test_where_a_picker_begins_to_pick_is_no_deed_of_an_action():
-    many = with_changes(TINY, bins_per_row=2, order_in_row="outward", picking_speed=0.3)
+    many = with_changes(TINY, pickers=2, carriers=3, bins_per_row=2, order_in_row="outward", picking_speed=0.3)
     env, local = parallel_env(many, ["picker_01"], deeds=True), Local(many)
     env.reset()
     while env.agents:

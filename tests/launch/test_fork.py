@@ -96,7 +96,7 @@ def test_a_fork_leaves_agents_behind_that_were_given_to_play():
 
     parent = played(SMALL, 100)
     parent.play("picker_01", Standing())
-    run_out(played(parent, 100).fork())
+    run_out(played(parent, 200).fork())
 
 
 def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():

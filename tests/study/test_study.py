@@ -296,7 +296,6 @@ def test_settings_with_and_without_chance_are_compared(tmp_path):
     mixed = study(scenario, {"picking.spread.distribution": ["none", "gamma"]}, replace(AMPLE, store=tmp_path / "s.db"))
     assert mixed.table[0].replications == 1 and mixed.table[1].replications >= 5 and mixed.table[1].lead is not None
     assert mixed.best is not None
-    assert not [note for note in mixed.notes if "the budget allowed" in note], "without chance one run is all that there are"
 
 
 def test_what_costs_nothing_is_compared(tmp_path):

@@ -308,6 +308,7 @@ class World:
     physics: SimulatedProcess | None = None  # the process that has it
     begun_at: int = 0  # the tick at which that has begun
     resets: int = 0  # how often a run has begun again in its process
+    begun_after: int = 0  # the resets before that of `engine`
     lines: list[str] = field(default_factory=list)  # what users are told
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
@@ -320,7 +321,7 @@ class World:
     def begin(self, loop: RunLoop) -> None:
         """Know the loop of physics, which is about to begin."""
         self.loop, self.engine, self.physics = loop, loop.run.engine, self._running
-        self.begun_at = self.engine.tick
+        self.begun_at, self.begun_after = self.engine.tick, self.resets
 
     def say(self, line: str) -> None:
         """Take a line for the user."""

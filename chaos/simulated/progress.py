@@ -29,9 +29,9 @@ class Progress:
         """Follow another engine."""
         before, self.process = self.process, world.physics
         tick, seed = world.begun_at, engine.layout.scenario.seed
-        if self.process is not before and before is not None and world.resets == self._resets:
+        if self.process is not before and before is not None and world.begun_after == self._resets:
             if self._has_disk and len(self._ticks) == LOOKS and tick < self._ticks[0]:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
             if seed != self._seed and (tick > 0 or self._has_disk):
                 self.complaints.append("physics went back to before a reset")
-        self._engine, self._seed, self._resets, self._ticks = engine, seed, world.resets, []
+        self._engine, self._seed, self._resets, self._ticks = engine, seed, world.begun_after, []

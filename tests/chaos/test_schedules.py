@@ -129,7 +129,7 @@ def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
 
 
 EARLY = 195, 1150, 1787, 1826, 1866, 10500, 11094, 11429, 11449, 13478, 20642, 30208, 30246, 30377, 41069, 41652, 43407
-FAILED = *EARLY, 154850, 156699, 168334, 219703
+FAILED = *EARLY, 154850, 156699, 168334, 219703, 238533
 
 
 @pytest.mark.parametrize("seed", FAILED)

@@ -8,12 +8,11 @@ import asyncio
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from random import Random
 from typing import Any
 
 from orchard.launch.supervisor import free_port
 
-CHUNK = 1 << 16  # bytes
+CHUNK = 1 << 16  # bytes that are passed on at a time, at most
 
 
 class _Link:
@@ -34,18 +33,11 @@ class _Link:
 class Relay:
     """A relay between a free port and another port of the loopback. Use it with `with`; it works in its own thread.
 
-    `target`: the port to which each connection is passed on. `chunk`: the most bytes that are passed on at a time.
-    `max_delay`: s; each chunk is delayed by a random time of at most this length.
-    `mean_life`: bytes that each direction of a link carries on average before the link breaks; 0: links do not break by themselves.
-    `seed`: of the random delays and lives. `cuts` counts the links that broke by themselves.
+    `target`: the port to which each connection is passed on.
     """
 
-    def __init__(self, target: int, *, chunk: int = CHUNK, seed: int = 1, max_delay: float = 0.0, mean_life: float = 0.0) -> None:
-        self.port = free_port()
-        self.cuts = 0
-        self._target, self._chunk, self._max_delay, self._mean_life = target, chunk, max_delay, mean_life
-        self._random = Random(seed)
-        self._stalls_new = False
+    def __init__(self, target: int) -> None:
+        self.port, self._target = free_port(), target
         self._loop = asyncio.new_event_loop()
         self._links: list[_Link] = []
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -70,9 +62,8 @@ class Relay:
         """Break a link without notice. `which`: any number, it selects one of the present links; None: all links."""
         self._change(which, _Link.cut)
 
-    def stall(self, which: int | None = None, new: bool = False) -> None:
-        """Let nothing pass through one link or all links until `heal`; nothing is lost. `new`: also stall links that are opened later."""
-        self._stalls_new = new
+    def stall(self, which: int | None) -> None:
+        """Let nothing pass through one link or all links until `heal`; nothing is lost."""
         self._change(which, lambda link: link.open.clear())
 
     def delay(self, which: int | None, seconds: float) -> None:
@@ -81,17 +72,12 @@ class Relay:
 
     def heal(self) -> None:
         """End all stalls, and the delays set by `delay`."""
-        self._stalls_new = False
 
         def change(link: _Link) -> None:
             link.delay = 0.0
             link.open.set()
 
         self._change(None, change)
-
-    def calm(self) -> None:
-        """Let no further link break by itself."""
-        self._mean_life = 0.0
 
     def _change(self, which: int | None, change: Callable[[_Link], None]) -> None:
         """Return when the change is made."""
@@ -117,26 +103,18 @@ class Relay:
             writer.transport.abort()
             return
         link = _Link(writer, target_writer)
-        if self._stalls_new:
-            link.open.clear()
         self._links.append(link)
         await asyncio.gather(self._pump(link, reader, target_writer), self._pump(link, target_reader, writer))
         self._links.remove(link)
 
     async def _pump(self, link: _Link, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Pass on one direction of a link until an end closes it or it is cut."""
-        left = self._random.expovariate(1.0 / self._mean_life) if self._mean_life else 0.0  # bytes
         with suppress(OSError):
-            while chunk := await reader.read(self._chunk):
+            while chunk := await reader.read(CHUNK):
                 await link.open.wait()
-                await asyncio.sleep(link.delay + self._random.random() * self._max_delay)
-                is_broken = self._mean_life > 0.0 and len(chunk) >= left
-                writer.write(chunk[: int(left)] if is_broken else chunk)
+                await asyncio.sleep(link.delay)
+                writer.write(chunk)
                 await writer.drain()
-                left -= len(chunk)
-                if is_broken:
-                    self.cuts += 1
-                    break
         link.cut()
 
     async def _close(self) -> None:

@@ -47,17 +47,16 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
 
     What is random from now on follows from the seed: with another one people and animals walk elsewhere, robots fail at other times, and
     what is left of the rows takes another time. A carrier that is added begins at a free place of the queue; one that waits there with an
-    empty bin is taken away, and the queue stays as long. People, animals and weeds that are added begin at their starts. A new robot counts
-    as resting until now.
+    empty bin is taken away, and the queue stays as long. People, animals and weeds begin at their starts. New robots have rested.
 
-    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot at this moment, ValueError for a word in `stop` that
-    is no robot's.
+    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot now, ValueError for another word in `stop`.
     """
     before = world_from(snapshot)
     old, now = before.layout.scenario, with_changes(before.layout.scenario, **changes)
     shrinks = now.queue_carriers < old.queue_carriers  # the queue stays as long as before: carriers are on their way to it
     layout = lay_out(with_changes(now, queue_room=old.queue_carriers) if shrinks else now)
     _check_changes(before.layout, layout)
+    make_agents(layout)  # what cannot be made is a mistake of the changes, and not of the snapshot
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
         places = _places(before.layout, layout, snapshot.memories, swapped)

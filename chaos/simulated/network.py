@@ -139,10 +139,6 @@ class Network:
         """Whether a router listens."""
         return self.router is not None and self.router.is_open
 
-    def has_token(self, token: str) -> bool:
-        """Whether the router knows a liveliness token."""
-        return self.router is not None and self.router.is_open and self.router.knows(token)
-
     def links_of(self, name: str) -> list[Link]:
         """Return the links of a process."""
         return [bus.link for bus in self.sessions if bus.name == name and bus.link is not None and not isinstance(bus.link, DirectLink)]

@@ -5,14 +5,13 @@ A task is a greenlet: the code of a process runs in it unchanged, and is left wh
 
 import heapq
 import itertools
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from math import inf, nextafter
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
-from orchard.net.bus import Inbox, Item, Signal
+from orchard.net.bus import Inbox, Item
 
 LOOK_SECONDS = 2e-5  # that a look at an empty inbox takes: no process does anything in no time
 
@@ -123,9 +122,8 @@ class VirtualInbox(Inbox):
     """An inbox that is read in virtual time, by one task."""
 
     def __init__(self, scheduler: Scheduler) -> None:
+        super().__init__()
         self._scheduler = scheduler
-        self._items: deque[Item] = deque()
-        self._enough = 1
         self._reader: Task | None = None  # the task that waits
         self._task: Task
 
@@ -133,17 +131,8 @@ class VirtualInbox(Inbox):
         """Say which task reads it."""
         self._task = task
 
-    def forget(self) -> None:
-        self._items = deque(item for item in self._items if isinstance(item, Signal))
-
-    def put(self, item: Item) -> None:
-        self._items.append(item)
-        self._wake()
-
-    def put_quietly(self, item: Item) -> None:
-        self._items.append(item)
-        if len(self._items) >= self._enough:
-            self._wake()
+    def _settle(self) -> None:
+        """Do nothing: all is in one thread."""
 
     def _wake(self) -> None:
         if self._reader is not None:
@@ -159,16 +148,3 @@ class VirtualInbox(Inbox):
             self._task.wait(min(left, look) if enough > 1 else left)
             self._reader = None
         return self._items.popleft()
-
-
-class PassingInbox(VirtualInbox):
-    """An inbox that passes each item on as it arrives."""
-
-    def __init__(self, scheduler: Scheduler, take: Callable[[Item], None]) -> None:
-        super().__init__(scheduler)
-        self._pass_on = take
-
-    def put(self, item: Item) -> None:
-        self._pass_on(item)
-
-    put_quietly = put

@@ -52,9 +52,9 @@ class Charts:
                     ui.element("div").classes("legend-mark").style(f"background:{colour(number)}")
                     ui.label(name)
         for title, (box, chart) in self._charts.items():
-            lines = {name: points for name, course in courses.items() if (points := course[title])}
-            box.set_visibility(bool(lines))
-            series = [_line(name, points, STEPS[title], n) for n, (name, points) in enumerate(lines.items())]
+            lines = enumerate((name, course[title]) for name, course in courses.items())  # numbered as in the legend
+            series = [_line(name, points, STEPS[title], number) for number, (name, points) in lines if points]
+            box.set_visibility(bool(series))
             look = {"silent": True, "symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
             marked = look | {"data": [{"xAxis": round(at / 60.0, 2)} for at in marks]}
             chart.options["series"] = [*series, {"type": "line", "data": [], "markLine": marked}]

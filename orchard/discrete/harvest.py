@@ -1,6 +1,6 @@
 """A whole harvest in the discrete-event model, and one that never ends: pickers, carriers, the bins' calls, and the places on the roads."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import cycle, islice
 from math import ceil, inf
@@ -22,13 +22,14 @@ from orchard.field.scenario import TIME_STEP
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 # of a long run, measured between its beginning and the first picker's end:
-CHARGES = 1.5  # that each carrier does
-LEAST_BINS, LEAST_ROUNDS = 12, 3  # that each picker fills; how often those with most rows pick theirs, if each fills one bin
-BEGINNING = 0.2  # share of the bins that is left out
+LEAST_BINS, LEAST_ROUNDS = 24, 3  # that each picker fills; how often those with most rows pick theirs, if each fills one bin
+CHARGES = 6.0  # that each carrier does, by the mean
+BEGINNING = 0.4  # share of the bins that is left out
+LEAST_SHARE = 0.5  # of its rows, or of the work, that a picker does until the first one has done all: with fair policies 0.7 and more
 
 
 class Jam(RuntimeError):
-    """Raised for the figures of a harvest in which robots wait for each other for ever."""
+    """Raised for the figures of a harvest that does not go on: some robots wait for ever, or as good as that."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class DiscreteHarvest:
     def figures(self) -> DiscreteFigures:
         """Return the figures of the whole harvest. Raises Jam."""
         if not self.is_over:
-            raise Jam(f"only {self.delivered} bins were delivered: robots wait for each other")
+            raise Jam(f"only {self.delivered} bins were delivered: some robots wait for ever")
         rate = 3600.0 * self.delivered / self.seconds
         return DiscreteFigures(rate, self.picker_waiting_seconds(), self.carrier_utilisation(), self.seconds, self.delivered)
 
@@ -199,28 +200,36 @@ class DiscreteHarvest:
 def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
     """Let all pickers pick their rows again and again, and measure. `rows_each`: how many; None: as many as a good figure needs.
 
-    Raises ValueError as `DiscreteHarvest` does, and Jam.
+    Raises ValueError as `DiscreteHarvest` does, and Jam; also if a policy leaves a picker out: the rate would be that of the others' rows.
     """
-    harvest = DiscreteHarvest(layout, rows_each or _rows_each(layout))
+    each, most = layout.scenario.bin_metres, max(len(block.rows) for block in layout.blocks.values())
+    bins_a_row = layout.mean_length / each if each else 1.0
+    least = rows_each or max(ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most)
+    found, battery = _long_run(layout, least), layout.scenario.carrying.battery
+    if rows_each or not battery.hours:
+        return found
+    power = found.carrier_utilisation + (1.0 - found.carrier_utilisation) * battery.standing  # of one that drives, mean
+    charge_seconds = 3600.0 * (1.0 - battery.reserve) * (battery.hours / power + battery.hours_to_charge)  # from one to the next
+    needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / found.sim_seconds)
+    return found if needed <= least else _long_run(layout, needed)
+
+
+def _long_run(layout: Layout, rows_each: int) -> DiscreteFigures:
+    harvest = DiscreteHarvest(layout, rows_each)
     harvest.spread_charges()
-    pickers = [harvest.robots[name] for name in harvest.layout.blocks]
-    harvest.run(lambda: all(picker.plan for picker in pickers))
-    if all(picker.plan for picker in pickers):
-        raise Jam(f"only {harvest.delivered} bins were delivered: robots wait for each other")
+    pickers = {name: harvest.robots[name] for name in layout.blocks}
+    steps = {name: len(picker.plan) for name, picker in pickers.items()}
+    harvest.run(lambda: all(picker.plan for picker in pickers.values()))
+    if all(picker.plan for picker in pickers.values()):
+        raise Jam(f"only {harvest.delivered} bins were delivered: some robots wait for ever")
+    done = {name: 1.0 - len(picker.plan) / steps[name] for name, picker in pickers.items()}
+    work = {name: fmean(layout.picking_seconds(row, layout.lane(row).length) for row in layout.blocks[name].rows) for name in pickers}
+    most = max(done[name] * work[name] for name in pickers)  # s of picking
+    last = min(done, key=lambda name: max(done[name], done[name] * work[name] / most))
+    if max(done[last], done[last] * work[last] / most) < LEAST_SHARE:
+        raise Jam(f"{last} has done {100.0 * done[last]:.0f} % of its rows when another picker has done all: too few carriers come to it")
     measured = harvest.deliveries[int(BEGINNING * harvest.delivered) :]
     since, until = measured[0], measured[-1]
     wait, busy = harvest.picker_waiting_seconds(since, until), harvest.carrier_utilisation(since, until)
-    return DiscreteFigures(3600.0 / _between(measured), wait, busy, until - since, len(measured) - 1)
-
-
-def _rows_each(layout: Layout) -> int:
-    each, most = layout.scenario.bin_metres, max(len(block.rows) for block in layout.blocks.values())
-    bins_a_row = layout.mean_length / each if each else 1.0
-    battery, row = layout.scenario.carrying.battery, layout.picking_seconds(1, layout.mean_length)
-    lasts = CHARGES * 3600.0 * (battery.hours or 0.0) * (1.0 - battery.reserve)  # s
-    return max(ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most, ceil(lasts / row))
-
-
-def _between(deliveries: Sequence[float]) -> float:
-    """The time from one delivery to the next, s: the slope of all times. The first and the last one alone would tell of their luck."""
-    return float(np.polyfit(np.arange(len(deliveries)), deliveries, 1)[0])
+    between = float(np.polyfit(np.arange(len(measured)), measured, 1)[0])  # s; the first and the last time alone would tell of their luck
+    return DiscreteFigures(3600.0 / between, wait, busy, until - since, len(measured) - 1)

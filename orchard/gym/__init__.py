@@ -17,14 +17,4 @@ from orchard.gym.dispatch import DispatchEnv, Dispatching, dispatch_env
 from orchard.gym.harvest import HarvestEnv, SingleEnv, parallel_env, single_env
 from orchard.gym.rewards import REWARDS, Moment
 
-__all__ = [
-    "REWARDS",
-    "DispatchEnv",
-    "Dispatching",
-    "HarvestEnv",
-    "Moment",
-    "SingleEnv",
-    "dispatch_env",
-    "parallel_env",
-    "single_env",
-]
+__all__ = ["REWARDS", "DispatchEnv", "Dispatching", "HarvestEnv", "Moment", "SingleEnv", "dispatch_env", "parallel_env", "single_env"]

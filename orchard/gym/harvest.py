@@ -64,8 +64,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         info's `action_mask` says which can be. `longest`: ticks, after which an episode is truncated. `is_hashed`: whether the run has its
         hash, and its invariants are checked: slower.
 
-        Raises TypeError for what is no scenario, and ValueError for a name that cannot learn, an unknown reward, or an episode without a
-        tick.
+        Raises TypeError for what is no scenario, ValueError for a name that cannot learn, an unknown reward, or an episode without ticks.
         """
         refuse_what_is_no_episode(scenario, longest)
         if isinstance(learned, str) or not isinstance(learned, Sequence):

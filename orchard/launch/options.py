@@ -326,6 +326,8 @@ class ForkOptions(HarvestOptions):
             yield "--picture", "it shows the futures of --bisect: give that, too"
         if self.asks_for_futures and (wrong := self.typed(name for name in self.given() if name not in OF_FUTURES)):
             yield "--bisect" if self.bisect else "--futures", f"leave out {wrong}: each future is a run of its own, in local mode"
+        if self.asks_for_futures and any(word.startswith("seed=") for word in self.settings or []):
+            yield "--set seed", "each future has a seed of its own; change something else"
         if self.at is not None and last_tick(self.duration) <= self.at:
             yield "--duration", "the run would end before --at; it counts from the beginning of the harvest"
 

@@ -135,8 +135,9 @@ class StudyArguments:
         found = [replace(value, file=named([name])) for name, value in vars(self).items() if isinstance(value, Problem)]
         if self.scheduler and self.workers:
             found.append(Problem("--workers", "the scheduler has its own workers; leave out --workers"))
-        if len(set(self.files)) < len(self.files):
-            found.append(Problem("--summary", f"{', '.join(map(str, self.files))}: two of these are one file"))
+        written = [*self.files, *([self.out] if isinstance(self.out, Path) else [])]
+        if len({path.resolve() for path in written}) < len(written):
+            found.append(Problem("--summary", f"{', '.join(map(str, written))}: two of these are one file"))
         return found
 
 

@@ -273,7 +273,7 @@ def typed(*words: object) -> str:
 
 def _shown(path: Path) -> str:
     relative = os.path.relpath(path)
-    return str(path) if relative.startswith("..") else relative
+    return str(path) if relative.startswith("..") else f"./{relative}" if relative.startswith("-") else relative  # or it is an option
 
 
 WANTED = {  # pydantic's name of a fault -> what would be right

@@ -24,7 +24,7 @@ from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
 from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
-from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
+from orchard.field.scenario import NEAREST, TIME_STEP, Scenario, with_changes
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again
@@ -151,7 +151,8 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
 
     `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy, and robots that fail, lose without
-    traffic. `traffic`: what robots lose to each other. `people_and_animals`: the rest. Without a proof `schedule` is the first two.
+    traffic. `charging`: what batteries cost then. `traffic`: what robots lose to each other. `people_and_animals`: the rest. Without
+    a proof `schedule` is the first two.
     """
     scenario = layout.scenario
     if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
@@ -159,6 +160,9 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     alone, proven = undisturbed(scenario), proven_seconds(layout)
     schedule = max(schedule_seconds(layout), proven or 0.0)  # on free roads a carrier may stop before its picker is out of its way
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
-    parts = {"schedule": schedule} if proven is None else {"optimum": proven, "dispatch": schedule - proven}
+    endless = with_changes(scenario, **{"carrying.battery.hours": None})
+    fresh = schedule if endless == scenario else max(schedule_seconds(lay_out(endless)), proven or 0.0)
+    parts = {"schedule": fresh} if proven is None else {"optimum": proven, "dispatch": fresh - proven}
+    parts |= {} if endless == scenario else {"charging": schedule - fresh}
     parts |= {"traffic": own - schedule, "people_and_animals": seconds - own}
     return {name: round(part, 1) for name, part in parts.items()}

@@ -179,14 +179,14 @@ def sentence(outcome: Outcome) -> str:
 
 LOSSES = {  # parts of `lost_seconds` beside what a harvest takes at least, in words
     "dispatch": "the dispatch policy",
+    "charging": "charging",
     "traffic": "traffic",
     "people_and_animals": "people and animals",
 }
 
 
 def limit_sentence(outcome: Outcome) -> str:
-    """Return the second sentence: what limits the rate; if they are known, how far the harvest is from the proven optimum, and to what most
-    was lost."""
+    """Return the second sentence: what limits the rate; if known, how far the harvest is from the optimum, and to what most was lost."""
     limited_by = outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
     told = [f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"]
     if proven := outcome.lost_seconds.get("optimum"):

@@ -20,12 +20,7 @@ class RunAccount:
     """The figures, frames, tables and snapshots of one run."""
 
     def __init__(
-        self,
-        engine: Engine,
-        before: Snapshot | None,
-        snapshot_writer: SnapshotWriter,
-        table: str | Path | None,
-        clock: Callable[[], float],
+        self, engine: Engine, before: Snapshot | None, snapshot_writer: SnapshotWriter, table: str | Path | None, clock: Callable[[], float]
     ) -> None:
         """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written."""
         self._engine, self.frame_builder = engine, FrameBuilder(engine)

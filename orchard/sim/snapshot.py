@@ -70,8 +70,7 @@ def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
 
 
 def _outdated(path: Path) -> list[Path]:
-    """Return the files that a new one outdates: all but the KEPT last ones, or no keyframe; all, if the run has begun, perhaps again after
-    a reset."""
+    """Return the files that a new one outdates: all but the KEPT last ones, or no keyframe; all, if the run has begun, or begun again."""
     written = _newest_first(path.parent, path.suffix)
     written.sort(key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
     others = [old for old in written if old != path]  # a clock that was set back must not remove this one

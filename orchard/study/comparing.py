@@ -96,8 +96,7 @@ def compare(
 ) -> Comparison:
     """Compare settings by their values on the same seeds, as many of each. `without_chance`: those of which all seeds give the same.
 
-    Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign test: with n of them 2 / 2**n must be
-    small enough.
+    Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign test: 2 / 2**n must be small.
     """
     sign = 1.0 if is_max else -1.0
     top = max(samples, key=lambda i: sign * float(np.mean(samples[i])))

@@ -69,10 +69,10 @@ class Content:
     @cached_property
     def lines(self) -> list[Curve]:
         """The lines, at most MOST_LINES of them: those that reach most of the goal."""
-        rows: dict[tuple[Any, ...], list[Row]] = {}
+        rows: dict[str, list[Row]] = {}  # by the values of all other keys, which may be sections
         for row in sorted(self.result.table, key=self.place):
-            rows.setdefault(tuple(row.setting.get(key) for key in self.others), []).append(row)
-        made = [Curve(dict(zip(self.others, rest, strict=True)), some) for rest, some in rows.items()]
+            rows.setdefault(repr([row.setting.get(key) for key in self.others]), []).append(row)
+        made = [Curve({key: some[0].setting.get(key) for key in self.others}, some) for some in rows.values()]
         best = sorted(made, key=self._reached)[:MOST_LINES]
         return [line for line in made if line in best]
 

@@ -62,8 +62,8 @@ def _made(result: StudyResult) -> dict[str, Any]:
 def command(result: StudyResult) -> str:
     """Return the command that does the study again, for the scenario in a file of this name."""
     varied = [
-        f"--vary {key}={','.join('null' if value is None else value_words(value) for value in values)}"
-        for key, values in result.varied.items()
+        f"--vary {key}={','.join('null' if value is None else str(value) for value in values)}" for key, values in result.varied.items()
     ]
-    options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence:g}", f"--within {result.within:g}"]
-    return " ".join(["orchard study scenario.yaml", *varied, *options])
+    options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence}", f"--within {result.within}"]
+    models = ["--model full"] if {row.model for row in result.table} == {"full"} else []  # as it must be for agents of the user's own
+    return " ".join(["orchard study scenario.yaml", *varied, *options, *models])

@@ -37,7 +37,7 @@ class Row:
     setting: dict[str, Any]  # what varies: {"carriers": 9, "dispatch": "predictive"}
     model: Model
     replications: int
-    jammed: int  # replications in which robots waited for each other for ever; all other figures are of the rest
+    jammed: int  # replications in which robots waited for ever, or too few carriers came to a picker; all other figures are of the rest
     bins_per_hour: Interval | None  # None: every replication jammed
     harvest_seconds: Interval | None
     cost_per_bin: Interval | None  # None too if the scenario has no prices

@@ -102,7 +102,7 @@ class RunResult:
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
-    faults: str = ""  # of own classes, a line for each: refused orders, broken agents
+    faults: str = ""  # a line for each: of own classes, refused orders and broken agents; why a run by the fast model jammed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,8 +166,8 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     known: dict[str, Any] = {"bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
     try:
         found = long_run(layout) if horizon == "long" else DiscreteHarvest(layout).run().figures()
-    except Jam:
-        return RunResult(bins=0, ended="jammed", **known)
+    except Jam as jam:
+        return RunResult(bins=0, ended="jammed", faults=str(jam), **known)
     return RunResult(ended="harvested", **vars(found), **known)
 
 
@@ -249,6 +249,7 @@ def _imported(source: bytes, package: str) -> Iterator[str]:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            whole = resolve_name("." * node.level + (node.module or ""), package)
-            names += [whole, *(f"{whole}.{alias.name}" for alias in node.names)]
+            with suppress(ImportError):  # of no package: such an import fails, and the module may do without
+                whole = resolve_name("." * node.level + (node.module or ""), package)
+                names += [whole, *(f"{whole}.{alias.name}" for alias in node.names)]
     return (part for name in names for part in accumulate(name.split("."), "{}.{}".format))

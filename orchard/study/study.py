@@ -274,7 +274,7 @@ class _Study:
         for key, values in self.varied.items():
             numbers = sorted(value for value in values if isinstance(value, int | float) and not isinstance(value, bool))
             steps = {numbers[-1]: 1, numbers[0]: -1} if len(numbers) == len(values) > (1 if key == CARRIERS else 2) else {}
-            if step := steps.get(best.values[key]):
+            if steps and (step := steps.get(best.values[key])):  # a section is no key of a map
                 following = best.values[key] + step * min(after - before for before, after in pairwise(numbers))
                 if not settings_of(self.scenario, {one: [value] for one, value in (best.values | {key: following}).items()})[1]:
                     beyond[key] = following
@@ -287,10 +287,12 @@ class _Study:
         if not any(setting.is_random for setting in self.settings):
             notes.append("nothing in these settings is random, so one run of each stands for all seeds")
         if missing := [i for i in range(len(self.settings)) if i not in shown]:
-            count = f"{len(missing)} setting{'s' if len(missing) > 1 else ''}"
-            notes.append(f"there was no time for a run of {count}, {self._words(missing)}: not in the table")
-        notes += [f"{self.settings[i].words or 'the scenario'} jams: robots wait for each other for ever" for i in self.jammed]
-        return [*notes, *self._faults(shown)]
+            why = "the study was stopped before" if self.stopped_by == "stopped" else "there was no time for"
+            notes.append(f"{why} a run of {counted('settings', len(missing))}, {self._words(missing)}: not in the table")
+        for i in self.jammed:
+            faults = [*filter(None, (record.faults for record in self.runs.known(i, self.model))), "some robots wait for ever"]
+            notes.append(f"{self.settings[i].words or 'the scenario'} jams: {faults[0].splitlines()[0]}")
+        return [*notes, *self._faults(i for i in shown if i not in self.jammed)]
 
     def _no_room(self, found: Comparison | None) -> list[str]:
         """That the answer is the last number for another reason than that more gain nothing."""

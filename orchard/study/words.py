@@ -111,7 +111,7 @@ def answer(result: StudyResult) -> str:
         return "No setting has been run yet."
     if (best := result.best_row) is None:
         what = setting_words(result.table[0].setting) if len(result.table) == 1 else f"All {len(result.table)} settings"
-        return f"{what} jammed: robots waited for each other for ever."
+        return f"{what} jammed: some robots waited for ever."
     is_least = any(value > best.setting[key] for key, value in result.beyond.items())
     shown = f"{('At least ' if is_least else 'At most ') if result.beyond else ''}{setting_words(best.setting)}"
     parts = [f"{shown}: {_figures(best, result)}", _optimum(best), _end(result), _alike(result), _undecided(result), _checked(best, result)]

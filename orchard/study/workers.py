@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
@@ -42,8 +42,10 @@ class Workers:
         """Yield each item with `work(item)`, in any order, as long as `goes_on`. Raises WorkersError or the work's error."""
         left, deaths = dict(enumerate(items)), 0
         while left and goes_on():
-            waiting = {self.executor.submit(work, item): number for number, item in left.items()}
+            waiting: dict[Future[Result], int] = {}
             try:
+                for number, item in left.items():  # this too fails if a worker has died meanwhile
+                    waiting[self.executor.submit(work, item)] = number
                 while waiting and goes_on():
                     for future in wait(waiting, GLANCE, FIRST_COMPLETED).done:
                         result, deaths = future.result(), 0

@@ -11,7 +11,7 @@ from stage import ONE_WAY
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
 from orchard.discrete.calls import Dispatched
-from orchard.discrete.harvest import DiscreteHarvest, long_run
+from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
@@ -170,8 +170,27 @@ def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monke
     harvest = DiscreteHarvest(layout).run()
     assert (harvest.is_over, harvest.delivered) == (False, 0)
     assert harvest.env.now < 20_000
-    with pytest.raises(RuntimeError, match="only 0 bins were delivered: robots wait for each other"):
+    with pytest.raises(RuntimeError, match="only 0 bins were delivered: some robots wait for ever"):
         long_run(layout)
+
+
+BATTERY = {"battery": {"hours": 2.0, "hours_to_charge": 1.0}}
+LASTING: list[dict[str, Any]] = [
+    {"rows": 4, "pickers": 2, "carriers": 3, "row_length": 20.0},
+    {"rows": 4, "pickers": 4, "carriers": 2, "row_length": 40.0, "picking_speed": 0.05, "carrying": BATTERY},
+]
+
+
+@pytest.mark.parametrize("changes", LASTING)
+def test_a_long_run_has_the_rate_of_a_far_longer_one(changes: dict[str, Any]) -> None:
+    layout = lay_out(orchard(**{"dispatch": "predictive"} | changes))
+    assert long_run(layout).bins_per_hour == pytest.approx(long_run(layout, 200).bins_per_hour, rel=0.025)
+
+
+@pytest.mark.parametrize("dispatch", ["farthest-first", "assignment"])
+def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> None:
+    with pytest.raises(Jam, match=r"^picker_0\d has done \d+ % of its rows when another picker has done all: too few carriers come to it$"):
+        long_run(lay_out(orchard(rows=12, pickers=6, carriers=2, dispatch=dispatch)))
 
 
 def test_a_harvest_whose_carrier_is_flat_before_it_is_home_is_not_over() -> None:

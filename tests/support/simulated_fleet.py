@@ -15,12 +15,25 @@ from msgpack import UnpackException
 from chaos.simulated.link import Delays
 from chaos.simulated.network import Network
 from chaos.simulated.processes import SimulatedProcess, World
-from chaos.simulated.scheduler import PassingInbox, Scheduler
+from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from chaos.simulated.session import SimulatedBus
 from orchard.launch.supervisor import ProcessSpec
 from orchard.net.bus import Alive, Final, Item, Replied, Sample, Signal
 
 SECONDS = 200.0  # of virtual time that any one wait may take
+
+
+class PassingInbox(VirtualInbox):
+    """An inbox that passes each item on as it arrives."""
+
+    def __init__(self, scheduler: Scheduler, take: Callable[[Item], None]) -> None:
+        super().__init__(scheduler)
+        self._pass_on = take
+
+    def put(self, item: Item) -> None:
+        self._pass_on(item)
+
+    put_quietly = put
 
 
 class SimulatedFleet(Fleet):

@@ -18,7 +18,6 @@ OF_FLOAT32 = {
     "sensor_msgs/msg/BatteryState",
     "nav_msgs/msg/MapMetaData",
 }  # the types whose numbers with a point are float32
-_INT32, _FLOAT32, _FLOAT64 = Struct("=i"), Struct("=f"), Struct("=d")
 
 
 def encoded(message: Message) -> bytes:
@@ -43,19 +42,15 @@ def _put_byte(out: bytearray, value: int) -> None:
     out.append(value)
 
 
-def _put_int32(out: bytearray, value: int) -> None:
-    _align(out, 4)
-    out += _INT32.pack(value)
+def _put_as(number: Struct) -> Callable[[bytearray, float], None]:
+    def put(out: bytearray, value: float) -> None:
+        _align(out, number.size)
+        out += number.pack(value)
+
+    return put
 
 
-def _put_float32(out: bytearray, value: float) -> None:
-    _align(out, 4)
-    out += _FLOAT32.pack(value)
-
-
-def _put_float64(out: bytearray, value: float) -> None:
-    _align(out, 8)
-    out += _FLOAT64.pack(value)
+_put_int32, _put_float32, _put_float64 = map(_put_as, (Struct("=i"), Struct("=f"), Struct("=d")))
 
 
 def _put_text(out: bytearray, value: str) -> None:

@@ -86,19 +86,10 @@ def clock(tick: int) -> Message:
     return Message("rosgraph_msgs/msg/Clock", {"clock": stamp(tick)})
 
 
-def odometry(robot: str, tick: int, state: Sequence[float]) -> Message:
-    """Return the pose of a robot at a tick in its frame NAME/odom, and its velocity."""
-    return _motion(robot, tick, state, topics.odom(robot))
-
-
-def ground_truth(robot: str, tick: int, state: Sequence[float]) -> Message:
-    """Return the true pose of a robot at a tick in `map`, and its velocity."""
-    return _motion(robot, tick, state, topics.MAP)
-
-
-def _motion(robot: str, tick: int, state: Sequence[float], frame: str) -> Message:
+def odometry(robot: str, tick: int, state: Sequence[float], frame: str = "") -> Message:
+    """Return the pose of a robot at a tick in a frame, by default NAME/odom, and its velocity."""
     fields = {
-        "header": header(tick, frame),
+        "header": header(tick, frame or topics.odom(robot)),
         "child_frame_id": topics.base_link(robot),
         "pose": pose_with_covariance(state),
         "twist": Message("geometry_msgs/msg/TwistWithCovariance", {"twist": twist(*state[4:]), "covariance": covariance()}),

@@ -67,7 +67,7 @@ def odometry_of(robot: str, odometry: Mapping[str, Any]) -> Message:
 
 def ground_truth_of(robot: str, truth: Mapping[str, Any]) -> Message:
     """Return the `nav_msgs/msg/Odometry`, in `map`, of a `truth`."""
-    return messages.ground_truth(robot, truth["tick"], state_of(truth))
+    return messages.odometry(robot, truth["tick"], state_of(truth), topics.MAP)
 
 
 def measured_pose_of(_robot: str, pose: Mapping[str, Any]) -> Message:

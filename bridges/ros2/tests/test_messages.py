@@ -38,7 +38,7 @@ EAST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 EXAMPLES = [
     messages.clock(7),
     messages.odometry("picker_01", 7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1)),
-    messages.ground_truth("picker_01", 7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1)),
+    messages.odometry("picker_01", 7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1), "map"),
     messages.measured_pose(7, (1.0, 2.0, 0.0, 1.0, 0.5, 0.0, 0.1), 0.02),
     messages.velocity("picker_01", 7, 0.5, 0.1),
     messages.twist(0.5, 0.0, 0.1),

@@ -2,7 +2,6 @@
 
 import os
 import platform
-from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -47,7 +46,7 @@ def markdown(results: Results) -> str:
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: list[str], rows: list[list[str]]) -> str:
     """Return a Markdown table."""
     top, *body = (f"| {' | '.join(line)} |" for line in (head, *rows))
     return "\n".join([top, f"|{'---|' * len(head)}", *body])
@@ -66,12 +65,11 @@ def _machine(results: Results) -> str:
     before, after = results.load
     return (
         f"Measured by `make bench` with Python {platform.python_version()}, {ours}; {others}; on {os.cpu_count()} cores of "
-        f"{processor()} (load before {before:.1f}, after {after:.1f}). All figures are from that run, except those marked *quoted*."
+        f"{_processor()} (load before {before:.1f}, after {after:.1f}). All figures are from that run, except those marked *quoted*."
     )
 
 
-def processor() -> str:
-    """Return the name of this machine's processor."""
+def _processor() -> str:
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor() or "unknown")
 

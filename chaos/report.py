@@ -5,11 +5,11 @@ import platform
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from pathlib import Path
 from statistics import median
 
 from rich.table import Table
 
-from bench.report import processor, table
 from chaos.endurance import EVERY, MOST_GROWTH, WARM_UP, Endurance
 from chaos.oracle import Verdict
 
@@ -80,14 +80,14 @@ def as_tables(results: Results) -> list[Table]:
         parts += [("The soak", ("", ""), results.figures()), ("Faults and recoveries", HEAD, results.faults())]
     if results.endurance is not None:
         parts.append(("Memory and file handles", ENDURANCE_HEAD, _endurance(results.endurance)))
-    return [_shown(*part) for part in parts]
+    return [_table(*part) for part in parts]
 
 
-def _shown(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
-    shown = Table(*head, title=title, title_justify="left", show_header=any(head))
+def _table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    table = Table(*head, title=title, title_justify="left", show_header=any(head))
     for row in rows:
-        shown.add_row(*row)
-    return shown
+        table.add_row(*row)
+    return table
 
 
 ENDURANCE_HEAD = ("process", "MB after the warm-up", "MB at the end", "growth", "file handles", "flat")
@@ -113,9 +113,9 @@ def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
 def markdown(results: Results) -> str:
     """Return the text of chaos/results.md."""
     head = f"{TITLE}\n\n{_machine(results)}"
-    parts = [head, table(("what", "figure"), results.figures()), "## Faults and recoveries", RECOVERY, table(HEAD, results.faults())]
+    parts = [head, _lines(("what", "figure"), results.figures()), "## Faults and recoveries", RECOVERY, _lines(HEAD, results.faults())]
     if results.endurance is not None:
-        parts += ["## Memory and file handles", _endurance_text(results.endurance), table(ENDURANCE_HEAD, _endurance(results.endurance))]
+        parts += ["## Memory and file handles", _endurance_text(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
     return "\n\n".join(parts) + "\n"
 
 
@@ -129,8 +129,13 @@ def _machine(results: Results) -> str:
     versions = ", ".join(f"{name} {version(name)}" for name in ("eclipse-zenoh", "numpy", "numba"))
     return (
         f"Written by `make chaos` on {results.day}: seed {results.seed}, Python {platform.python_version()}, {versions}, "
-        f"{platform.system()} on {os.cpu_count()} cores of {processor()}, load {results.load:.1f} at the end."
+        f"{platform.system()} on {os.cpu_count()} cores of {_processor()}, load {results.load:.1f} at the end."
     )
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor() or "unknown")
 
 
 def _endurance_text(endurance: Endurance) -> str:
@@ -140,3 +145,8 @@ def _endurance_text(endurance: Endurance) -> str:
         f"grows by no more than {MOST_GROWTH:.0%} along a fitted straight line and it has no more file handles in the later half of the "
         f"run than in the earlier half."
     )
+
+
+def _lines(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    top, *body = (f"| {' | '.join(line)} |" for line in (head, *rows))
+    return "\n".join([top, f"|{'---|' * len(head)}", *body])

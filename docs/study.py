@@ -64,8 +64,11 @@ The page (`orchard app`, button "How many carriers?") and Python give the same a
 
 ## What is asked
 
-Told nothing else, a study asks for the long run: a harvest that goes on, without its beginning and its end. Rate, waits and shares are of
-the same time. A single harvest has other answers, because all its bins are full at once: `--horizon harvest` asks for that.
+Told nothing else, a study asks for the long run: a harvest that goes on, without its beginning and its end. Each picker fills at least 24
+bins, and each battery is charged six times; the first 40 % are left out. Such runs differ from far longer ones by 0.5 % on average, and 3.1
+% at most (`python examples/long_run.py --random 40 --against 160`). A policy by which one picker picks less than half of what another does
+has none, as `assignment` where carriers are few. A single harvest has other answers, because all its bins are full at once: `--horizon
+harvest` asks for that.
 
 The study tries as many carriers as it takes: about the number of the [limit without traffic](bounds.md#the-limit-without-traffic), then
 more, until the answer has its neighbours and lies inside. The answer is the fewest that come within 2 % (`--within`) of the best.
@@ -93,7 +96,7 @@ examples/interval_coverage.py`).
 
 A setting in which a harvest jams is left out, and named. The [fast model](bounds.md#the-discrete-event-model) does all runs. With
 `--horizon harvest` the simulator checks the best two settings; `--model full` lets it do all, and agents of your own need that.
-A study ends at the bay, and knows no day's end.
+A study knows no day's end.
 
 ## Other questions
 

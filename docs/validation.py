@@ -69,6 +69,7 @@ SLOW = "their robots are faster than a person who carries: 6 of ours have {six:.
 HALF = "a carrier comes half a round after the call, and their robots drive faster than a person who carries, ours as fast"
 SURE = "their robots guess from a tray's weight when it is full; a bin here knows"
 ONE = "a cart takes many boxes to the road, a carrier here takes one bin"
+MOST = "-91.4 % at most here: the exchange takes 13 s"
 CREW = (0.80, NEAREST), (0.80, "predictive")
 MORNING, AFTERNOON, FIELD = (0.818, NEAREST), (0.782, NEAREST), (0.857, "predictive")
 FINDINGS = (
@@ -81,7 +82,7 @@ FINDINGS = (
         CREW,
         (
             Point(CREW[0], 10, "non-productive time", -64.6, HALF),
-            Point(CREW[1], 10, "non-productive time", -93.7),
+            Point(CREW[1], 10, "non-productive time", -93.7, MOST),
             Point(CREW[0], 10, "gain", 15.0),
             Point(CREW[1], 10, "gain", 24.0),
         ),

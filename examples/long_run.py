@@ -1,20 +1,20 @@
 """What does traffic cost in the long run? The rate that the parts of a harvest allow without it, beside that of the discrete-event model.
 
-python examples/long_run.py [--random 0] [ROWS/PICKERS/CARRIERS ...]
+python examples/long_run.py [--random N] [--against ROWS] [ROWS/PICKERS/CARRIERS ...]
 """
 
 import argparse
 from collections.abc import Iterator
 from itertools import product
 from random import Random
-from statistics import median
+from statistics import fmean, median
 
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from orchard import Scenario
-from orchard.discrete.harvest import long_run
+from orchard.discrete.harvest import Jam, long_run
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
 
@@ -58,19 +58,30 @@ def orchard(**values: object) -> Scenario:
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("--random", type=int, default=0, metavar="N", help="N orchards drawn at random in place of the cells")
+parser.add_argument("--against", type=int, default=0, metavar="ROWS", help="also measure far longer ones, of so many rows of each picker")
 parser.add_argument("cells", nargs="*", default=CELLS, metavar="ROWS/PICKERS/CARRIERS")
 arguments = parser.parse_args()
 orchards = list(drawn(arguments.random)) if arguments.random else [one for cell in arguments.cells for one in in_cell(cell)]
 table = Table("rows/pickers/carriers", "picking, m/s", "row, m", "route", "policy", "limit", "by", "long run", "lost to traffic, %")
 losses: dict[str, list[float]] = {}
+off: list[float] = []
 for one in track(orchards, console=Console(stderr=True), transient=True):
     layout = lay_out(one)
-    bounds, rate = Bounds(layout), long_run(layout).bins_per_hour
+    bounds = Bounds(layout)
+    what = [f"{one.rows}/{one.pickers}/{one.carriers}", f"{one.mean_picking_speed:g}", f"{one.row_length:g}", one.route, one.dispatch]
+    what += [f"{bounds.bins_per_hour:.2f}", bounds.bottleneck]
+    try:
+        rate = long_run(layout).bins_per_hour
+        off += [100.0 * (rate / long_run(layout, arguments.against).bins_per_hour - 1.0)] if arguments.against else []
+    except Jam:
+        table.add_row(*what, "none", "leaves a picker out")
+        continue
     lost = 100.0 * (1.0 - rate / bounds.bins_per_hour)
     losses.setdefault(one.dispatch, []).append(lost)
-    where = [f"{one.rows}/{one.pickers}/{one.carriers}", f"{one.mean_picking_speed:g}", f"{one.row_length:g}", one.route, one.dispatch]
-    table.add_row(*where, f"{bounds.bins_per_hour:.2f}", bounds.bottleneck, f"{rate:.2f}", f"{lost:+.1f}")
-console = Console(width=140)
+    table.add_row(*what, f"{rate:.2f}", f"{lost:+.1f}")
+console = Console(width=150)
 console.print(table)
+if off:
+    console.print(f"against {arguments.against} rows each: {fmean(map(abs, off)):.1f} % on average, {max(map(abs, off)):.1f} % at most")
 for policy, some in losses.items():
     console.print(f"{policy}: median {median(some):.1f} %, largest {max(some):.1f} %")

@@ -14,8 +14,9 @@ def printed(*arguments: str) -> str:
 
 
 def test_the_limit_stands_beside_the_long_run():
-    said = printed("examples/long_run.py", "4/2/1")
-    assert len(re.findall(r"4/2/1 .* (?:carriers|pickers) .* [+-]\d+\.\d", said)) == 12
+    said = printed("examples/long_run.py", "--against", "30", "4/2/1")
+    assert len(re.findall(r"4/2/1 .* (?:carriers|pickers) .* (?:[+-]\d+\.\d|leaves a picker out)", said)) == 12
+    assert re.search(r"against 30 rows each: \d+\.\d % on average, \d+\.\d % at most", said)
 
 
 def test_the_fast_model_stands_beside_the_simulator():

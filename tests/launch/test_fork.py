@@ -288,6 +288,8 @@ def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_befo
         (["--at", 60, "--set", "carriers=2", "--set", "carriers=3"], "--set carriers=3: carriers is given twice; once is allowed"),
         (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
         (["--at", 60, "--stop", "robot"], "robot"),
+        (["--at", 60, "--set", "dispatch=nosuch.Thing"], "command line: dispatch = nosuch.Thing: cannot be used: ModuleNotFoundError"),
+        (["--at", 60, "--futures", 2, "--set", "seed=4"], "--set seed: each future has a seed of its own; change something else"),
         ([], "--at: is missing: the moment at which the fork begins"),
         (["--at", 60, "--futures", 2, "--seed", 3], "--futures: leave out --seed: each future is a run of its own, in local mode"),
         (["--bisect", "jam", "--view", "--web", 9090], "--bisect: leave out --view, --web: each future is a run of its own, in local mode"),

@@ -151,6 +151,7 @@ MISTAKES = [
     (["--model", "full"], ["only the fast model can tell the long run; choose --horizon harvest"]),
     (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
     (["--summary", "same.x", "--csv", "same.x"], ["same.x, same.x: two of these are one file"]),
+    (["--summary", "same.x", "--out", "./same.x"], ["same.x, same.x: two of these are one file"]),
     (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
 ]
 

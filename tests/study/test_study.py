@@ -1,5 +1,6 @@
 """Whole studies of small orchards: what may vary; the same table whatever the workers and whatever was known; jams, budgets, the check."""
 
+import re
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from orchard.field.shipped import load_or_shipped
 from orchard.study import settings
 from orchard.study import study as module
 from orchard.study.comparing import LOOKS
+from orchard.study.picture import svg
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
@@ -248,6 +250,14 @@ def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_
     assert [row.standing for row in settled.table] == ["best", "equal", "equal"]
     assert settled.beyond == {"row_length": pytest.approx(69.8)}
     assert "the range is too small, as row length 69.8 may be better" in settled.answer
+
+
+def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_best(tmp_path):
+    varied = {"dispatch": ["assignment", "predictive"], "people": [{"workers": 0}, {"visitors": 0}]}
+    told = study(Scenario(rows=12, pickers=6, carriers=2, **QUIET), varied, replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
+    assert told.best == {"dispatch": "predictive", "people": {"workers": 0}}
+    assert sum(bool(re.match("dispatch=assignment, .* jams: picker_.*: too few carriers come to it", note)) for note in told.notes) == 2
+    assert svg(told)
 
 
 def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):

@@ -38,6 +38,16 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
     assert all(result == 2 * item[0] for item, result in done)
 
 
+def test_a_worker_that_dies_between_two_rounds_of_work_is_replaced():
+    with processes(1) as workers:
+        list(workers.do(double, [(1, HERE)], always))
+        (worker,) = workers.executor._processes.values()
+        worker.kill()
+        worker.join()
+        done = workers.do(double, [(number, HERE) for number in NUMBERS], always)
+        assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
+
+
 def test_ctrl_c_at_the_terminal_is_the_parents():
     with processes(1) as workers:
         assert [signals for _, signals in workers.do(blocked_signals, [1], always)] == [{signal.SIGINT}]

@@ -21,8 +21,7 @@ from orchard.field.scenario import TIME_STEP
 
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
-# of a long run, measured between its beginning and the first picker's end:
-LEAST_BINS, LEAST_ROUNDS = 24, 3  # that each picker fills; how often those with most rows pick theirs, if each fills one bin
+LEAST_BINS, LEAST_ROUNDS = 24, 3  # of a long run: that each picker fills; how often those with most rows pick theirs, if each fills a bin
 CHARGES = 6.0  # that each carrier does, by the mean
 BEGINNING = 0.4  # share of the bins that is left out
 LEAST_SHARE = 0.5  # of its rows, or of the work, that a picker does until the first one has done all: with fair policies 0.7 and more
@@ -117,8 +116,7 @@ class DiscreteHarvest:
             self.left[picker.bin] = self.env.event()
         # a bin sees how fast its row is picked only there
         speed = self.layout.scenario.mean_picking_speed if before else lane.picking_speed
-        after = abs(self.route.end(row, side) - one.stop)
-        seconds = until_full(self.layout, row, side.name, one.metres / speed, before + after)
+        seconds = until_full(self.layout, row, side.name, one.metres / speed, before + abs(self.route.end(row, side) - one.stop))
         self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
 
     def end_row(self, picker: Robot) -> None:

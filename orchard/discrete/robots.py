@@ -132,9 +132,11 @@ class Robot(Follower):
             sign = -1
         target = sign * (step.x if step.x is not None else cast(float, step.y))
         here = sign * (self.x if axis == "x" else self.y)
-        # a bin that sees its picker drive into the row can call from then on
-        if self.plan and isinstance(self.plan[0], st.Say) and self.plan[0].state == "picking":
-            self.model.begin_row(self, target - here)
+        # a bin that sees its picker drive into the row, perhaps through a part of it, can call from then on
+        said = [one.state if isinstance(one, st.Say) else "" for one in self.plan[:3]]
+        if "picking" in said and said[0] in ("driving", "picking"):
+            drives = (one.x for one in self.plan[: said.index("picking")] if isinstance(one, st.DriveTo))
+            self.model.begin_row(self, target - here + sum(abs(cast(float, x) - cast(float, step.x)) for x in drives))
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = self._left_at(axis, sign, here), self._leave(line, here)
         stride, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []

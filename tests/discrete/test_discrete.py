@@ -38,6 +38,10 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"rows": 6, "pickers": 3, "carriers": 2, "dispatch": "rolling", "row_length": 40.0},
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
+    "rolling, and bins that fill where their picker drives out": {
+        **{"rows": 4, "pickers": 4, "carriers": 4, "row_length": 40.0, "metres_per_bin": 22.0, "picking_speed": 0.5},
+        **{"order_in_row": "outward", "dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"},
+    },
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
     "an early policy, and failures": {**SHORT, **ONE_WAY, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
     "carriers that fail": {**SHORT, "rows": 4, "dispatch": "predictive", "carrying": {"failure": FAILURE}, "seed": 2},

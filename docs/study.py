@@ -90,8 +90,8 @@ setting on the very edge of 2 % keeps its `?`: it is no longer undecided when it
 intervals of `behind` together hold with 95 % (Student's, Bonferroni's rule; `--confidence`). If nothing is random, one run stands for all
 seeds.
 
-In 600 small studies a setting's interval held the truth in 93.9 %, all of `behind` together in 88.7 %, because a study ends when it is
-sure, and what was said of settings in 99.8 % (`python examples/interval_coverage.py 600`).
+In 600 small studies a setting's interval held the truth in 93.9 %, all of `behind` together in 88.7 %, because few seeds may miss
+what is rare, and what was said of settings in 99.8 % (`python examples/interval_coverage.py 600`).
 
 A setting in which a harvest jams is left out, and named. The [fast model](bounds.md#the-discrete-event-model) does all runs. With
 `--horizon harvest` the simulator checks the best two settings; `--model full` lets it do all, and agents of your own need that.

@@ -52,7 +52,8 @@ class Guard:
             reraise_ctrl_c(error)
             _advise(error)
             if not self._failed:
-                lines = traceback.format_exc(limit=-3).splitlines()
+                class_ = type(self.agent)
+                lines = [f"{class_.__qualname__}{plugins.place_of_class(class_)}:", *traceback.format_exc(limit=-3).splitlines()]
                 place = "\n".join(f"  {printable(line, 500)}" for line in lines)  # none of them looks like one of the program's own
                 log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, place)
             self._failed = True

@@ -107,7 +107,9 @@ def test_a_memory_that_is_another_after_a_kill_is_refused_at_once(memory, type_,
     assert local.actions["picker_01"].state == "broken"
     assert keeper.got == [None, None]
     (record,) = caplog.records
-    assert re.search(rf"^picker_01 raised an error at tick 0(.|\n)*{re.escape(place)}", record.getMessage())
+    assert re.search(
+        rf"^picker_01 raised an error at tick 0; it stands.\n  Keeper \(.*, line \d+\):\n(.|\n)*{re.escape(place)}", record.getMessage()
+    )
 
 
 KEPT = [

@@ -476,7 +476,7 @@ ROW_ENDS = "for each row, the metres picked from its west end, from its east end
 
 
 class Picture(Message):
-    """The orchard after the step that ends at this tick, for observers. `nil` means unchanged. It is `whole` every 5 s and for a new logger."""
+    """The orchard after the step to this tick, for observers. `nil` means unchanged. It is `whole` every 5 s, and when a logger joins."""
 
     poses: Annotated[bytes, Meta(description=POSES)]
     scans: Annotated[list[bytes] | None, Meta(description="twice per second: the ranges of each body, m, little-endian float32")]

@@ -88,7 +88,7 @@ def _request(chosen: HarvestOptions) -> RunRequest:
     before = _before(chosen, runs)
     if before is not None:
         scenario = check(before.scenario, "the snapshot's scenario")
-        if chosen.mode == "local":
+        if chosen.mode == "local" or (isinstance(chosen, ForkOptions) and chosen.stop):
             check_end(world_from(before), chosen.duration)
     else:
         scenario = _scenario(chosen.scenario, chosen.changes) if chosen.replay is None else _replayed(chosen, chosen.replay)

@@ -98,15 +98,15 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-MOMENT = re.compile(r"(?:(\d{1,6}):)?(\d{1,8}(?:\.\d)?)")
+MOMENT = re.compile(r"(?:(?:(\d{1,4}):)?(\d{1,6}):)?(\d{1,8}(?:\.\d)?)")
 
 
 def _moment(text: str) -> int:
     """Return the tick of a moment."""
     found = MOMENT.fullmatch(text)
-    if found is None or (found[1] and float(found[2]) >= 60.0):
-        raise BadParameter(f"{text}: expected a simulated time, in s or as M:SS")
-    return round((60 * int(found[1] or 0) + float(found[2])) / TIME_STEP)
+    if found is None or (found[2] and float(found[3]) >= 60.0) or (found[1] and int(found[2]) >= 60):
+        raise BadParameter(f"{text}: expected a simulated time, in s or as M:SS or H:MM:SS")
+    return round((3600 * int(found[1] or 0) + 60 * int(found[2] or 0) + float(found[3])) / TIME_STEP)
 
 
 def _patience(value: float | None) -> float | None:

@@ -282,7 +282,8 @@ def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_befo
     ("words", "told"),
     [
         (["--at", "90:00"], r"parent.snapshots: 90:00 is after the end of the run, at \d:\d\d"),
-        (["--at", "1:75"], "--at: 1:75: expected a simulated time, in s or as M:SS"),
+        (["--at", "1:75"], "--at: 1:75: expected a simulated time, in s or as M:SS or H:MM:SS"),
+        (["--at", "1:75:00"], "--at: 1:75:00: expected a simulated time"),
         (["--at", 60, "--set", "carriers"], "--set carriers: expected KEY=VALUE"),
         (["--at", 60, "--set", "dispatch=+1"], "--set dispatch: it has no number to which something can be added"),
         (["--at", 60, "--set", "carriers=2", "--set", "carriers=3"], "--set carriers=3: carriers is given twice; once is allowed"),
@@ -295,6 +296,7 @@ def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_befo
         (["--bisect", "jam", "--view", "--web", 9090], "--bisect: leave out --view, --web: each future is a run of its own, in local mode"),
         (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
         (["--at", 60, "--stop", "picker_02"], "--duration: is missing: a harvest does not end while robots stand: picker_02"),
+        (["--at", 60, "--stop", "picker_02", "--mode", "lockstep"], "--duration: is missing: a harvest does not end while robots stand"),
         (["--at", 60, "--duration", 60], "--duration: the run would end before --at"),
         (["--bisect", "jam", "--picture", "futures.txt"], "^--picture: futures.txt: a picture's name ends in .svg or .png"),
         (["--at", 60, "--futures", 2, "--picture", "futures.svg"], "--picture: it shows the futures of --bisect: give that, too"),
@@ -303,7 +305,7 @@ def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_befo
     ],
 )
 def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, told):
-    quick = [] if {"--futures", "--bisect"} & {*words} else ["--mode", "local", "--record", "none"]
+    quick = [] if {"--futures", "--bisect", "--mode"} & {*words} else ["--mode", "local", "--record", "none"]
     assert re.search(told, orchard("fork", harvest[0], *words, *quick, code=2).stderr)
 
 
@@ -349,3 +351,4 @@ def test_a_fork_says_which_agents_were_clients_elsewhere_and_lets_those_of_the_s
 @given(st.integers(0, 10**7))
 def test_a_moment_is_read_as_it_is_written(tick):
     assert moment(clock(tick)) == tick
+    assert moment(f"2:{clock(tick % 36_000).rjust(5, '0')}") == 72_000 + tick % 36_000

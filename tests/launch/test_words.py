@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 from code_blocks import ROOT
@@ -12,6 +13,7 @@ from command_line import SECONDS
 from run_endings import harvested
 
 from orchard.launch import commands
+from orchard.launch.terminal import typed
 from orchard.report.summary import sentence
 
 ESCAPE = "\x1b[31mX"
@@ -125,6 +127,11 @@ def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_pa
     code, words = said([os.fsdecode(word) if isinstance(word, bytes) else word for word in arguments], monkeypatch, capfd)
     assert (code, words.count(told)) == (2, 1), words
     assert [raw for raw in RAW if raw in words] == []
+
+
+def test_a_file_whose_name_begins_with_a_dash_is_shown_as_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert typed("study", Path("./-dash.yaml")).endswith(" study ./-dash.yaml")
 
 
 USAGES = [

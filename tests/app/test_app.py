@@ -166,7 +166,7 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
 
 
 def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(browser):
-    browser.driver.refresh()
+    browser.reload()
     browser.until(lambda: browser.field("rows").is_displayed(), "the page")
     assert not browser.field("picking_speed").is_displayed()  # but folded away
     browser.switch("picking_rate-automatic", False)
@@ -353,7 +353,7 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.press("run")
     small.tell_state("running")
     small.until(lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS)
-    small.driver.refresh()
+    small.reload()
     small.tell_state("running")
     assert small.field("rows").get_attribute("value") == "3"
     assert not small.one("[data-action=run]").is_displayed()

@@ -104,16 +104,16 @@ def test_a_link_holds_the_scenario(browser, server):
     browser.press("link")
     link = browser.until(lambda: browser.view("link").get_attribute("value"), "the link")
     assert link == f"{server[0]}/?rows=8"
-    browser.driver.get(f"{server[0]}/?rows=9&seed=-3&pikers=2")
+    browser.open(f"{server[0]}/?rows=9&seed=-3&pikers=2")
     assert "did you mean pickers" in browser.until(lambda: browser.view("complaint").text, "a complaint")
     browser.until(lambda: browser.problem("seed"), "what is wrong is told at its field")
-    browser.driver.get(link)
+    browser.open(link)
     browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
     assert not browser.problem("seed")
     browser.fill("rows", 7)
     browser.until(lambda: browser.tree_lines() == 8, "a plan of 7 rows")
     assert browser.driver.current_url == f"{server[0]}/", "a reload keeps what was entered since"
-    browser.driver.refresh()
+    browser.reload()
     browser.until(lambda: browser.field("rows").get_attribute("value") == "7", "as it was left")
 
 
@@ -122,12 +122,12 @@ def test_every_browser_has_its_own_draft(browser, server):
     browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
     own = browser.driver.get_cookies()
     browser.driver.delete_all_cookies()  # another browser
-    browser.driver.get(server[0])
+    browser.open(server[0])
     browser.until(lambda: browser.tree_lines() == 6, "the default plan")
     browser.driver.delete_all_cookies()
     for cookie in own:
         browser.driver.add_cookie(cookie)
-    browser.driver.get(server[0])
+    browser.open(server[0])
     browser.until(lambda: browser.tree_lines() == 10, "the plan of this browser")
 
 
@@ -196,7 +196,7 @@ def test_dark_stays_after_a_reload(browser):
     was_dark = is_dark(browser)
     browser.press("dark")
     browser.until(lambda: is_dark(browser) != was_dark, "the other colours")
-    browser.driver.refresh()
+    browser.reload()
     browser.until(lambda: is_dark(browser) != was_dark, "still")
     browser.press("dark")
     browser.until(lambda: is_dark(browser) == was_dark, "as before")
@@ -210,7 +210,7 @@ def state(page, words, seconds=RUN_SECONDS):
 
 
 def reload_keeps_what_was_entered(page):
-    page.driver.refresh()
+    page.reload()
     page.press("how-many")
     page.until(lambda: page.field("study-budget").get_attribute("value") == "90", "a reload keeps what was entered")
 

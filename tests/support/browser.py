@@ -72,8 +72,20 @@ class Browser:
             self.click("[data-preset=default]")
             self.turn_to("Plan")
         else:
-            self.driver.get(f"{address}/?rows=5")  # a link, whatever the test before has left in the form
+            self.open(f"{address}/?rows=5")  # a link, whatever the test before has left in the form
         self.until(self._is_default, "the default orchard")
+
+    def open(self, address: str) -> None:
+        self.driver.get(address)
+        self._connect()
+
+    def reload(self) -> None:
+        self.driver.refresh()
+        self._connect()
+
+    def _connect(self) -> None:
+        """Wait until the server knows the page. Before, NiceGUI may load the page again, and what was clicked is lost."""
+        self.until(lambda: self.driver.execute_script("return window.did_handshake"), "the page is connected")
 
     def _is_default(self) -> bool:
         fields = {"rows": "5", "pickers": "2", "seed": "1", "weeds": "10"}

@@ -42,8 +42,9 @@ def test_a_worker_that_dies_between_two_rounds_of_work_is_replaced():
     with processes(1) as workers:
         list(workers.do(double, [(1, HERE)], always))
         (worker,) = workers.executor._processes.values()
+        noticed = workers.executor._executor_manager_thread
         worker.kill()
-        worker.join()
+        noticed.join(PATIENCE)
         done = workers.do(double, [(number, HERE) for number in NUMBERS], always)
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
 

@@ -127,9 +127,7 @@ class Robot(Follower):
 
     @do.register
     def _(self, step: st.DriveTo) -> Events:
-        axis, sign = ("x", 1) if step.x is not None else ("y", 1)
-        if nearest_heading(self.yaw) in ("WEST", "SOUTH"):
-            sign = -1
+        axis, sign = "y" if step.x is None else "x", -1 if nearest_heading(self.yaw) in ("WEST", "SOUTH") else 1
         target = sign * (step.x if step.x is not None else cast(float, step.y))
         here = sign * (self.x if axis == "x" else self.y)
         # a bin that sees its picker drive into the row, perhaps through a part of it, can call from then on

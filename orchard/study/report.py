@@ -1,5 +1,7 @@
 """The report of a study: one HTML file that holds all of it, for a reader without anything else."""
 
+import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +63,8 @@ def _made(result: StudyResult) -> dict[str, Any]:
 
 def command(result: StudyResult) -> str:
     """Return the command that does the study again, for the scenario in a file of this name."""
-    varied = [
-        f"--vary {key}={','.join('null' if value is None else str(value) for value in values)}" for key, values in result.varied.items()
-    ]
+    told = {key: ",".join(one if isinstance(one, str) else json.dumps(one) for one in values) for key, values in result.varied.items()}
+    varied = [f"--vary {shlex.quote(f'{key}={values}')}" for key, values in told.items()]
     options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence}", f"--within {result.within}"]
     models = ["--model full"] if {row.model for row in result.table} == {"full"} else []  # as it must be for agents of the user's own
     return " ".join(["orchard study scenario.yaml", *varied, *options, *models])

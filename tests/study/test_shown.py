@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shlex
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import cache
@@ -19,6 +20,7 @@ from rich.console import Console
 from orchard.field.scenario import Scenario, parse
 from orchard.study import picture, report, table
 from orchard.study.result import StudyResult
+from orchard.study.settings import varied_of
 from orchard.study.words import answer, number_words, orchard_words, value_words
 
 NINE, TEN, ELEVEN = (a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2)))
@@ -303,10 +305,13 @@ def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
 
 def test_the_command_for_a_study_has_all_digits_and_names_the_model():
     by_full = replace(
-        a_result([replace(NINE, model="full")], None), varied={"picking_speed": [0.123456789, None], "tractor": [True]}, within=0.0123456
+        a_result([replace(NINE, model="full")], None),
+        varied={"picking_speed": [0.123456789, None], "tractor": [True], "people": [{"workers": 0}]},
+        within=0.0123456,
     )
     told = report.command(by_full)
-    assert "--vary picking_speed=0.123456789,null --vary tractor=True " in told
+    assert "--vary picking_speed=0.123456789,null --vary tractor=true --vary " in told
+    assert varied_of([word for word in shlex.split(told) if word.startswith("people=")]) == ({"people": [{"workers": 0}]}, [])
     assert told.endswith(" --within 0.0123456 --model full")
 
 

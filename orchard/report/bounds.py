@@ -90,8 +90,9 @@ def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float,
     job, approach = [*timed_steps(route.fetch(1, one.row, side, "", ""), route.queue.place(0))], way_to(route, one.row, side)[1]
     leaving = next(moment.ends for moment in way if isinstance(moment.step, LeaveBin)) - driving
     coming_out = begin_of(FetchEmpty, way) - driving - leaving
-    # an early carrier leaves when the picker is in the row, or later, and then holds before the lane's place until the picker has come out
-    coming, stop = approach - (picking + leaving if early else 0.0), begin_of(Deliver, job)
+    # an early carrier leaves when the picker drives into the row, or later, and holds before the lane's place until the picker has come out
+    entering = abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x) / CRUISE
+    coming, stop = approach - (entering + picking + leaving if early else 0.0), begin_of(Deliver, job)
     hold = next((at for moment in job for place, at in moment.needs if place == side.place("D", one.row)), stop)
     wait = max(coming, coming_out + stop - hold) + HANDOVER
     driven = sum(moment.ends - moment.begins for moment in job if isinstance(moment.step, DriveTo))

@@ -100,6 +100,12 @@ def test_pickers_of_unequal_rows_allow_together_what_each_allows(seed):
     assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
 
 
+def test_early_carriers_of_short_rows_keep_to_the_limit():
+    changes = {"rows": 4, "pickers": 2, "carriers": 7, "row_length": 40.0, "route": "two-way", "rows_to_pickers": "balanced-ends"}
+    layout = lay_out(empty_orchard(**changes, dispatch="predictive"))
+    assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
+
+
 def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says():
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1, dispatch=NEAREST))
     called = stage.run_until(lambda: stage.local.memories.get("carrier_01") and stage.local.memories["carrier_01"].job is not None, 90)

@@ -241,7 +241,7 @@ def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
     assert any("nothing in these settings is random" in note for note in settled.notes)
     assert all(0.5 * row.harvest_seconds.mean < row.proven_seconds <= row.harvest_seconds.mean for row in settled.table)
     assert settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, rolling dispatch"
-    assert any(note.startswith("drives to the ends of rows take 43.6 %") for note in settled.notes)
+    assert any(note.startswith("drives to the ends of rows take 44.2 %") for note in settled.notes)
 
 
 def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_path):

@@ -12,7 +12,7 @@ from orchard.field.scenario import Scenario
 from orchard.launch import terminal
 from orchard.launch.runs import check_writable
 from orchard.launch.study import STOPPED, failures, stoppable
-from orchard.launch.study_options import BenchmarkOptions
+from orchard.launch.study_options import BenchmarkOptions, one_file
 from orchard.report.summary import write_summary
 from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
 from orchard.study.store import Store, StoreError
@@ -29,6 +29,8 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
         known = _known(chosen.orchard or [])
         if chosen.summary is not None:
             check_writable(chosen.summary)
+            if same := [*one_file([StudyOptions(store=chosen.out).store_file, chosen.summary])]:
+                raise ScenarioError(same)
         result = _result(chosen, known)
         if result is None:
             terminal.print_error(STOPPED)

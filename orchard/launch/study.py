@@ -18,7 +18,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
-from orchard.launch.study_options import StudyArguments
+from orchard.launch.study_options import StudyArguments, one_file
 from orchard.launch.terminal import FAILED, FINISHED, bar, console, exit_on_errors, handled, own_classes_run, print_error, print_line
 from orchard.report.summary import write_summary
 from orchard.study.result import StudyResult
@@ -54,7 +54,7 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     options = _options(chosen)
     of_settings = checked_settings(scenario, varied, options)[1]
     store = options.store_file
-    files = [*_unwritable(chosen.files)]
+    files = [*_unwritable(chosen.files), *one_file([*chosen.files, store])]
     if store.exists() and (fault := fault_of(store, options.anew)):
         files.append(Problem(str(store), fault))
     problems = [*chosen.problems(), *problems, *files, *(one for one in of_settings if not _may_follow(one, faults))]

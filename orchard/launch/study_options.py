@@ -1,7 +1,7 @@
 """The options of `orchard study` and `orchard benchmark`: their types, values and help texts, and all that is wrong with them at once."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -135,10 +135,14 @@ class StudyArguments:
         found = [replace(value, file=named([name])) for name, value in vars(self).items() if isinstance(value, Problem)]
         if self.scheduler and self.workers:
             found.append(Problem("--workers", "the scheduler has its own workers; leave out --workers"))
-        written = [*self.files, *([self.out] if isinstance(self.out, Path) else [])]
-        if len({path.resolve() for path in written}) < len(written):
-            found.append(Problem("--summary", f"{', '.join(map(str, written))}: two of these are one file"))
         return found
+
+
+def one_file(written: Sequence[Path]) -> Iterator[Problem]:
+    """Yield what is wrong if some of the files that a command writes are one."""
+    files = [path.resolve() for path in written]
+    if same := [str(path) for path, file in zip(written, files, strict=True) if files.count(file) > 1]:
+        yield Problem("--summary", f"{', '.join(same)}: two of these are one file")
 
 
 Policy = Annotated[str, Argument(metavar="POLICY", help="A policy of your own, module.Class, or a built-in one.")]

@@ -77,6 +77,7 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
         (("missing.Policy",), 2, r"POLICY = missing.Policy: cannot be used: .* modules are imported from the directory"),
         (("own_policies.BinReport",), 2, r"POLICY = own_policies.BinReport: cannot be used: TypeError"),
         (("predictve",), 2, r"POLICY = 'predictve': must be .*; did you mean predictive\?"),
+        (("--summary", "{store}"), 2, r"--summary: .*benchmark.db, .*benchmark.db: two of these are one file"),
         (("--orchard", "tiny"), 2, r"--orchard: tiny: no such orchard; there are small-fast, "),
         (
             ("own_policies.Raising", *SMALL),
@@ -87,7 +88,7 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
     ],
 )
 def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
-    done = orchard("benchmark", *words, "--out", store, code=code)
+    done = orchard("benchmark", *[word.format(store=store) for word in words], "--out", store, code=code)
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
 

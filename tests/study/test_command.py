@@ -152,13 +152,14 @@ MISTAKES = [
     (["--picture", "study.doc"], ["study.doc: a picture's name ends in .svg or .png"]),
     (["--summary", "same.x", "--csv", "same.x"], ["same.x, same.x: two of these are one file"]),
     (["--summary", "same.x", "--out", "./same.x"], ["same.x, same.x: two of these are one file"]),
+    (["--summary", "{runs}/studies.db"], ["studies.db: two of these are one file"]),
     (["--summary", "/no/such/folder/file.json"], ["/no/such/folder/file.json: cannot be written"]),
 ]
 
 
 @pytest.mark.parametrize(("options", "told"), MISTAKES)
-def test_mistakes_are_told_with_exit_code_2(options, told, mistakes):
-    said = mistakes("--vary", "rows=3,4", "--model", "fast", *options)
+def test_mistakes_are_told_with_exit_code_2(options, told, mistakes, tmp_path):
+    said = mistakes("--vary", "rows=3,4", "--model", "fast", *[option.format(runs=tmp_path) for option in options])
     assert all(words in said for words in told), said
     assert "Traceback" not in said
 

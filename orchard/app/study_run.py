@@ -9,7 +9,7 @@ import msgspec
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.draft import number_problem, shown
 from orchard.field.scenario import Scenario
-from orchard.study.result import StudyResult
+from orchard.study.result import Horizon, StudyResult
 
 BUDGET = (1, 86_400)  # s of wall time, both included
 
@@ -20,6 +20,7 @@ class StudySettings:
 
     dispatch: tuple[str, ...] = ()  # policies to compare; none: that of the scenario
     route: tuple[str, ...] = ()
+    horizon: Horizon = "long"
     budget: str = "300"  # s
 
     @property
@@ -32,7 +33,7 @@ def study_command(settings: StudySettings, files: Files) -> list[str]:
     compared = {"dispatch": settings.dispatch, "route": settings.route}
     ranges = ["carriers", *(f"{key}={','.join(values)}" for key, values in compared.items() if values)]
     varied = [word for one in ranges for word in ("--vary", one)]
-    program = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario), *varied]
+    program = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario), *varied, "--horizon", settings.horizon]
     return [*program, "--budget", f"{shown(float(settings.budget))}s", "--progress", "json", "--summary", str(files.summary)]
 
 

@@ -21,9 +21,10 @@ from orchard.study.words import setting_words
 REDRAW_SECONDS = 1.0  # s between two pictures
 Take = Callable[[Scenario, str], Awaitable[None]]
 HINT = (
-    "Tries numbers of carriers in the orchard of the form, as many as it takes, and tells how many are worth it in the long run. Choose "
-    "policies or routes to compare them, too; all else, and the prices, are in the form."
+    "Tries numbers of carriers in the orchard of the form, as many as it takes, and tells how many are worth it. Choose policies "
+    "or routes to compare them, too; all else, and the prices, are in the form."
 )
+HORIZONS = {"long": "the long run", "harvest": "one harvest"}
 LAST_WORDS = 12  # lines of a study that failed
 
 
@@ -56,6 +57,9 @@ class StudyView:
     def _build_fields(self) -> None:
         self._choice("Dispatch policies", "dispatch")
         self._choice("Routes", "route")
+        with self._labelled("Horizon"):
+            horizon = ui.toggle(HORIZONS, value=self._settings.horizon, on_change=lambda event: self._enter(horizon=event.value))
+            horizon.props("dense no-caps unelevated data-field=horizon")
         with self._labelled("Time to take, s"):
             text = ui.input(value=self._settings.budget, on_change=lambda event: self._enter(budget=event.value or "")).classes("number")
             text.props('dense outlined autocomplete=off inputmode=decimal data-field=study-budget aria-label="Time to take, s"')

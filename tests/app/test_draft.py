@@ -283,6 +283,6 @@ def test_the_course_is_what_the_charts_show():
 
 
 def test_the_page_asks_as_a_user_would_type_it(tmp_path):
-    asked = study_command(StudySettings(dispatch=("nearest", "predictive")), Files(tmp_path, "study"))
+    asked = study_command(StudySettings(dispatch=("nearest", "predictive"), horizon="harvest"), Files(tmp_path, "study"))
     words = asked[asked.index("study") : asked.index("--progress")]
-    assert words[2:] == ["--vary", "carriers", "--vary", "dispatch=nearest,predictive", "--budget", "300s"]
+    assert words[2:] == ["--vary", "carriers", "--vary", "dispatch=nearest,predictive", "--horizon", "harvest", "--budget", "300s"]

@@ -8,7 +8,7 @@ with steps of its own. Another policy may be faster: `proven_seconds` is what no
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from math import inf
+from math import ceil, inf
 from statistics import fmean
 
 from orchard.agents.dispatch import is_early
@@ -27,7 +27,8 @@ from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario, with_changes
 
 TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
-ROUNDS = 2  # times that a picker picks its rows in the means: after two, each row is left at the same ends again
+ROUNDS = 2  # times that a picker picks its rows in the means, or a multiple: after two, each row is left at the same ends again
+FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
 PROOF = 0.1  # of the solver's work: at most about half a second
 
 
@@ -69,12 +70,16 @@ class Bounds:
 
 def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
     """The mean times of a picker's bin without traffic, s: to pick it, to leave it and go on, to wait for an empty one, of the carrier's
-    job, what is lost because it fills inside a row, and of charging what the job uses. The picker picks its rows in `ROUNDS` rounds."""
-    passes = route.layout.passes(replace(block, rows=block.rows * ROUNDS))
+    job, what is lost because it fills inside a row, and of charging what the job uses. A part-full last bin does not count."""
+    layout = route.layout
+    metres = sum(layout.lane(row).length for row in block.rows)
+    times = ceil(FULL_BINS * (layout.scenario.bin_metres or 0.0) / (ROUNDS * metres)) or 1
+    passes = layout.passes(replace(block, rows=block.rows * ROUNDS * times))
+    while not passes[-1].is_full:
+        passes.pop()
+    bins = sum(one.is_full for one in passes)
     each = [_seconds(route, early, one, after) for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)]
-    share = len(passes) / sum(one.leaves_bin for one in passes)
-    picking, going_on, wait, cycle, row_end, charging = (share * fmean(seconds) for seconds in zip(*each, strict=True))
-    return [picking, going_on, wait, cycle, row_end, charging]
+    return [sum(seconds) / bins for seconds in zip(*each, strict=True)]
 
 
 def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float, float, float, float, float, float]:
@@ -95,7 +100,7 @@ def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float,
     coming, stop = approach - (entering + picking + leaving if early else 0.0), begin_of(Deliver, job)
     hold = next((at for moment in job for place, at in moment.needs if place == side.place("D", one.row)), stop)
     wait = max(coming, coming_out + stop - hold) + HANDOVER
-    driven = sum(moment.ends - moment.begins for moment in job if isinstance(moment.step, DriveTo))
+    driven = sum(moment.ends - moment.begins for moment in job if isinstance(moment.step, DriveTo) and not moment.step.queueing)
     battery, repairs = layout.scenario.carrying.battery, layout.scenario.carrying.failure.share * driven
     cycle, stands = job[-1].ends + repairs, _handling(job) + repairs
     charging = battery.hours_to_charge * (cycle - stands + battery.standing * stands) / (battery.hours or inf)

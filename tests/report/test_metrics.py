@@ -100,6 +100,19 @@ def test_pickers_of_unequal_rows_allow_together_what_each_allows(seed):
     assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
 
 
+@pytest.mark.parametrize("changes", [{"row_length": 40.0, "metres_per_bin": 200.0}, {"metres_per_bin": 130.0}])
+def test_part_full_last_bins_are_no_bins_of_the_limit(changes):
+    layout = lay_out(empty_orchard(rows=4, pickers=4, carriers=4, picking_speed=0.1, **changes))
+    assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
+
+
+def test_only_drives_on_which_carriers_can_fail_cost_repairs():
+    """On one-way roads they drive home along 54 m of queue, where none fails."""
+    fails = {"carrying": {"failure": {"mean_between": 300.0, "mean_repair": 600.0}}}
+    failing, sound = (Bounds(lay_out(empty_orchard(rows=4, route="one-way", **changes))).cycle_seconds for changes in (fails, {}))
+    assert 0.5 * sound < (failing - sound) / 2.0 < sound - 54.0
+
+
 def test_early_carriers_of_short_rows_keep_to_the_limit():
     changes = {"rows": 4, "pickers": 2, "carriers": 7, "row_length": 40.0, "route": "two-way", "rows_to_pickers": "balanced-ends"}
     layout = lay_out(empty_orchard(**changes, dispatch="predictive"))

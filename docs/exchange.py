@@ -4,7 +4,7 @@ from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
-from orchard.report.plan import COLOURS, Drawing
+from orchard.report.plan import COLOURS, PIXELS, Drawing
 
 
 def exchange_plan(layout: Layout) -> str:
@@ -32,5 +32,6 @@ def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
     drawing.box(side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
     sweeps = {(route.D_ROAD, stop): 1.17, (route.COUPLING, stop): 1.17, (route.COUPLING, y): 1.17, (route.F_ROAD, y): 2.45}
     for (x, at), radius in (sweeps | {(route.WAITING, y): 2.80}).items():
-        drawing.circle(side.x(x), at, radius, "fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3")
+        circle = f'<circle cx="{drawing.x(side.x(x))}" cy="{drawing.y(at)}" r="{round(radius * PIXELS, 2)}"'
+        drawing.elements.append(f'{circle} style="fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3"/>')
     drawing.line([(side.x(x), at) for x, at in sweeps], "stroke:black;stroke-width:1")

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from orchard.field.scenario import parse
 from orchard.report.summary import clock
-from orchard.study.picture import svg
+from orchard.study.picture import save
 from orchard.study.result import StudyResult
 from orchard.study.study import StudyOptions, study
 from orchard.study.table import as_table
@@ -145,7 +145,9 @@ def result() -> StudyResult:
 
 def picture() -> str:
     """Return docs/study.svg."""
-    return svg(result())
+    with TemporaryDirectory() as folder:
+        save(result(), path := Path(folder, "study.svg"))
+        return path.read_text()
 
 
 def document() -> str:

@@ -15,5 +15,4 @@ POLICIES = MappingProxyType(dict(zip(DISPATCH_POLICIES, _CLASSES, strict=True)))
 
 def dispatch_of(layout: Layout) -> Dispatch:
     """Return the policy that the scenario names. Raises ScenarioError if it cannot be used."""
-    policy: Dispatch = make_plugin("dispatch", layout.scenario.dispatch, POLICIES, layout, methods=("assign", "Memory"))
-    return policy
+    return make_plugin("dispatch", layout.scenario.dispatch, POLICIES, layout, methods=("assign", "Memory"))

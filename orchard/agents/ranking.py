@@ -92,11 +92,8 @@ class Predictive(Ranking):
         return super().assign(now, bins, carriers, memory)
 
 
-class PredictiveFarthest(Predictive):
+class PredictiveFarthest(FarthestFirst, Predictive):
     """A carrier leaves so that it arrives when the picker is done; of the bins due the farthest first. Ties by name."""
-
-    def rank(self, report: BinReport, memory: PredictiveMemory) -> tuple[Any, ...]:
-        return -report.metres, report.name
 
 
 class GlobalAssignment(Ranking):

@@ -255,8 +255,7 @@ class PlanExecutor:
 
     def free(self, places: list[str]) -> None:
         """Give places back."""
-        if self.memory.reserved:
-            self.memory.reserved = [place for place in self.memory.reserved if place not in places]
+        self.memory.reserved = [place for place in self.memory.reserved if place not in places]
 
     def is_left(self, bin_name: str) -> bool:
         """Whether a full bin stands by itself in its lane. While it does not, ask it again and again."""

@@ -15,8 +15,7 @@ ROUTES = {ONE_WAY: OneWay, TWO_WAY: TwoWay}
 
 def route_of(layout: Layout) -> OneWay:
     """The route that the scenario names. Raises ScenarioError for one that cannot be used."""
-    route: OneWay = make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
-    return route
+    return make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
 
 
 def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:

@@ -70,11 +70,7 @@ def merged(old: Frame, new: Frame) -> Frame:
 
 def talk_of(tick: int, letters: Mapping[str, Written]) -> list[Event]:
     """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its letters."""
-    said = [
-        (sender, to, body)
-        for sender, written in letters.items()
-        for to, body in [*written.requests, *((given.to, given.body) for given in written.answers)]
-    ]
+    said = [(sender, to, body) for sender, written in letters.items() for to, body in written.sent]
     return [Event(tick, type_of(body), sender, printable(to), printable(_said(body))) for sender, to, body in said]
 
 

@@ -222,6 +222,11 @@ class Written(msgspec.Struct, forbid_unknown_fields=True):
     requests: Annotated[list[tuple[Word, Request]], Meta(description="[to, body] of each request, numbered by its place from 0")]
     answers: Annotated[list[Given], Meta(description="[to, tick and number of the request, body of the answer]")]
 
+    @property
+    def sent(self) -> list[tuple[str, Request | Answer]]:
+        """The recipient and the body of each."""
+        return [*self.requests, *((given.to, given.body) for given in self.answers)]
+
 
 # -- bytes
 

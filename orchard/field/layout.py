@@ -186,9 +186,7 @@ class Layout:
     @property
     def bottom(self) -> float:
         """y of the bottom fence's centre line, m."""
-        if self.scenario.survey:
-            return self.tree_lines[-1] - BELOW_ROWS
-        return TOP - (self.scenario.row_width * self.scenario.rows + TRUNK * (self.scenario.rows + 1) + 41.0)
+        return self.tree_lines[-1] - BELOW_ROWS
 
     @property
     def tree_lines(self) -> tuple[float, ...]:
@@ -267,9 +265,8 @@ def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
     ys = [TREE_TOP_LINE - (line - lines[0]) for line in lines]
     lanes = [_lane(scenario, number, row, row.south - lines[0], ys) for number, row in enumerate(rows, start=1)]
     beside = [lanes[max(0, i - 1) : i + 1] for i in range(len(ys))]
-    return tuple(lanes), tuple(
-        TreeLine(y, min(lane.west for lane in near), max(lane.east for lane in near)) for y, near in zip(ys, beside, strict=True)
-    )
+    ends = [(min(lane.west for lane in near), max(lane.east for lane in near)) for near in beside]
+    return tuple(lanes), tuple(TreeLine(y, *west_and_east) for y, west_and_east in zip(ys, ends, strict=True))
 
 
 def _lane(scenario: Scenario, number: int, row: SurveyedRow, south: float, lines: list[float]) -> Lane:

@@ -54,7 +54,7 @@ def guests(scenario: Scenario, machines: list[Start], walls: np.ndarray, inside:
     boxes = [(machine.pose, KINDS[machine.kind]) for machine in machines]
     solid = [(*wall, CLEAR) for wall in walls.tolist()] + [(at.x, at.y, kind.length / 2, kind.width / 2, CLEAR) for at, kind in boxes]
     areas = [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
-    grounds = {kind: ground.copy() for kind, ground in _bare_grounds(tuple(solid), tuple(areas), inside, rows).items()}
+    grounds = {kind: copy(ground) for kind, ground in _bare_grounds(tuple(solid), tuple(areas), inside, rows).items()}
     solid_grounds = [ground for kind, ground in grounds.items() if kind in PEOPLE + ANIMALS]
     crowd = [_place(scenario.seed, kind, number, grounds[kind], solid_grounds) for kind, number in _in_order(scenario)]
     beds = grounds["weed north"], grounds["weed south"]  # odd numbers above the rows, even numbers below
@@ -80,10 +80,6 @@ class _Ground:
         self.obstacles = np.array(obstacles)
         self._grid = cache(partial(self._closed, obstacles))  # one for all copies
         self._taken: list[Obstacle] = []  # what is not in the grid yet
-
-    def copy(self) -> "_Ground":
-        """Return the same ground, on which bodies can be placed."""
-        return copy(self)
 
     def take(self, obstacle: Obstacle) -> None:
         self.obstacles = np.vstack([self.obstacles, obstacle])

@@ -70,13 +70,13 @@ def load_plugin(key: str, path: str) -> Any:
 
 
 def make_plugin(
-    key: str, path: str, builtin: Mapping[str, Callable[..., Any]], *arguments: Any, methods: Sequence[str] = (), base: type = object
-) -> Any:
+    key: str, path: str, builtin: Mapping[str, Callable[..., Result]], *arguments: Any, methods: Sequence[str] = (), base: type = object
+) -> Result:
     """Return an object of the class that `path` names, built-in or a user's. Raises ScenarioError if that fails or a method is missing."""
-    class_ = builtin[path] if path in builtin else load_plugin(key, path)
+    class_: Callable[..., Result] = builtin[path] if path in builtin else load_plugin(key, path)
     try:
         made = made_of(class_, *arguments)
-        if not isinstance(made, base):
+        if not issubclass(type(made), base):
             raise TypeError(f"it must be a class that is derived from {base.__name__}")
         if missing := [method for method in methods if not hasattr(made, method)]:
             raise TypeError(f"it has no {' and no '.join(missing)}")
@@ -85,7 +85,7 @@ def make_plugin(
     return made
 
 
-def made_of(class_: Callable[..., Any], *arguments: Any) -> Any:
+def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
     """Call a user's class. Raises what it raises; a TypeError of the call itself says with what the program calls it."""
     try:
         return contained(class_, *arguments)

@@ -105,9 +105,9 @@ def queue_of(name: str, row_length: float, bay: float, carriers: int, charge: bo
 
     `charge`: each line in which carriers wait has another one beside it, in which they charge.
     """
-    if not charge:
-        return next((queue for queue in QUEUES[name](row_length, bay, carriers) if queue.room >= carriers), None)
-    return next((queue for queue in QUEUES[name](row_length, bay, 2 * carriers) if queue.room >= 2 * queue.whole_lines(carriers)), None)
+    times = 2 if charge else 1
+    queues = QUEUES[name](row_length, bay, times * carriers)
+    return next((queue for queue in queues if queue.room >= times * queue.whole_lines(carriers)), None)
 
 
 def lack_of_room(name: str, row_length: float, bay: float, carriers: int, charge: bool = False) -> str:

@@ -58,12 +58,13 @@ class Animals(_Guests):
     cats: Annotated[int, _count("number of cats")] = 1
 
 
+YIELD = "yield of rows with their trees, t/ha; null: unknown"
+
+
 class Crop(Section):
     """How much fruit grows, and how much of it a bin holds: both, or neither."""
 
-    tonnes_per_hectare: Annotated[
-        float | None, Field(ge=1.0, le=200.0, description="yield of rows with their trees, t/ha; null: unknown")
-    ] = None
+    tonnes_per_hectare: Annotated[float | None, Field(ge=1.0, le=200.0, description=YIELD)] = None
     kilograms_per_bin: Annotated[float | None, Field(ge=10.0, le=2000.0, description="fruit in a full bin, kg; null: unknown")] = None
 
 
@@ -122,6 +123,7 @@ class LaserSettings(Section):
     noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
 
 
+BIAS_TIME = "time in which the correlation of the slow error falls to 1/e, s"
 MOST_WHITE, MOST_BIAS = 0.1, 0.03  # m: with more, a carrier may take a picker that waits 0.25 m beside its road for one ahead of it
 
 
@@ -130,9 +132,7 @@ class Gnss(Section):
 
     white: Annotated[float, Field(ge=0.0, le=MOST_WHITE, description="standard deviation of the error new at each tick, m")] = 0.0
     bias: Annotated[float, Field(ge=0.0, le=MOST_BIAS, description="standard deviation of the slow error, m")] = 0.0
-    bias_time: Annotated[
-        float, Field(ge=1.0, le=86400.0, description="time in which the correlation of the slow error falls to 1/e, s")
-    ] = 300.0
+    bias_time: Annotated[float, Field(ge=1.0, le=86400.0, description=BIAS_TIME)] = 300.0
 
 
 class OdometrySettings(Section):

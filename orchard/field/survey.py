@@ -49,13 +49,13 @@ class Origin(Section):
         return at.real, at.imag
 
 
+IN_ORDER = "the rows, from north to south"
+
+
 class Survey(Section):
     """Surveyed rows, from north to south, and where they lie on the earth."""
 
-    rows: Annotated[
-        tuple[SurveyedRow, ...],
-        Field(strict=False, min_length=FEWEST_ROWS, max_length=MOST_ROWS, description="the rows, from north to south"),
-    ]
+    rows: Annotated[tuple[SurveyedRow, ...], Field(strict=False, min_length=FEWEST_ROWS, max_length=MOST_ROWS, description=IN_ORDER)]
     origin: Annotated[Origin | None, Field(description="where the frame map lies on the earth; null: not known")] = None
 
     @property

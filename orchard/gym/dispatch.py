@@ -42,12 +42,10 @@ class Dispatching:
         self.bins, self.carriers = ([name for name in names if name.startswith(f"{kind}_")] for kind in ("bin", "carrier"))
         most = np.array([1.0, MOST_LANES, LONG, LONG, LONG, FAR], dtype=np.float32)
         self.action_space = spaces.Discrete(1 + len(self.bins) * len(self.carriers))
-        self.observation_space = spaces.Dict(
-            {
-                "seconds": _box_up_to(np.array([LONG], np.float32)),
-                "bins": _box_up_to(np.tile(most, len(self.bins))),
-                "carriers": _box_up_to(np.tile(most[[0, 5]], len(self.carriers))),
-            }
+        self.observation_space = spaces.Dict(  # in the order in which Gymnasium sorts them
+            bins=_box_up_to(np.tile(most, len(self.bins))),
+            carriers=_box_up_to(np.tile(most[[0, 5]], len(self.carriers))),
+            seconds=_box_up_to(np.array([LONG], np.float32)),
         )
 
     def observation(self, now: int, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> Arrays:

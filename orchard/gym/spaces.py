@@ -49,16 +49,14 @@ def _box(*bounds: tuple[float, float]) -> spaces.Box:
 def observation_space(name: str) -> spaces.Dict:
     """Return the space of what a body observes: see the table above. It does not depend on the orchard: a curriculum may change it."""
     kind, one = KINDS[kind_of(name)], (0.0, 1.0)
-    return spaces.Dict(
-        {
-            "scan": _box(*[(0.0, LASER_RANGE)] * kind.laser.beams),
-            "pose": _box((-FAR, FAR), (-FAR, FAR), (-1.0, 1.0), (-1.0, 1.0)),
-            "velocity": _box(*[(-2.0 * most, 2.0 * most) for most in (kind.speed, kind.turn)]),  # odometry may measure more than there is
-            "bar": _box(one),
-            "fill": _box((0.0, LONGEST_ROW)),
-            "goal": _box((-FAR, FAR), (-FAR, FAR), (-math.pi, math.pi)),
-            "mail": _box(one, (0.0, MOST_LANES), (-1.0, 1.0), one),
-        }
+    return spaces.Dict(  # in the order in which Gymnasium sorts them
+        bar=_box(one),
+        fill=_box((0.0, LONGEST_ROW)),
+        goal=_box((-FAR, FAR), (-FAR, FAR), (-math.pi, math.pi)),
+        mail=_box(one, (0.0, MOST_LANES), (-1.0, 1.0), one),
+        pose=_box((-FAR, FAR), (-FAR, FAR), (-1.0, 1.0), (-1.0, 1.0)),
+        scan=_box(*[(0.0, LASER_RANGE)] * kind.laser.beams),
+        velocity=_box(*[(-2.0 * most, 2.0 * most) for most in (kind.speed, kind.turn)]),  # odometry may measure more than there is
     )
 
 

@@ -25,7 +25,7 @@ from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending, read_end
 from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError, check_security, from_elsewhere, is_public, reachable, with_port
 from orchard.net.options import HostOptions, LoggerOptions
-from orchard.net.refusals import Refusals, Refused, read_message
+from orchard.net.refusals import Refusals, Refused, read_message, refused_for
 from orchard.net.requests import fetch_run
 from orchard.net.zenoh_bus import client
 from orchard.report.progress import Progress
@@ -308,15 +308,13 @@ class LaunchedRun:
 
 
 def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
-    try:
+    with refused_for("malformed"):
         if sample.key.endswith("/end"):
             end = read_message(sample.payload, End, run_id)
             msgspec.convert(end.summary, Outcome)
             return end
         message = read_message(sample.payload, Figures, run_id)
         headline_of(message.figures)
-    except ValueError as error:
-        raise Refused("malformed", str(error)) from error
     progress.show(message.figures, message.doing, message.waits_for)
     return None
 

@@ -47,9 +47,8 @@ COMMANDS = {
     "bound": "prove how short a harvest could be, whatever sends the carriers",
     "benchmark": "score a dispatch policy in twenty orchards, beside the built-in ones",
 }
-HELP = "Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n" + "\n".join(
-    f"  {name:10}{what}" for name, what in COMMANDS.items()
-)
+LISTED = "\n".join(f"  {name:10}{what}" for name, what in COMMANDS.items())
+HELP = f"Harvest an orchard to the end.\n\n\b\nOther commands, each with its own --help:\n{LISTED}"
 FORK, ORCHARD, RUN, OUTPUT, NETWORK = "The fork", "The orchard", "The run", "What it shows and writes", "Several machines"
 
 # -- parsers; all of them raise BadParameter
@@ -159,23 +158,15 @@ def _rule(what: str, builtin: Iterable[str]) -> Any:
     return option(ORCHARD, f"{what}: {', '.join(builtin)}, or module.Class.", "NAME")
 
 
-File = Annotated[
-    Path | None,
-    Argument(
-        metavar="SCENARIO.yaml",
-        help=f"A file, or the name of one in config/: {', '.join(name for name in names() if name != DEFAULT)}.",
-        show_default=DEFAULT,
-        callback=_scenario,
-    ),
-]
+NAMED = f"A file, or the name of one in config/: {', '.join(name for name in names() if name != DEFAULT)}."
+PROCESSES = "Agent processes. Default: one per core, at most 4."
+STYLES = "text: a table on a terminal, else lines; json: JSON lines."
+MOMENTS = "Simulated time between moments for forks."
+File = Annotated[Path | None, Argument(metavar="SCENARIO.yaml", help=NAMED, show_default=DEFAULT, callback=_scenario)]
 Rows = Annotated[int | None, Option(help="Rows, 3 to 100.", rich_help_panel=ORCHARD)]
 Pickers = Annotated[int | None, Option(help="Pickers, 2 to rows.", rich_help_panel=ORCHARD)]
-Hosts = Annotated[
-    int | None, Option(parser=_hosts, metavar="N|each", help="Agent processes. Default: one per core, at most 4.", rich_help_panel=RUN)
-]
-Style = Annotated[
-    Literal["text", "json"], Option(help="text: a table on a terminal, else lines; json: JSON lines.", rich_help_panel=OUTPUT)
-]
+Hosts = Annotated[int | None, Option(parser=_hosts, metavar="N|each", help=PROCESSES, rich_help_panel=RUN)]
+Style = Annotated[Literal["text", "json"], Option(help=STYLES, rich_help_panel=OUTPUT)]
 
 # -- a harvest
 
@@ -204,9 +195,7 @@ class HarvestOptions:
     view: bool = flag(OUTPUT, "--view", "Open the viewer and watch live. Its window stays; Ctrl-C closes it.")
     web: int | None = option(OUTPUT, "Watch live in a browser on this machine.", "PORT", min=1024, max=65534)
     summary: Path | None = option(OUTPUT, "Write the summary to this file.", "FILE.json")
-    keyframes: float = option(
-        OUTPUT, "Simulated time between moments for forks.", "SECONDS", default=KEYFRAME_SECONDS, min=0.1, max=LONGEST
-    )
+    keyframes: float = option(OUTPUT, MOMENTS, "SECONDS", default=KEYFRAME_SECONDS, min=0.1, max=LONGEST)
     table: Path | None = option(OUTPUT, "Write Parquet tables to this folder: docs/how-to.md.", "DIR", parser=_folder)
     progress: Style = "text"
     listen: str | None = option(NETWORK, "Address where other machines may join: tcp/0.0.0.0:7447.", "ENDPOINT")
@@ -383,9 +372,8 @@ class Group(_Plain, TyperGroup):
 Robots = Annotated[list[str] | None, Argument(metavar="ROBOT|KIND", help="picker_01, carrier; default: all robots.")]
 There = Annotated[str | None, Option(metavar="ENDPOINT", help="A run elsewhere: tcp/192.168.1.10:7447. Default: here.")]
 Steps = Annotated[int, Argument(metavar="N", parser=_steps, help="Number of steps.")]
-EmergencyOperator = Annotated[
-    Path | None, Option("--secure", metavar="DIR", help="For a secured run: the directory with the role emergency-operator.")
-]
+SECURED = "For a secured run: the directory with the role emergency-operator."
+EmergencyOperator = Annotated[Path | None, Option("--secure", metavar="DIR", help=SECURED)]
 Browser = Annotated[int | None, Option("--web", min=1024, max=65534, metavar="PORT", help="Show it in a browser on this machine.")]
 Recording = Annotated[Path | None, Argument(metavar="FILE.rrd", show_default="the newest")]
 
@@ -438,8 +426,7 @@ Quiet = Annotated[bool, Option("--quiet", metavar="", help="Do not open a browse
 # -- an orchard of one's own
 
 GeoJson = Annotated[Path, Argument(metavar="FILE.geojson", help="The centre lines of the rows, a LineString each.", show_default=False)]
-System = Annotated[
-    str | None, Option("--crs", metavar="NAME", help="Their coordinate system, such as EPSG:2193. Default: the one that the file names.")
-]
+SYSTEM = "Their coordinate system, such as EPSG:2193. Default: the one that the file names."
+System = Annotated[str | None, Option("--crs", metavar="NAME", help=SYSTEM)]
 NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", help="A new file for the scenario. Default: stdout.")]
 NewMap = Annotated[Path, Option("--lif", metavar="FILE.json", help="The file for the map.")]

@@ -82,10 +82,8 @@ def find_runs(folder: Path, connect: str | None) -> list[RunNote]:
     """Return the run at `connect`, or all active runs on this machine. Raises BusError if there is none."""
     runs = running_here(folder) if connect is None else [RunNote("", connect)]
     if not runs:
-        raise BusError(
-            "no run is active here; for a run elsewhere: --connect ENDPOINT "
-            "(a run in local mode has no network, and cannot be reached: Ctrl-C ends it)"
-        )
+        local = "a run in local mode has no network, and cannot be reached: Ctrl-C ends it"
+        raise BusError(f"no run is active here; for a run elsewhere: --connect ENDPOINT ({local})")
     return runs
 
 

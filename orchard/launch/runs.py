@@ -95,9 +95,8 @@ def check_writable(path: Path) -> None:
     try:
         path.open("ab").close()
     except OSError as error:
-        raise OSError(
-            f"{path}: cannot be written: {error.strerror}; expected a file in a directory that exists and can be written"
-        ) from error
+        expected = "expected a file in a directory that exists and can be written"
+        raise OSError(f"{path}: cannot be written: {error.strerror}; {expected}") from error
     if new:
         path.unlink()
 

@@ -99,6 +99,7 @@ MODELS = "Of one harvest: fast: the discrete-event model; full: the simulator; b
 VARY = "What varies: carriers=1..20, dispatch=nearest,predictive (repeatable). Default: carriers, as many as it takes."
 GOALS = "What is best. Default: the least cost if the scenario has prices, else the most bins."
 KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
+SCHEDULER = "A scheduler of dask.distributed: tcp://192.168.1.10:8786."
 WITHIN = "A difference below this share is worth nothing."
 
 
@@ -115,9 +116,7 @@ class StudyArguments:
     budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="5min", parser=_checked(_budget))
     model: Models = _choice(RUNS, MODELS, Models, "both")
     workers: int | None = option(RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers))
-    scheduler: str | None = option(
-        RUNS, "A scheduler of dask.distributed: tcp://192.168.1.10:8786.", "ENDPOINT", parser=_checked(_scheduler)
-    )
+    scheduler: str | None = option(RUNS, SCHEDULER, "ENDPOINT", parser=_checked(_scheduler))
     out: Path | None = option(RUNS, KEPT, "STORE", parser=_checked(_store))
     anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")
     summary: Path | None = option(FILES, "Write the whole answer to this file.", "FILE.json")

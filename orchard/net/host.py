@@ -74,11 +74,8 @@ class AgentRunner:
 
     def news(self) -> bytes | None:
         """Return the packed memory; None if physics has it already."""
-        memory = self._agent.packed
-        if memory == self._sent:
-            return None
-        self._sent = memory
-        return memory
+        before, self._sent = self._sent, self._agent.packed
+        return None if self._sent == before else self._sent
 
 
 class StateBoard:

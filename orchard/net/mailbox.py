@@ -12,7 +12,7 @@ from orchard.contract.agent import MOST_HOLD, Action, Heard, Mail, Observation, 
 from orchard.contract.mail import in_hearing_order
 from orchard.contract.messages import Answer, Request, pack
 from orchard.net.bus import Query
-from orchard.net.refusals import Refused, read_message
+from orchard.net.refusals import Refused, read_message, refused_for
 from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
@@ -47,10 +47,8 @@ class LatestObservations:
             raise Refused("not owned", "an agent of another session")
         if not self._bodies.intersection(message.due).issubset(message.names):
             raise Refused("not all", "bodies are missing")
-        try:
+        with refused_for("malformed"):
             self.observations = observations_of(message)
-        except ValueError as error:
-            raise Refused("malformed", str(error)) from error
         self.tick, self.due, self.asked = message.tick, message.due, message.asked
 
 

@@ -2,12 +2,13 @@
 
 import logging
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import msgspec
 
-from orchard.field.problems import printable
+from orchard.field.problems import ScenarioError, printable
 from orchard.sim.snapshot import SnapshotError
 from orchard.wire.messages import Counts, Reason, RunMessage, Session, read
 
@@ -29,6 +30,15 @@ class Refused(Exception):
         self.detail = printable(detail)
         self.session = ""  # that sent it, if it says so
         super().__init__(f"{reason}: {self.detail}" if detail else reason)
+
+
+@contextmanager
+def refused_for(reason: Reason, about: str = "") -> Iterator[None]:
+    """In this context, what is wrong with a message, a ValueError or ScenarioError, is the detail of its refusal: raises Refused."""
+    try:
+        yield
+    except (ValueError, ScenarioError) as error:
+        raise Refused(reason, f"{about}{error}") from error
 
 
 class Refusals:
@@ -56,10 +66,8 @@ class Refusals:
 
 def read_message(payload: bytes, type_: type[M], run: str) -> M:
     """Return the message in a payload. Raises Refused if it is malformed or of another run."""
-    try:
+    with refused_for("malformed"):
         message = read(payload, type_)
-    except ValueError as error:
-        raise Refused("malformed", str(error)) from error
     refuse_other_run(message, run)
     return message
 

@@ -8,7 +8,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import zenoh
@@ -151,10 +151,10 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 
 
 # -- sessions
+OpenBus = AbstractContextManager[Bus]
 
 
-@contextmanager
-def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> Iterator[Bus]:
+def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> OpenBus:
     """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those of its rules.
 
     For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot listen.
@@ -162,26 +162,23 @@ def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Ident
     endpoint = with_port(endpoint)
     if identity is None and is_public(endpoint):
         log.warning("%s: %s", endpoint, _OPEN)
-    with _session("router", endpoint, 0.0, identity) as session:
-        yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
+    return _opened("router", endpoint, inbox, 0.0, identity)
 
 
-@contextmanager
-def client(endpoint: str, inbox: Inbox | None = None, seconds: float = CONNECT_SECONDS, identity: Identity | None = None) -> Iterator[Bus]:
+def client(endpoint: str, inbox: Inbox | None = None, seconds: float = CONNECT_SECONDS, identity: Identity | None = None) -> OpenBus:
     """Open a client session, and close it at the end. Raises BusError without a router in `seconds`."""
-    with _session("client", endpoint, seconds, identity) as session:
-        yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
+    return _opened("client", endpoint, inbox, seconds, identity)
 
 
 @contextmanager
-def _session(mode: str, endpoint: str, seconds: float, identity: Identity | None) -> Iterator[zenoh.Session]:
+def _opened(mode: str, endpoint: str, inbox: Inbox | None, seconds: float, identity: Identity | None) -> Iterator[Bus]:
     check_security(endpoint, identity is not None)
     try:
         session = zenoh.open(_config(mode, endpoint, seconds, identity))
     except zenoh.ZError as error:
         raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
     try:
-        yield session
+        yield ZenohBus(session, Inbox() if inbox is None else inbox, endpoint)
     finally:
         try:
             session.close()  # type: ignore[no-untyped-call]

@@ -14,10 +14,10 @@ from pathlib import Path
 from orchard.contract.events import Event, Frame, merged, talk_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import check
-from orchard.net.bus import Alive, Bus, Item, Sample, Signal
+from orchard.net.bus import Alive, Bus, Item, Sample
 from orchard.net.ending import Ending
 from orchard.net.host import GONE_SECONDS, HostEnded, end_if_asked
-from orchard.net.refusals import Refusals, Refused, read_message
+from orchard.net.refusals import Refusals, Refused, read_message, refused_for
 from orchard.net.requests import fetch_run, publish_refusals
 from orchard.view.palette import Colour
 from orchard.view.reader import before
@@ -138,8 +138,7 @@ class Logger:
         return code, part
 
     def _handle(self, item: Item) -> None:
-        if isinstance(item, Signal):
-            raise HostEnded(0, "asked to stop")
+        end_if_asked(item)
         if isinstance(item, Alive):
             self._ending.track(item.key, item.up)
             self._gone_until = self._ending.gone_at + GONE_SECONDS
@@ -170,10 +169,8 @@ class Logger:
         for message in sorted(told, key=lambda message: message.tick - isinstance(message, Picture)):
             match message:
                 case Picture():
-                    try:
+                    with refused_for("malformed"):
                         self._see(frame_of(message, self.layout))
-                    except ValueError as error:
-                        raise Refused("malformed", str(error)) from error
                 case Letters():
                     self._note(talk_of(message.tick, message.letters))
                 case Events():

@@ -121,13 +121,9 @@ def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
 def schedule_seconds(layout: Layout) -> float:
     """Return the time of the harvest with roads that each robot has to itself, s."""
     scenario, route = layout.scenario, route_of(layout)
-    own = {
-        "agents": {},
-        "agents_without_body": {},
-        "dispatch": scenario.dispatch if scenario.dispatch in POLICIES else "nearest",
-        "route": route.QUEUE if route.Steps else scenario.route,
-    }
-    ideal = lay_out(undisturbed(scenario, **own))
+    dispatch = scenario.dispatch if scenario.dispatch in POLICIES else NEAREST
+    way = route.QUEUE if route.Steps else scenario.route
+    ideal = lay_out(undisturbed(scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=way))
     stood = {"picker": 0.0, "carrier": 0.0}
     for robot in DiscreteHarvest(ideal, free_roads=True).run().robots.values():
         stood[kind_of(robot.name)] = max(stood[kind_of(robot.name)], robot.stood * TIME_STEP)

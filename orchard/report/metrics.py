@@ -81,11 +81,8 @@ def orders_refused(answers: Mapping[str, Action | None]) -> int:
 
 def who_waits(actions: Mapping[str, Action]) -> list[str]:
     """Return a line for each robot that waits: what it does, and what it waits for."""
-    return [
-        f"{name} ({action.doing}) waits for {action.waits_for}"
-        for name, action in sorted(actions.items())
-        if action.waits_for and kind_of(name) in ROBOTS
-    ]
+    waiting = [(name, action) for name, action in sorted(actions.items()) if action.waits_for and kind_of(name) in ROBOTS]
+    return [f"{name} ({action.doing}) waits for {action.waits_for}" for name, action in waiting]
 
 
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:

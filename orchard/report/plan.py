@@ -43,9 +43,6 @@ class Drawing:
         path = " ".join(f"{self.x(x)},{self.y(y)}" for x, y in points)
         self.elements.append(f'<polyline points="{path}" style="fill:none;{style}"/>')
 
-    def circle(self, x: float, y: float, radius: float, style: str) -> None:
-        self.elements.append(f'<circle cx="{self.x(x)}" cy="{self.y(y)}" r="{round(radius * PIXELS, 2)}" style="{style}"/>')
-
     def label(self, x: float, y: float, words: str, metres: float) -> None:
         """Write words of this height, m, to the right of a point, with a white edge, to be read on any ground."""
         at = f'x="{self.x(x)}" y="{self.y(y)}" font-size="{round(metres * PIXELS, 2)}"'

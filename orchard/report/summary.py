@@ -91,15 +91,8 @@ class Headline(msgspec.Struct, kw_only=True):
         if self.broken_agents:
             names, more = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]], len(self.broken_agents) - NAMED
             ends.append(f"broken: {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
-        return "  ".join(
-            [
-                f"{self.sim_seconds:7.1f} s",
-                f"{self.times_real_time:6.1f} x real time",
-                f"{picked:>5} picked",
-                f"{self.bins_delivered}/{self.bins} bins",
-                *ends,
-            ]
-        )
+        so_far = f"{picked:>5} picked  {self.bins_delivered}/{self.bins} bins"
+        return "  ".join([f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time", so_far, *ends])
 
 
 def headline_of(figures: Mapping[str, Any]) -> Headline:

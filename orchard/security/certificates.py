@@ -115,10 +115,8 @@ def check(folder: Path, role: Role) -> None:
     if key.public_key() != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
     if _in(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
-        its = f"duty {role.duty}, names {', '.join(role.names)}"
-        raise ValueError(
-            f"{folder}: role.json has changed ({its}), and a router does not grant that; `orchard secure --anew` makes new roles"
-        )
+        change = f"role.json has changed (duty {role.duty}, names {', '.join(role.names)})"
+        raise ValueError(f"{folder}: {change}, and a router does not grant that; `orchard secure --anew` makes new roles")
     for one in (certificate, authority):
         if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
             span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"

@@ -88,9 +88,8 @@ def role_in(folder: Path) -> Role:
         data = json.loads(path.read_text())
         return Role(data["name"], data["duty"], tuple(data["names"]))
     except FileNotFoundError:
-        raise ValueError(
-            f"{folder}: not the directory of a role: no {ROLE} in it; `orchard secure DIR` makes them, as DIR/<role>"
-        ) from None
+        makes = "`orchard secure DIR` makes them, as DIR/<role>"
+        raise ValueError(f"{folder}: not the directory of a role: no {ROLE} in it; {makes}") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: not as `orchard secure` wrote it: {error}") from error
 

@@ -8,11 +8,11 @@ from functools import partial
 import msgspec
 
 from orchard.contract.messages import pack
-from orchard.field.problems import ScenarioError, printable
+from orchard.field.problems import printable
 from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
-from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick
+from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick, refused_for
 from orchard.server.run import Run, RunEnded, RunReset
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
@@ -31,12 +31,12 @@ class Queries:
         self._keys, self._run = keys, run
         self.replies = {
             "scenario": self._scenario,
-            "layout": self._layout,
+            "layout": lambda query: query.reply(pack(orchard_of(run.id, run.engine.tick, run.engine.layout))),
             "recall": self._recall,
             "stop": self._stop,
             "simulation_state": lambda query: query.reply(pack(run.control.state)),
             "set_simulation_state": self._set_simulation_state,
-            "step_simulation": self._step_simulation,
+            "step_simulation": lambda query: run.control.step(query, read_message(query.payload, wire.StepSimulation, run.id).steps),
             "reset_simulation": self._reset_simulation,
         }
 
@@ -65,9 +65,6 @@ class Queries:
         scenario = engine.layout.scenario.model_dump()
         query.reply(pack(wire.RunInfo(self._run.id, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
 
-    def _layout(self, query: Query) -> None:
-        query.reply(pack(orchard_of(self._run.id, self._run.engine.tick, self._run.engine.layout)))
-
     def _join(self, session: str, query: Query) -> None:
         join = read_message(query.payload, wire.Join, self._run.id)
         _refuse_other_session(join.owner, session)
@@ -88,10 +85,8 @@ class Queries:
         run, engine = self._run, self._run.engine
         request = read_message(query.payload, wire.Stop, run.id)
         run.report()
-        try:
+        with refused_for("no such robot"):
             changed = engine.stop(request.names) if request.stop else engine.reset(request.names)
-        except ValueError as error:
-            raise Refused("no such robot", str(error)) from error
         kept = run.keep_at_once() if changed else run.is_kept()
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
@@ -109,19 +104,14 @@ class Queries:
         if run.drivers.roster.has_logger:
             raise Refused("recorded", "the recording would hold two runs; start the run without one (--record none)")
         scenario = run.engine.layout.scenario.model_dump() | ({} if wanted.seed is None else {"seed": wanted.seed})
-        try:
+        with refused_for("malformed"):
             check(scenario, "the scenario")
-        except ScenarioError as error:
-            raise Refused("malformed", str(error)) from error
         run.report()
         if run.account.snapshot_writer.folder is not None and not run.keep_at_once():
             raise Refused("not kept", "no snapshot can be written, and the death of physics would undo the reset; is the disk full?")
         query.reply(pack(run.control.state))
         query.drop()
         raise RunReset(scenario)
-
-    def _step_simulation(self, query: Query) -> None:
-        self._run.control.step(query, read_message(query.payload, wire.StepSimulation, self._run.id).steps)
 
 
 class Inbound:
@@ -228,10 +218,8 @@ class Inbound:
 
     def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
         """Take the actions of a session. Return the refusals. Raises Refused if the whole message does not count."""
-        try:
+        with refused_for("malformed"):
             actions, faults = velocities_of(payload)
-        except ValueError as error:
-            raise Refused("malformed", str(error)) from error
         refuse_other_run(actions, self._run.id)
         _refuse_other_session(actions.owner, session)
         refused = {name: Refused("malformed", f"{name}: {fault}") for name, fault in faults.items()}
@@ -264,7 +252,5 @@ def _refuse_other_session(owner: str, session: str) -> None:
 
 
 def _session(text: str) -> str:
-    try:
+    with refused_for("malformed", "a session's id: "):
         return str(msgspec.convert(text, wire.Session))
-    except ValueError as error:
-        raise Refused("malformed", f"a session's id: {error}") from error

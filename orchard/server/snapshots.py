@@ -83,9 +83,8 @@ class SnapshotWriter:
                 store(name, content, folder, run)
         except OSError as error:
             if not self._failed:
-                log.error(
-                    "a snapshot could not be written in %s: %s; without one the run cannot be resumed", folder, error.strerror or error
-                )
+                why = error.strerror or error
+                log.error("a snapshot could not be written in %s: %s; without one the run cannot be resumed", folder, why)
             self._failed = True
             return False
         return True
@@ -112,11 +111,9 @@ def last(folder: Path, run: str = "") -> Snapshot | None:
 
     `run`: its id; '' for that of the folder. Snapshots that are not usable are logged.
     """
-    refused: list[str] = []
-    try:
+    refused, found = list[str](), None
+    with suppress(SnapshotError):
         found = newest(folder, refused, run, examine)
-    except SnapshotError:
-        found = None
     for why in refused:
         log.warning("not used: %s", why)
     if refused and found is None:

@@ -155,20 +155,13 @@ class Engine:
         """Do what `advance` does, without accounting for the step."""
         self.account()
         self.answers = self.lookahead.hold(self.world, self.scans.ranges, actions)
-        self._remember(self.answers)
+        self.actions = {name: action for name, action in (self.actions | self.answers).items() if action is not None}
         events, self._news = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)), []
         self.sensors.advance()
         self.lookahead.wake(event.who for event in events if event.what in batteries.NEWS)
         heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)} if mail_digests else {}
         self._stepped = self.scans.ranges, heard, events  # mail to unknown names is left out
         return events
-
-    def _remember(self, answers: Mapping[str, Action | None]) -> None:
-        for name, action in answers.items():
-            if action is None:
-                self.actions.pop(name, None)
-            else:
-                self.actions[name] = action
 
     def account(self) -> None:
         """Add the last step, once, to the hash, the invariants and the times in states: before whatever needs or changes these."""

@@ -25,15 +25,8 @@ PAST_HEAD = 2.0  # m past the queue: a carrier that something drove there, and t
 
 _CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends", "pick_from"
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
-_ARGUMENTS = attrgetter(  # of the kernel `advance`: each parameter's place in the world
-    *in_order(
-        advance,
-        {name: name for name in _CHANGING}
-        | {name: f"fixed.{name}" for name in _CONSTANT}
-        | {name: f"space.{name}" for name in Space._fields},
-        skip=1,
-    )
-)
+_PLACES = [*_CHANGING, *(f"fixed.{name}" for name in _CONSTANT), *(f"space.{name}" for name in Space._fields)]  # in the world
+_ARGUMENTS = attrgetter(*in_order(advance, {place.rpartition(".")[2]: place for place in _PLACES}, skip=1))  # of the kernel `advance`
 
 
 def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:

@@ -20,7 +20,6 @@ HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
 STEM, SNAPSHOT, KEYFRAME = "tick-%09d", ".snapshot", ".keyframe"  # keyframes stay: from each of them a run can be forked
-NAME = STEM + SNAPSHOT
 RUN = "run"  # file: the id of the run that writes its snapshots into the folder
 
 
@@ -53,7 +52,7 @@ class Snapshot(msgspec.Struct):
 def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
     payload = pack(snapshot)
     head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
-    return NAME % snapshot.tick, head + payload
+    return STEM % snapshot.tick + SNAPSHOT, head + payload
 
 
 def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:

@@ -208,25 +208,15 @@ def save_futures(path: Path, rates: Mapping[float, Sequence[float]], shares: Map
 
 
 def save(result: StudyResult, path: Path) -> None:
-    """Write the picture in the format of its name, such as .svg or .png. Raises ValueError for another one, or OSError."""
+    """Write the picture, on white, in the format of its name, such as .svg or .png. Raises ValueError for another one, or OSError."""
     _save(figure(result), path)
 
 
 def _save(drawing: Figure, path: Path) -> None:
     if (kind := path.suffix.removeprefix(".").lower()) not in drawing.canvas.get_supported_filetypes():
         raise ValueError(f"{path}: a picture's name ends in .svg or .png")
-    path.write_bytes(_written(_on_white(drawing), kind))
-
-
-def svg(result: StudyResult) -> str:
-    """Return the picture as a file of SVG, on white."""
-    return _written(_on_white(figure(result)), "svg").decode()
-
-
-def _on_white(drawing: Figure) -> Figure:
-    drawing.patch.set_alpha(1.0)
-    drawing.patch.set_facecolor("white")
-    return drawing
+    drawing.patch.set(alpha=1.0, facecolor="white")
+    path.write_bytes(_written(drawing, kind))
 
 
 def inline_svg(result: StudyResult) -> str:

@@ -2,7 +2,7 @@
 
 import os
 import sqlite3
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import closing, suppress
 from dataclasses import fields
 from pathlib import Path
@@ -45,24 +45,20 @@ class Store:
         """Make the file if there is none, or one of another version that may be forgotten."""
         if not self.path.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._make(self._link)
+            made = self._made()
+            with suppress(FileExistsError):
+                os.link(made, self.path)
+            made.unlink()
         if fault := fault_of(self.path, anew):
             raise StoreError(f"{self.path}: {fault}")
         if _version(self.path) != software():
-            self._make(self._replace)
+            made = self._made()
+            for rest in ("-wal", "-shm"):
+                self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
+            made.replace(self.path)
 
-    def _link(self, made: Path) -> None:
-        with suppress(FileExistsError):
-            os.link(made, self.path)
-        made.unlink()
-
-    def _replace(self, made: Path) -> None:
-        for rest in ("-wal", "-shm"):
-            self.path.with_name(self.path.name + rest).unlink(missing_ok=True)
-        made.replace(self.path)
-
-    def _make(self, put: Callable[[Path], None]) -> None:
-        """Write an empty store under another name, and put it in its place: no study sees half of one."""
+    def _made(self) -> Path:
+        """Write an empty store under another name, to be put in its place: no study sees half of one."""
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
         columns = ", ".join(f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS)
         with closing(sqlite3.connect(half, isolation_level=None)) as database:
@@ -70,7 +66,7 @@ class Store:
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
             database.execute("INSERT INTO software VALUES (?)", (software(),))
             database.execute(f"CREATE TABLE runs ({columns})")
-        put(half)
+        return half
 
     def __enter__(self) -> "Store":
         return self

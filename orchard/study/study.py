@@ -16,7 +16,7 @@ from orchard.folders import runs_folder
 from orchard.report.bounds import Bounds, proven_seconds
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 from orchard.study.replications import Replications, confirmed
-from orchard.study.result import Check, Goal, Horizon, Interval, Model, Models, Row, Standing, StoppedBy, StudyResult
+from orchard.study.result import Check, Goal, Horizon, Model, Models, Row, Standing, StoppedBy, StudyResult
 from orchard.study.runs import RunRecord, software
 from orchard.study.settings import ALL_IT_TAKES, CARRIERS, Setting, is_open, more_numbers, most_carriers, numbered, settings_of
 from orchard.study.store import Store
@@ -259,10 +259,10 @@ class _Study:
     def _row(self, i: int, found: Comparison | None) -> Row:
         records = self.runs.known(i, self.model)
         if found is None or i in self.jammed:
-            return row_of(self.settings[i], records, self.options.confidence, "jammed", None, None)
+            return row_of(self.settings[i], records, self.options.confidence)
         stands: Standing = "best" if i == found.best else found.standing(i)
-        row = row_of(self.settings[i], records[: found.count], self.options.confidence, stands, found.leads[i], self.checks.get(i))
-        return replace(row, proven_seconds=self.proven.get(i))
+        row = row_of(self.settings[i], records[: found.count], self.options.confidence)
+        return replace(row, standing=stands, lead=found.leads[i], check=self.checks.get(i), proven_seconds=self.proven.get(i))
 
     def _seconds_needed(self, found: Comparison) -> float | None:
         needed = found.replications_needed() if found.undecided else None
@@ -327,10 +327,8 @@ class _Study:
         return "; ".join(self.settings[i].words for i in settings[:most]) + (" and others" if len(settings) > most else "")
 
 
-def row_of(
-    setting: Setting, records: Sequence[RunRecord], confidence: float, stands: Standing, lead: Interval | None, check: Check | None
-) -> Row:
-    """Return the line of a setting in the table, from its runs by one model."""
+def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) -> Row:
+    """Return the line of a setting in the table, from its runs by one model, with the standing of one that jams."""
     harvested = [record for record in records if record.ended != "jammed"]
     rates = [record.bins_per_hour for record in harvested]
     seconds = [record.sim_seconds for record in harvested if record.horizon == "harvest"]
@@ -348,7 +346,6 @@ def row_of(
         carrier_utilisation=sum(record.carrier_utilisation for record in harvested) / count,
         bound_bins_per_hour=sum(record.bound_bins_per_hour for record in records) / len(records),
         bottleneck=records[0].bottleneck,
-        standing=stands,
-        lead=lead,
-        check=check,
+        standing="jammed",
+        lead=None,
     )

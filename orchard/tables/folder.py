@@ -102,23 +102,21 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
 
 
 def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> None:
+    there = f"{folder}: the tables there"
     try:
         file = files_of(path_of(folder, "bodies"))[-1]
         told = (pq.read_schema(file).metadata or {}).get(SCENARIO, b"{}")
         last = last_tick(folder)
     except (pa.ArrowException, OSError) as error:
-        raise ValueError(f"{folder}: the tables there cannot be read: {error}{instead}") from error
+        raise ValueError(f"{there} cannot be read: {error}{instead}") from error
     if msgspec.json.decode(told) != msgspec.json.decode(scenario.model_dump_json()):
-        raise ValueError(f"{folder}: the tables there are of another scenario{instead}")
+        raise ValueError(f"{there} are of another scenario{instead}")
     if last != tick and path_of(folder, "summary").exists():
         raise ValueError(
-            f"{folder}: the tables there are of a run that ended at tick {last}, and this one goes on at tick {tick}: "
-            f"its rows would be lost{instead}"
+            f"{there} are of a run that ended at tick {last}, and this one goes on at tick {tick}: its rows would be lost{instead}"
         )
     if last < tick:
-        raise ValueError(
-            f"{folder}: the tables there end at tick {last}, and the run goes on at tick {tick}: rows would be missing{instead}"
-        )
+        raise ValueError(f"{there} end at tick {last}, and the run goes on at tick {tick}: rows would be missing{instead}")
 
 
 def last_tick(folder: Path) -> int:

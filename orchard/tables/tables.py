@@ -120,8 +120,7 @@ class Tables:
         self._bodies.keep(engine)
         self._events += events
         for name, written in sorted(letters.items()):  # in lockstep they come in order of arrival
-            sent = [*written.requests, *((given.to, given.body) for given in written.answers)]
-            for to, body in sent:
+            for to, body in written.sent:
                 self._messages.append((engine.tick - 1, name, to, type_of(body), msgspec.json.encode(body).decode()))
         if len(self._bodies) >= MOST_ROWS:
             self.flush()

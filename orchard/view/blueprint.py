@@ -123,9 +123,8 @@ def _of_pins(radius: float) -> list[rr.Points3D]:
 
 
 def _plan() -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        name="Plan", origin=PLAN_CAMERA, contents=ON_THE_PLAN, background=palette.MEADOW, defaults=_of_pins(PIN_ON_THE_PLAN)
-    )
+    pins = _of_pins(PIN_ON_THE_PLAN)
+    return rrb.Spatial2DView(name="Plan", origin=PLAN_CAMERA, contents=ON_THE_PLAN, background=palette.MEADOW, defaults=pins)
 
 
 def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:

@@ -28,6 +28,10 @@ RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a 
 ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
 SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
+LETTERS = "sender -> `requests`, numbered from 0: [to, request]; `answers`: [to, tick, number, answer]"
+WALLS = "x, y of the centre, half the size along x, half along y: four fences, then trunks and posts"
+ROBOTS = "robots or kinds of robots: 'picker_01', 'carrier'; empty: all robots"
+WHY = "why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; 'reset': it begins again"
 VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
 
 M = TypeVar("M")
@@ -274,9 +278,7 @@ class Answered(Message, tag_field="type", tag="answered"):
 class Letters(Message):
     """All requests and answers of one tick."""
 
-    letters: Annotated[
-        dict[Name, Written], Meta(description="sender -> `requests`, numbered from 0: [to, request]; `answers`: [to, tick, number, answer]")
-    ]
+    letters: Annotated[dict[Name, Written], Meta(description=LETTERS)]
 
 
 class Recall(Message):
@@ -338,9 +340,7 @@ class KindOfBody(SubMessage):
 class Orchard(Message):
     """The reply to the layout query: all that does not change during the run. Lengths in m, in the frame `map`."""
 
-    walls: Annotated[
-        list[Box], Meta(description="x, y of the centre, half the size along x, half along y: four fences, then trunks and posts")
-    ]
+    walls: Annotated[list[Box], Meta(description=WALLS)]
     rows: Annotated[list[Box], Meta(description="from the north: x, y of the west end and x, y of the east end of the part that is picked")]
     bodies: Annotated[list[Place], Meta(max_length=MOST_BODIES, description="all bodies, in the order of `agents`, as they start")]
     kinds: Annotated[dict[Name, KindOfBody], Meta(description="what bodies of each kind have in common, also of kinds without a body here")]
@@ -398,9 +398,7 @@ class Stop(RunMessage):
     """An emergency stop of robots, or its reset."""
 
     stop: Annotated[bool, Meta(description="true: the robots stand from the present step on, until they are reset; false: they are reset")]
-    names: Annotated[
-        list[Text], Meta(max_length=MOST_BODIES, description="robots or kinds of robots: 'picker_01', 'carrier'; empty: all robots")
-    ]
+    names: Annotated[list[Text], Meta(max_length=MOST_BODIES, description=ROBOTS)]
 
 
 class Stopped(Message):
@@ -447,13 +445,7 @@ class End(Message):
     """The last message of a run."""
 
     finished: Annotated[bool, Meta(description="whether the harvest is complete")]
-    why: Annotated[
-        str,
-        Meta(
-            description="why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; "
-            "'reset': it begins again"
-        ),
-    ]
+    why: Annotated[str, Meta(description=WHY)]
     hash: Annotated[str, Meta(description="SHA-256 over all ticks, hexadecimal")]
     summary: Annotated[dict[str, Any], Meta(description="the figures of the whole run")]
 

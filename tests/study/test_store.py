@@ -133,15 +133,15 @@ def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, rec
     """The other one makes it after this one has looked, and has kept a run before this one is ready."""
     path = tmp_path / "studies.db"
     other = []
-    make = Store._make
+    made = Store._made
 
-    def late(self, put):
-        monkeypatch.setattr(Store, "_make", make)
+    def late(self):
+        monkeypatch.setattr(Store, "_made", made)
         other.append(Store(path))
         other[0].keep(record)
-        make(self, put)
+        return made(self)
 
-    monkeypatch.setattr(Store, "_make", late)
+    monkeypatch.setattr(Store, "_made", late)
     with Store(path) as this, other[0]:
         assert this.known([record.key])
     assert [file.name for file in tmp_path.iterdir()] == ["studies.db"]

@@ -12,7 +12,7 @@ from orchard.field.shipped import load_or_shipped
 from orchard.study import settings
 from orchard.study import study as module
 from orchard.study.comparing import LOOKS
-from orchard.study.picture import svg
+from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
@@ -257,7 +257,7 @@ def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_b
     told = study(Scenario(rows=12, pickers=6, carriers=2, **QUIET), varied, replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
     assert told.best == {"dispatch": "predictive", "people": {"workers": 0}}
     assert sum(bool(re.match("dispatch=assignment, .* jams: picker_.*: too few carriers come to it", note)) for note in told.notes) == 2
-    assert svg(told)
+    assert inline_svg(told)
 
 
 def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):

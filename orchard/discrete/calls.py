@@ -1,6 +1,6 @@
 """Which carrier fetches which bin in the discrete-event model: the same policies, and the ticks that their letters take."""
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from math import ceil
 
@@ -9,7 +9,7 @@ import simpy
 from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
-from orchard.agents.dispatcher import POLL_TICKS, PolicyFault, as_kept, checked, fault_of
+from orchard.agents.dispatcher import BOOKED_TICKS, POLL_TICKS, PolicyFault, as_kept, checked, fault_of
 from orchard.agents.forecast import horizon
 from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.ranking import MARGIN
@@ -54,7 +54,12 @@ class Decision:
     bins: list[BinReport]
     carriers: list[CarrierReport]
     calls: dict[str, OpenCall]  # bin -> its call
-    ready: dict[str, Robot]  # carrier -> the robot
+    ready: dict[str, Robot]  # carrier that can leave -> the robot
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a carrier can be sent to a bin."""
+        return bool(self.bins) and any(carrier.is_next for carrier in self.carriers)
 
 
 class Calls:
@@ -136,6 +141,7 @@ class Dispatched(Calls):
         self.horizon = horizon(self.layout) / TIME_STEP  # ticks before it is full, to report
         self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
+        self._carriers, self._jobs = sorted(carriers, key=lambda robot: robot.name), dict[str, tuple[str, int]]()
         self._asked = self._decided = -POLL_TICKS  # ticks of the last question to the carriers, and of its answers
         self._knows_policy = type(self) is Dispatched and type(self.policy) in POLICIES.values()
         env.process(self.run())
@@ -169,6 +175,10 @@ class Dispatched(Calls):
             self.open.append(call)
             self.wake()
 
+    def home(self, robot: Robot) -> None:
+        super().home(robot)
+        self._jobs.pop(robot.name, None)
+
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         if not is_early(self.policy):
             self.open.append(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
@@ -188,11 +198,12 @@ class Dispatched(Calls):
             asked = max(ceil(self.env.now), min(call.since for call in waiting) + 1, self._asked + POLL_TICKS)
             yield self.env.timeout(asked + 1 - self.env.now)
             self._asked, ready = asked, {robot.name: robot for robot in self.ready() if robot.name not in self._booked}
+            carriers = self._told(ready) if ready or not self._knows_policy else []
             yield self.env.timeout(1)
             calls = [call for call in self.open if call.bin not in self._booked and call.since < asked + 2]
             before, self._decided = self._decided, asked + 2
             if not self._knows_policy or (ready and any(self._is_due(call) for call in calls)):
-                self.decide(self._decision(calls, ready))
+                self.decide(self._decision(calls, carriers, ready))
                 continue
             for call in calls:  # of those that are full at the next question: this one, or none, was the last before
                 if before <= max(call.full, call.since) and call.full <= self._decided + POLL_TICKS + 1:
@@ -231,10 +242,15 @@ class Dispatched(Calls):
             self._booked |= {order.bin, order.carrier}
             self.env.process(self._fetch(order, decision.calls[order.bin], decision.ready[order.carrier], decision.now))
 
-    def _decision(self, calls: list[OpenCall], ready: dict[str, Robot]) -> Decision:
-        now, head = ceil(self.env.now), self.layout.queue.head
+    def _told(self, ready: Container[str]) -> list[CarrierReport]:
+        """What the carriers answer: all but those that the dispatcher has sent, until it is told of their jobs."""
+        head, sent = self.layout.queue.head, ceil(self.env.now) - BOOKED_TICKS
+        told = [(robot, *self._jobs.get(robot.name, ("", -BOOKED_TICKS))) for robot in self._carriers if robot.name not in self._booked]
+        return [CarrierReport(one.name, job, one.name in ready, max(0.0, head - one.x_now)) for one, job, since in told if since <= sent]
+
+    def _decision(self, calls: list[OpenCall], carriers: list[CarrierReport], ready: dict[str, Robot]) -> Decision:
+        now = ceil(self.env.now)
         bins = [self._report(call, now) for call in sorted(calls, key=lambda call: call.bin)]
-        carriers = [CarrierReport(name, "", True, max(0.0, head - robot.x_now)) for name, robot in sorted(ready.items())]
         return Decision(now, bins, carriers, {call.bin: call for call in calls}, ready)
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
@@ -247,4 +263,5 @@ class Dispatched(Calls):
         self.open.remove(call)
         self.free.remove(carrier)
         self._booked -= {order.bin, order.carrier}
+        self._jobs[carrier.name] = order.bin, report
         self.start(call, carrier)

@@ -130,7 +130,7 @@ class Paused(Dispatched):
     def decide(self, decision: Decision) -> None:
         """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises PolicyFault."""
         self.scripted = self.orders(decision)
-        self.pending = decision if decision.bins and decision.carriers else None
+        self.pending = decision if decision.is_open else None
 
 
 class DispatchEnv(gymnasium.Env[Arrays, Any]):
@@ -206,7 +206,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             return
         self._calls.send(decision, [order])
         decision.bins, decision.carriers = left(decision.bins, order.bin), left(decision.carriers, order.carrier)
-        self._calls.pending = decision if decision.bins and decision.carriers else None
+        self._calls.pending = decision if decision.is_open else None
 
     def _until_decision(self) -> None:
         harvest, env = self.harvest, self.harvest.env

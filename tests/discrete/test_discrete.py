@@ -42,6 +42,7 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"rows": 4, "pickers": 4, "carriers": 4, "row_length": 40.0, "metres_per_bin": 22.0, "picking_speed": 0.5},
         **{"order_in_row": "outward", "dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
+    "a user's policy that asks what all carriers do": {**SHORT, "rows": 4, "carriers": 3, "dispatch": "own_policies.OneAtATime"},
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
     "an early policy, and failures": {**SHORT, **ONE_WAY, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
     "carriers that fail": {**SHORT, "rows": 4, "dispatch": "predictive", "carrying": {"failure": FAILURE}, "seed": 2},

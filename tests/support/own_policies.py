@@ -25,6 +25,15 @@ class AtOnce(Own):
         return [Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)]
 
 
+class OneAtATime(Own):
+    """Sends a carrier only while no other one is away, and one stands behind it."""
+
+    def assign(self, now, bins, carriers, memory):
+        free = [carrier.name for carrier in carriers if carrier.is_next]
+        is_quiet = all(not carrier.job for carrier in carriers) and len(carriers) > 1
+        return [Assignment(bins[0].name, free[0])] if is_quiet and bins and free else []
+
+
 class Raising(Own):
     def assign(self, now, bins, carriers, memory):
         raise LookupError("no such bin here")

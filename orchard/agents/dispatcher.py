@@ -15,7 +15,7 @@ from orchard.contract.messages import LAST_TICK, Answer, CarrierComing, CarrierQ
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, place_of_class, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.problems import printable
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import END, TIME_STEP
 
 log = logging.getLogger("orchard")
 
@@ -127,7 +127,8 @@ class Dispatcher:
         reraise_ctrl_c(error)
         if not memory.refused:
             fault = fault_of(self.policy, self.layout.scenario.dispatch, error, tick)
-            log.error("%s; its orders are refused, and nearest decides", fault)
+            then = "the run ends" if self.layout.scenario.dispatch_errors == END else "nearest decides"
+            log.error("%s; its orders are refused, and %s", fault, then)
         memory.refused += 1
 
     def forget(self, memory: DispatcherMemory, tick: int) -> None:

@@ -94,7 +94,7 @@ def snapshot_at(folder: Path, tick: int, say: Say) -> Snapshot:
         raise SnapshotError(f"{folder}: {clock(tick)} is after the end of the run, at {clock(run.tick)}")
     found, later = run.snapshot(), next((one for one in known if one > tick), tick)
     run.go_on(later)
-    if begun.tick < tick < run.tick == later and run.local.engine.digest != newest(folder, [], until=later).digest:
+    if begun.tick < tick < run.tick == later == (kept := newest(folder, [], until=later)).tick and run.local.engine.digest != kept.digest:
         alone = f"at {clock(tick)} the fork begins with what they would have done"
         say(f"after {clock(begun.tick)} the run was not left to its own agents: {alone}")
     return found

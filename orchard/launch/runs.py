@@ -98,11 +98,11 @@ def check_writable(path: Path) -> None:
         expected = "expected a file in a directory that exists and can be written"
         raise OSError(f"{path}: cannot be written: {error.strerror}; {expected}") from error
     if new:
-        path.unlink()
+        path.resolve().unlink()  # a link stays
 
 
 def _newest(paths: Iterable[Path]) -> Path | None:
-    return max(paths, key=lambda path: path.stat().st_mtime, default=None)
+    return max(filter(Path.exists, paths), key=lambda path: path.stat().st_mtime, default=None)
 
 
 def _new_name() -> str:

@@ -105,7 +105,7 @@ def _check(replications: Replications, i: int, confidence: float) -> Check:
     beside = fast if replications.settings[i].is_random else fast * len(full)
     pairs = [(one, other) for one, other in zip(full, beside, strict=False) if one.ended != "jammed"]
     found = interval(rates, confidence) if rates else Interval(mean=0.0, low=0.0, high=0.0)
-    difference = 1.0 - sum(other.bins_per_hour for _, other in pairs) / sum(one.bins_per_hour for one, _ in pairs) if pairs else 0.0
+    difference = sum(one.bins_per_hour for one, _ in pairs) / sum(other.bins_per_hour for _, other in pairs) - 1.0 if pairs else 0.0
     return Check(bins_per_hour=found, difference=difference, replications=len(full), jammed=len(full) - len(rates))
 
 

@@ -25,7 +25,7 @@ class Check:
     """What the full model (the simulator) says of a setting, on common seeds with the fast model."""
 
     bins_per_hour: Interval
-    difference: float  # full over fast, on these seeds, as a share of the full model's mean: 0.01 is 1 %
+    difference: float  # full over fast, on these seeds, as a share of the fast model's mean: 0.01 is 1 %
     replications: int
     jammed: int
 

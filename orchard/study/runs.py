@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec, resolve_name
 from itertools import accumulate
 from pathlib import Path
@@ -22,7 +22,7 @@ from orchard.agents.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
 from orchard.field.layout import lay_out
 from orchard.field.plugins import MISTAKES, is_own, load_plugin, place_of_error, reraise_ctrl_c, text_of
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import END, Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
 from orchard.report.metrics import HarvestFigures, harvest_figures
@@ -153,7 +153,10 @@ def software() -> str:
     root = Path(inspect.getfile(orchard)).parent
     files = [root / "local.py", Path(__file__), *(path for package in DECIDING for path in sorted((root / package).rglob("*.py")))]
     content = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
-    return f"{version('orchard-sim')}+{content[:8]}"
+    release = "clone"  # not installed, as `run.py` allows
+    with suppress(PackageNotFoundError):
+        release = version("orchard-sim")
+    return f"{release}+{content[:8]}"
 
 
 # -- the models
@@ -190,8 +193,8 @@ def _proven(scenario: Scenario) -> RunResult:
 def _full(scenario: Scenario, until: float) -> RunResult | None:
     """A harvest by the simulator, without a hash; None if the clock is at `until` before it ends."""
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
-    engine = local.engine
-    while not engine.over and not figures.jammed(engine.world):
+    engine, ends = local.engine, scenario.dispatch_errors == END
+    while not engine.over and not figures.jammed(engine.world) and not (ends and figures.orders_refused):
         figures.update(engine.world, local.tick(), local.answers)
         if time.time() > until:
             return None
@@ -208,7 +211,7 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
 
 
 def _faults(found: dict[str, Any]) -> list[str]:
-    refused = [f"{found['orders_refused']} decisions of the dispatch policy were refused"] if found["orders_refused"] else []
+    refused = [f"refused decisions of the dispatch policy: {found['orders_refused']}"] if found["orders_refused"] else []
     return [*refused, *(f"{agent} was broken" for agent in found["broken_agents"])]
 
 

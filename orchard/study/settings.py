@@ -4,6 +4,7 @@ import json
 import re
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -82,7 +83,9 @@ FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20; carr
 
 def _values(text: str) -> list[Any] | str:
     found: list[Any] = []
-    for part in text.split(","):
+    with suppress(ValueError, RecursionError):  # values of JSON, as sections are, may have commas
+        found = json.loads(f"[{text}]")
+    for part in () if found else text.split(","):
         if not part.strip():
             return FORM
         span = _RANGE.fullmatch(part.strip())

@@ -9,7 +9,7 @@ from typing import Any
 
 from orchard.agents.catalogue import check_plugins
 from orchard.agents.routes import route_of
-from orchard.field.layout import lay_out
+from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
@@ -26,6 +26,7 @@ from orchard.study.workers import Workers, processes, scheduled
 TOLD = 0.5  # s between two partial results
 FAST_SHARE = 0.5  # of the budget, which the fast model may use if the full one is to confirm
 STORE = "studies.db"
+SHARES = frozenset({"rows", "pickers", "rows_to_pickers"})  # keys on which it depends how much each picker has to pick
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,7 +293,14 @@ class _Study:
         for i in self.jammed:
             faults = [*filter(None, (record.faults for record in self.runs.known(i, self.model))), "some robots wait for ever"]
             notes.append(f"{self.settings[i].words or 'the scenario'} jams: {faults[0].splitlines()[0]}")
-        return [*notes, *self._faults(i for i in shown if i not in self.jammed)]
+        return [*notes, *self._unequal(shown), *self._faults(i for i in shown if i not in self.jammed)]
+
+    def _unequal(self, shown: Sequence[int]) -> list[str]:
+        """That the long run, in which each picker has rows for ever, does not see unequal shares of the rows, if these vary."""
+        is_seen = self.options.horizon == "harvest" or SHARES.isdisjoint(self.varied)
+        if is_seen or not any(_is_unequal(lay_out(self.settings[i].scenario), self.options.within) for i in shown):
+            return []
+        return ["some pickers get more rows than others, and only one harvest waits for the last one: --horizon harvest"]
 
     def _no_room(self, found: Comparison | None) -> list[str]:
         """That the answer is the last number for another reason than that more gain nothing."""
@@ -325,6 +333,12 @@ class _Study:
 
     def _words(self, settings: Sequence[int], most: int = 5) -> str:
         return "; ".join(self.settings[i].words for i in settings[:most]) + (" and others" if len(settings) > most else "")
+
+
+def _is_unequal(layout: Layout, within: float) -> bool:
+    """Whether a picker has more to pick than the mean, by what counts."""
+    metres = [sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()]
+    return max(metres) * len(metres) > (1.0 + within) * sum(metres)
 
 
 def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) -> Row:

@@ -154,7 +154,7 @@ def _alike(result: StudyResult) -> str:
     if key is None:
         return f"{_listed([_one(one) for one in equal])} {'is' if len(equal) == 1 else 'are'} within {within} of it"
     values = [one[key] for one in equal]
-    if key in ROBOTS and result.goal != "cost_per_bin":
+    if key in ROBOTS and result.goal != "cost_per_bin" and None not in (result.best[key], *values):
         following = min(values)
         more = "one more gains" if following == result.best[key] + 1 else f"{value_words(following)} gain"
         return f"{more} less than {within}"

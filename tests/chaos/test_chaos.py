@@ -50,10 +50,8 @@ def test_every_fault_comes_while_the_run_goes_on_in_the_order_of_ticks():
 def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
     assert schedule.MOST_DEATHS < DEATHS
     assert max(most_deaths(this.faults) for this in TRIALS) == schedule.MOST_DEATHS
-    assert (
-        most_deaths([Fault(9, schedule.KILL, target, 0.0, 0) for target in (schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER)])
-        == 3
-    )
+    targets = schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER
+    assert most_deaths([Fault(9, schedule.KILL, target, 0.0, 0) for target in targets]) == 3
     assert most_deaths([Fault(9, kind, schedule.HOST, 0.0, 0) for kind in (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)]) == 3
     assert most_deaths([Fault(9, kind, schedule.NOTHING, 0.0, 0) for kind in (schedule.TORN, schedule.PORT)]) == 5
 

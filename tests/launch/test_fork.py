@@ -317,6 +317,8 @@ def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are
     (folder / f"tick-000000600{KEYFRAME}").write_bytes(b"torn")
     quick = "--mode", "local", "--record", "none", "--duration", 62
     assert f"not used: {folder}/tick-000000600.keyframe: not a snapshot" in orchard("fork", folder, "--at", 61, *quick).stderr
+    (folder / f"tick-000000400{KEYFRAME}").write_bytes(b"torn")
+    assert "its own agents" not in orchard("fork", folder, "--at", 30, *quick).stderr
     for tick in (0, 200, 400):
         (folder / f"tick-{tick:09d}{KEYFRAME}").unlink()
     assert "no keyframe up to 0:30; its first one is at 1:00" in orchard("fork", folder, "--at", 30, *quick, code=2).stderr

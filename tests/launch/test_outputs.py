@@ -14,7 +14,7 @@ from command_line import SECONDS, orchard, starting, summary_of
 from fleet import Process
 
 from orchard.launch.options import COMMANDS, NETWORK, ORCHARD, OUTPUT, RUN
-from orchard.launch.runs import Runs
+from orchard.launch.runs import Runs, check_writable
 from orchard.launch.terminal import exit_on_errors
 from orchard.sim.snapshot import SnapshotError
 
@@ -112,6 +112,13 @@ def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_
         assert done.stderr.startswith(f"{pipe}: is a named pipe; expected a file")
     done = orchard(*SHORT, "--record", "none", "--summary", "/dev/stdout")
     assert '  "rows_picked": 0,' in done.stdout.splitlines()
+
+
+def test_a_link_stays_a_link_and_one_that_leads_nowhere_is_no_recording(tmp_path):
+    (tmp_path / "gone.rrd").symlink_to("nowhere")
+    assert Runs(tmp_path).newest_recording() is None
+    check_writable(tmp_path / "gone.rrd")
+    assert (tmp_path / "gone.rrd").is_symlink() and not (tmp_path / "gone.rrd").exists()
 
 
 def test_a_full_disk_loses_the_summary_but_not_what_is_printed():

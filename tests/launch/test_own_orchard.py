@@ -46,10 +46,8 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     out = tmp_path / "mine.yaml"
     told = imported(SAMPLE, "--out", out)
-    assert (told.exit_code, told.stdout) == (
-        0,
-        f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32 m apart\n",
-    )
+    sizes = f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32 m apart\n"
+    assert (told.exit_code, told.stdout) == (0, sizes)
     assert load(out).survey == parse(imported(SAMPLE).stdout).survey
     out.write_text("rows: 3")
     again = imported(SAMPLE, "--out", out)
@@ -69,11 +67,8 @@ def test_a_file_name_stays_within_the_comment_of_the_scenario(tmp_path):
 
 def test_what_is_wrong_is_told_on_stderr_with_exit_code_2(tmp_path):
     told = imported(tmp_path / "none.geojson")
-    assert (told.exit_code, told.stdout, told.stderr) == (
-        2,
-        "",
-        f"{tmp_path / 'none.geojson'}: cannot be read: No such file or directory\n",
-    )
+    words = f"{tmp_path / 'none.geojson'}: cannot be read: No such file or directory\n"
+    assert (told.exit_code, told.stdout, told.stderr) == (2, "", words)
 
 
 def test_an_import_tells_how_to_get_what_it_needs(monkeypatch):

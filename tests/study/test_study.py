@@ -32,9 +32,8 @@ def settings_of(scenario: Scenario, varied: dict) -> list[Setting]:
 
 
 def test_values_are_numbers_words_and_ranges() -> None:
-    varied, faults = varied_of(
-        ["carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"]
-    )
+    words = "carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"
+    varied, faults = varied_of([*words, 'people={"workers": 0, "visitors": 1},{}'])
     assert not faults
     assert varied == {
         "carriers": [1, 2, 3, None],
@@ -42,6 +41,7 @@ def test_values_are_numbers_words_and_ranges() -> None:
         "picking_speed": [0.03, 1],
         "dispatch": ["nearest", "my.Own"],
         "tractor": [False, True],
+        "people": [{"workers": 0, "visitors": 1}, {}],
     }
 
 
@@ -229,9 +229,11 @@ class Watched:
 
 def test_faults_of_a_policy_of_the_users_own_are_told(tmp_path):
     own = with_changes(CHANCE, row_length=20.0, pickers=3, dispatch="own_policies.Raising")
-    found = study(own, {}, replace(AMPLE, model="full", within=0.5, store=tmp_path / "s.db"))
-    (note,) = [note for note in found.notes if "had faults" in note]
-    assert note.startswith("the scenario: 5 of 5 runs had faults; seed 1: ")
+    options = replace(AMPLE, model="full", within=0.5, store=tmp_path / "s.db")
+    found = study(own, {"dispatch_errors": ["nearest", "end"]}, options)
+    ends, goes_on = [note for note in found.notes if "dispatch_errors" in note]
+    assert re.match(r"dispatch_errors=nearest: \d+ of \d+ runs had faults; seed 1: ", goes_on)
+    assert ends == "dispatch_errors=end jams: refused decisions of the dispatch policy: 1"
 
 
 def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
@@ -242,6 +244,12 @@ def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
     assert all(0.5 * row.harvest_seconds.mean < row.proven_seconds <= row.harvest_seconds.mean for row in settled.table)
     assert settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, rolling dispatch"
     assert any(note.startswith("drives to the ends of rows take 44.2 %") for note in settled.notes)
+
+
+def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_path):
+    options = replace(AMPLE, horizon="long", store=tmp_path / "s.db")
+    shares = [study(Scenario(rows=rows, **QUIET), {"rows_to_pickers": ["balanced"]}, options).notes for rows in (3, 4)]
+    assert [any("some pickers get more rows" in note for note in notes) for notes in shares] == [True, False]
 
 
 def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_path):
@@ -346,7 +354,7 @@ def test_the_simulator_confirms_the_best_two_on_the_same_seeds(tmp_path):
     assert sum(check is not None for check in checks.values()) == 2
     best = next(row for row in both.table if row.setting == both.best)
     assert best.check.replications == 1 and best.check.jammed == 0  # nothing is random
-    assert best.check.difference == pytest.approx(1.0 - best.bins_per_hour.mean / best.check.bins_per_hour.mean)
+    assert best.check.difference == pytest.approx(best.check.bins_per_hour.mean / best.bins_per_hour.mean - 1.0)
     assert abs(best.check.difference) < 0.05
     assert "the simulator says" in both.answer
 

@@ -99,7 +99,7 @@ A study knows no day's end.
 
 ## Other questions
 
-`--vary` takes each value of the scenario, and may be given several times: then all combinations are settings, at most 10,000. `--vary
+`--vary` takes each value but `seed`, and may be given several times: then all combinations are settings, at most 10,000. `--vary
 carriers` without numbers is as many as it takes.
 
 ```sh vary

@@ -61,7 +61,7 @@ MESSAGES = _schema(
     _tick("tick", "at which it was sent; it is heard one tick later"),
     _text("sender", "the agent that sent it"),
     _text("recipient", "the agent to which it was sent"),
-    _text("type", "as in keyspace.md: call, fetch, come, yes, ..."),
+    _text("type", "as in messages.md: call, fetch, come, yes, ..."),
     _text("content", "the message as JSON"),
 )
 CALLS = _schema(

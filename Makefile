@@ -48,7 +48,7 @@ run: $(VENV)/installed  ## the default orchard, from start to summary
 app: $(VENV)/installed-app  ## the page in the browser
 	$(VENV)/bin/orchard app
 
-study: $(VENV)/installed-study  ## how many carriers for people who pick 20 rows? docs/study.md
+study: $(VENV)/installed-study  ## how many carriers for people who pick a hectare? docs/study.md
 	$(VENV)/bin/orchard study hand_picking
 
 view: $(VENV)/installed  ## open the newest recording

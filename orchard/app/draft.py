@@ -16,7 +16,7 @@ from orchard.app.own_classes import AGENTS, CHOICES
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes
-from orchard.study.words import none_words
+from orchard.study.words import counted, none_words
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
 DECIMAL = re.compile(r"[-+]?([0-9]{1,40}\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
@@ -161,7 +161,8 @@ def words_of(path: str, value: Any) -> str:
 def title_of(scenario: Scenario) -> str:
     """Return a scenario in a line: its size and seed, and what else is not as in the default scenario."""
     default, values = flat(Scenario()), flat(scenario)
-    size = f"{scenario.rows} rows, {scenario.pickers} pickers, {scenario.carrier_count} carriers, seed {scenario.seed}"
+    carriers = counted("carriers", scenario.carrier_count)
+    size = f"{scenario.rows} rows, {scenario.pickers} pickers, {carriers}, seed {scenario.seed}"
     other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
     more = [f"{_inner(entries()[path].label)} {words_of(path, values[path])}" for path in other]
     surveyed = ["surveyed rows"] if scenario.survey else []

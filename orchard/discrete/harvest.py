@@ -93,9 +93,15 @@ class DiscreteHarvest:
     def figures(self) -> DiscreteFigures:
         """Return the figures of the whole harvest. Raises Jam."""
         if not self.is_over:
-            raise Jam(f"only {self.delivered} bins were delivered: some robots wait for ever")
+            raise self.jam()
         rate = 3600.0 * self.delivered / self.seconds
         return DiscreteFigures(rate, self.picker_waiting_seconds(), self.carrier_utilisation(), self.seconds, self.delivered)
+
+    def jam(self) -> "Jam":
+        """Return why it did not end."""
+        flat = [robot.name for robot in self._carriers if robot.charge <= 0.0]
+        why = f"the battery of {' and '.join(flat)} is flat" if flat else "some robots wait for ever"
+        return Jam(f"only {self.delivered} bins were delivered: {why}")
 
     @property
     def drives(self) -> bool:
@@ -139,6 +145,7 @@ class DiscreteHarvest:
         self.deliveries.append(self.env.now * TIME_STEP)
 
     def home(self, carrier: Robot) -> None:
+        carrier.use_battery(self.battery.standing)
         self._trips.append((carrier.away, carrier.tick))
         self.calls.home(carrier)
 
@@ -151,13 +158,14 @@ class DiscreteHarvest:
         """Charge a battery, once its carrier stands in its line and a charger is free."""
         self._trips.append((carrier.away, carrier.tick))
         carrier.away = inf
+        carrier.use_battery(self.battery.standing)
         yield self.env.timeout(1)
         while carrier.is_on_the_way:
             yield self.env.timeout(PATIENCE)
         carrier.parked = carrier.stood
         with self.chargers.request() as free:
             yield free
-            carrier.use_battery()
+            carrier.use_battery(0.0)
             yield self.env.timeout(ceil((1.0 - max(0.0, carrier.charge)) * self.battery.hours_to_charge * 3600.0 / TIME_STEP))
         carrier.charge, carrier.since, carrier.moved_ticks = 1.0, carrier.tick, 0
         carrier.is_charged.succeed()
@@ -206,8 +214,7 @@ def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
     found, battery = _long_run(layout, least), layout.scenario.carrying.battery
     if rows_each or not battery.hours:
         return found
-    power = found.carrier_utilisation + (1.0 - found.carrier_utilisation) * battery.standing  # of one that drives, mean
-    charge_seconds = 3600.0 * (1.0 - battery.reserve) * (battery.hours / power + battery.hours_to_charge)  # from one to the next
+    charge_seconds = 3600.0 * (1.0 - battery.reserve) * (battery.hours / found.carrier_utilisation + battery.hours_to_charge)  # to the next
     needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / found.sim_seconds)
     return found if needed <= least else _long_run(layout, needed)
 
@@ -219,7 +226,7 @@ def _long_run(layout: Layout, rows_each: int) -> DiscreteFigures:
     steps = {name: len(picker.plan) for name, picker in pickers.items()}
     harvest.run(lambda: all(picker.plan for picker in pickers.values()))
     if all(picker.plan for picker in pickers.values()):
-        raise Jam(f"only {harvest.delivered} bins were delivered: some robots wait for ever")
+        raise harvest.jam()
     done = {name: 1.0 - len(picker.plan) / steps[name] for name, picker in pickers.items()}
     work = {name: fmean(layout.picking_seconds(row, layout.lane(row).length) for row in layout.blocks[name].rows) for name in pickers}
     most = max(done[name] * work[name] for name in pickers)  # s of picking

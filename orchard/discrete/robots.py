@@ -91,7 +91,8 @@ class Robot(Follower):
             yield self.new_plan
 
     def take(self, plan: list[Step]) -> None:
-        """Drop the rest of the plan for another one."""
+        """Leave the queue with another plan."""
+        self.use_battery(0.0)
         self.plan, self.away, self.parked = list(plan), inf, inf
         happened, self.new_plan = self.new_plan, self.env.event()
         happened.succeed()
@@ -377,7 +378,7 @@ class Robot(Follower):
 
     @do.register
     def _(self, step: st.MayCharge) -> Events:
-        self.use_battery()
+        self.use_battery(self.model.battery.standing)
         if self.charge <= 0.0:
             yield self.env.event()  # it stands flat for ever
         if self.charge <= step.reserve:
@@ -393,11 +394,10 @@ class Robot(Follower):
         if not self.is_charged.triggered:
             yield from self.wait(self.is_charged)
 
-    def use_battery(self) -> None:
-        """Count what the battery was used for since it was last counted, or charged."""
-        battery, ticks = self.model.battery, self.tick - self.since
-        worked = self.moved_ticks + battery.standing * (ticks - self.moved_ticks)
-        self.charge -= worked * TIME_STEP / 3600.0 / (battery.hours or inf)
+    def use_battery(self, standing: float) -> None:
+        """Count what the battery was used for since it was last counted, or charged. `standing`: the power since then while it stood."""
+        worked = self.moved_ticks + standing * (self.tick - self.since - self.moved_ticks)
+        self.charge -= worked * TIME_STEP / 3600.0 / (self.model.battery.hours or inf)
         self.since, self.moved_ticks = self.tick, 0
 
     @do.register

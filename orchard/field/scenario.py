@@ -105,7 +105,7 @@ class Battery(Section):
     """How long a battery lasts, and takes to charge. One that is at the reserve when its carrier's job is done must charge."""
 
     hours: Annotated[float | None, Field(ge=0.05, le=200.0, description="hours of driving with a full battery; null: endless")] = None
-    standing: Annotated[float, Field(ge=0.0, le=1.0, description="share of the power that a carrier uses while it stands")] = 0.2
+    standing: Annotated[float, Field(ge=0.0, le=1.0, description="share of the power that a carrier uses while it stands on its way")] = 0.2
     hours_to_charge: Annotated[float, Field(ge=0.01, le=48.0, description="hours to charge a flat battery; of a swap: its minutes")] = 1.0
     reserve: Annotated[float, Field(ge=0.0, le=0.9, description="charge, 0 to 1, at which a carrier goes to charge after its job")] = 0.2
 
@@ -187,7 +187,7 @@ def _plugin(builtin: Sequence[str], what: str) -> Any:
 
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
 METRES_PER_BIN = "length of row that fills a bin, m; null: what bins_per_row or crop say, else each row fills one"
-BINS_PER_ROW = "number of bins that a row of row_length fills; null: what metres_per_bin or crop say, else 1"
+BINS_PER_ROW = "number of bins that a row fills, the mean one if surveyed; null: what metres_per_bin or crop say, else 1"
 PICKING_SPEED = "speed of a picker while it picks, m/s; null: what picking_rate says, else 1"
 PICKING_RATE = "what a picker fills while it picks, bins/h; of a person: 1.2 to 1.8; null: what picking_speed says"
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
@@ -250,11 +250,16 @@ class Scenario(Section):
     def bin_metres(self) -> float | None:
         """The metres of row that fill a bin: `metres_per_bin`, or what `bins_per_row` or `crop` say; None: each row fills one."""
         if self.bins_per_row is not None:
-            return self.row_length / self.bins_per_row
+            return self.mean_row / self.bins_per_row
         tonnes, kilograms = self.crop.tonnes_per_hectare, self.crop.kilograms_per_bin
         if tonnes is None or kilograms is None:
             return self.metres_per_bin
         return kilograms / (0.1 * tonnes * self.row_pitch)  # 1 t/ha is 0.1 kg/m2
+
+    @property
+    def mean_row(self) -> float:
+        """The length of a row, m; the mean, if they are surveyed."""
+        return self.row_length if self.survey is None else fmean(row.length for row in self.survey.rows)
 
     @property
     def row_pitch(self) -> float:
@@ -279,14 +284,13 @@ class Scenario(Section):
             "picking_speed": self.mean_picking_speed,
             "picking_rate": 3600.0 * self.mean_picking_speed / self._mean_bin,
             "metres_per_bin": self._mean_bin,
-            "bins_per_row": self.row_length / self._mean_bin,
+            "bins_per_row": self.mean_row / self._mean_bin,
         }
 
     @property
     def _mean_bin(self) -> float:
         """Metres of row that fill a bin; if each row fills one, of the mean row."""
-        rows = self.survey.rows if self.survey else ()
-        return self.bin_metres or (fmean(row.length for row in rows) if rows else self.row_length)
+        return self.bin_metres or self.mean_row
 
     @property
     def has_batteries(self) -> bool:

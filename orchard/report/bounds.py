@@ -153,18 +153,20 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
 
     `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy, and robots that fail, lose without
-    traffic. `charging`: what batteries cost then. `traffic`: what robots lose to each other. `people_and_animals`: the rest. Without
+    traffic. `traffic`: what robots lose to each other. `charging`: what batteries cost then. `people_and_animals`: the rest. Without
     a proof `schedule` is the first two.
     """
     scenario = layout.scenario
     if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
         return {}
     alone, proven = undisturbed(scenario), proven_seconds(layout)
-    schedule = max(schedule_seconds(layout), proven or 0.0)  # on free roads a carrier may stop before its picker is out of its way
+    endless = with_changes(alone, **{"carrying.battery.hours": None})
+    schedule = max(
+        schedule_seconds(lay_out(endless)), proven or 0.0
+    )  # on free roads a carrier may stop before its picker is out of its way
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
-    endless = with_changes(scenario, **{"carrying.battery.hours": None})
-    fresh = schedule if endless == scenario else max(schedule_seconds(lay_out(endless)), proven or 0.0)
-    parts = {"schedule": fresh} if proven is None else {"optimum": proven, "dispatch": fresh - proven}
-    parts |= {} if endless == scenario else {"charging": schedule - fresh}
-    parts |= {"traffic": own - schedule, "people_and_animals": seconds - own}
+    uncharged = own if endless == alone else min(own, DiscreteHarvest(lay_out(endless)).run().seconds)
+    parts = {"schedule": schedule} if proven is None else {"optimum": proven, "dispatch": schedule - proven}
+    parts |= {"traffic": uncharged - schedule} | ({} if endless == alone else {"charging": own - uncharged})
+    parts |= {"people_and_animals": seconds - own}
     return {name: round(part, 1) for name, part in parts.items()}

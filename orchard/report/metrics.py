@@ -80,9 +80,10 @@ def orders_refused(answers: Mapping[str, Action | None]) -> int:
 
 
 def who_waits(actions: Mapping[str, Action]) -> list[str]:
-    """Return a line for each robot that waits: what it does, and what it waits for."""
-    waiting = [(name, action) for name, action in sorted(actions.items()) if action.waits_for and kind_of(name) in ROBOTS]
-    return [f"{name} ({action.doing}) waits for {action.waits_for}" for name, action in waiting]
+    """Return a line for each robot that waits, or has failed: what it does, and what it waits for."""
+    robots = [(name, action) for name, action in sorted(actions.items()) if kind_of(name) in ROBOTS]
+    waits = {name: f" waits for {action.waits_for}" if action.waits_for else "" for name, action in robots}
+    return [f"{name} ({action.doing}){waits[name]}" for name, action in robots if waits[name] or action.state == "failed"]
 
 
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:

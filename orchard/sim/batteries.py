@@ -1,4 +1,5 @@
-"""The batteries of carriers: each is used with time, and charged where its carrier stands in a charging line and has a charger.
+"""The batteries of carriers: each is used with time outside the queue, where a carrier that stands is off, and charged where its carrier
+stands in a charging line and has a charger.
 
 A charger reaches each place of the charging lines. It goes to the carrier that stands there nearest to a head, and stays with it until the
 battery is full. A carrier whose battery is flat stands still.
@@ -31,7 +32,9 @@ def advance(world: World) -> list[Event]:
     stands, before = ~world.twist[carriers].any(axis=1), world.charge[carriers]
     had = world.plugged[carriers]
     has = _with_chargers(world, stands, before)
-    use = np.where(stands, battery.standing, 1.0) * (-TIME_STEP / HOUR / (battery.hours or np.inf))
+    (x, y, _), area = world.pose[carriers].T, world.layout.queue.area
+    is_off = stands & (x >= area.west) & (x <= area.east) & (y >= area.south) & (y <= area.north)
+    use = np.select([is_off, stands], [0.0, battery.standing], 1.0) * (-TIME_STEP / HOUR / (battery.hours or np.inf))
     after = np.clip(before + np.where(has & stands, TIME_STEP / HOUR / battery.hours_to_charge, use), 0.0, 1.0)
     world.charge[carriers], world.plugged[carriers] = after, has & (after < 1.0)
     happened = (("charging", has & ~had), ("charged", has & (after >= 1.0)), ("flat", (after <= 0.0) & (before > 0.0)))

@@ -120,7 +120,7 @@ def _draw_rates(axes: Axes, content: Content) -> None:
                           mfc="none", capsize=4, lw=1, zorder=5, label=label)  # fmt: skip
         jammed = [place for place, row in zip(places, line.rows, strict=True) if row.bins_per_hour is None]
         if jammed:
-            axes.plot(jammed, [0.0] * len(jammed), color=colour, ls="", marker="x", ms=8, mew=2, clip_on=False, label="all runs jammed")
+            axes.plot(jammed, [0.0] * len(jammed), color=colour, ls="", marker="x", ms=8, mew=2, clip_on=False, label="jammed")
     axes.set_ylim(bottom=0.0)
     if content.lines:
         axes.legend(frameon=False, fontsize=9, loc="best", labelcolor=INK)

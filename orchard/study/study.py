@@ -247,7 +247,14 @@ class _Study:
             undecided=[self.settings[i].values for i in undecided],
             seconds_needed=self._seconds_needed(found) if found else None,
             beyond=self._beyond(self.settings[found.best]) if found else {},
-            notes=[*self._about(shown), *self._no_room(found), *self._row_ends(found), *self.notes, *self._damaged()],
+            notes=[
+                *self._about(shown),
+                *self._no_room(found),
+                *self._row_ends(found),
+                *self._part_full(found),
+                *self.notes,
+                *self._damaged(),
+            ],
             version=software(),
             violations=sorted({line for record in records for line in record.violations.splitlines()}),
         )
@@ -314,6 +321,20 @@ class _Study:
         share = Bounds(lay_out(self.settings[found.best].scenario)).row_end_share
         return [f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging bins inside rows could gain no more"]
 
+    def _part_full(self, found: Comparison | None) -> list[str]:
+        """That the bins of one harvest have less fruit than as many full ones, with the best setting."""
+        scenario = self.settings[found.best].scenario if found is not None else self.scenario
+        if self.options.horizon == "long" or scenario.bin_metres is None:
+            return []
+        layout = lay_out(scenario)
+        fruit = sum(lane.length for lane in layout.lanes) / scenario.bin_metres
+        bins = f"each picker's last bin may be part full: {layout.bins} bins have the fruit of {fruit:.1f}"
+        return (
+            [f"{bins}, so a full one costs {100.0 * (layout.bins / fruit - 1.0):.1f} % more"]
+            if layout.bins > (1.0 + self.options.within) * fruit
+            else []
+        )
+
     def _faults(self, rows: Iterable[int]) -> list[str]:
         """Of each setting in which an own class failed, the first fault: its figures are those of another rule."""
         notes = []
@@ -343,7 +364,8 @@ def _is_unequal(layout: Layout, within: float) -> bool:
 
 def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) -> Row:
     """Return the line of a setting in the table, from its runs by one model, with the standing of one that jams."""
-    harvested = [record for record in records if record.ended != "jammed"]
+    jammed = sum(record.ended == "jammed" for record in records)
+    harvested = [] if jammed else records  # the others would tell of lucky runs
     rates = [record.bins_per_hour for record in harvested]
     seconds = [record.sim_seconds for record in harvested if record.horizon == "harvest"]
     costs = [cost for rate in rates if (cost := setting.cost_per_bin(rate)) is not None]
@@ -352,7 +374,7 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         setting=setting.values,
         model=records[0].model,
         replications=len(records),
-        jammed=len(records) - len(harvested),
+        jammed=jammed,
         bins_per_hour=interval(rates, confidence) if rates else None,
         harvest_seconds=interval(seconds, confidence) if seconds else None,
         cost_per_bin=interval(costs, confidence) if costs else None,

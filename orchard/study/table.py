@@ -36,7 +36,7 @@ OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and
 CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
 ONLY_IF_KNOWN = ("a bin", "optimum, s", "checked")  # columns that are left out if they have nothing in any row
-OF_ALL_JAMMED = ("bins/h", "bound", "limit", "checked")  # known if all runs jammed
+OF_JAMMED = ("bins/h", "bound", "limit", "checked")  # known if runs jammed
 WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")  # where the terminal is narrow
 
 
@@ -76,7 +76,7 @@ def _unasked(result: StudyResult) -> list[str]:
 
 
 def _cell(head: str, row: Row) -> str:
-    return NONE if row.bins_per_hour is None and head not in OF_ALL_JAMMED else COLUMNS[head](row) or NONE
+    return NONE if row.bins_per_hour is None and head not in OF_JAMMED else COLUMNS[head](row) or NONE
 
 
 def _lead(lead: Interval | None) -> str:
@@ -103,7 +103,7 @@ def _check(check: Check | None) -> str:
         return ""
     if check.jammed == check.replications:
         return "jammed"
-    return f"{_interval(check.bins_per_hour)} {100.0 * check.difference:+.1f} %"
+    return f"{_interval(check.bins_per_hour)} {round(100.0 * check.difference, 1) + 0.0:+.1f} %"  # never -0.0
 
 
 # -- CSV

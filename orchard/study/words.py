@@ -112,8 +112,9 @@ def answer(result: StudyResult) -> str:
     if (best := result.best_row) is None:
         what = setting_words(result.table[0].setting) if len(result.table) == 1 else f"All {len(result.table)} settings"
         return f"{what} jammed: some robots waited for ever."
-    is_least = any(value > best.setting[key] for key, value in result.beyond.items())
-    shown = f"{('At least ' if is_least else 'At most ') if result.beyond else ''}{setting_words(best.setting)}"
+    further = [value > best.setting[key] for key, value in result.beyond.items()]
+    is_range = further and result.beyond.keys() == {*ROBOTS} & best.setting.keys() and not result.undecided
+    shown = f"{('At least ' if any(further) else 'At most ') if is_range else ''}{setting_words(best.setting)}"
     parts = [f"{shown}: {_figures(best, result)}", _optimum(best), _end(result), _alike(result), _undecided(result), _checked(best, result)]
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"

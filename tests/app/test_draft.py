@@ -215,7 +215,7 @@ def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other
 
 
 def test_a_scenario_has_a_title_and_a_draft_its_own_values():
-    assert title_of(Scenario()) == "5 rows, 2 pickers, 2 carriers, seed 1"
+    assert title_of(Scenario(carriers=1)) == "5 rows, 2 pickers, 1 carrier, seed 1"
     other = with_changes(Scenario(rows=7, agents={"picker": "a.B"}), tractor=False, **{"laser.noise": 0.01})
     assert title_of(other) == "7 rows, 2 pickers, 2 carriers, seed 1, tractor off, laser noise 0.01, own classes"
     assert differences([Scenario(), other, other])["Rows"] == ["5", "7", "7"]

@@ -199,9 +199,12 @@ def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> Non
 
 
 def test_a_harvest_whose_carrier_is_flat_before_it_is_home_is_not_over() -> None:
-    layout = lay_out(orchard(rows=3, pickers=3, carriers=1, seed=27, route="one-way", carrying={"battery": {"hours": 0.2, "reserve": 0.3}}))
+    layout = lay_out(
+        orchard(rows=3, pickers=3, carriers=1, seed=27, route="one-way", carrying={"battery": {"hours": 0.19, "reserve": 0.3}})
+    )
     harvest = DiscreteHarvest(layout).run()
     assert (harvest.delivered, harvest.is_over) == (3, False)
+    assert str(harvest.jam()).endswith("the battery of carrier_01 is flat")
 
 
 def test_agents_of_the_users_own_need_the_simulator() -> None:

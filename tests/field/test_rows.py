@@ -169,9 +169,7 @@ def test_every_place_lies_behind_the_bay_and_before_the_delivery_road(name: str,
     assert len({place[:2] for place in places}) == carriers
     assert all(queue.area.contains(place.x, place.y) for place in places)
     last = queue.head - CLOSED_UP * (queue.places - 1)
-    assert last - 2.4 >= -30.0 + bay + 0.9 + 0.8, (
-        "the tail of the last one, when the line has closed up, is clear of a carrier that unloads"
-    )
+    assert last - 2.4 >= -30.0 + bay + 0.9 + 0.8, "the tail of the line, closed up, is clear of a carrier that unloads"
     assert queue.area.west <= last
     assert queue.head + 0.9 < 38.75 - 0.75 + length - 70.0
 

@@ -60,6 +60,7 @@ def test_a_short_row_fills_its_bin_and_takes_its_own_time():
 def test_a_rate_where_each_row_fills_a_bin_is_that_of_the_mean_row():
     layout = lay_out(orchard_of(UNEQUAL, picking_rate=60.0))
     assert fmean(layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes) == pytest.approx(60.0)
+    assert orchard_of(UNEQUAL, bins_per_row=2.0).bin_metres == pytest.approx(layout.mean_length / 2.0)
 
 
 def test_the_plan_shows_each_row_at_its_place():

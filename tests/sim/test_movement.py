@@ -154,8 +154,9 @@ def test_a_turn_counts_the_whole_box():
     assert near.of("collisions", "tractor_01") == 1
 
 
-def test_a_weed_stops_nobody():
-    over = yard(("picker", Pose(0, 0, EAST)), ("weed", Pose(1.5, 0, EAST)))
+@pytest.mark.parametrize("other", [("weed", Pose(1.5, 0, EAST)), ("bin", Pose(-2.25, 0, EAST))])
+def test_a_weed_and_a_bin_that_is_not_coupled_hold_nobody(other):
+    over = yard(("picker", Pose(0, 0, EAST)), other)
     over.drive(30, picker_01=AHEAD)
     assert over.pose("picker_01").x == pytest.approx(3.0)
 
@@ -176,12 +177,6 @@ def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it
     touched = np.array([[0.8, 0.76]])  # on its left, near its front
     assert not sense._swept(touched, boxes, -0.3)
     assert sense._swept(touched, boxes, 0.3)
-
-
-def test_without_a_bin_the_bar_holds_nobody():
-    free = yard(("picker", Pose(0, 0, EAST)), ("bin", Pose(-2.25, 0, EAST)))
-    free.drive(10, picker_01=AHEAD)
-    assert free.pose("picker_01").x == pytest.approx(1.0)
 
 
 @given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))

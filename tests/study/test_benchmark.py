@@ -79,11 +79,7 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
         (("predictve",), 2, r"POLICY = 'predictve': must be .*; did you mean predictive\?"),
         (("--summary", "{store}"), 2, r"--summary: .*benchmark.db, .*benchmark.db: two of these are one file"),
         (("--orchard", "tiny"), 2, r"--orchard: tiny: no such orchard; there are small-fast, "),
-        (
-            ("own_policies.Raising", *SMALL),
-            1,
-            r"own_policies.Raising, tick \d+: LookupError: no such bin here \(.*own_policies.py, line \d+\)",
-        ),
+        (("own_policies.Raising", *SMALL), 1, r"Raising, tick \d+: LookupError: no such bin here \(.*own_policies.py, line \d+\)"),
         (("own_policies.Idle", *SMALL), 0, r"never finished, .* carrier that was not sent: 3 of small-fast, 3 of small-slow"),
     ],
 )

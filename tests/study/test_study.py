@@ -1,5 +1,6 @@
 """Whole studies of small orchards: what may vary; the same table whatever the workers and whatever was known; jams, budgets, the check."""
 
+import math
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from orchard.study.picture import inline_svg
 from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
-from orchard.study.study import StudyOptions, checked_settings, study
+from orchard.study.study import StudyOptions, checked_settings, row_of, study
 from orchard.study.words import setting_words
 
 
@@ -244,6 +245,17 @@ def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
     assert all(0.5 * row.harvest_seconds.mean < row.proven_seconds <= row.harvest_seconds.mean for row in settled.table)
     assert settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, rolling dispatch"
     assert any(note.startswith("drives to the ends of rows take 44.2 %") for note in settled.notes)
+
+
+def test_a_setting_that_jams_once_has_no_figures():
+    once = PlannedRun(Scenario(rows=3, **QUIET), "fast").do(math.inf)
+    row = row_of(Setting({}, Scenario()), [once, replace(once, ended="jammed")], 0.95)
+    assert (row.bins_per_hour, row.harvest_seconds, row.jammed, row.standing) == (None, None, 1, "jammed")
+
+
+def test_part_full_bins_of_one_harvest_are_told(tmp_path):
+    told = study(Scenario(rows=3, metres_per_bin=50.0, **QUIET), {}, replace(AMPLE, store=tmp_path / "s.db"))
+    assert any("5 bins have the fruit of 4.2, so a full one costs 19.0 % more" in note for note in told.notes), told.notes
 
 
 def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_path):

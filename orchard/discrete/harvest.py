@@ -22,7 +22,7 @@ from orchard.field.scenario import TIME_STEP
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 LEAST_BINS, LEAST_ROUNDS = 24, 3  # of a long run: that each picker fills; how often those with most rows pick theirs, if each fills a bin
-CHARGES = 6.0  # that each carrier does, by the mean
+CHARGES, LEAST_BUSY = 6.0, 0.25  # that each carrier does, by the mean, if it is busy for that share; others charge while they wait
 BEGINNING = 0.4  # share of the bins that is left out
 LEAST_SHARE = 0.5  # of its rows, or of the work, that a picker does until the first one has done all: with fair policies 0.7 and more
 
@@ -214,7 +214,8 @@ def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
     found, battery = _long_run(layout, least), layout.scenario.carrying.battery
     if rows_each or not battery.hours:
         return found
-    charge_seconds = 3600.0 * (1.0 - battery.reserve) * (battery.hours / found.carrier_utilisation + battery.hours_to_charge)  # to the next
+    busy = max(LEAST_BUSY, found.carrier_utilisation)
+    charge_seconds = 3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)  # from one to the next
     needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / found.sim_seconds)
     return found if needed <= least else _long_run(layout, needed)
 

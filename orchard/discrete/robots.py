@@ -393,6 +393,7 @@ class Robot(Follower):
     def _(self, step: st.Charged) -> Events:
         if not self.is_charged.triggered:
             yield from self.wait(self.is_charged)
+        self.use_battery(0.0)
 
     def use_battery(self, standing: float) -> None:
         """Count what the battery was used for since it was last counted, or charged. `standing`: the power since then while it stood."""

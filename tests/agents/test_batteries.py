@@ -128,6 +128,12 @@ def test_in_the_long_run_more_chargers_deliver_more_until_they_suffice_and_no_mo
     assert [Bounds(layout).bottleneck for layout in layouts][::2] == ["chargers", "carriers"]
 
 
+def test_spare_carriers_are_off_in_the_queue_and_where_they_were_charged():
+    battery = {"hours": 0.3, "hours_to_charge": 0.2, "reserve": 0.5, "standing": 1.0}
+    layout = lay_out(charging(battery, rows=6, pickers=2, carriers=6, picking_speed=0.012))
+    assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
+
+
 REFUSED = [
     ({"chargers": 0}, "chargers = 0, carrying.battery.hours = 0.12: must be 1 to 120 chargers for carriers with batteries"),
     ({"carriers": 70}, "for as many lines in which they charge: with rows of 30 m and the bay at 0 m it holds"),

@@ -107,9 +107,8 @@ def test_a_memory_that_is_another_after_a_kill_is_refused_at_once(memory, type_,
     assert local.actions["picker_01"].state == "broken"
     assert keeper.got == [None, None]
     (record,) = caplog.records
-    assert re.search(
-        rf"^picker_01 raised an error at tick 0; it stands.\n  Keeper \(.*, line \d+\):\n(.|\n)*{re.escape(place)}", record.getMessage()
-    )
+    said = rf"^picker_01 raised an error at tick 0; it stands.\n  Keeper \(.*, line \d+\):\n(.|\n)*{re.escape(place)}"
+    assert re.search(said, record.getMessage())
 
 
 KEPT = [

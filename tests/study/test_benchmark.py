@@ -37,9 +37,8 @@ def carried_out(command, folder, store):
 def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows():
     known = orchards()
     assert len(known) == 20
-    assert all(one.model_fields_set >= {"route", "rows_to_pickers", "people", "animals", "carriers", "seed"} for one in known.values()), (
-        ORCHARDS
-    )
+    wanted = {"route", "rows_to_pickers", "people", "animals", "carriers", "seed"}
+    assert all(one.model_fields_set >= wanted for one in known.values()), ORCHARDS
     for key in ("route", "rows_to_pickers"):
         assert len({getattr(one, key) for one in known.values()}) == 2
 

@@ -105,10 +105,8 @@ def test_two_sentences_come_first_and_the_table_fits_80_columns_and_python_says_
     run = orchard("study", folder / "plain.yaml", "--workers", "2", "--budget", "2h", "--out", folder / "plain.db")
     assert run.returncode == 0, run.stderr
     sentences, *table = run.stdout.splitlines()
-    assert re.fullmatch(
-        r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows .*, one bin a row, 2 pickers, two-way, .*\.",
-        sentences,
-    )
+    said = r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows .*, one bin a row, 2 pickers, two-way, .*\."
+    assert re.fullmatch(said, sentences)
     assert table[0].split()[0] == "behind," or "carriers" in table[1]
     assert max(map(len, table)) <= 80
     options = StudyOptions(workers=2, budget_seconds=7200.0, store=folder / "plain.db")

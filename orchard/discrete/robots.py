@@ -153,9 +153,8 @@ class Robot(Follower):
             free_to = room(self, before) if before is not None else inf
             goal = min(target, gate_at, meeting)
             limit = min(goal, max(here, free_to))
-            if arrived and limit > self.end + NEAR:
-                self.end = limit
-                self._tell()
+            if arrived:
+                self._extend(limit)
             if limit - here <= NEAR:
                 self.stood = self.tick
                 if target - here <= NEAR:
@@ -228,6 +227,11 @@ class Robot(Follower):
         self.line, self.end, self.is_across = line, at, False
         self._tell()
         return True
+
+    def _extend(self, end: float) -> None:
+        if end > self.end + NEAR:
+            self.end = end
+            self._tell()
 
     def _tell(self) -> None:
         """Let the robots behind go on, if they wait: in the next tick, and a tick later if they see its bin, which follows it."""

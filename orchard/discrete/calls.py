@@ -141,7 +141,8 @@ class Dispatched(Calls):
         self.horizon = horizon(self.layout) / TIME_STEP  # ticks before it is full, to report
         self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
-        self._carriers, self._jobs = sorted(carriers, key=lambda robot: robot.name), dict[str, tuple[str, int]]()
+        self._carriers = sorted(carriers, key=lambda robot: robot.name)
+        self._jobs: dict[str, tuple[str, int]] = {}  # carrier -> the bin that it fetches, and the tick at which that bin was told
         self._asked = self._decided = -POLL_TICKS  # ticks of the last question to the carriers, and of its answers
         self._knows_policy = type(self) is Dispatched and type(self.policy) in POLICIES.values()
         env.process(self.run())

@@ -151,6 +151,7 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 
 
 # -- sessions
+
 OpenBus = AbstractContextManager[Bus]
 
 

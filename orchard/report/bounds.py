@@ -161,9 +161,8 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
         return {}
     alone, proven = undisturbed(scenario), proven_seconds(layout)
     endless = with_changes(alone, **{"carrying.battery.hours": None})
-    schedule = max(
-        schedule_seconds(lay_out(endless)), proven or 0.0
-    )  # on free roads a carrier may stop before its picker is out of its way
+    # on free roads a carrier may stop before its picker is out of its way, and be faster than is proven
+    schedule = max(schedule_seconds(lay_out(endless)), proven or 0.0)
     own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
     uncharged = own if endless == alone else min(own, DiscreteHarvest(lay_out(endless)).run().seconds)
     parts = {"schedule": schedule} if proven is None else {"optimum": proven, "dispatch": schedule - proven}

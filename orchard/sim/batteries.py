@@ -1,5 +1,5 @@
-"""The batteries of carriers: each is used with time outside the queue, where a carrier that stands is off, and charged where its carrier
-stands in a charging line and has a charger.
+"""The batteries of carriers: each is used with time, and charged where its carrier stands in a charging line and has a charger. A carrier
+that stands in the queue or in a charging line is off: it uses nothing.
 
 A charger reaches each place of the charging lines. It goes to the carrier that stands there nearest to a head, and stays with it until the
 battery is full. A carrier whose battery is flat stands still.

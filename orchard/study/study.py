@@ -328,12 +328,10 @@ class _Study:
             return []
         layout = lay_out(scenario)
         fruit = sum(lane.length for lane in layout.lanes) / scenario.bin_metres
+        if layout.bins <= (1.0 + self.options.within) * fruit:
+            return []
         bins = f"each picker's last bin may be part full: {layout.bins} bins have the fruit of {fruit:.1f}"
-        return (
-            [f"{bins}, so a full one costs {100.0 * (layout.bins / fruit - 1.0):.1f} % more"]
-            if layout.bins > (1.0 + self.options.within) * fruit
-            else []
-        )
+        return [f"{bins}, so a full one costs {100.0 * (layout.bins / fruit - 1.0):.1f} % more"]
 
     def _faults(self, rows: Iterable[int]) -> list[str]:
         """Of each setting in which an own class failed, the first fault: its figures are those of another rule."""

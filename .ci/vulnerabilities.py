@@ -20,14 +20,29 @@ def ask(audit: str, packages: str) -> tuple[dict[str, list[str]], dict[str, str]
     with NamedTemporaryFile("w", suffix=".txt") as file:
         file.write(packages)
         file.flush()
-        options = ["--no-deps", "--disable-pip", "--format", "json", "--progress-spinner", "off", "--requirement", file.name]
+        options = [
+            "--no-deps",
+            "--disable-pip",
+            "--format",
+            "json",
+            "--progress-spinner",
+            "off",
+            "--requirement",
+            file.name,
+        ]
         said = subprocess.run([audit, *options], capture_output=True, text=True, check=False)
     try:
         answers = json.loads(said.stdout)["dependencies"]
     except json.JSONDecodeError:
         return {}, {"any package": (said.stderr.splitlines() or ["pip-audit said nothing"])[-1]}
-    found = {answer["name"]: [vulnerability["id"] for vulnerability in answer["vulns"]] for answer in answers if "vulns" in answer}
-    return found, {answer["name"]: answer["skip_reason"] for answer in answers if "skip_reason" in answer}
+    found = {
+        answer["name"]: [vulnerability["id"] for vulnerability in answer["vulns"]]
+        for answer in answers
+        if "vulns" in answer
+    }
+    return found, {
+        answer["name"]: answer["skip_reason"] for answer in answers if "skip_reason" in answer
+    }
 
 
 def main(audit: str, file: str) -> int:
@@ -35,13 +50,23 @@ def main(audit: str, file: str) -> int:
     known, unchecked = ask(audit, VULNERABLE)
     if not any(known.values()):
         why = next(iter(unchecked.values()), "it knows of none")
-        print(f"vulnerabilities: NOT CHECKED, for the registry reports none of {VULNERABLE}, which has some: {why}")
+        print(
+            f"vulnerabilities: NOT CHECKED, for the registry reports none of {VULNERABLE}, which has some: {why}"
+        )
         return 0
     found, unchecked = ask(audit, Path(file).read_text())
-    harmful = {name: ids for name, all_ids in found.items() if (ids := [each for each in all_ids if each not in HARMLESS])}
-    print(f"vulnerabilities: known of {len(harmful)} of the {len(found)} packages that were checked")
+    harmful = {
+        name: ids
+        for name, all_ids in found.items()
+        if (ids := [each for each in all_ids if each not in HARMLESS])
+    }
+    print(
+        f"vulnerabilities: known of {len(harmful)} of the {len(found)} packages that were checked"
+    )
     for name, ids in harmful.items():
-        print(f"  {name}: {', '.join(ids)}: take a version without them, or say in HARMLESS of .ci/vulnerabilities.py why they do no harm")
+        print(
+            f"  {name}: {', '.join(ids)}: take a version without them, or say in HARMLESS of .ci/vulnerabilities.py why they do no harm"
+        )
     for name, why in unchecked.items():
         print(f"  {name}: NOT CHECKED: {why}")
     return 1 if harmful else 0

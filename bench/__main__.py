@@ -14,7 +14,9 @@ TARGET = Path(__file__).with_name("results.md")
 
 
 def main() -> None:
-    os.environ |= QUICK_TICKS | os.environ  # this process is the hub of the floor benchmark, so it needs them too
+    os.environ |= (
+        QUICK_TICKS | os.environ
+    )  # this process is the hub of the floor benchmark, so it needs them too
     console = Console(stderr=True, highlight=False)
     columns = (BarColumn(30), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=console) as progress:
@@ -28,7 +30,9 @@ def main() -> None:
         text = markdown(measure(say))
     TARGET.write_text(text)
     print(text)
-    console.print(f"wrote {TARGET.relative_to(Path.cwd()) if TARGET.is_relative_to(Path.cwd()) else TARGET}")
+    console.print(
+        f"wrote {TARGET.relative_to(Path.cwd()) if TARGET.is_relative_to(Path.cwd()) else TARGET}"
+    )
 
 
 if __name__ == "__main__":

@@ -22,8 +22,16 @@ assert STEP == TIME_STEP
 
 def world_of(area: Field) -> World:
     """Return a world with only the walls and robots of the field."""
-    no_obstacles = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0, "tractor": False}
-    starts = tuple(Start(name_of(ROBOT, i + 1), ROBOT, Pose(*pose)) for i, pose in enumerate(area.starts.tolist()))
+    no_obstacles = {
+        "people": People(workers=0, visitors=0),
+        "animals": Animals(dogs=0, cats=0),
+        "weeds": 0,
+        "tractor": False,
+    }
+    starts = tuple(
+        Start(name_of(ROBOT, i + 1), ROBOT, Pose(*pose))
+        for i, pose in enumerate(area.starts.tolist())
+    )
     return World(Layout(Scenario(**no_obstacles), (), (), {}, starts, area.walls))
 
 

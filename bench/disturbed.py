@@ -19,34 +19,72 @@ from orchard.report.metrics import collisions
 from orchard.server.figures import RunFigures
 
 LONGEST = 80_000  # ticks
-NOBODY: dict[str, Any] = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
+NOBODY: dict[str, Any] = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+    "weeds": 0,
+}
 Advice = list[tuple[int, str, Twist, int]]  # tick, robot, velocity, ticks
 
 
-def orchard(chance: Random, most: int = 8, lengths: tuple[float, ...] = (30.0, 40.0, 50.0, 70.0), **changes: Any) -> Scenario:
+def orchard(
+    chance: Random,
+    most: int = 8,
+    lengths: tuple[float, ...] = (30.0, 40.0, 50.0, 70.0),
+    **changes: Any,
+) -> Scenario:
     """Return a random orchard of 3 to `most` rows."""
     rows = chance.randint(3, most)
-    values: dict[str, Any] = {"rows": rows, "pickers": chance.randint(2, min(rows, 4)), "carriers": chance.randint(1, 3)}
+    values: dict[str, Any] = {
+        "rows": rows,
+        "pickers": chance.randint(2, min(rows, 4)),
+        "carriers": chance.randint(1, 3),
+    }
     values |= {"row_length": chance.choice(lengths), "route": chance.choice(["one-way", "two-way"])}
-    values |= {"dispatch": chance.choice(DISPATCH_POLICIES), "seed": chance.randint(1, 10**6), "tractor": chance.random() < 0.8}
+    values |= {
+        "dispatch": chance.choice(DISPATCH_POLICIES),
+        "seed": chance.randint(1, 10**6),
+        "tractor": chance.random() < 0.8,
+    }
     return Scenario(**values, **changes, **(NOBODY if chance.random() < 0.5 else {}))
 
 
 def limits(chance: Random) -> tuple[Scenario, Advice]:
     """Return an orchard of short rows with sensors at their limits."""
-    white, bias = chance.choice([(MOST_WHITE, MOST_BIAS), (MOST_WHITE, MOST_BIAS), (MOST_WHITE, 0.0), (0.0, MOST_BIAS)])
+    white, bias = chance.choice(
+        [(MOST_WHITE, MOST_BIAS), (MOST_WHITE, MOST_BIAS), (MOST_WHITE, 0.0), (0.0, MOST_BIAS)]
+    )
     gnss = {"white": white, "bias": bias, "bias_time": chance.choice([300.0, 300.0, 60.0, 1000.0])}
-    return orchard(chance, 4, (20.0, 30.0), sensors={"gnss": gnss, "odometry": {"distance": 0.1, "heading": 0.05}}), []
+    return orchard(
+        chance,
+        4,
+        (20.0, 30.0),
+        sensors={"gnss": gnss, "odometry": {"distance": 0.1, "heading": 0.05}},
+    ), []
 
 
 def advised(chance: Random, drives: bool) -> tuple[Scenario, Advice]:
     """Return an orchard, and advice that turns robots or, if it `drives`, drives them too."""
     scenario, advice = orchard(chance), []
-    names = [start for kind in ("picker", "carrier") for start in (f"{kind}_{i + 1:02d}" for i in range(getattr(scenario, f"{kind}s")))]
+    names = [
+        start
+        for kind in ("picker", "carrier")
+        for start in (f"{kind}_{i + 1:02d}" for i in range(getattr(scenario, f"{kind}s")))
+    ]
     for _ in range(3):
-        tick, name = chance.randint(5, 6000), chance.choice(names + ["tractor_01"] * scenario.tractor)
+        tick, name = (
+            chance.randint(5, 6000),
+            chance.choice(names + ["tractor_01"] * scenario.tractor),
+        )
         speed = chance.uniform(-0.5, 1.0) if drives and chance.random() < 0.6 else 0.0
-        advice.append((tick, name, Twist(x=speed, yaw=chance.uniform(-EIGHTH, EIGHTH)), chance.randint(1, 20 if drives else 10)))
+        advice.append(
+            (
+                tick,
+                name,
+                Twist(x=speed, yaw=chance.uniform(-EIGHTH, EIGHTH)),
+                chance.randint(1, 20 if drives else 10),
+            )
+        )
     return scenario, sorted(advice)
 
 
@@ -69,7 +107,9 @@ def main() -> None:
     kind, first, end = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     for number in range(first, end):
         chance = Random(f"{kind} {number}")
-        finishes, hits = harvest(*(limits(chance) if kind == "limits" else advised(chance, drives=kind == "drive")))
+        finishes, hits = harvest(
+            *(limits(chance) if kind == "limits" else advised(chance, drives=kind == "drive"))
+        )
         print(number, "finished" if finishes else "JAMMED", f"{hits} collisions", flush=True)
 
 

@@ -11,7 +11,10 @@ import numpy as np
 
 LENGTH, WIDTH = 100.0, 64.0  # m, between the centre lines of the fences
 FENCE = 1.0  # m, thickness
-LINES, TREES = 5, 12  # lines of trees, and trees in a line; a post stands between neighbouring trees
+LINES, TREES = (
+    5,
+    12,
+)  # lines of trees, and trees in a line; a post stands between neighbouring trees
 LINE_PITCH, TREE_PITCH = 5.5, 6.0  # m
 TRUNK = 0.5  # m, side of the square trunk of a tree, and of a post
 ROBOT_LENGTH, ROBOT_WIDTH = 1.0, 0.8  # m; the laser is at the middle of the front side
@@ -26,7 +29,9 @@ class Field(NamedTuple):
 
     length: float  # m along x, between the centre lines of the fences
     width: float  # m along y
-    walls: np.ndarray  # (w, 4), m: x, y, half length along x, half width along y; the four fences first
+    walls: (
+        np.ndarray
+    )  # (w, 4), m: x, y, half length along x, half width along y; the four fences first
     starts: np.ndarray  # (n, 3): x, y (m) and yaw (rad) of each robot
 
 
@@ -51,7 +56,12 @@ def velocities(robots: int, steps: int) -> np.ndarray:
 
 def _fences(length: float, width: float) -> list[tuple[float, float, float, float]]:
     half, long, high = FENCE / 2, length / 2, width / 2
-    return [(0.0, high, long + half, half), (0.0, -high, long + half, half), (-long, 0.0, half, high), (long, 0.0, half, high)]
+    return [
+        (0.0, high, long + half, half),
+        (0.0, -high, long + half, half),
+        (-long, 0.0, half, high),
+        (long, 0.0, half, high),
+    ]
 
 
 def _trunks(lines: int, trees: int) -> list[tuple[float, float, float, float]]:
@@ -70,7 +80,9 @@ def _places(robots: int, length: float, width: float, walls: np.ndarray) -> np.n
         x, y = random.uniform((-length / 2, -width / 2), (length / 2, width / 2))
         to_walls = np.maximum(np.abs(walls[:, :2] - (x, y)) - walls[:, 2:], 0.0)
         to_others = centres[:placed] - (x, y)
-        if np.all((to_walls**2).sum(axis=1) > radius**2) and np.all((to_others**2).sum(axis=1) > 4 * radius**2):
+        if np.all((to_walls**2).sum(axis=1) > radius**2) and np.all(
+            (to_others**2).sum(axis=1) > 4 * radius**2
+        ):
             centres[placed] = x, y
             placed += 1
     return np.column_stack([centres, random.uniform(-math.pi, math.pi, robots)])

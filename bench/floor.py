@@ -76,13 +76,18 @@ class Trace(msgspec.Struct, frozen=True):
 def ticks_per_second(trace: Trace) -> float:
     """Start the clients and send the messages of the trace once. Return the rate."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with TemporaryDirectory() as folder, zenoh.open(_config("router", "listen", endpoint)) as session:
+    with (
+        TemporaryDirectory() as folder,
+        zenoh.open(_config("router", "listen", endpoint)) as session,
+    ):
         path = Path(folder) / "trace.json"
         path.write_bytes(msgspec.json.encode(trace.without_open_requests()))
         velocities, ready = _Counter(), SimpleQueue[None]()
         declared = [
             session.declare_subscriber("floor/velocities/*", _callback(velocities.count)),
-            session.liveliness().declare_subscriber("floor/ready/*", _callback(lambda sample: ready.put(None)), history=True),
+            session.liveliness().declare_subscriber(
+                "floor/ready/*", _callback(lambda sample: ready.put(None)), history=True
+            ),
         ]
         clients = [_start(endpoint, i, path) for i in range(trace.clients)]
         try:
@@ -130,13 +135,21 @@ class _Client:
 
     def __init__(self, session: zenoh.Session, number: int, trace: Trace) -> None:
         self._session, self._number, self._trace = session, number, trace
-        self._arrived: SimpleQueue[Any] = SimpleQueue()  # an observation; a number: the end of a get of that tick; a query
-        self._seen, self._ends, self._held = 0, defaultdict[int, int](int), defaultdict[int, list[zenoh.Query]](list)
+        self._arrived: SimpleQueue[Any] = (
+            SimpleQueue()
+        )  # an observation; a number: the end of a get of that tick; a query
+        self._seen, self._ends, self._held = (
+            0,
+            defaultdict[int, int](int),
+            defaultdict[int, list[zenoh.Query]](list),
+        )
         self._answer = bytes(trace.sizes.answer)
         self._velocities = _publisher(session, f"floor/velocities/{number}")
         put = self._arrived.put
         self._declared = [
-            session.declare_subscriber(f"floor/seen/{number}", _callback(lambda sample: put(sample.payload.to_bytes()))),
+            session.declare_subscriber(
+                f"floor/seen/{number}", _callback(lambda sample: put(sample.payload.to_bytes()))
+            ),
             session.declare_queryable(f"floor/mail/{number}", _callback(put)),
             session.liveliness().declare_token(f"floor/ready/{number}"),
         ]
@@ -151,7 +164,11 @@ class _Client:
             expected[k] = sum(to == number for _, to in tick.requests)
             if number not in tick.asked:
                 continue
-            while not (self._seen and len(self._held[k - 1]) == expected[k - 1] and self._ends[k - 2] == len(sent[k - 2])):
+            while not (
+                self._seen
+                and len(self._held[k - 1]) == expected[k - 1]
+                and self._ends[k - 2] == len(sent[k - 2])
+            ):
                 self._take()
             self._seen -= 1
             self._velocities.put(payload)
@@ -162,9 +179,15 @@ class _Client:
                 query.drop()
 
     def _ask(self, tick: int, to: int) -> None:
-        handler = Callback(lambda reply: reply.ok.payload.to_bytes(), lambda: self._arrived.put(tick), indirect=False)
+        handler = Callback(
+            lambda reply: reply.ok.payload.to_bytes(),
+            lambda: self._arrived.put(tick),
+            indirect=False,
+        )
         payload = tick.to_bytes(STAMP) + bytes(self._trace.sizes.request - STAMP)
-        self._session.get(f"floor/mail/{to}", handler, payload=payload, timeout=TAKEN_SECONDS, **GET)
+        self._session.get(
+            f"floor/mail/{to}", handler, payload=payload, timeout=TAKEN_SECONDS, **GET
+        )
 
     def _take(self) -> None:
         match self._arrived.get(timeout=TAKEN_SECONDS):
@@ -195,7 +218,12 @@ def _start(endpoint: str, number: int, trace: Path) -> subprocess.Popen:
 
 def _config(mode: str, side: str, endpoint: str) -> zenoh.Config:
     config = zenoh.Config()
-    settings = {"mode": mode, f"{side}/endpoints": [endpoint], "scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
+    settings = {
+        "mode": mode,
+        f"{side}/endpoints": [endpoint],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+    }
     for key, value in (settings | {"transport/shared_memory/enabled": False}).items():
         config.insert_json5(key, json.dumps(value))
     return config

@@ -6,9 +6,19 @@ import venv
 from pathlib import Path
 
 HERE = Path(__file__).parent
-ENVIRONMENTS = HERE.parent / ".bench"  # one for each simulator: IR-SIM and irsim-x both install a package `irsim`
-DRIVERS = {"IR-SIM": "irsim_driver.py", "irsim-x": "irsim_driver.py", "navground": "navground_driver.py"}
-PACKAGES = {"IR-SIM": "ir-sim==2.12.0", "irsim-x": "irsim-x==1.1.4", "navground": "navground==0.7.0"}
+ENVIRONMENTS = (
+    HERE.parent / ".bench"
+)  # one for each simulator: IR-SIM and irsim-x both install a package `irsim`
+DRIVERS = {
+    "IR-SIM": "irsim_driver.py",
+    "irsim-x": "irsim_driver.py",
+    "navground": "navground_driver.py",
+}
+PACKAGES = {
+    "IR-SIM": "ir-sim==2.12.0",
+    "irsim-x": "irsim-x==1.1.4",
+    "navground": "navground==0.7.0",
+}
 ALSO = ("numpy==2.4.6", "pyyaml==6.0.3")  # for the drivers
 START_SECONDS = 90.0  # time for the start; creating a thousand robots takes long
 
@@ -28,7 +38,15 @@ def install(name: str) -> str:
     if (home / "ready").exists() and (home / "ready").read_text() == PACKAGES[name]:
         return ""
     venv.create(home, clear=True, with_pip=True)
-    command = [str(home / "bin" / "python"), "-m", "pip", "install", "--quiet", PACKAGES[name], *ALSO]
+    command = [
+        str(home / "bin" / "python"),
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        PACKAGES[name],
+        *ALSO,
+    ]
     process = subprocess.run(command, capture_output=True, text=True)
     if process.returncode:
         return (process.stderr.strip().splitlines() or ["pip failed"])[-1]
@@ -43,7 +61,9 @@ def steps_per_second(name: str, robots: int, seconds: float) -> float:
     """
     python = ENVIRONMENTS / name / "bin" / "python"
     command = [str(python), str(HERE / "peers" / DRIVERS[name]), str(robots), str(seconds)]
-    process = subprocess.run(command, capture_output=True, text=True, timeout=START_SECONDS + 10 * seconds)
+    process = subprocess.run(
+        command, capture_output=True, text=True, timeout=START_SECONDS + 10 * seconds
+    )
     if process.returncode:
         raise RuntimeError(f"{name}: {process.stderr.strip().splitlines()[-1]}")
     return float(json.loads(process.stdout.strip().splitlines()[-1])["steps_per_second"])

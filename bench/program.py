@@ -58,7 +58,9 @@ def local_figures(options: list[str], ticks: int, repeats: int = 5) -> LocalFigu
     for local in (on, ignored):
         local.tick()
     rates = [(_rate(on, ticks), _rate(ignored, ticks)) for _ in range(repeats)]
-    return LocalFigures(len(on.agents), on.engine.asked_share, *map(median, zip(*rates, strict=True)))
+    return LocalFigures(
+        len(on.agents), on.engine.asked_share, *map(median, zip(*rates, strict=True))
+    )
 
 
 def _rate(local: Local, ticks: int) -> float:
@@ -88,7 +90,11 @@ def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
     local, total = Local(scenario(options)), 0.0
     processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
     spent = [0.0] * len(processes)
-    local.agents = {name: _Timed(local.agents[name], spent, i) for i, (_, names) in enumerate(processes) for name in names}
+    local.agents = {
+        name: _Timed(local.agents[name], spent, i)
+        for i, (_, names) in enumerate(processes)
+        for name in names
+    }
     for _ in range(ticks):
         spent[:] = [0.0] * len(spent)
         begun = time.perf_counter()
@@ -105,23 +111,46 @@ def trace_of(options: list[str], hosts: str, ticks: int, sizes: dict[str, int]) 
     letters, replies = list[int](), list[int]()
     for tick in range(ticks):
         local.tick()
-        sent = [(name, number, *request) for name, action in local.answers.items() for number, request in enumerate(action.requests)]
-        letters += [len(pack(Letter(RUN, tick, name, number, body))) for name, number, _, body in sent]
-        replies += [len(pack(Answered(RUN, tick, body))) for action in local.answers.values() for _, body in action.answers]
+        sent = [
+            (name, number, *request)
+            for name, action in local.answers.items()
+            for number, request in enumerate(action.requests)
+        ]
+        letters += [
+            len(pack(Letter(RUN, tick, name, number, body))) for name, number, _, body in sent
+        ]
+        replies += [
+            len(pack(Answered(RUN, tick, body)))
+            for action in local.answers.values()
+            for _, body in action.answers
+        ]
         asked = sorted({process[name] for name in local.answers})
         found.append(floor.Tick(asked, [(process[name], process[to]) for name, _, to, _ in sent]))
-    return floor.Trace(len(processes), floor.Sizes(**sizes, request=round(mean(letters)), answer=round(mean(replies))), found)
+    return floor.Trace(
+        len(processes),
+        floor.Sizes(**sizes, request=round(mean(letters)), answer=round(mean(replies))),
+        found,
+    )
 
 
 # -- lockstep
 
 
-def lockstep_ticks_per_second(options: list[str], hosts: str, ticks: int, *more: str, record: bool = False) -> float:
+def lockstep_ticks_per_second(
+    options: list[str], hosts: str, ticks: int, *more: str, record: bool = False
+) -> float:
     """Return the rate that run.py reports for a run of `ticks` ticks, from the beginning of the first tick to the last."""
     with TemporaryDirectory() as folder:
         summary = Path(folder) / "summary.json"
         recording = str(Path(folder) / "run.rrd") if record else "none"
-        command = [*_run(options, hosts, ticks), "--record", recording, "--summary", str(summary), *more]
+        command = [
+            *_run(options, hosts, ticks),
+            "--record",
+            recording,
+            "--summary",
+            str(summary),
+            *more,
+        ]
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
         return ticks / float(json.loads(summary.read_text())["wall_seconds"])
 
@@ -211,8 +240,19 @@ def realtime_figures(seconds: int) -> RealtimeFigures:
     """Run the default scenario at speed 1. Return its processor load, measured for `seconds` after 20 ticks, and its delays."""
     with TemporaryDirectory() as folder:
         path, endpoint = Path(folder) / "summary.json", with_port(LOOPBACK)
-        how = ["--mode", "realtime", "--record", "none", "--summary", str(path), "--listen", endpoint]
-        popen = subprocess.Popen([*_run([], "each", 10 * (seconds + 4)), *how], cwd=ROOT, stdout=subprocess.DEVNULL)
+        how = [
+            "--mode",
+            "realtime",
+            "--record",
+            "none",
+            "--summary",
+            str(path),
+            "--listen",
+            endpoint,
+        ]
+        popen = subprocess.Popen(
+            [*_run([], "each", 10 * (seconds + 4)), *how], cwd=ROOT, stdout=subprocess.DEVNULL
+        )
         with client(endpoint, seconds=START_SECONDS) as bus:
             bus.subscribe(Keys().of("clock"))
             _received(bus, 20)
@@ -222,7 +262,13 @@ def realtime_figures(seconds: int) -> RealtimeFigures:
         popen.wait(timeout=START_SECONDS)
         summary = json.loads(path.read_text())
     delays = summary["answer_milliseconds"]
-    return RealtimeFigures(used / seconds, summary["ticks"] * summary["hosts"], summary["velocities_missed"], delays["p50"], delays["p99"])
+    return RealtimeFigures(
+        used / seconds,
+        summary["ticks"] * summary["hosts"],
+        summary["velocities_missed"],
+        delays["p50"],
+        delays["p99"],
+    )
 
 
 def _processor_seconds(pid: int) -> float:
@@ -237,7 +283,13 @@ def _processor_seconds(pid: int) -> float:
 
 def physics_megabytes(robots: int) -> float:
     """Return the resident memory, MB, of a process that has imported the physics process and has scanned and moved `robots` robots."""
-    process = subprocess.run([sys.executable, "-m", "bench.program", str(robots)], cwd=ROOT, check=True, capture_output=True, text=True)
+    process = subprocess.run(
+        [sys.executable, "-m", "bench.program", str(robots)],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     return float(process.stdout)
 
 

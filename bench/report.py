@@ -71,7 +71,10 @@ def _machine(results: Results) -> str:
 
 def _processor() -> str:
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor() or "unknown")
+    return next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
+        platform.processor() or "unknown",
+    )
 
 
 def _core(results: Results) -> str:
@@ -81,20 +84,37 @@ def _core(results: Results) -> str:
         rows.append([PACKAGES[name].replace("==", " "), *(rate(figures.get(n)) for n in ROBOTS)])
     quoted = [name for name in QUOTED if name not in results.peers]
     rows += [[f"{name}, *quoted*", *map(rate, QUOTED[name])] for name in quoted]
-    note = "".join(f"\n\n{name} could not be installed ({why}): its figures are quoted." for name, why in results.missing.items())
-    growth = [["time of one robot's step, us, in a field that grows with N", *(f"{results.growing[n]:.2f}" for n in ROBOTS)]]
+    note = "".join(
+        f"\n\n{name} could not be installed ({why}): its figures are quoted."
+        for name, why in results.missing.items()
+    )
+    growth = [
+        [
+            "time of one robot's step, us, in a field that grows with N",
+            *(f"{results.growing[n]:.2f}" for n in ROBOTS),
+        ]
+    ]
     return f"## The core\n\n{table(head, rows)}{note}\n\n{table(['', *map(str, ROBOTS)], growth)}"
 
 
 def _goals(results: Results) -> str:
     goals = results.goals()
-    missed = [f"{goal}, {got} where {wanted} is wanted" for goal, wanted, got, met in goals if not met]
+    missed = [
+        f"{goal}, {got} where {wanted} is wanted" for goal, wanted, got, met in goals if not met
+    ]
     return f"Of {len(goals)} goals (`bench/measure.py`) {len(goals) - len(missed)} are met; not met: {'; '.join(missed) or 'none'}."
 
 
 def _program(results: Results) -> str:
     local = [
-        [name, str(run.agents), f"{run.asked:.3f}", rate(run.rate), rate(run.ignored), f"{run.rate / run.ignored:.2f}"]
+        [
+            name,
+            str(run.agents),
+            f"{run.asked:.3f}",
+            rate(run.rate),
+            rate(run.ignored),
+            f"{run.rate / run.ignored:.2f}",
+        ]
         for name, run in results.local.items()
     ]
     lockstep = [[name, *_rates(run)] for name, run in results.lockstep.items()]
@@ -108,7 +128,14 @@ def _program(results: Results) -> str:
         for name, profile in results.start.items()
     ]
     heads = (
-        ["local mode", "agents", "share of them asked", "ticks/s", "holds ignored", "with / ignored"],
+        [
+            "local mode",
+            "agents",
+            "share of them asked",
+            "ticks/s",
+            "holds ignored",
+            "with / ignored",
+        ],
         [
             "lockstep",
             "hosts",
@@ -126,12 +153,20 @@ def _program(results: Results) -> str:
         ],
         ["start, two agent processes", "first tick, s", "physics, MB", "an agent process, MB"],
     )
-    tables = "\n\n".join(table(head, rows) for head, rows in zip(heads, (local, lockstep, start), strict=True))
+    tables = "\n\n".join(
+        table(head, rows) for head, rows in zip(heads, (local, lockstep, start), strict=True)
+    )
     return f"## The program\n\n{tables}\n\nPhysics with 1000 robots uses {results.physics_megabytes:.0f} MB.\n\n{_realtime(results)}"
 
 
 def _rates(run: Lockstep) -> list[str]:
-    costs = [f"{run.asked:.2f}", f"{run.requests:.2f}", f"{1e6 * run.messages:.0f}", f"{1e6 * run.chain:.0f}", rate(run.attainable)]
+    costs = [
+        f"{run.asked:.2f}",
+        f"{run.requests:.2f}",
+        f"{1e6 * run.messages:.0f}",
+        f"{1e6 * run.chain:.0f}",
+        rate(run.attainable),
+    ]
     return [run.hosts, *costs, rate(run.plain), f"{run.plain / run.attainable:.2f}", rate(run.ignored), f"{run.plain / run.ignored:.2f}",
             rate(run.recorded), f"{run.recorded / run.plain:.2f}"]  # fmt: skip
 

@@ -16,7 +16,12 @@ from orchard.local import Local
 from orchard.server.figures import RunFigures
 
 WHITE, SLOW = (0.0, 0.01, 0.02, 0.05, MOST_WHITE), (0.0, 0.01, 0.02, MOST_BIAS)  # m
-RUNS = (("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting"), ("two-way", "farthest-first"))
+RUNS = (
+    ("one-way", "predictive"),
+    ("two-way", "nearest"),
+    ("one-way", "longest-waiting"),
+    ("two-way", "farthest-first"),
+)
 LONGEST = 20_000  # ticks
 
 
@@ -33,14 +38,19 @@ def harvest(white: float, bias: float, run: int) -> Outcome:
     """Run a harvest with these deviations, m, to its end, or until it is jammed."""
     route, dispatch = RUNS[run]
     scenario = Scenario(rows=3, seed=run + 1, route=route, dispatch=dispatch)
-    local = Local(with_changes(scenario, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}), is_hashed=False)
+    local = Local(
+        with_changes(scenario, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}),
+        is_hashed=False,
+    )
     figures, found = RunFigures(local.engine, time.monotonic), Counter[str]()
     while not local.engine.over and local.engine.tick < LONGEST and not figures.jam:
         events = local.tick()
         figures.update(events)
         found.update(event.what for event in events if event.who.startswith(VEHICLES))
     assert not local.engine.violations()
-    return Outcome(local.engine.over, local.engine.tick * TIME_STEP, found["collision"], found["deed refused"])
+    return Outcome(
+        local.engine.over, local.engine.tick * TIME_STEP, found["collision"], found["deed refused"]
+    )
 
 
 def line(white: float, bias: float, outcomes: list[Outcome]) -> str:
@@ -53,9 +63,15 @@ def line(white: float, bias: float, outcomes: list[Outcome]) -> str:
 
 def main() -> None:
     cells = [(white, bias) for white, bias in product(WHITE, SLOW)]
-    print("| white, cm | slow, cm | finished | mean time, s | collisions | couplings refused |", "| --- |" + " --- |" * 5, sep="\n")
+    print(
+        "| white, cm | slow, cm | finished | mean time, s | collisions | couplings refused |",
+        "| --- |" + " --- |" * 5,
+        sep="\n",
+    )
     with ProcessPoolExecutor(2) as pool:
-        runs = {cell: [pool.submit(harvest, *cell, run) for run in range(len(RUNS))] for cell in cells}
+        runs = {
+            cell: [pool.submit(harvest, *cell, run) for run in range(len(RUNS))] for cell in cells
+        }
         for cell, futures in runs.items():
             print(line(*cell, [future.result() for future in futures]), flush=True)
 

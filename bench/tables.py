@@ -46,7 +46,9 @@ def measure(name: str, scenario: Scenario) -> None:
         tables.close()
         spent += time.process_time() - begun
         total = time.process_time() - total
-        size = sum(file.stat().st_size for file in Path(folder).rglob("*.parquet") if file.is_file())
+        size = sum(
+            file.stat().st_size for file in Path(folder).rglob("*.parquet") if file.is_file()
+        )
         rows = local.engine.tick * len(local.engine.layout.names)
         print(
             f"{name}: {local.engine.tick} ticks, {rows} rows, {size / 1e6:.2f} MB: {spent:.2f} s for the tables, "

@@ -37,9 +37,15 @@ console = Console(highlight=False)
 @app.callback(invoke_without_command=True)
 def chaos(
     context: typer.Context,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Start no further run after so many seconds.")] = FULL_SECONDS,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same runs and the same faults.")] = 1,
-    only: Annotated[int | None, typer.Option(min=0, help="Repeat only the run with this number.")] = None,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Start no further run after so many seconds.")
+    ] = FULL_SECONDS,
+    seed: Annotated[
+        int, typer.Option(help="The same seed gives the same runs and the same faults.")
+    ] = 1,
+    only: Annotated[
+        int | None, typer.Option(min=0, help="Repeat only the run with this number.")
+    ] = None,
 ) -> None:
     """Inject random faults into random harvests and check the results."""
     if context.invoked_subcommand is not None:
@@ -47,10 +53,14 @@ def chaos(
     is_full = only is None and seconds >= FULL_SECONDS
     results, begun = Results(seed, date.today().isoformat()), time.monotonic()
     with _progress(seconds + TICKS / 500 * is_full) as progress:
-        results.verdicts = soak(seed, itertools.count() if only is None else [only], seconds, _shown(progress), _say)
+        results.verdicts = soak(
+            seed, itertools.count() if only is None else [only], seconds, _shown(progress), _say
+        )
         results.seconds = time.monotonic() - begun
         if is_full:
-            results.endurance = endure(lambda tick, mode: _shown(progress)(seconds + tick / 500, f"{mode}: tick {tick}"))
+            results.endurance = endure(
+                lambda tick, mode: _shown(progress)(seconds + tick / 500, f"{mode}: tick {tick}")
+            )
     results.load = os.getloadavg()[0]
     if is_full:
         TARGET.write_text(markdown(results))
@@ -62,18 +72,28 @@ def chaos(
 def endurance() -> None:
     """Check that memory and file handles stay constant over 100,000 ticks."""
     with _progress(2 * TICKS) as progress:
-        found = endure(lambda tick, mode: _shown(progress)(tick + TICKS * (mode == "local mode"), mode))
+        found = endure(
+            lambda tick, mode: _shown(progress)(tick + TICKS * (mode == "local mode"), mode)
+        )
     _finish(Results(endurance=found))
 
 
 def _progress(total: float) -> Progress:
-    progress = Progress(BarColumn(30), TimeElapsedColumn(), TextColumn("{task.description}"), console=console, transient=True)
+    progress = Progress(
+        BarColumn(30),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+        console=console,
+        transient=True,
+    )
     progress.add_task("", total=total)
     return progress
 
 
 def _shown(progress: Progress) -> Callable[[float, str], None]:
-    return lambda done, description: progress.update(progress.task_ids[0], completed=done, description=description)
+    return lambda done, description: progress.update(
+        progress.task_ids[0], completed=done, description=description
+    )
 
 
 def _say(line: str) -> None:
@@ -88,6 +108,10 @@ def _finish(results: Results) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # an exception, so that each `with` ends its processes
-    logging.getLogger("orchard").addFilter(lambda record: not record.getMessage().startswith(f"{MISTAKEN} "))  # its mistakes are wanted
+    signal.signal(
+        signal.SIGTERM, lambda number, frame: sys.exit(128 + number)
+    )  # an exception, so that each `with` ends its processes
+    logging.getLogger("orchard").addFilter(
+        lambda record: not record.getMessage().startswith(f"{MISTAKEN} ")
+    )  # its mistakes are wanted
     app()

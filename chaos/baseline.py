@@ -33,12 +33,16 @@ class Baseline:
             local.tick()
             if local.engine.tick % EVERY == 0 or local.engine.over:
                 self._keep(key, local)
-        return self._results[key, local.engine.tick if ticks is None else min(ticks, local.engine.tick)]
+        return self._results[
+            key, local.engine.tick if ticks is None else min(ticks, local.engine.tick)
+        ]
 
     def _keep(self, key: str, local: Local) -> None:
         engine = local.engine
         picked = int(engine.world.rows_done.sum())
-        self._results[key, engine.tick] = Result(engine.tick, engine.hash, engine.world.delivered, picked)
+        self._results[key, engine.tick] = Result(
+            engine.tick, engine.hash, engine.world.delivered, picked
+        )
 
 
 def scenario(seed: int, is_mistaken: bool = False) -> Scenario:

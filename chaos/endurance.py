@@ -20,10 +20,14 @@ from orchard.wire.messages import Figures, read
 TICKS = 100_000
 WARM_UP = 20_000  # ticks, after which all one-time allocations are done
 EVERY = 5_000  # ticks between two samples
-MOST_GROWTH = 0.05  # relative growth of the memory, from the end of the warm-up to the end of the run
+MOST_GROWTH = (
+    0.05  # relative growth of the memory, from the end of the warm-up to the end of the run
+)
 SILENCE_SECONDS = 120.0  # without figures; after that the run counts as hung
 MEGABYTE = 1e6
-LONG = Scenario(rows=6, pickers=2, carriers=2, picking_speed=0.02)  # three rows for each picker, an hour a row: more than 100,000 ticks
+LONG = Scenario(
+    rows=6, pickers=2, carriers=2, picking_speed=0.02
+)  # three rows for each picker, an hour a row: more than 100,000 ticks
 
 Say = Callable[[int, str], None]  # (tick, mode)
 
@@ -45,7 +49,9 @@ class MemorySeries(NamedTuple):
     @property
     def growth(self) -> float:
         """The relative growth of the memory along a fitted straight line: 0.05 is five per cent."""
-        slope = linear_regression([sample.tick for sample in self.samples], [sample.megabytes for sample in self.samples]).slope
+        slope = linear_regression(
+            [sample.tick for sample in self.samples], [sample.megabytes for sample in self.samples]
+        ).slope
         return slope * (self.samples[-1].tick - self.samples[0].tick) / self.samples[0].megabytes
 
     @property
@@ -55,7 +61,10 @@ class MemorySeries(NamedTuple):
         Each half counts with its minimum, so a file that is open for a moment, such as a snapshot, does not matter.
         """
         middle = len(self.samples) // 2
-        earlier, later = (min(sample.handles for sample in part) for part in (self.samples[:middle], self.samples[middle:]))
+        earlier, later = (
+            min(sample.handles for sample in part)
+            for part in (self.samples[:middle], self.samples[middle:])
+        )
         return later - earlier
 
     @property
@@ -92,19 +101,33 @@ def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> li
     found: dict[str, list[MemorySample]] = defaultdict(list)
     for tick, processes in moments:
         for name, process in processes.items():
-            found[name].append(MemorySample(tick, process.memory_info().rss / MEGABYTE, process.num_fds()))
+            found[name].append(
+                MemorySample(tick, process.memory_info().rss / MEGABYTE, process.num_fds())
+            )
     return [MemorySeries(name, samples) for name, samples in found.items()]
 
 
 def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    arguments = ["--hosts", "2", "--duration", str(ticks / 10), "--record", "none", "--listen", endpoint]
+    arguments = [
+        "--hosts",
+        "2",
+        "--duration",
+        str(ticks / 10),
+        "--record",
+        "none",
+        "--listen",
+        endpoint,
+    ]
     with Harvest(LONG, arguments, "endurance") as harvest:
         for tick in _ticks_at(endpoint, ticks):
             say(tick, "lockstep, 2 hosts")
             if tick >= WARM_UP:
                 (physics,), hosts = harvest.processes("physics"), harvest.processes("agents")
-                yield tick, {"physics": physics} | {f"host {i + 1}": host for i, host in enumerate(hosts)}
+                yield (
+                    tick,
+                    {"physics": physics} | {f"host {i + 1}": host for i, host in enumerate(hosts)},
+                )
     harvest.tidy()
 
 
@@ -117,7 +140,9 @@ def _ticks_at(endpoint: str, ticks: int) -> Iterator[int]:
         while due < ticks:
             item = bus.inbox.take(SILENCE_SECONDS)
             if item is None or (isinstance(item, Alive) and not item.up):
-                raise RuntimeError(f"the endurance run stopped making progress after tick {due - EVERY}")
+                raise RuntimeError(
+                    f"the endurance run stopped making progress after tick {due - EVERY}"
+                )
             if isinstance(item, Sample) and (tick := read(item.payload, Figures).tick) >= due:
                 due = tick - tick % EVERY + EVERY
                 yield tick

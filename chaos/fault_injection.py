@@ -44,8 +44,12 @@ from orchard.net.zenoh_bus import client
 from orchard.wire.keys import Keys
 from orchard.wire.messages import Clock, read
 
-UNDER_WAY = 3  # ticks that may be under way when a fault begins; later ticks are stepped after the fault
-START_SECONDS = 90.0  # for a run to start; it also covers what the rest of the time limit does not count
+UNDER_WAY = (
+    3  # ticks that may be under way when a fault begins; later ticks are stepped after the fault
+)
+START_SECONDS = (
+    90.0  # for a run to start; it also covers what the rest of the time limit does not count
+)
 FAULT_SECONDS = 30.0  # by which one fault may delay a run
 LONGEST = 700.0  # simulated s; more than a whole harvest takes
 FREE_SECONDS = 2.0  # in which a killed process is gone, and its port free
@@ -76,9 +80,13 @@ class FaultInjector:
         """`bus`: a session that is connected without the relay and subscribed to the clock."""
         self._harvest, self._network, self._bus = harvest, network, bus
         self._pending = list(trial.faults)
-        self._ends: list[tuple[float, int, Callable[[], object]]] = []  # (monotonic time, a number that breaks ties, action)
+        self._ends: list[
+            tuple[float, int, Callable[[], object]]
+        ] = []  # (monotonic time, a number that breaks ties, action)
         self._number = count()
-        self._unrecovered: list[tuple[Fault, float, int]] = []  # (fault, monotonic time and tick when it began)
+        self._unrecovered: list[
+            tuple[Fault, float, int]
+        ] = []  # (fault, monotonic time and tick when it began)
         self._fuzzers: list[threading.Thread] = []
         self._run = ""
         self.tick = -1
@@ -97,8 +105,14 @@ class FaultInjector:
             self._run = self._run or read(sample.payload, Clock).run
             self.tick = read_message(sample.payload, Clock, self._run).tick
         now = time.monotonic()
-        self.recoveries += [Recovery(fault.name, now - begun) for fault, begun, tick in self._unrecovered if self.tick > tick + UNDER_WAY]
-        self._unrecovered = [entry for entry in self._unrecovered if self.tick <= entry[2] + UNDER_WAY]
+        self.recoveries += [
+            Recovery(fault.name, now - begun)
+            for fault, begun, tick in self._unrecovered
+            if self.tick > tick + UNDER_WAY
+        ]
+        self._unrecovered = [
+            entry for entry in self._unrecovered if self.tick <= entry[2] + UNDER_WAY
+        ]
 
     def inject_due(self) -> None:
         """Begin the faults whose tick has come, and end those whose time is over."""
@@ -158,7 +172,9 @@ class FaultInjector:
 
     def _fuzz(self, fault: Fault) -> bool:
         """Fuzz in a separate thread: a frozen router blocks a session that sends to it."""
-        fuzzer = threading.Thread(target=fuzz, args=(self._network.endpoint, self._run, fault.chance), daemon=True)
+        fuzzer = threading.Thread(
+            target=fuzz, args=(self._network.endpoint, self._run, fault.chance), daemon=True
+        )
         fuzzer.start()
         self._fuzzers.append(fuzzer)
         return True
@@ -188,7 +204,11 @@ class FaultInjector:
     def _targets(self, fault: Fault) -> list[psutil.Process]:
         """The processes that a fault hits: one of those of its role, or all; empty while none runs."""
         if fault.target == ALL:
-            return [process for role in (PHYSICS, HOST, LOGGER) for process in self._harvest.processes(role)]
+            return [
+                process
+                for role in (PHYSICS, HOST, LOGGER)
+                for process in self._harvest.processes(role)
+            ]
         running = self._harvest.processes(fault.target)
         return [running[fault.chance % len(running)]] if running else []
 
@@ -238,7 +258,9 @@ def inject_faults(trial: Trial, harvest: Harvest, network: Network) -> Execution
             injector.end()
     except BusError:
         return Execution([], [], harvest.exit_code, -1, limit)
-    return Execution(injector.injected, injector.recoveries, harvest.exit_code, injector.tick, limit)
+    return Execution(
+        injector.injected, injector.recoveries, harvest.exit_code, injector.tick, limit
+    )
 
 
 def time_limit(trial: Trial) -> float:

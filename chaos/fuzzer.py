@@ -31,12 +31,19 @@ def fuzz(endpoint: str, run: str, seed: int) -> None:
             key, payload = invalid_message(random, samples, run)
             bus.publish(key, payload, newest_wins=True)
         for what in ASKED:
-            bus.ask(Keys().of(what, random.choice(NAMES), "unknown"), random.randbytes(1 + random.randrange(60)), None, 5.0)
+            bus.ask(
+                Keys().of(what, random.choice(NAMES), "unknown"),
+                random.randbytes(1 + random.randrange(60)),
+                None,
+                5.0,
+            )
 
 
 def mutated(random: Random, payload: bytes, run: str) -> bytes:
     """Return a message with the id of another run, in which some bytes may be changed, cut off or repeated."""
-    message = bytearray(payload.replace(run.encode(), "".join(random.choices("ghijklmn", k=len(run))).encode()))
+    message = bytearray(
+        payload.replace(run.encode(), "".join(random.choices("ghijklmn", k=len(run))).encode())
+    )
     for _ in range(random.randrange(4)):
         message[random.randrange(len(message))] = random.randrange(256)
     cut = random.randrange(len(message))
@@ -45,12 +52,21 @@ def mutated(random: Random, payload: bytes, run: str) -> bytes:
 
 def invalid_message(random: Random, samples: list[Sample], run: str) -> tuple[str, bytes]:
     """Return a key and the payload to publish on it."""
-    sessions = sorted({sample.key.split("/")[2] for sample in samples if "/hosts/" in sample.key}) or ["unknown"]
-    keys = [Keys().of(what, name, random.choice(sessions)) for what in TABLE if what not in SILENT for name in NAMES]
+    sessions = sorted(
+        {sample.key.split("/")[2] for sample in samples if "/hosts/" in sample.key}
+    ) or ["unknown"]
+    keys = [
+        Keys().of(what, name, random.choice(sessions))
+        for what in TABLE
+        if what not in SILENT
+        for name in NAMES
+    ]
     real = [sample for sample in samples if run.encode() in sample.payload]
     if real and random.random() < 0.6:
         sample = random.choice(real)
-        return random.choice((sample.key, random.choice(keys))), mutated(random, sample.payload, run)
+        return random.choice((sample.key, random.choice(keys))), mutated(
+            random, sample.payload, run
+        )
     size = (1 << 20) + 1 if random.random() < 0.01 else random.randrange(200)
     return random.choice(keys), random.randbytes(size)
 

@@ -27,12 +27,18 @@ class Harvest:
     It has a folder of its own, in which it keeps notes, snapshots, recordings and compiled kernels: it disturbs no other run.
     """
 
-    def __init__(self, scenario: Scenario, arguments: Sequence[str], name: str, has_disk: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, arguments: Sequence[str], name: str, has_disk: bool = False
+    ) -> None:
         """`arguments`: of run.py, without the scenario. `name`: of log and folder.
 
         `has_disk`: whether its folder shall be a disk of its own.
         """
-        self.log, self._summary, self._folder = FOLDER / f"{name}.log", FOLDER / f"{name}.json", FOLDER / name
+        self.log, self._summary, self._folder = (
+            FOLDER / f"{name}.log",
+            FOLDER / f"{name}.json",
+            FOLDER / name,
+        )
         self._scenario, self._arguments, self._has_disk = scenario, arguments, has_disk
         self.disk = Disk(self._folder)
         self._kernels = self._folder / "kernels"
@@ -51,7 +57,15 @@ class Harvest:
 
     def _start(self, *begin: str) -> None:
         """Start run.py. The log continues."""
-        command = [sys.executable, "-u", str(self._folder / "run.py"), *begin, *self._arguments, "--summary", str(self._summary)]
+        command = [
+            sys.executable,
+            "-u",
+            str(self._folder / "run.py"),
+            *begin,
+            *self._arguments,
+            "--summary",
+            str(self._summary),
+        ]
         with self.log.open("a") as file:
             self._popen = subprocess.Popen(
                 command, cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(self._kernels)}, stdout=file, stderr=subprocess.STDOUT,
@@ -60,7 +74,9 @@ class Harvest:
 
     def kill_and_resume(self) -> bool:
         """Kill run.py and continue its run. Return whether that was possible: it must run, and have a snapshot."""
-        if self._popen.poll() is not None or not any(self._folder.glob("runs/*.snapshots/*.snapshot")):
+        if self._popen.poll() is not None or not any(
+            self._folder.glob("runs/*.snapshots/*.snapshot")
+        ):
             return False
         self._popen.kill()
         self._popen.wait()
@@ -98,7 +114,10 @@ class Harvest:
         for process in self._children():
             with suppress(psutil.Error):
                 command = process.cmdline()
-                if f"orchard.processes.{role}" in command and process.status() != psutil.STATUS_ZOMBIE:
+                if (
+                    f"orchard.processes.{role}" in command
+                    and process.status() != psutil.STATUS_ZOMBIE
+                ):
                     found.append((command, process))
         return [process for _, process in sorted(found, key=lambda pair: pair[0])]
 

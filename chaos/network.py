@@ -24,7 +24,11 @@ class Network:
         self._port = free_port()
         self.endpoint = f"tcp/127.0.0.1:{self._port}"
         self.relay = Relay(self._port) if is_routed else None
-        self.arguments = ["--listen", self.endpoint] if self.relay is None else ["--connect", self.relay.endpoint]
+        self.arguments = (
+            ["--listen", self.endpoint]
+            if self.relay is None
+            else ["--connect", self.relay.endpoint]
+        )
         self._stack = ExitStack()
 
     def __enter__(self) -> "Network":
@@ -39,7 +43,9 @@ class Network:
         self._stack.close()
 
     def start_router(self) -> None:
-        self._supervisor.start(ProcessSpec(ROUTER, "orchard.processes.router", ["--listen", self.endpoint]))
+        self._supervisor.start(
+            ProcessSpec(ROUTER, "orchard.processes.router", ["--listen", self.endpoint])
+        )
 
     def kill_router(self) -> bool:
         """Kill the router process. Return whether it was running."""

@@ -25,16 +25,24 @@ class Verdict:
     complaints: list[str] = field(default_factory=list)
 
 
-def judge(trial: Trial, execution: Execution, summary: dict[str, Any] | None, baseline: Result | None) -> Verdict:
+def judge(
+    trial: Trial, execution: Execution, summary: dict[str, Any] | None, baseline: Result | None
+) -> Verdict:
     """Return the verdict on a run.
 
     `summary`: run.py's summary; None if it wrote none. `baseline`: what a lockstep run must reach; None in realtime, which has no hash.
     """
     verdict = Verdict(trial, execution.injected, execution.recoveries)
     if execution.exit_code is None:
-        return _unfinished(verdict, f"not finished within {execution.limit:.0f} s; the last tick was {execution.last}")
+        return _unfinished(
+            verdict,
+            f"not finished within {execution.limit:.0f} s; the last tick was {execution.last}",
+        )
     if summary is None:
-        return _unfinished(verdict, f"no summary; exit code {execution.exit_code}, the last tick was {execution.last}")
+        return _unfinished(
+            verdict,
+            f"no summary; exit code {execution.exit_code}, the last tick was {execution.last}",
+        )
     verdict.refused = sum(summary["messages_refused"].values())
     verdict.invariants_broken = len(summary["violations"])
     verdict.complaints += [f"violated: {violation}" for violation in summary["violations"]]
@@ -45,7 +53,9 @@ def judge(trial: Trial, execution: Execution, summary: dict[str, Any] | None, ba
     broken = {agent.partition(",")[0] for agent in summary["broken_agents"]}
     if broken != ({MISTAKEN} if trial.is_mistaken else set()):
         return _unfinished(verdict, f"broken agents: {', '.join(sorted(broken)) or 'none'}")
-    if execution.exit_code != trial.is_mistaken and not verdict.complaints:  # run.py tells of broken agents with code 1
+    if (
+        execution.exit_code != trial.is_mistaken and not verdict.complaints
+    ):  # run.py tells of broken agents with code 1
         return _unfinished(verdict, f"exit code {execution.exit_code}")
     return verdict
 
@@ -55,11 +65,15 @@ def _check_lockstep(verdict: Verdict, summary: dict[str, Any], baseline: Result)
         _unfinished(verdict, f"ended at tick {summary['ticks']}, not {baseline.ticks}")
         return
     verdict.is_hash_changed = summary["hash"] != baseline.hash
-    verdict.bins_lost = max(0, baseline.bins - summary["bins_delivered"], baseline.rows - summary["rows_picked"])
+    verdict.bins_lost = max(
+        0, baseline.bins - summary["bins_delivered"], baseline.rows - summary["rows_picked"]
+    )
     if verdict.is_hash_changed:
         verdict.complaints.append(f"hash {summary['hash']}, not {baseline.hash}")
     if verdict.bins_lost:
-        verdict.complaints.append(f"{summary['bins_delivered']} bins delivered, not {baseline.bins}")
+        verdict.complaints.append(
+            f"{summary['bins_delivered']} bins delivered, not {baseline.bins}"
+        )
 
 
 def _check_realtime(verdict: Verdict, summary: dict[str, Any]) -> None:

@@ -20,7 +20,9 @@ class _Link:
 
     def __init__(self, *writers: asyncio.StreamWriter) -> None:
         self.writers = writers
-        self.open = asyncio.Event()  # while it is not set, nothing passes and neither end is notified
+        self.open = (
+            asyncio.Event()
+        )  # while it is not set, nothing passes and neither end is notified
         self.open.set()
         self.delay = 0.0  # s, for each chunk
 
@@ -83,7 +85,11 @@ class Relay:
         """Return when the change is made."""
 
         async def do() -> None:
-            for link in list(self._links) if which is None else self._links[which % max(1, len(self._links)) :][:1]:
+            for link in (
+                list(self._links)
+                if which is None
+                else self._links[which % max(1, len(self._links)) :][:1]
+            ):
                 change(link)
 
         self._do(do())
@@ -104,10 +110,14 @@ class Relay:
             return
         link = _Link(writer, target_writer)
         self._links.append(link)
-        await asyncio.gather(self._pump(link, reader, target_writer), self._pump(link, target_reader, writer))
+        await asyncio.gather(
+            self._pump(link, reader, target_writer), self._pump(link, target_reader, writer)
+        )
         self._links.remove(link)
 
-    async def _pump(self, link: _Link, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _pump(
+        self, link: _Link, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         """Pass on one direction of a link until an end closes it or it is cut."""
         with suppress(OSError):
             while chunk := await reader.read(CHUNK):

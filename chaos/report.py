@@ -33,7 +33,9 @@ class Results:
 
     @property
     def is_good(self) -> bool:
-        return not any(v.complaints for v in self.verdicts) and (self.endurance is None or self.endurance.is_good)
+        return not any(v.complaints for v in self.verdicts) and (
+            self.endurance is None or self.endurance.is_good
+        )
 
     def promises(self) -> list[tuple[str, int]]:
         """Return (description, count) of all that must be 0."""
@@ -52,8 +54,15 @@ class Results:
             times[v.trial.mode].update(v.injected)
             for recovery in v.recoveries:
                 seconds[v.trial.mode, recovery.fault].append(recovery.seconds)
-        lines = [(fault, mode, n, seconds[mode, fault]) for mode, counter in times.items() for fault, n in sorted(counter.items())]
-        return [(f"{fault}, {mode}", str(n), str(len(took)), *_median_and_worst(took)) for fault, mode, n, took in lines]
+        lines = [
+            (fault, mode, n, seconds[mode, fault])
+            for mode, counter in times.items()
+            for fault, n in sorted(counter.items())
+        ]
+        return [
+            (f"{fault}, {mode}", str(n), str(len(took)), *_median_and_worst(took))
+            for fault, mode, n, took in lines
+        ]
 
     def figures(self) -> list[tuple[str, ...]]:
         """Return (description, figure) of the whole soak."""
@@ -61,7 +70,10 @@ class Results:
         whole = sum(v.trial.seconds is None for v in self.verdicts)
         injected = sum(len(v.injected) for v in self.verdicts)
         return [
-            ("runs", f"{len(self.verdicts)} ({runs['lockstep']} in lockstep, {runs['realtime']} in realtime; {whole} whole harvests)"),
+            (
+                "runs",
+                f"{len(self.verdicts)} ({runs['lockstep']} in lockstep, {runs['realtime']} in realtime; {whole} whole harvests)",
+            ),
             ("minutes", f"{self.seconds / 60:.1f}"),
             ("faults injected", str(injected)),
             ("messages refused", f"{sum(v.refused for v in self.verdicts):,}"),
@@ -77,7 +89,10 @@ def as_tables(results: Results) -> list[Table]:
     """Return all results as tables for the terminal."""
     parts: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = []
     if results.verdicts:
-        parts += [("The soak", ("", ""), results.figures()), ("Faults and recoveries", HEAD, results.faults())]
+        parts += [
+            ("The soak", ("", ""), results.figures()),
+            ("Faults and recoveries", HEAD, results.faults()),
+        ]
     if results.endurance is not None:
         parts.append(("Memory and file handles", ENDURANCE_HEAD, _endurance(results.endurance)))
     return [_table(*part) for part in parts]
@@ -90,7 +105,14 @@ def _table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Ta
     return table
 
 
-ENDURANCE_HEAD = ("process", "MB after the warm-up", "MB at the end", "growth", "file handles", "flat")
+ENDURANCE_HEAD = (
+    "process",
+    "MB after the warm-up",
+    "MB at the end",
+    "growth",
+    "file handles",
+    "flat",
+)
 
 
 def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
@@ -113,9 +135,19 @@ def _endurance(endurance: Endurance) -> list[tuple[str, ...]]:
 def markdown(results: Results) -> str:
     """Return the text of chaos/results.md."""
     head = f"{TITLE}\n\n{_machine(results)}"
-    parts = [head, _lines(("what", "figure"), results.figures()), "## Faults and recoveries", RECOVERY, _lines(HEAD, results.faults())]
+    parts = [
+        head,
+        _lines(("what", "figure"), results.figures()),
+        "## Faults and recoveries",
+        RECOVERY,
+        _lines(HEAD, results.faults()),
+    ]
     if results.endurance is not None:
-        parts += ["## Memory and file handles", _endurance_text(results.endurance), _lines(ENDURANCE_HEAD, _endurance(results.endurance))]
+        parts += [
+            "## Memory and file handles",
+            _endurance_text(results.endurance),
+            _lines(ENDURANCE_HEAD, _endurance(results.endurance)),
+        ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -135,11 +167,16 @@ def _machine(results: Results) -> str:
 
 def _processor() -> str:
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor() or "unknown")
+    return next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
+        platform.processor() or "unknown",
+    )
 
 
 def _endurance_text(endurance: Endurance) -> str:
-    rates = " and ".join(f"{rate:,.0f} ticks/s in {mode}" for mode, rate in endurance.ticks_per_second.items())
+    rates = " and ".join(
+        f"{rate:,.0f} ticks/s in {mode}" for mode, rate in endurance.ticks_per_second.items()
+    )
     return (
         f"{endurance.ticks:,} ticks at {rates}, sampled every {EVERY:,} ticks from tick {WARM_UP:,} on. A process is flat if its memory "
         f"grows by no more than {MOST_GROWTH:.0%} along a fitted straight line and it has no more file handles in the later half of the "

@@ -14,16 +14,27 @@ CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
 FULL, TORN, PORT, MISTAKES = "disk full", "cache torn", "port taken", "own agent's mistakes"
 MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
 DEATHS_OF_PHYSICS = {TORN: 1, PORT: 4}  # it dies, and then as often as its port is taken
-LASTS = {FREEZE: (0.2, 5.0), STALL: (0.2, 5.0), DELAY: (1.0, 4.0), FULL: (1.0, 8.0), PORT: (0.5, 3.0)}  # s of wall time: least and most
+LASTS = {
+    FREEZE: (0.2, 5.0),
+    STALL: (0.2, 5.0),
+    DELAY: (1.0, 4.0),
+    FULL: (1.0, 8.0),
+    PORT: (0.5, 3.0),
+}  # s of wall time: least and most
 ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
 MOST_DEATHS = 4  # of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen process
-FIRST, LAST = 0.05, 0.85  # shares of a run; no fault lies before or after, so that each recovery is seen
+FIRST, LAST = (
+    0.05,
+    0.85,
+)  # shares of a run; no fault lies before or after, so that each recovery is seen
 WHOLE_HARVEST = 5000  # ticks; a harvest of 3 rows takes at least 5,500
 SECONDS = (60, 120, 180, 300)  # simulated s, of a run that is not a whole harvest
 SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
 
 KILLS = ((KILL, PHYSICS), (KILL, HOST), (KILL, HOST), (KILL, LOGGER), (KILL, ALL), (KILL, RUN_PY))
-SIGNALS = tuple((kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER))
+SIGNALS = tuple(
+    (kind, target) for kind in (TERMINATE, INTERRUPT) for target in (PHYSICS, HOST, LOGGER)
+)
 ANYWHERE = (
     *KILLS,
     *SIGNALS,
@@ -35,9 +46,18 @@ ANYWHERE = (
     (TORN, NOTHING),
     (MISTAKES, NOTHING),
 )
-AT_A_ROUTER = ((KILL, ROUTER), (CUT, LINK), (CUT, LINKS), (STALL, LINK), (STALL, LINKS), (DELAY, LINK))
+AT_A_ROUTER = (
+    (KILL, ROUTER),
+    (CUT, LINK),
+    (CUT, LINKS),
+    (STALL, LINK),
+    (STALL, LINKS),
+    (DELAY, LINK),
+)
 AT_PHYSICS = ((PORT, NOTHING),)
-IN_TURN = tuple(dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER))  # one of them for each run, so that a soak of ten minutes has them all
+IN_TURN = tuple(
+    dict.fromkeys(AT_PHYSICS + ANYWHERE + AT_A_ROUTER)
+)  # one of them for each run, so that a soak of ten minutes has them all
 
 
 class Fault(NamedTuple):
@@ -91,7 +111,11 @@ def trial(seed: int, number: int) -> Trial:
     is_routed = due in AT_A_ROUTER or (due not in AT_PHYSICS and random.random() < 0.6)
     ticks = WHOLE_HARVEST if seconds is None else round(seconds / TIME_STEP)
     orchard = random.randint(1, SEEDS)
-    possible = [(kind, target) for kind, target in ANYWHERE + (AT_A_ROUTER if is_routed else AT_PHYSICS) if target != LOGGER or is_recorded]
+    possible = [
+        (kind, target)
+        for kind, target in ANYWHERE + (AT_A_ROUTER if is_routed else AT_PHYSICS)
+        if target != LOGGER or is_recorded
+    ]
     faults = _faults(random, ticks, due, possible)
     return Trial(seed, number, orchard, mode, speed, seconds, hosts, is_recorded, is_routed, faults)
 
@@ -103,14 +127,26 @@ def _speed(random: Random, mode: str, seconds: int | None) -> str:
     return "max" if seconds is None else random.choice(("15", "30", "max"))
 
 
-def _faults(random: Random, ticks: int, due: tuple[str, str], possible: list[tuple[str, str]]) -> tuple[Fault, ...]:
+def _faults(
+    random: Random, ticks: int, due: tuple[str, str], possible: list[tuple[str, str]]
+) -> tuple[Fault, ...]:
     """At most 7 faults, one of them `due`, in the order of their ticks; some begin at the same tick."""
     faults: list[Fault] = []
     for i in range(random.randint(3, 7)):
         kind, target = random.choice(possible) if i else due
         is_simultaneous = faults and random.random() < 0.2
-        tick = faults[-1].tick if is_simultaneous else random.randint(round(FIRST * ticks), round(LAST * ticks))
-        seconds = random.uniform(*ROUTER_AWAY) if target == ROUTER else random.uniform(*LASTS[kind]) if kind in LASTS else 0.0
+        tick = (
+            faults[-1].tick
+            if is_simultaneous
+            else random.randint(round(FIRST * ticks), round(LAST * ticks))
+        )
+        seconds = (
+            random.uniform(*ROUTER_AWAY)
+            if target == ROUTER
+            else random.uniform(*LASTS[kind])
+            if kind in LASTS
+            else 0.0
+        )
         faults.append(Fault(tick, kind, target, round(seconds, 2), random.randrange(2**32)))
         if most_deaths(faults) > MOST_DEATHS:
             faults.pop()

@@ -14,7 +14,9 @@ from orchard.field.scenario import TIME_STEP
 Say = Callable[[str], None]
 
 
-def soak(seed: int, numbers: Iterable[int], seconds: float, show: Callable[[float, str], None], say: Say) -> list[Verdict]:
+def soak(
+    seed: int, numbers: Iterable[int], seconds: float, show: Callable[[float, str], None], say: Say
+) -> list[Verdict]:
     """Run the trials with these numbers, but begin none after `seconds`. Return their verdicts.
 
     `show` gets the elapsed seconds and the trial before each run; `say` gets a line after each run.
@@ -33,20 +35,33 @@ def _expected(this: Trial, baseline: Baseline) -> Result | None:
     """The result that the run must reach; None in realtime."""
     if this.mode == "realtime":
         return None
-    return baseline.result(scenario(this.orchard, this.is_mistaken), None if this.seconds is None else round(this.seconds / TIME_STEP))
+    return baseline.result(
+        scenario(this.orchard, this.is_mistaken),
+        None if this.seconds is None else round(this.seconds / TIME_STEP),
+    )
 
 
 def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     with Network(this.is_routed) as network:
-        name, has_disk = f"seed-{this.seed}-run-{this.number}", any(fault.kind == FULL for fault in this.faults)
-        with Harvest(scenario(this.orchard, this.is_mistaken), [*_arguments(this), *network.arguments], name, has_disk) as harvest:
+        name, has_disk = (
+            f"seed-{this.seed}-run-{this.number}",
+            any(fault.kind == FULL for fault in this.faults),
+        )
+        with Harvest(
+            scenario(this.orchard, this.is_mistaken),
+            [*_arguments(this), *network.arguments],
+            name,
+            has_disk,
+        ) as harvest:
             if has_disk and not harvest.disk.is_there:
                 say(f"{this}: without {FULL!r}, because this machine mounts no disk")
             execution = inject_faults(this, harvest, network)
     verdict = judge(this, execution, harvest.summary(), expected)
     say(f"{this}: {'; '.join(verdict.complaints) or 'good'}")
     if verdict.complaints:
-        say(f"  to repeat it: python -m chaos --seed {this.seed} --only {this.number}; log: {harvest.log.relative_to(ROOT)}")
+        say(
+            f"  to repeat it: python -m chaos --seed {this.seed} --only {this.number}; log: {harvest.log.relative_to(ROOT)}"
+        )
     else:
         harvest.tidy()
     return verdict

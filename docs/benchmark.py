@@ -14,13 +14,17 @@ HEAD = "| policy | score, % | its worst orchard |\n|---|---|---|\n"
 
 def result() -> BenchmarkResult:
     """Return what the command found."""
-    return msgspec.convert(json.loads(PAGE.with_name("benchmark.json").read_text()), BenchmarkResult)
+    return msgspec.convert(
+        json.loads(PAGE.with_name("benchmark.json").read_text()), BenchmarkResult
+    )
 
 
 def document() -> str:
     """Return docs/bounds.md with the lines of the table as they were measured."""
     lines = [_line(policy, score) for policy, score in result().scores.items()]
-    return re.sub(rf"({re.escape(HEAD)})(\|.*\n)*", lambda found: found[1] + "".join(lines), PAGE.read_text())
+    return re.sub(
+        rf"({re.escape(HEAD)})(\|.*\n)*", lambda found: found[1] + "".join(lines), PAGE.read_text()
+    )
 
 
 def _line(policy: str, score: float) -> str:

@@ -17,7 +17,13 @@ _LOOK = steps.LOOK_AHEAD * steps.CRUISE
 
 def _freed(plan: list[Step], place: str) -> float:
     """Where a plan gives a place back, m: x or y."""
-    return next(gate.at for step in plan if isinstance(step, steps.DriveTo) for gate in step.frees if place in gate.places)
+    return next(
+        gate.at
+        for step in plan
+        if isinstance(step, steps.DriveTo)
+        for gate in step.frees
+        if place in gate.places
+    )
 
 
 def chapter() -> str:
@@ -25,7 +31,9 @@ def chapter() -> str:
     off_d = _freed(_ROUTE.loop_to_full_bin(1, _EAST), _EAST.place("D", 1))
     off_east = _freed(_ROUTE.go_to_bay(1, _EAST), "corner/south-east")
     north = _ROUTE.go_to_bay(1, _EAST)
-    off_west, off_turn = (_freed(north, f"{what}/south-west") - _ROUTE.inner_bottom for what in ("corner", "turn"))
+    off_west, off_turn = (
+        _freed(north, f"{what}/south-west") - _ROUTE.inner_bottom for what in ("corner", "turn")
+    )
     return f"""## The job of a carrier, letter by letter
 
 `examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m, with zenoh, msgpack and the standard library of Python.

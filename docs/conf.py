@@ -9,7 +9,15 @@ project = "Orchard"
 author = "the Orchard contributors"
 release = metadata.version("orchard-sim")
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "docs/*.ipynb", "keyspace.md", "chaos/results.md", "bench/results.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+include_patterns = [
+    "docs/*.md",
+    "docs/*.ipynb",
+    "keyspace.md",
+    "chaos/results.md",
+    "bench/results.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+]
 exclude_patterns = [".*", "runs", "build", "orchard", "tests", "**/__pycache__"]
 
 extensions = ["myst_nb", "sphinx.ext.autodoc"]

@@ -13,7 +13,9 @@ def exchange_plan(layout: Layout) -> str:
     The west side is the same, turned by half a turn, or mirrored.
     """
     route = route_of(layout)
-    drawing = Drawing(layout, route.east.x(30.0), layout.lane(3).y - 4, route.east.x(46.0), layout.lane(1).y + 5)
+    drawing = Drawing(
+        layout, route.east.x(30.0), layout.lane(3).y - 4, route.east.x(46.0), layout.lane(1).y + 5
+    )
     for lane in layout.lanes[:3]:
         _exchange(drawing, route, lane.y, route.east)
     return drawing.svg()
@@ -28,10 +30,21 @@ def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
     for x in (route.FULL_BIN, route.D_ROAD):
         drawing.box(side.x(x), y, fruit.length / 2, fruit.width / 2, outline + "firebrick")
     stop = side.y(y, route.STOP)
-    drawing.box(side.x(route.D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"])
-    drawing.box(side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"])
-    sweeps = {(route.D_ROAD, stop): 1.17, (route.COUPLING, stop): 1.17, (route.COUPLING, y): 1.17, (route.F_ROAD, y): 2.45}
+    drawing.box(
+        side.x(route.D_ROAD), stop, carrier.width / 2, carrier.length / 2, outline + COLOURS["D"]
+    )
+    drawing.box(
+        side.x(route.COUPLING), y, carrier.length / 2, carrier.width / 2, outline + COLOURS["F"]
+    )
+    sweeps = {
+        (route.D_ROAD, stop): 1.17,
+        (route.COUPLING, stop): 1.17,
+        (route.COUPLING, y): 1.17,
+        (route.F_ROAD, y): 2.45,
+    }
     for (x, at), radius in (sweeps | {(route.WAITING, y): 2.80}).items():
         circle = f'<circle cx="{drawing.x(side.x(x))}" cy="{drawing.y(at)}" r="{round(radius * PIXELS, 2)}"'
-        drawing.elements.append(f'{circle} style="fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3"/>')
+        drawing.elements.append(
+            f'{circle} style="fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3"/>'
+        )
     drawing.line([(side.x(x), at) for x, at in sweeps], "stroke:black;stroke-width:1")

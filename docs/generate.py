@@ -20,7 +20,10 @@ ROOT = Path(__file__).parent.parent
 
 def schema_text() -> str:
     """The text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **Scenario.model_json_schema(),
+    }
     return json.dumps(schema, indent=2) + "\n"
 
 

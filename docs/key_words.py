@@ -78,10 +78,14 @@ WORDS = {
     "events": KeyWords(
         PHYSICS,
         "in ticks with events",
-        "The events of the step from this tick to the next. `what` is one of: " + ", ".join(get_args(What)) + ".",
+        "The events of the step from this tick to the next. `what` is one of: "
+        + ", ".join(get_args(What))
+        + ".",
     ),
     "picture": KeyWords(PHYSICS, _EVERY_TICK + IF_HEARD),
-    "bundle": KeyWords(PHYSICS, "every ten ticks, or earlier if 50 ms of wall time are over" + IF_HEARD),
+    "bundle": KeyWords(
+        PHYSICS, "every ten ticks, or earlier if 50 ms of wall time are over" + IF_HEARD
+    ),
     "figures": KeyWords(PHYSICS, "twice per second of wall time"),
     "refused": KeyWords(
         "a host or the logger",

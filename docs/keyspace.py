@@ -75,7 +75,10 @@ def _digest_example() -> tuple[str, str]:
     """The mail of an example, and its digest in hexadecimal."""
     call = Heard("bin_01", TICK - 1, 0, WRITTEN.requests[0][1])
     answer = Reply("traffic", 0, Claim([], ["east/D/3"], ""), Places(["east/D/3"], [], []))
-    packed = [[(call.sender, call.tick, call.number, call.body)], [(answer.sender, answer.number, answer.body)]]
+    packed = [
+        [(call.sender, call.tick, call.number, call.body)],
+        [(answer.sender, answer.number, answer.body)],
+    ]
     return msgspec.json.encode(packed).decode(), digest_of(Mail([call], [answer])).hex()
 
 
@@ -90,11 +93,21 @@ def _table_row(what: str, key: Key) -> str:
 def messages() -> str:
     """Return the text of docs/messages.md: each message and each map in them once, by its first key."""
     types = list(dict.fromkeys(type_ for key in TABLE.values() for type_ in _types_of(key)))
-    parts = sorted({part for type_ in types for part in parts_of(type_)} - set(types), key=lambda part: part.__name__)
-    where = {type_: [f"`{what}`" for what, key in TABLE.items() if type_ in _types_of(key)] for type_ in types}
+    parts = sorted(
+        {part for type_ in types for part in parts_of(type_)} - set(types),
+        key=lambda part: part.__name__,
+    )
+    where = {
+        type_: [f"`{what}`" for what, key in TABLE.items() if type_ in _types_of(key)]
+        for type_ in types
+    }
     lines = [NOTE + (TEMPLATES / "messages.md.in").read_text()]
     lines += [_struct(type_, parts, f"On {', '.join(where[type_])}. ") for type_ in types]
-    lines += ["## Maps in messages\n", *(_struct(part, parts) for part in parts), *(_union(*item) for item in UNIONS.items())]
+    lines += [
+        "## Maps in messages\n",
+        *(_struct(part, parts) for part in parts),
+        *(_union(*item) for item in UNIONS.items()),
+    ]
     return "\n".join(lines)
 
 
@@ -106,7 +119,11 @@ def _struct(type_: type, parts: Sequence[type], where: str = "") -> str:
     base = type_.__base__ if type_.__base__ in parts else None
     above = list(rows_of(base)) if base else []
     lines = f"the fields of {base.__name__}\n" if base else ""
-    lines += "".join(f"{name}: {kind}{note and '; '}{note}\n" for name, kind, note in rows_of(type_) if (name, kind, note) not in above)
+    lines += "".join(
+        f"{name}: {kind}{note and '; '}{note}\n"
+        for name, kind, note in rows_of(type_)
+        if (name, kind, note) not in above
+    )
     example = f"\n{_shown(shown)}\n" if (shown := EXAMPLES.get(type_)) else ""
     return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n```text\n{(lines + example).strip()}\n```\n"
 
@@ -118,7 +135,9 @@ def _doc(type_: type) -> str:
 
 def _shown(message: Any) -> str:
     """A message as JSON, with the numbers of bytes in place of bytes."""
-    return msgspec.json.encode(_readable(msgspec.to_builtins(message, builtin_types=(bytes,)))).decode()
+    return msgspec.json.encode(
+        _readable(msgspec.to_builtins(message, builtin_types=(bytes,)))
+    ).decode()
 
 
 def _readable(value: Any) -> Any:
@@ -157,10 +176,16 @@ def asyncapi() -> str:
         "operations": dict(_operations()),
         "components": {
             "schemas": _draft_7(schemas),
-            "messages": {type_.__name__: {"payload": {"$ref": f"#/components/schemas/{type_.__name__}"}} for type_ in types},
+            "messages": {
+                type_.__name__: {"payload": {"$ref": f"#/components/schemas/{type_.__name__}"}}
+                for type_ in types
+            },
         },
     }
-    return msgspec.json.format(msgspec.json.encode(document), indent=1).decode().replace(r"\\Z", "$") + "\n"
+    return (
+        msgspec.json.format(msgspec.json.encode(document), indent=1).decode().replace(r"\\Z", "$")
+        + "\n"
+    )
 
 
 def _draft_7(schema: Any) -> Any:
@@ -169,7 +194,11 @@ def _draft_7(schema: Any) -> Any:
         return [_draft_7(part) for part in schema]
     if not isinstance(schema, dict):
         return schema
-    parts = {name: _draft_7(part) for name, part in schema.items() if name != "discriminator" or "anyOf" not in schema}
+    parts = {
+        name: _draft_7(part)
+        for name, part in schema.items()
+        if name != "discriminator" or "anyOf" not in schema
+    }
     if "prefixItems" in parts:
         parts |= {"items": parts.pop("prefixItems"), "additionalItems": False}
     return parts
@@ -181,7 +210,10 @@ def _channel(what: str, key: Key) -> dict[str, Any]:
         "address": key.template,
         "description": meaning_of(what),
         "parameters": {name: {"default": PREFIX} if name == "prefix" else {} for name in names},
-        "messages": {type_.__name__: {"$ref": f"#/components/messages/{type_.__name__}"} for type_ in _types_of(key)},
+        "messages": {
+            type_.__name__: {"$ref": f"#/components/messages/{type_.__name__}"}
+            for type_ in _types_of(key)
+        },
         "x-delivery": key.delivery,
         "x-rate": WORDS[what].rate,
     }
@@ -193,9 +225,15 @@ def _operations() -> Iterator[tuple[str, dict[str, Any]]]:
         if key.delivery == LIVELINESS:
             continue
         channel, messages_ = {"$ref": f"#/channels/{what}"}, f"#/channels/{what}/messages/"
-        operation: dict[str, Any] = {"action": "send" if WORDS[what].sender == PHYSICS else "receive", "channel": channel}
+        operation: dict[str, Any] = {
+            "action": "send" if WORDS[what].sender == PHYSICS else "receive",
+            "channel": channel,
+        }
         if key.message:
             operation["messages"] = [{"$ref": messages_ + key.message.__name__}]
         if key.delivery == QUERY:
-            operation["reply"] = {"channel": channel, "messages": [{"$ref": messages_ + type_.__name__} for type_ in key.replies]}
+            operation["reply"] = {
+                "channel": channel,
+                "messages": [{"$ref": messages_ + type_.__name__} for type_ in key.replies],
+            }
         yield what, operation

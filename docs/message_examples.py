@@ -67,7 +67,13 @@ def _seen(name: str, beams: int) -> Observation:
 def _sights() -> Observations:
     seen = _seen("bin_01", 60)
     return Observations(
-        TICK, {"bin_01": 0}, np.array([[seen.x, seen.y, *seen.orientation, *seen.twist]]), [seen.scan], {}, {"bin_01": 12.5}, set()
+        TICK,
+        {"bin_01": 0},
+        np.array([[seen.x, seen.y, *seen.orientation, *seen.twist]]),
+        [seen.scan],
+        {},
+        {"bin_01": 12.5},
+        set(),
     )
 
 
@@ -82,7 +88,9 @@ def _figures() -> Figures:
     return Figures(RUN, TICK, {"rows_picked": 0}, {"picker_01": "picking row 1"}, {}, {})
 
 
-_PICKER = Place("picker_01", "picker", PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)), "bin_01")
+_PICKER = Place(
+    "picker_01", "picker", PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)), "bin_01"
+)
 _KIND = orchard_of(RUN, TICK, lay_out(Scenario())).kinds["picker"]
 EXAMPLES: dict[type, SubMessage] = {
     type(message): message
@@ -91,7 +99,12 @@ EXAMPLES: dict[type, SubMessage] = {
         odometry_of(RUN, _seen("picker_01", 180)),
         scan_of(RUN, _seen("weed_01", 60), KINDS["weed"].laser, KINDS["bin"].laser),
         seen_of(RUN, _sights(), ["bin_01"], [AskedOf("bin_01", "picker_01", 0)]),
-        Velocities(RUN, TICK, SESSION, {"picker_01": Report(Twist(1.0), doing="picking row 1", state="picking", once=True)}),
+        Velocities(
+            RUN,
+            TICK,
+            SESSION,
+            {"picker_01": Report(Twist(1.0), doing="picking row 1", state="picking", once=True)},
+        ),
         Clock(RUN, TICK, Stamp(12, 0)),
         Letter(RUN, TICK, "bin_01", 0, Call(3, "east", TICK - 20)),
         Received(RUN, TICK),
@@ -101,13 +114,33 @@ EXAMPLES: dict[type, SubMessage] = {
         Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
         BinStatus(RUN, TICK, True, 70.0, ""),
         Events(RUN, TICK, [Event(TICK, "row picked", "picker_01", "bin_01", "row 1")]),
-        Picture(RUN, TICK, np.array([[-23.5, 10.75, 0.0]]).tobytes(), None, {}, None, None, None, [(12.0, 0.0, 0.0, 0.0)], 0),
+        Picture(
+            RUN,
+            TICK,
+            np.array([[-23.5, 10.75, 0.0]]).tobytes(),
+            None,
+            {},
+            None,
+            None,
+            None,
+            [(12.0, 0.0, 0.0, 0.0)],
+            0,
+        ),
         Bundle(RUN, TICK, [], [Letters(RUN, TICK, {"bin_01": WRITTEN})], []),
         _figures(),
         RefusedThere(RUN, {"malformed": 3}),
-        Refusal(RUN, TICK, "orchard/picker_01/velocity", "past tick", "100; it is 120 now", SESSION),
+        Refusal(
+            RUN, TICK, "orchard/picker_01/velocity", "past tick", "100; it is 120 now", SESSION
+        ),
         Left(RUN),
-        Orchard(RUN, TICK, [(0.0, 34.0, 50.5, 0.5)], [(-35.5, 10.75, 34.5, 10.75)], [_PICKER], {"picker": _KIND}),
+        Orchard(
+            RUN,
+            TICK,
+            [(0.0, 34.0, 50.5, 0.5)],
+            [(-35.5, 10.75, 34.5, 10.75)],
+            [_PICKER],
+            {"picker": _KIND},
+        ),
         RunInfo(RUN, TICK, "lockstep", ["picker_01"], {"rows": 3}),
         Join(RUN, SESSION, ["picker_01"]),
         Joined(RUN, TICK, {"picker_01": None}, {}),

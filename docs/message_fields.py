@@ -10,7 +10,10 @@ from orchard.contract.messages import FASTEST, Answer, Deed, Request, Tick
 from orchard.wire.messages import FARTHEST
 
 UNIONS: dict[str, Any] = {"deeds": Deed, "requests": Request, "answers": Answer}
-WIDE = ((-FARTHEST, FARTHEST), (-FASTEST, FASTEST))  # bounds that docs/templates/messages.md.in names once
+WIDE = (
+    (-FARTHEST, FARTHEST),
+    (-FASTEST, FASTEST),
+)  # bounds that docs/templates/messages.md.in names once
 TICKS = get_args(Tick)[1].description  # which that template says once
 MEMBERS = {member for union in UNIONS.values() for member in get_args(union)}
 
@@ -31,7 +34,11 @@ def rows_of(type_: type) -> Iterator[tuple[str, str, str]]:
     for field in struct.fields:
         if not (is_message and field.encode_name in ("run", "tick")):
             bare, note = _bare(field.type)
-            yield field.encode_name, type_name(bare) + ("" if field.required else "?"), "" if note == TICKS else note
+            yield (
+                field.encode_name,
+                type_name(bare) + ("" if field.required else "?"),
+                "" if note == TICKS else note,
+            )
 
 
 def parts_of(type_: type) -> set[type]:
@@ -46,7 +53,11 @@ def parts_of(type_: type) -> set[type]:
             found.add(part.cls)
         waiting += [field.type for field in getattr(part, "fields", ())]
         waiting += [*getattr(part, "types", ()), *getattr(part, "item_types", ())]
-        waiting += [getattr(part, name) for name in ("type", "item_type", "value_type") if hasattr(part, name)]
+        waiting += [
+            getattr(part, name)
+            for name in ("type", "item_type", "value_type")
+            if hasattr(part, name)
+        ]
     return found - {type_}
 
 

@@ -36,7 +36,10 @@ PATIENCE = 60.0  # s of wall time
 SHOWN, RECORDED = 118.0, 380.0  # s: the moment of the picture, and how far its run went
 WINDOW = (1600, 900)  # pixels, without the menu
 
-EXCHANGE = (86.0, 134.0)  # s: a carrier brings an empty bin, which the picker takes into its next row
+EXCHANGE = (
+    86.0,
+    134.0,
+)  # s: a carrier brings an empty bin, which the picker takes into its next row
 SPEED, RATE = 4.0, 8.0  # simulated s per s; frames per s
 HOLD = 1.5  # s for which the last frame stands
 SMALL_WINDOW = (720, 460)  # pixels
@@ -46,7 +49,9 @@ QUALITY = 60  # of WebP, up to 100
 def record(path: Path, seconds: float) -> None:
     """Harvest for a while. `seconds`: simulated."""
     recorder = Recorder(lay_out(SCENARIO), "8 rows, 4 pickers", path)
-    request = RunRequest(HarvestOptions(mode="local", duration=seconds), SCENARIO, path, path.with_suffix(""))
+    request = RunRequest(
+        HarvestOptions(mode="local", duration=seconds), SCENARIO, path, path.with_suffix("")
+    )
     run(request, recorder.tick, lambda *_: None)
     recorder.close()
 
@@ -55,7 +60,15 @@ def record(path: Path, seconds: float) -> None:
 def looking_at(size: tuple[int, int], *files: Path) -> Iterator[ViewerClient]:
     """A viewer without a window that has loaded a recording, and perhaps a blueprint. `size`: pixels, without the menu."""
     port, (width, height) = free_port(), size
-    command = [viewer_program(), "--headless", "--window-size", f"{width}x{height + MENU}", "--port", str(port), "--hide-welcome-screen"]
+    command = [
+        viewer_program(),
+        "--headless",
+        "--window-size",
+        f"{width}x{height + MENU}",
+        "--port",
+        str(port),
+        "--hide-welcome-screen",
+    ]
     process = subprocess.Popen([*command, *map(str, files)], stderr=subprocess.DEVNULL)
     try:
         client = _connected(port)
@@ -109,8 +122,14 @@ def picture(recording: Path) -> Image.Image:
 def film(recording: Path) -> list[Image.Image]:
     """The frames of an exchange, in the view that follows the work."""
     blueprint = recording.with_suffix(".rbl")
-    panels = rrb.TimePanel(state="collapsed", timeline=TIMELINE), rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
-    rrb.Blueprint(rrb.Vertical(at_work(lay_out(SCENARIO))), *panels, auto_views=False, auto_layout=False).save("orchard", blueprint)
+    panels = (
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+    )
+    rrb.Blueprint(
+        rrb.Vertical(at_work(lay_out(SCENARIO))), *panels, auto_views=False, auto_layout=False
+    ).save("orchard", blueprint)
     with looking_at(SMALL_WINDOW, recording, blueprint) as client:
         _wait_for_the_greeting(client)
         return [at(client, seconds, "At work") for seconds in np.arange(*EXCHANGE, SPEED / RATE)]
@@ -119,7 +138,9 @@ def film(recording: Path) -> list[Image.Image]:
 def save_film(frames: list[Image.Image], path: Path) -> None:
     """Write an animated WebP, which READMEs show as they show GIF, in all colours and a fraction of GIF's size."""
     durations = [round(1000 / RATE)] * (len(frames) - 1) + [round(1000 * HOLD)]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY)
+    frames[0].save(
+        path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY
+    )
 
 
 if __name__ == "__main__":

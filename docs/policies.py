@@ -9,7 +9,10 @@ from matplotlib.figure import Figure
 
 PAGE = Path(__file__).with_name("bounds.md")
 POLICIES = ("nearest", "farthest-first", "predictive")
-ONE_WAY, TWO_WAY = "## Policies on one-way roads", "## Policies on two-way roads"  # the chapters with the tables
+ONE_WAY, TWO_WAY = (
+    "## Policies on one-way roads",
+    "## Policies on two-way roads",
+)  # the chapters with the tables
 LOOKS = {  # chapter and policy -> colour of the bar
     (ONE_WAY, "nearest"): "#b9c4b0", (ONE_WAY, "farthest-first"): "#7fa874", (ONE_WAY, "predictive"): "#3f8f4a",
     (TWO_WAY, "nearest"): "#bccbdd", (TWO_WAY, "farthest-first"): "#7ea3cf", (TWO_WAY, "predictive"): "#2f66a8",
@@ -42,16 +45,29 @@ def picture() -> str:
 def _rates(chapter: str) -> dict[str, dict[str, float]]:
     """The table of a chapter: orchard -> policy -> bins an hour."""
     text = PAGE.read_text()
-    lines = [line for line in text[text.index(chapter) :].splitlines()[1:] if line.startswith(("|", "#"))]
+    lines = [
+        line for line in text[text.index(chapter) :].splitlines()[1:] if line.startswith(("|", "#"))
+    ]
     end = next(i for i, line in enumerate([*lines, "#"]) if line.startswith("#"))
-    head, _, *body = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[:end]]
+    head, _, *body = [
+        [cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[:end]
+    ]
     rows = [dict(zip(head, cells, strict=True)) for cells in body if cells[1] == SPEED]
-    return {row[head[0]]: {policy: float(re.split(r"\s", row[policy])[0]) for policy in POLICIES} for row in rows}
+    return {
+        row[head[0]]: {policy: float(re.split(r"\s", row[policy])[0]) for policy in POLICIES}
+        for row in rows
+    }
 
 
 def _svg(drawing: Figure) -> str:
     """The drawing as a file of SVG, the same each time."""
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "orchard", "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
+    with matplotlib.rc_context(
+        {
+            "svg.fonttype": "none",
+            "svg.hashsalt": "orchard",
+            "font.sans-serif": ["DejaVu Sans", "sans-serif"],
+        }
+    ):
         file = io.BytesIO()
         drawing.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue().decode()

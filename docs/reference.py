@@ -127,17 +127,33 @@ laser sees them."""
 A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. People and animals do not start on
 the queue lines in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker.
 More of them than have a place above start at random places, as weeds do."""
-    return _section("The things in it", _table(head, map(_kind_row, KINDS.items())), notes, _points_of(_starts(layout)), starts)
+    return _section(
+        "The things in it",
+        _table(head, map(_kind_row, KINDS.items())),
+        notes,
+        _points_of(_starts(layout)),
+        starts,
+    )
 
 
 def _kind_row(item: tuple[str, Kind]) -> Sequence[str]:
     name, kind = item
     size = f"{kind.length:g} x {kind.width:g} x {kind.height:g}"
-    return name, size, ", ".join(map(str, kind.colour)), f"{kind.speed:g}", _of_pi(kind.turn), "yes" if kind.solid else "no"
+    return (
+        name,
+        size,
+        ", ".join(map(str, kind.colour)),
+        f"{kind.speed:g}",
+        _of_pi(kind.turn),
+        "yes" if kind.solid else "no",
+    )
 
 
 def _starts(layout: Layout) -> Iterator[Sequence[str]]:
-    first, tractors = layout.queue.place(0), [start.pose for start in layout.starts if start.kind == "tractor"]
+    first, tractors = (
+        layout.queue.place(0),
+        [start.pose for start in layout.starts if start.kind == "tractor"],
+    )
     yield (
         "picker",
         (
@@ -145,10 +161,17 @@ def _starts(layout: Layout) -> Iterator[Sequence[str]]:
             f"every second one x = {field.EAST_START:g}, facing west"
         ),
     )
-    yield "carrier", f"in the queue, the first at {_points([first])}, facing east, an empty bin behind it"
+    yield (
+        "carrier",
+        f"in the queue, the first at {_points([first])}, facing east, an empty bin behind it",
+    )
     yield "tractor", f"{_points(tractors)}, facing east"
     for kind, given in placement.GIVEN.items():
-        yield kind, _points(given) or "at random: odd numbers north of the rows, even numbers south of them"
+        yield (
+            kind,
+            _points(given)
+            or "at random: odd numbers north of the rows, even numbers south of them",
+        )
 
 
 def _towing() -> str:
@@ -160,7 +183,11 @@ rest it is exact. A bin that is more than {move.BAR:g} m off its place holds its
 
 A robot couples a bin only while both stand still, with the bin's centre within {deeds.COUPLING_REACH:g} m of the coupling point and its
 sides within {degrees(deeds.COUPLING_ANGLE):g} degrees. A bin is square, so any quarter turn fits. Coupling and uncoupling move nothing."""
-    return _section("Towing", text, _table(head, [_tow_row(name, kind) for name, kind in KINDS.items() if kind.tows]))
+    return _section(
+        "Towing",
+        text,
+        _table(head, [_tow_row(name, kind) for name, kind in KINDS.items() if kind.tows]),
+    )
 
 
 def _tow_row(name: str, kind: Kind) -> Sequence[str]:
@@ -173,7 +200,10 @@ def _laser() -> str:
     head = "bodies | beams | first beam, rad | from beam to beam, rad | mounted"
     forward = [name for name, kind in KINDS.items() if kind.laser is not AROUND]
     round_ = [name for name, kind in KINDS.items() if kind.laser is AROUND]
-    rows = [_laser_row(KINDS["picker"].laser, forward, "at the middle of the front edge"), _laser_row(AROUND, round_, "at the centre")]
+    rows = [
+        _laser_row(KINDS["picker"].laser, forward, "at the middle of the front edge"),
+        _laser_row(AROUND, round_, "at the centre"),
+    ]
     text = f"""Every laser measures at every tick, {1 / TIME_STEP:g} times a simulated second, up to {LASER_RANGE:g} m. A beam without a
 return is +inf (REP-117). Angles are counter-clockwise, 0 straight ahead, as in ROS `sensor_msgs/LaserScan`. Ranges to the boxes are exact,
 and then rounded to float32. A scenario may add Gaussian noise.
@@ -249,8 +279,16 @@ Physics alone decides what counts: motion, coupling, picking, unloading, and the
 def _places(route: OneWay) -> str:
     front = KINDS["picker"].length / 2
     xs = [
-        ("full bin", route.FULL_BIN, "clear of the trunks; in the west the picker drives 2 m past the row's end to leave it there"),
-        ("picker waits to cross", route.PICKER_HOLD, f"until it holds both roads' places; its front is {front:g} m further"),
+        (
+            "full bin",
+            route.FULL_BIN,
+            "clear of the trunks; in the west the picker drives 2 m past the row's end to leave it there",
+        ),
+        (
+            "picker waits to cross",
+            route.PICKER_HOLD,
+            f"until it holds both roads' places; its front is {front:g} m further",
+        ),
         ("carrier couples", route.COUPLING, "with the full bin right behind it"),
         ("full-bin road F", route.F_ROAD, "from there to the bay"),
         ("delivery road D", route.D_ROAD, "from the queue; the picker's coupling point lies on it"),
@@ -259,15 +297,33 @@ def _places(route: OneWay) -> str:
     ]
     along = [
         ("stop of a delivering carrier", f"{route.STOP:g} m past the lane"),
-        ("carrier waits for a lane's place", f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} s before that"),
+        (
+            "carrier waits for a lane's place",
+            f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} s before that",
+        ),
         ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
-        ("roads along the bottom", f"F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line"),
+        (
+            "roads along the bottom",
+            f"F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line",
+        ),
         ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),
-        ("top road", f"y = {TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x = {BAY_STOP:g}"),
+        (
+            "top road",
+            f"y = {TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x = {BAY_STOP:g}",
+        ),
         ("turn to a queue line", f"x = {route.queue.turn_off:g} on the top road"),
-        ("queue lines, in the order in which they fill", f"y = {', '.join(f'{y:g}' for y in route.queue.lines)}"),
-        ("places of a line", f"{route.queue.places}, every {PITCH:g} m westward from x = {route.queue.head:g}"),
-        ("carrier has left the place `top`", f"{route.TOP_CLEAR:g} m south of the southernmost line in use"),
+        (
+            "queue lines, in the order in which they fill",
+            f"y = {', '.join(f'{y:g}' for y in route.queue.lines)}",
+        ),
+        (
+            "places of a line",
+            f"{route.queue.places}, every {PITCH:g} m westward from x = {route.queue.head:g}",
+        ),
+        (
+            "carrier has left the place `top`",
+            f"{route.TOP_CLEAR:g} m south of the southernmost line in use",
+        ),
     ]
     text = """The west side is the east side turned by half a turn about x = -1.5: x becomes -3 - x, and south becomes north. Carriers drive
 south on the east side and north on the west side; distances before and past a lane are along that direction, from the lane's centre line

@@ -31,16 +31,24 @@ SCHEMA = "config/scenario.schema.json"
 
 def section() -> str:
     """Return the section of docs/reference.md."""
-    lines = ["| value | default; limits | meaning |", "|---|---|---|", *_lines(Scenario.model_json_schema())]
+    lines = [
+        "| value | default; limits | meaning |",
+        "|---|---|---|",
+        *_lines(Scenario.model_json_schema()),
+    ]
     return HEAD.format(schema=SCHEMA, table="\n".join(lines))
 
 
-def _lines(schema: dict[str, Any], section: str = "", whole: dict[str, Any] | None = None) -> Iterator[str]:
+def _lines(
+    schema: dict[str, Any], section: str = "", whole: dict[str, Any] | None = None
+) -> Iterator[str]:
     """A line for each value; those of a section have dotted names."""
     whole = whole or schema
     for name, value in schema["properties"].items():
         if "$ref" in value:
-            yield from _lines(whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{section}{name}.", whole)
+            yield from _lines(
+                whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{section}{name}.", whole
+            )
         else:
             yield f"| `{section}{name}` | {_default(value)}; {_limits(value)} | {value['description']} |"
 

@@ -132,7 +132,10 @@ files of data that it reads are not looked at.
 def measure() -> None:
     """Ask the question again, with a fresh store, and keep the answer."""
     with TemporaryDirectory() as folder:
-        found = study(parse(SCENARIO), options=StudyOptions(budget_seconds=BUDGET, store=Path(folder, "studies.db")))
+        found = study(
+            parse(SCENARIO),
+            options=StudyOptions(budget_seconds=BUDGET, store=Path(folder, "studies.db")),
+        )
     ANSWER.write_text(dumps(asdict(found), indent=1) + "\n")
     result.cache_clear()
 
@@ -152,7 +155,9 @@ def picture() -> str:
 
 def document() -> str:
     """Return the text of docs/study.md."""
-    return TEXT.format(scenario=SCENARIO, command=COMMAND, output=_output(), took=clock(result().wall_seconds))
+    return TEXT.format(
+        scenario=SCENARIO, command=COMMAND, output=_output(), took=clock(result().wall_seconds)
+    )
 
 
 def _output() -> str:

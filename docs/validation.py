@@ -20,14 +20,20 @@ from orchard.field.scenario import NEAREST, Animals, People, Scenario
 from orchard.report.bounds import Bounds
 
 MEASURED = Path(__file__).with_name("validation.json")
-PICKERS, ROWS, ROW_LENGTH = 25, 25, 100.0  # the crew of the publications; rows of 100 m as in a slide of theirs (ASABE 2019, Boston)
+PICKERS, ROWS, ROW_LENGTH = (
+    25,
+    25,
+    100.0,
+)  # the crew of the publications; rows of 100 m as in a slide of theirs (ASABE 2019, Boston)
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25)  # carriers
 SEEDS = range(1, 5)
 CV = 0.28  # of the time to fill a tray, see config/hand_picking.yaml
 NEAR = 5.0  # points: a figure that is nearer than this agrees
 WORDS = {NEAREST: "reactive", "predictive": "predictive"}
 
-Curve = tuple[float, str]  # the efficiency of pickers who carry their bins themselves, and the dispatch policy of the carriers
+Curve = tuple[
+    float, str
+]  # the efficiency of pickers who carry their bins themselves, and the dispatch policy of the carriers
 
 
 @dataclass(frozen=True)
@@ -171,7 +177,10 @@ def _curves() -> list[Curve]:
 
 @cache
 def _measured() -> dict[tuple[float, str, int], float]:
-    return {(one["alone"], one["policy"], one["carriers"]): one["efficiency"] for one in json.loads(MEASURED.read_text())}
+    return {
+        (one["alone"], one["policy"], one["carriers"]): one["efficiency"]
+        for one in json.loads(MEASURED.read_text())
+    }
 
 
 def value(curve: Curve, carriers: int, quantity: str) -> float:
@@ -187,7 +196,9 @@ def document() -> str:
     """Return docs/validation.md."""
     return TEXT.format(
         near=NEAR,
-        table="\n".join(f"| {' | '.join(_line(point))} |" for finding in FINDINGS for point in finding.points),
+        table="\n".join(
+            f"| {' | '.join(_line(point))} |" for finding in FINDINGS for point in finding.points
+        ),
         plateau=_first_near_the_best(CREW[1]),
         reactive=_first_near_the_best(CREW[0]),
         none=max(carriers for carriers in COUNTS if value(CREW[1], carriers, "gain") <= 0.0),
@@ -226,15 +237,33 @@ def _picture(finding: Finding) -> str:
     counts = [carriers for carriers in COUNTS if carriers > 2]
     for curve, colour in zip(finding.curves, ("#2f66a8", "#3f8f4a"), strict=False):
         label = f"{WORDS[curve[1]]}, {100 * curve[0]:g} % without"
-        axes.plot(counts, [value(curve, carriers, finding.quantity) for carriers in counts], color=colour, marker=".", label=label)
-        shown = [point for point in finding.points if (point.curve, point.quantity) == (curve, finding.quantity)]
+        axes.plot(
+            counts,
+            [value(curve, carriers, finding.quantity) for carriers in counts],
+            color=colour,
+            marker=".",
+            label=label,
+        )
+        shown = [
+            point
+            for point in finding.points
+            if (point.curve, point.quantity) == (curve, finding.quantity)
+        ]
         at, published = [point.carriers for point in shown], [point.published for point in shown]
-        axes.plot(at, published, "o", color=colour, fillstyle="none", markersize=10, label="published")
+        axes.plot(
+            at, published, "o", color=colour, fillstyle="none", markersize=10, label="published"
+        )
     axes.set_xlabel(f"carriers for {PICKERS} pickers")
     axes.set_ylabel(QUANTITIES[finding.quantity][1], fontsize=8)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=8)
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "orchard", "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
+    with matplotlib.rc_context(
+        {
+            "svg.fonttype": "none",
+            "svg.hashsalt": "orchard",
+            "font.sans-serif": ["DejaVu Sans", "sans-serif"],
+        }
+    ):
         file = io.BytesIO()
         drawing.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue().decode()

@@ -37,20 +37,34 @@ def views_of(recording: Path, file: Path) -> None:
     for chunk in RrdReader(recording).stream():
         if chunk.entity_path == f"/{SCENARIO}":
             text = column(chunk, "TextDocument:text")[0][0]
-            return blueprint(lay_out(check(json.loads(text), str(recording)))).save("orchard", str(file))
+            return blueprint(lay_out(check(json.loads(text), str(recording)))).save(
+                "orchard", str(file)
+            )
     raise ValueError(f"{recording}: no scenario in it; expected a recording of the orchard")
 
 
 def delivered(dataset: DatasetEntry) -> dict[str, int]:
     """Return how many bins were delivered in each run: its name -> the last value."""
-    names = dataset.segment_table().to_pandas().set_index("rerun_segment_id")["property:RecordingInfo:name"]
+    names = (
+        dataset.segment_table()
+        .to_pandas()
+        .set_index("rerun_segment_id")["property:RecordingInfo:name"]
+    )
     bins = dataset.filter_contents(DELIVERED).reader("sim_time").to_pandas().sort_values("sim_time")
-    last = bins.dropna(subset=f"{DELIVERED}:Scalars:scalars").groupby("rerun_segment_id").last()[f"{DELIVERED}:Scalars:scalars"]
+    last = (
+        bins.dropna(subset=f"{DELIVERED}:Scalars:scalars")
+        .groupby("rerun_segment_id")
+        .last()[f"{DELIVERED}:Scalars:scalars"]
+    )
     return {names[run][0]: int(value[0]) for run, value in last.items()}
 
 
 def main(recordings: Sequence[str]) -> None:
-    with TemporaryDirectory() as folder, Server(host="127.0.0.1", datasets={NAME: recordings}) as server, suppress(KeyboardInterrupt):
+    with (
+        TemporaryDirectory() as folder,
+        Server(host="127.0.0.1", datasets={NAME: recordings}) as server,
+        suppress(KeyboardInterrupt),
+    ):
         dataset, views = server.client().get_dataset(NAME), Path(folder) / "views.rbl"
         views_of(Path(recordings[0]), views)
         dataset.register_blueprint(views.as_uri())

@@ -22,13 +22,20 @@ class BothRoads(TwoWay):
     """A delivery takes the place on the road of full bins at its lane first, and waits with it for the place on its own road."""
 
     def approach(self, lane, side, carrier=1):
-        return [_with_both(step, side.place("D", lane), side.place("F", lane)) for step in super().approach(lane, side, carrier)]
+        return [
+            _with_both(step, side.place("D", lane), side.place("F", lane))
+            for step in super().approach(lane, side, carrier)
+        ]
 
 
 def _with_both(step, delivery, full):
     if not isinstance(step, DriveTo):
         return step
-    needs = [gate for each in step.needs for gate in ([Gate([full], each.at), each] if delivery in each.places else [each])]
+    needs = [
+        gate
+        for each in step.needs
+        for gate in ([Gate([full], each.at), each] if delivery in each.places else [each])
+    ]
     return replace(step, needs=needs)
 
 
@@ -36,11 +43,17 @@ class NoHold(OneWay):
     """A carrier that comes early does not hold before the lane: it takes the lane's place although the picker is still in its row."""
 
     def fetch(self, carrier, lane, side, picker, full_bin):
-        return [_without_bins(step) for step in super().fetch(carrier, lane, side, picker, full_bin)]
+        return [
+            _without_bins(step) for step in super().fetch(carrier, lane, side, picker, full_bin)
+        ]
 
 
 def _without_bins(step):
-    return replace(step, needs=[replace(gate, bin="") for gate in step.needs]) if isinstance(step, DriveTo) else step
+    return (
+        replace(step, needs=[replace(gate, bin="") for gate in step.needs])
+        if isinstance(step, DriveTo)
+        else step
+    )
 
 
 class AtOnce:
@@ -53,7 +66,9 @@ class AtOnce:
 
     def assign(self, now, bins, carriers, memory):
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        return [Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)]
+        return [
+            Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)
+        ]
 
 
 class Resting:
@@ -64,9 +79,22 @@ class Resting:
 
     def __init__(self, layout, name):
         self.bystanders = bystanders_of(layout)
-        into = [Face("EAST"), DriveTo(x=47.0), Face("SOUTH"), DriveTo(y=layout.lane(2).y), Face("WEST"), DriveTo(x=0.0)]
+        into = [
+            Face("EAST"),
+            DriveTo(x=47.0),
+            Face("SOUTH"),
+            DriveTo(y=layout.lane(2).y),
+            Face("WEST"),
+            DriveTo(x=0.0),
+        ]
         rest = [Say("resting", "resting"), Wait(self.SECONDS), Say("walking back", "driving")]
-        self.plan = [Say("walking to the second row", "driving"), *into, *rest, Face("EAST"), DriveTo(x=47.0)]
+        self.plan = [
+            Say("walking to the second row", "driving"),
+            *into,
+            *rest,
+            Face("EAST"),
+            DriveTo(x=47.0),
+        ]
 
     def tick(self, observation, mail, memory):
         person = PlanExecutor(observation, mail, memory or Plan(plan=[*self.plan]), self.bystanders)

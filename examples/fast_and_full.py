@@ -23,7 +23,11 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures, harvest_figures
 
-NOBODY = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "tractor": False}
+NOBODY = {
+    "people": People(workers=0, visitors=0),
+    "animals": Animals(dogs=0, cats=0),
+    "tractor": False,
+}
 N, F, P, L, PF = "nearest", "farthest-first", "predictive", "longest-waiting", "predictive-farthest"
 
 
@@ -50,10 +54,20 @@ WITH_PEOPLE = [
 
 def scenario_of(cell: str, seed: int = 1, **changes: object) -> Scenario:
     """Return the orchard of a cell. Raises ValueError."""
-    size, route, policy, speed, length = (cell.split(":") + ["1.0", "70.0"][cell.count(":") - 2 :])[:5]
+    size, route, policy, speed, length = (cell.split(":") + ["1.0", "70.0"][cell.count(":") - 2 :])[
+        :5
+    ]
     rows, pickers, carriers = map(int, size.split("/"))
-    sizes = {"rows": rows, "pickers": pickers, "carriers": carriers, "picking_speed": float(speed), "row_length": float(length)}
-    return Scenario.model_validate(sizes | {"route": route, "dispatch": policy, "seed": seed, "weeds": 0} | changes)
+    sizes = {
+        "rows": rows,
+        "pickers": pickers,
+        "carriers": carriers,
+        "picking_speed": float(speed),
+        "row_length": float(length),
+    }
+    return Scenario.model_validate(
+        sizes | {"route": route, "dispatch": policy, "seed": seed, "weeds": 0} | changes
+    )
 
 
 def full(scenario: Scenario) -> dict[str, float]:
@@ -63,7 +77,11 @@ def full(scenario: Scenario) -> dict[str, float]:
         events = local.tick()
         figures.update(local.engine.world, events, local.engine.answers)
     told = harvest_figures(local.engine.world, figures)
-    return {"seconds": told["sim_seconds"], "wait": told["picker_waiting_seconds"], "busy": told["carrier_utilisation"]}
+    return {
+        "seconds": told["sim_seconds"],
+        "wait": told["picker_waiting_seconds"],
+        "busy": told["carrier_utilisation"],
+    }
 
 
 def fast(scenario: Scenario) -> dict[str, float]:
@@ -71,7 +89,12 @@ def fast(scenario: Scenario) -> dict[str, float]:
     layout, begun = lay_out(scenario), time.process_time()
     harvest = DiscreteHarvest(layout).run()
     cost = time.process_time() - begun
-    return {"seconds": harvest.seconds, "wait": harvest.picker_waiting_seconds(), "busy": harvest.carrier_utilisation(), "cost": cost}
+    return {
+        "seconds": harvest.seconds,
+        "wait": harvest.picker_waiting_seconds(),
+        "busy": harvest.carrier_utilisation(),
+        "cost": cost,
+    }
 
 
 def both(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
@@ -81,39 +104,81 @@ def both(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
 
 def error(pairs: Sequence[tuple[dict[str, float], dict[str, float]]]) -> float:
     """Return by how much the fast model's mean length of a harvest differs from the simulator's, as a share of it."""
-    return fmean(quick["seconds"] for quick, _ in pairs) / fmean(slow["seconds"] for _, slow in pairs) - 1.0
+    return (
+        fmean(quick["seconds"] for quick, _ in pairs) / fmean(slow["seconds"] for _, slow in pairs)
+        - 1.0
+    )
 
 
 def lengths(harvests: Sequence[dict[str, float]]) -> str:
     """Return the mean length of harvests, s, and the spread between them."""
     seconds = [harvest["seconds"] for harvest in harvests]
-    return f"{fmean(seconds):.1f}" + (f" (cv {100.0 * stdev(seconds) / fmean(seconds):.1f} %)" if len(seconds) > 1 else "")
+    return f"{fmean(seconds):.1f}" + (
+        f" (cv {100.0 * stdev(seconds) / fmean(seconds):.1f} %)" if len(seconds) > 1 else ""
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--people", type=int, default=0, metavar="SEEDS", help="with people and animals, and so many seeds for each cell")
+    parser.add_argument(
+        "--people",
+        type=int,
+        default=0,
+        metavar="SEEDS",
+        help="with people and animals, and so many seeds for each cell",
+    )
     parser.add_argument("cells", nargs="*", metavar="CELL")
     arguments = parser.parse_args()
     cells = arguments.cells or (WITH_PEOPLE if arguments.people else CELLS)
     seeds = max(1, arguments.people)
     try:
-        runs = [scenario_of(cell, seed + 1, **({} if arguments.people else NOBODY)) for cell in cells for seed in range(seeds)]
+        runs = [
+            scenario_of(cell, seed + 1, **({} if arguments.people else NOBODY))
+            for cell in cells
+            for seed in range(seeds)
+        ]
     except ValueError as problem:
         parser.exit(2, f"{problem}\n")
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        pairs = list(track(pool.map(both, runs), total=len(runs), description="harvesting", console=Console(stderr=True)))
-    table = Table("cell", "fast, s", "full, s", "error, %", "picker waits, s", "carriers busy, %", "processor, s")
+        pairs = list(
+            track(
+                pool.map(both, runs),
+                total=len(runs),
+                description="harvesting",
+                console=Console(stderr=True),
+            )
+        )
+    table = Table(
+        "cell",
+        "fast, s",
+        "full, s",
+        "error, %",
+        "picker waits, s",
+        "carriers busy, %",
+        "processor, s",
+    )
     errors = []
     for i, cell in enumerate(cells):
         of_cell = pairs[i * seeds : (i + 1) * seeds]
         errors.append(error(of_cell))
         quick, slow = zip(*of_cell, strict=True)
-        waits, busy = ([fmean(one[name] for one in harvests) for harvests in (quick, slow)] for name in ("wait", "busy"))
-        told = [f"{100.0 * errors[-1]:+.2f}", f"{waits[0]:.0f}, {waits[1]:.0f}", f"{100.0 * busy[0]:.0f}, {100.0 * busy[1]:.0f}"]
-        table.add_row(cell, lengths(quick), lengths(slow), *told, f"{fmean(one['cost'] for one in quick):.2f}")
+        waits, busy = (
+            [fmean(one[name] for one in harvests) for harvests in (quick, slow)]
+            for name in ("wait", "busy")
+        )
+        told = [
+            f"{100.0 * errors[-1]:+.2f}",
+            f"{waits[0]:.0f}, {waits[1]:.0f}",
+            f"{100.0 * busy[0]:.0f}, {100.0 * busy[1]:.0f}",
+        ]
+        table.add_row(
+            cell, lengths(quick), lengths(slow), *told, f"{fmean(one['cost'] for one in quick):.2f}"
+        )
     size = [abs(one) for one in errors]
-    Console(width=140).print(table, f"{len(cells)} cells: mean error {100.0 * fmean(size):.2f} %, worst {100.0 * max(size):.2f} %")
+    Console(width=140).print(
+        table,
+        f"{len(cells)} cells: mean error {100.0 * fmean(size):.2f} %, worst {100.0 * max(size):.2f} %",
+    )
 
 
 if __name__ == "__main__":

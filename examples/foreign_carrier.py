@@ -15,7 +15,12 @@ from foreign_host import Host, opened
 
 # -- bodies, field, motion
 
-BYSTANDERS = {"worker": (0.55, 1.0, 1.0), "visitor": (0.55, 1.0, 1.0), "dog": (1.0, 0.8, 3.0), "cat": (1.0, 0.8, 3.0)}  # m, m, m/s
+BYSTANDERS = {
+    "worker": (0.55, 1.0, 1.0),
+    "visitor": (0.55, 1.0, 1.0),
+    "dog": (1.0, 0.8, 3.0),
+    "cat": (1.0, 0.8, 3.0),
+}  # m, m, m/s
 LENGTH, WIDTH, TOWS, BIN = 1.8, 1.5, 1.9, 1.0
 FRONT = [(-math.pi / 2 + i * math.pi / 179) for i in range(180)]
 AROUND = [i * 2 * math.pi / 60 for i in range(60)]
@@ -73,18 +78,29 @@ class Field:
     def along(self, side, road, lanes):
         """The places on a road past lanes: where to wait for each, where to give it back."""
         places = [(f"{side.name}/{road}/{lane}", lane) for lane in lanes]
-        return [(p, side.y(n, -self.HOLD)) for p, n in places], [(p, side.y(n, self.CLEAR)) for p, n in places]
+        return [(p, side.y(n, -self.HOLD)) for p, n in places], [
+            (p, side.y(n, self.CLEAR)) for p, n in places
+        ]
 
     def distance(self, x, y, lane, side):
         stop = side.y(lane, self.STOP)
         if side is self.east:
             return (self.D - x) + y - stop
-        return (self.D - x) + (y - self.bottom_d) + (self.D - self.west.x(self.D)) + (stop - self.bottom_d)
+        return (
+            (self.D - x)
+            + (y - self.bottom_d)
+            + (self.D - self.west.x(self.D))
+            + (stop - self.bottom_d)
+        )
 
     def at_work(self, lane, side):
         """The boxes that are no obstacles: x, y, half length, half width."""
         y, half = self.lane(lane), BIN / 2 + 0.1
-        return [(side.x(self.FULL), y, half, half), (side.x(self.D), y, half, half), (side.x(self.PICKER), y, 1.35, 0.85)]
+        return [
+            (side.x(self.FULL), y, half, half),
+            (side.x(self.D), y, half, half),
+            (side.x(self.PICKER), y, 1.35, 0.85),
+        ]
 
 
 # -- the job of a carrier
@@ -106,13 +122,25 @@ class Carrier:
         self.observe(seen)
         self.hear(mine)
         self.hear_calls(heard)
-        answers = [[sender, tick, number, self.reply_to(sender, body)] for sender, tick, number, body in heard]
+        answers = [
+            [sender, tick, number, self.reply_to(sender, body)]
+            for sender, tick, number, body in heard
+        ]
         next(self.working)
         self.claim()
         twist = self.safe()
         self.moved = twist != (0.0, 0.0)
-        status = {"doing": self.doing, "state": self.state, "waits_for": self.waits_for, "steps_done": self.steps}
-        return {"twist": [twist[0], 0.0, twist[1]], "deeds": self.deeds} | status, self.requests, answers
+        status = {
+            "doing": self.doing,
+            "state": self.state,
+            "waits_for": self.waits_for,
+            "steps_done": self.steps,
+        }
+        return (
+            {"twist": [twist[0], 0.0, twist[1]], "deeds": self.deeds} | status,
+            self.requests,
+            answers,
+        )
 
     def observe(self, seen):
         self.tick = seen["tick"]
@@ -130,18 +158,30 @@ class Carrier:
         for request in self.answered:
             if request["answer"]["type"] == "places":
                 self.agreed = request["answer"]["held"]
-                self.reserved += [place for place in self.agreed if place in request["body"]["want"] and place not in self.reserved]
+                self.reserved += [
+                    place
+                    for place in self.agreed
+                    if place in request["body"]["want"] and place not in self.reserved
+                ]
         for request in mine:
             if request["body"]["type"] == "where":
                 is_told = request["answer"] and request["answer"]["type"] == "position"
-                self.sighted[request["to"]] = (self.tick - 1, *((request["answer"]["x"], request["answer"]["y"]) if is_told else ()))
+                self.sighted[request["to"]] = (
+                    self.tick - 1,
+                    *((request["answer"]["x"], request["answer"]["y"]) if is_told else ()),
+                )
 
     # requests of others
 
     def reply_to(self, sender, body):
         if body["type"] == "carrierquery":
             metres = max(0.0, self.field.HEAD - self.x)
-            return {"type": "carrierstatus", "job": self.job[0] if self.job else "", "is_next": self.is_next(), "metres": metres}
+            return {
+                "type": "carrierstatus",
+                "job": self.job[0] if self.job else "",
+                "is_next": self.is_next(),
+                "metres": metres,
+            }
         if body["type"] not in ("call", "come"):
             return no("a carrier knows nothing of that")
         if body["type"] == "come" and self.job and self.job[0] == sender:
@@ -163,12 +203,22 @@ class Carrier:
         for sender, _, _, body in heard:
             if body["type"] == "call":
                 since, _, offered = self.calls.get(sender, (None, 0, math.inf))
-                self.calls[sender] = body["since"], self.tick, offered if since == body["since"] else math.inf
+                self.calls[sender] = (
+                    body["since"],
+                    self.tick,
+                    offered if since == body["since"] else math.inf,
+                )
         self.calls = {name: call for name, call in self.calls.items() if self.tick - call[1] <= 25}
 
     def offer(self, sender):
         """Whether the call of a bin is the oldest; bins that let an offer pass come last."""
-        if min(self.calls, key=lambda name: (self.tick - self.calls[name][2] > 5, self.calls[name][0], name)) != sender:
+        if (
+            min(
+                self.calls,
+                key=lambda name: (self.tick - self.calls[name][2] > 5, self.calls[name][0], name),
+            )
+            != sender
+        ):
             return False
         since, heard, offered = self.calls[sender]
         self.calls[sender] = since, heard, min(offered, self.tick)
@@ -191,7 +241,10 @@ class Carrier:
             self.say("waiting in the queue", "waiting")
             while not self.job:
                 left = self.field.HEAD - self.x
-                self.speed, self.queueing = (min(CRUISE, left / STEP) if left > EXACT else 0.0), True
+                self.speed, self.queueing = (
+                    (min(CRUISE, left / STEP) if left > EXACT else 0.0),
+                    True,
+                )
                 yield
             answer = yield from self.ask(self.job[0], {"type": "confirm"}, lambda answer: True)
             if answer["type"] == "yes":
@@ -206,7 +259,9 @@ class Carrier:
         while self.hitch:
             self.deed({"type": "uncouple"})
             yield
-        yield from self.ask(picker, {"type": "here", "bin": empty}, lambda answer: answer["type"] == "yes")
+        yield from self.ask(
+            picker, {"type": "here", "bin": empty}, lambda answer: answer["type"] == "yes"
+        )
         yield from self.loop(lane, side)
         while not self.hitch or self.hitch["name"] != full:
             self.deed({"type": "couple", "bin": full})
@@ -214,7 +269,11 @@ class Carrier:
         self.say(f"taking {full} to the bay", "hauling")
         yield from self.haul(lane, side)
         self.say(f"unloading {full}", "unloading")
-        yield from self.ask(full, {"type": "state"}, lambda answer: answer["type"] == "binstate" and not answer["full"])
+        yield from self.ask(
+            full,
+            {"type": "state"},
+            lambda answer: answer["type"] == "binstate" and not answer["full"],
+        )
         self.say("returning to the queue", "driving")
         yield from self.go_home()
 
@@ -240,7 +299,12 @@ class Carrier:
         blind = self.field.at_work(lane, side)
         yield from self.need(f"{side.name}/F/{lane}")
         yield from self.face(side.heading(WEST), blind)
-        yield from self.drive("x", side.x(self.field.COUPLES), frees=[(f"{side.name}/D/{lane}", side.x(36.8))], blind=blind)
+        yield from self.drive(
+            "x",
+            side.x(self.field.COUPLES),
+            frees=[(f"{side.name}/D/{lane}", side.x(36.8))],
+            blind=blind,
+        )
         yield from self.face(side.heading(NORTH), blind)
         yield from self.drive("y", self.field.lane(lane), blind=blind)
         yield from self.face(side.heading(EAST), blind)
@@ -250,13 +314,18 @@ class Carrier:
         yield from self.drive("x", side.x(field.F), blind=blind)
         yield from self.face(side.heading(SOUTH), blind)
         if side is not west:
-            yield from self.drive("y", field.bottom_f, *field.along(side, "F", side.lanes(first=lane)))
+            yield from self.drive(
+                "y", field.bottom_f, *field.along(side, "F", side.lanes(first=lane))
+            )
             yield from self.need("corner/south-east")
             yield from self.face(WEST)
             yield from self.drive("x", west.x(field.F), frees=[("corner/south-east", 34.7)])
             yield from self.need("corner/south-west", "turn/south-west")
             yield from self.face(NORTH)
-            corner = [("corner/south-west", field.bottom_f + 1.4), ("turn/south-west", field.bottom_f + 3.75)]
+            corner = [
+                ("corner/south-west", field.bottom_f + 1.4),
+                ("turn/south-west", field.bottom_f + 3.75),
+            ]
         needs, frees = field.along(west, "F", west.lanes(first=lane if side is west else None))
         yield from self.drive("y", field.TOP_ROAD, needs, frees + corner)
         yield from self.face(EAST)
@@ -279,7 +348,12 @@ class Carrier:
         while True:
             here = getattr(self, axis)
             self.free(*(place for place, at in frees if ahead * (here - at) > -EXACT))
-            missing = [(p, at) for p, at in needs if p not in self.reserved and -EXACT <= ahead * (at - here) <= ahead * (target - here)]
+            missing = [
+                (p, at)
+                for p, at in needs
+                if p not in self.reserved
+                and -EXACT <= ahead * (at - here) <= ahead * (target - here)
+            ]
             limit = missing[0][1] if missing else target
             if missing and ahead * (limit - here) < 3.0 and self.may_ask_for(missing[0][0]):
                 self.want(missing[0][0])
@@ -296,8 +370,13 @@ class Carrier:
         full, lane, side, _ = self.job
         if place != f"{side.name}/D/{lane}" or self.is_left:
             return True
-        told = [r["answer"] for r in self.answered if (r["to"], r["body"]["type"]) == (full, "state")]
-        self.is_left = any(answer["type"] == "binstate" and answer["full"] and not answer["coupled_to"] for answer in told)
+        told = [
+            r["answer"] for r in self.answered if (r["to"], r["body"]["type"]) == (full, "state")
+        ]
+        self.is_left = any(
+            answer["type"] == "binstate" and answer["full"] and not answer["coupled_to"]
+            for answer in told
+        )
         if not self.is_left and self.tick - self.looked >= 20:
             self.looked = self.tick
             self.requests.append([full, {"type": "state"}])
@@ -331,7 +410,11 @@ class Carrier:
         """Every 5 ticks, until the answer is as hoped."""
         asked = -5
         while True:
-            for answer in [r["answer"] for r in self.answered if (r["to"], r["body"]["type"]) == (to, body["type"])]:
+            for answer in [
+                r["answer"]
+                for r in self.answered
+                if (r["to"], r["body"]["type"]) == (to, body["type"])
+            ]:
                 if hoped(answer):
                     self.steps += 1
                     return answer
@@ -343,9 +426,21 @@ class Carrier:
 
     def claim(self):
         since = self.tick - self.claimed
-        if (self.wanted and since >= 5) or (sorted(self.agreed) != sorted(self.reserved) and since >= 2):
+        if (self.wanted and since >= 5) or (
+            sorted(self.agreed) != sorted(self.reserved) and since >= 2
+        ):
             self.claimed = self.tick
-            self.requests.append(["traffic", {"type": "claim", "keep": list(self.reserved), "want": self.wanted, "beside": ""}])
+            self.requests.append(
+                [
+                    "traffic",
+                    {
+                        "type": "claim",
+                        "keep": list(self.reserved),
+                        "want": self.wanted,
+                        "beside": "",
+                    },
+                ]
+            )
 
     # obstacles
 
@@ -363,7 +458,12 @@ class Carrier:
 
     def something_ahead(self):
         points = self.points(self.scan, FRONT, 2.0, LENGTH / 2)
-        return any(ahead < LENGTH / 2 + 0.8 and abs(left) < WIDTH / 2 + 0.2 and not self.is_blind(ahead, left) for ahead, left in points)
+        return any(
+            ahead < LENGTH / 2 + 0.8
+            and abs(left) < WIDTH / 2 + 0.2
+            and not self.is_blind(ahead, left)
+            for ahead, left in points
+        )
 
     def something_in_the_turn(self):
         boxes = [(0.0, LENGTH / 2, WIDTH / 2)] + ([(-TOWS, BIN / 2, BIN / 2)] if self.hitch else [])
@@ -372,13 +472,21 @@ class Carrier:
         for angle in (self.left * i / steps for i in range(steps + 1) if points):
             s, c = math.sin(angle), math.cos(angle)
             turned = [(c * ahead + s * left, c * left - s * ahead) for ahead, left in points]
-            if any(abs(a - x) < length + 0.05 and abs(left) < width + 0.05 for a, left in turned for x, length, width in boxes):
+            if any(
+                abs(a - x) < length + 0.05 and abs(left) < width + 0.05
+                for a, left in turned
+                for x, length, width in boxes
+            ):
                 return True
         return False
 
     def points(self, scan, angles, reach, ahead):
         """What returns nearer than `reach`: metres ahead of the centre, metres to the left."""
-        return [(ahead + r * math.cos(a), r * math.sin(a)) for r, a in zip(scan, angles, strict=True) if r < reach]
+        return [
+            (ahead + r * math.cos(a), r * math.sin(a))
+            for r, a in zip(scan, angles, strict=True)
+            if r < reach
+        ]
 
     def points_around(self):
         """Of both lasers, without the carrier itself."""
@@ -392,18 +500,26 @@ class Carrier:
         s, c = math.sin(turn), math.cos(turn)
         seen = self.points(struct.unpack("<60f", self.hitch["ranges"]), AROUND, 3.5, 0.0)
         rear = [(at + c * a - s * b, side + s * a + c * b) for a, b in seen]
-        return own + [(a, b) for a, b in rear if abs(a) > LENGTH / 2 + 0.1 or abs(b) > WIDTH / 2 + 0.1]
+        return own + [
+            (a, b) for a, b in rear if abs(a) > LENGTH / 2 + 0.1 or abs(b) > WIDTH / 2 + 0.1
+        ]
 
     def is_blind(self, ahead, left):
         s, c = math.sin(self.yaw), math.cos(self.yaw)
         x, y = self.x + c * ahead - s * left, self.y + s * ahead + c * left
-        return any(abs(x - bx) <= half_x and abs(y - by) <= half_y for bx, by, half_x, half_y in self.blind)
+        return any(
+            abs(x - bx) <= half_x and abs(y - by) <= half_y for bx, by, half_x, half_y in self.blind
+        )
 
     def somebody_near(self):
         """Whether a person or an animal is, or may be, in the circle of the turn; those that soon may be are asked."""
-        radius = math.hypot(TOWS + BIN / 2, BIN / 2) if self.hitch else math.hypot(LENGTH, WIDTH) / 2
+        radius = (
+            math.hypot(TOWS + BIN / 2, BIN / 2) if self.hitch else math.hypot(LENGTH, WIDTH) / 2
+        )
         left = {name: self.seconds_to(name, radius) for name in self.people}
-        self.requests += [[name, {"type": "where"}] for name, seconds in left.items() if seconds < 0.3]
+        self.requests += [
+            [name, {"type": "where"}] for name, seconds in left.items() if seconds < 0.3
+        ]
         return any(seconds < 0.1 for seconds in left.values())
 
     def seconds_to(self, name, radius):
@@ -411,7 +527,12 @@ class Carrier:
         length, width, speed = BYSTANDERS[name.rsplit("_", 1)[0]]
         if not place:
             return math.inf if self.tick - tick < 50 else -math.inf
-        room = math.hypot(place[0] - self.x, place[1] - self.y) - radius - math.hypot(length, width) / 2 - 0.1
+        room = (
+            math.hypot(place[0] - self.x, place[1] - self.y)
+            - radius
+            - math.hypot(length, width) / 2
+            - 0.1
+        )
         return room / speed - (self.tick - tick) * STEP
 
 

@@ -34,7 +34,10 @@ def main(endpoint, name):
 def drive(seen):
     """The answer to what the only body sees."""
     ranges = struct.unpack(f"<{len(seen['ranges']) // 4}f", seen["ranges"])
-    free = not any(enter <= r < leave for r, (enter, leave) in zip(ranges, map(span, range(len(ranges))), strict=True))
+    free = not any(
+        enter <= r < leave
+        for r, (enter, leave) in zip(ranges, map(span, range(len(ranges))), strict=True)
+    )
     hold = {"until": seen["tick"] + HELD, "watch": [ZONE]}
     twist = [0.5, 0.0, 0.0] if free else [0.0, 0.0, 0.5]
     return {"twist": twist, "once": True, "doing": "walking", "state": "driving", "hold": hold}
@@ -43,7 +46,10 @@ def drive(seen):
 def span(beam):
     """The ranges at which a beam of 180 enters and leaves the zone."""
     angle = -math.pi / 2 + beam * math.pi / 179
-    x, y = (sorted(limit / part for limit in limits) for part, limits in ((math.cos(angle), ZONE[:2]), (math.sin(angle), ZONE[2:])))
+    x, y = (
+        sorted(limit / part for limit in limits)
+        for part, limits in ((math.cos(angle), ZONE[:2]), (math.sin(angle), ZONE[2:]))
+    )
     return max(0.0, x[0], y[0]), min(x[1], y[1])
 
 

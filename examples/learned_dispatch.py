@@ -22,8 +22,15 @@ from orchard.gym import Dispatching, dispatch_env
 
 MODEL = Path("learned_dispatch.zip")
 BINS = 8  # that it sees
-SCALE = np.array([1.0, 300.0, 300.0, 300.0, 300.0])  # of what it sees of a bin: it is there, slack (s), to full (s), since (s), way (m)
-NOBODY = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False, "weeds": 0}
+SCALE = np.array(
+    [1.0, 300.0, 300.0, 300.0, 300.0]
+)  # of what it sees of a bin: it is there, slack (s), to full (s), since (s), way (m)
+NOBODY = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+    "tractor": False,
+    "weeds": 0,
+}
 
 
 class Choices:
@@ -35,12 +42,21 @@ class Choices:
         first = [i for i in np.argsort(full - reach, kind="stable") if calls[i]][:BINS]
         free = np.flatnonzero(carriers[:, 0])
         seen = np.zeros((BINS, len(SCALE)))
-        seen[: len(first)] = np.stack([calls, full - reach, full, since, metres], axis=1)[first] / SCALE
+        seen[: len(first)] = (
+            np.stack([calls, full - reach, full, since, metres], axis=1)[first] / SCALE
+        )
         self.features = np.append(seen.ravel(), [len(free) / len(carriers)]).astype(np.float32)
-        is_late = bool(first) and len(free) > 0 and full[first[0]] < reach[first[0]]  # then one must leave, or the harvest may never end
-        self.mask = np.array([not is_late, *(i < len(first) and len(free) > 0 for i in range(BINS))])
+        is_late = (
+            bool(first) and len(free) > 0 and full[first[0]] < reach[first[0]]
+        )  # then one must leave, or the harvest may never end
+        self.mask = np.array(
+            [not is_late, *(i < len(first) and len(free) > 0 for i in range(BINS))]
+        )
         carrier = free[np.argmin(carriers[free, 1])] if len(free) else 0
-        self.actions = [0, *(1 + int(i) * len(carriers) + int(carrier) for i in first)]  # of `Dispatching`
+        self.actions = [
+            0,
+            *(1 + int(i) * len(carriers) + int(carrier) for i in first),
+        ]  # of `Dispatching`
 
 
 class AnyOrchard(gymnasium.Env[np.ndarray, int]):
@@ -49,15 +65,23 @@ class AnyOrchard(gymnasium.Env[np.ndarray, int]):
     observation_space = spaces.Box(-np.inf, np.inf, (BINS * len(SCALE) + 1,))
     action_space = spaces.Discrete(1 + BINS)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
         scenario = random_orchard(self.np_random)
-        self.picking = math.ceil(scenario.rows / scenario.pickers) * scenario.row_length / scenario.mean_picking_speed
+        self.picking = (
+            math.ceil(scenario.rows / scenario.pickers)
+            * scenario.row_length
+            / scenario.mean_picking_speed
+        )
         self.env = dispatch_env(scenario)
         return self._seen(self.env.reset()[0]), {}
 
     def step(self, action: int) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        observation, reward, terminated, truncated, _ = self.env.step(self.choices.actions[int(action)])
+        observation, reward, terminated, truncated, _ = self.env.step(
+            self.choices.actions[int(action)]
+        )
         return self._seen(observation), 10.0 * reward / self.picking, terminated, truncated, {}
 
     def action_masks(self) -> np.ndarray:
@@ -72,10 +96,20 @@ def random_orchard(random: np.random.Generator) -> Scenario:
     """Return an orchard of 6 to 24 rows in which nothing but its sizes is random; none of the benchmark's."""
     rows = int(random.integers(6, 25))
     pickers = int(random.integers(2, max(3, rows // 2 + 1)))
-    sizes = {"rows": rows, "pickers": pickers, "carriers": int(random.integers(max(1, pickers // 3), pickers + 1))}
-    rules = {"route": random.choice(["one-way", "two-way"]), "rows_to_pickers": random.choice(["balanced", "balanced-ends"])}
+    sizes = {
+        "rows": rows,
+        "pickers": pickers,
+        "carriers": int(random.integers(max(1, pickers // 3), pickers + 1)),
+    }
+    rules = {
+        "route": random.choice(["one-way", "two-way"]),
+        "rows_to_pickers": random.choice(["balanced", "balanced-ends"]),
+    }
     return Scenario(
-        **sizes, **{key: str(value) for key, value in rules.items()}, picking_speed=float(10 ** random.uniform(-1.3, 0.0)), **NOBODY
+        **sizes,
+        **{key: str(value) for key, value in rules.items()},
+        picking_speed=float(10 ** random.uniform(-1.3, 0.0)),
+        **NOBODY,
     )
 
 
@@ -90,7 +124,9 @@ class Learned:
 
     def choose(self, observation, mask):
         choices = Choices(observation)
-        action, _ = self.model.predict(choices.features, action_masks=choices.mask, deterministic=True)
+        action, _ = self.model.predict(
+            choices.features, action_masks=choices.mask, deterministic=True
+        )
         return choices.actions[int(action)]
 
     def assign(self, now, bins, carriers, memory):
@@ -113,7 +149,15 @@ def learner() -> Any:
 
 def learn(minutes: float, seed: int) -> None:
     """Learn for some minutes, and write what was learned."""
-    learning = learner()("MlpPolicy", AnyOrchard(), n_steps=1024, batch_size=256, learning_rate=1e-3, gamma=1.0, seed=seed)
+    learning = learner()(
+        "MlpPolicy",
+        AnyOrchard(),
+        n_steps=1024,
+        batch_size=256,
+        learning_rate=1e-3,
+        gamma=1.0,
+        seed=seed,
+    )
     end = time.monotonic() + 60.0 * minutes
     learning.learn(10**9, callback=lambda *_: time.monotonic() < end)
     learning.save(MODEL)

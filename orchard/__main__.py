@@ -8,9 +8,15 @@ from orchard.memory import collect_seldom
 
 def main() -> None:
     """Run the command line."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently: nothing runs yet
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # a program that starts this one may block the signal until here
-    if os.environ.get("COLUMNS") == "0":  # the width of a terminal that does not know its own: Rich would print nothing
+    signal.signal(
+        signal.SIGINT, signal.SIG_DFL
+    )  # Ctrl-C during the imports ends the process silently: nothing runs yet
+    signal.pthread_sigmask(
+        signal.SIG_UNBLOCK, {signal.SIGINT}
+    )  # a program that starts this one may block the signal until here
+    if (
+        os.environ.get("COLUMNS") == "0"
+    ):  # the width of a terminal that does not know its own: Rich would print nothing
         del os.environ["COLUMNS"]
     collect_seldom()
     from orchard.field.plugins import end_soon

@@ -8,7 +8,9 @@ from pathlib import Path
 import platformdirs
 
 RUNS = "ORCHARD_RUNS"  # environment variable: another folder of runs
-ABOVE = Path(__file__).parents[1]  # of a clone: its top level; of an installed package: a folder of many packages
+ABOVE = Path(__file__).parents[
+    1
+]  # of a clone: its top level; of an installed package: a folder of many packages
 
 
 def runs_folder(above: Path = ABOVE) -> Path:
@@ -34,7 +36,9 @@ def regular(path: str | Path) -> Path:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file, in place of an old one, so that a kill leaves the old file or the new one. Raises OSError, and leaves nothing then."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.new")  # readers of a folder pass over names with a dot
+    beside = path.with_name(
+        f".{path.name}.{os.getpid()}.new"
+    )  # readers of a folder pass over names with a dot
     try:
         with beside.open("wb") as file:
             file.write(content)

@@ -26,11 +26,28 @@ _GROUND = "the orchard, its roads and what fills a bin stay as they are while a 
 _ROWS = "which picker picks which rows is settled when a run begins; a picker can be stopped"
 _COURSES = "robots are on courses that were made for it"
 FIXED: Mapping[str, str] = {  # what cannot change under way -> why
-    **dict.fromkeys(("rows", "row_length", "row_width", "survey", "bay", "route", "metres_per_bin", "bins_per_row", "crop"), _GROUND),
+    **dict.fromkeys(
+        (
+            "rows",
+            "row_length",
+            "row_width",
+            "survey",
+            "bay",
+            "route",
+            "metres_per_bin",
+            "bins_per_row",
+            "crop",
+        ),
+        _GROUND,
+    ),
     **dict.fromkeys(("pickers", "rows_to_pickers", "order_in_row"), _ROWS),
     "sensors": _COURSES,
 }
-NULL_OR_NOT = ("picking.failure.mean_between", "carrying.failure.mean_between", "carrying.battery.hours")  # what cannot change either
+NULL_OR_NOT = (
+    "picking.failure.mean_between",
+    "carrying.failure.mean_between",
+    "carrying.battery.hours",
+)  # what cannot change either
 
 
 class NotNow(ScenarioError):
@@ -53,42 +70,82 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     """
     before = world_from(snapshot)
     old, now = before.layout.scenario, with_changes(before.layout.scenario, **changes)
-    shrinks = now.queue_carriers < old.queue_carriers  # the queue stays as long as before: carriers are on their way to it
+    shrinks = (
+        now.queue_carriers < old.queue_carriers
+    )  # the queue stays as long as before: carriers are on their way to it
     layout = lay_out(with_changes(now, queue_room=old.queue_carriers) if shrinks else now)
     _check_changes(before.layout, layout)
     make_agents(layout)  # what cannot be made is a mistake of the changes, and not of the snapshot
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
         places = _places(before.layout, layout, snapshot.memories, swapped)
-        memories = _memories(before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere, places)
-        letters = unpack(pack(_renamed(unpack(pack(snapshot.letters), Any), swapped)), list[tuple[int, dict[str, Written]]])
+        memories = _memories(
+            before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere, places
+        )
+        letters = unpack(
+            pack(_renamed(unpack(pack(snapshot.letters), Any), swapped)),
+            list[tuple[int, dict[str, Written]]],
+        )
     world = _world(before, World(layout), swapped, places)
     figures = _renamed(snapshot.figures, swapped)
-    figures["is_changed"] = figures.get("is_changed", False) or layout.scenario != before.layout.scenario
-    resting = [world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES]
-    figures["states"]["ticks"] = {name: list(resting) for name in layout.names} | figures["states"]["ticks"]
+    figures["is_changed"] = (
+        figures.get("is_changed", False) or layout.scenario != before.layout.scenario
+    )
+    resting = [
+        world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES
+    ]
+    figures["states"]["ticks"] = {name: list(resting) for name in layout.names} | figures["states"][
+        "ticks"
+    ]
     engine = Engine(world, snapshot.digest, figures)
     if stop:
         engine.stop(stop)
     figures |= engine.figures_as_data()
-    owned = sorted(name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents)
+    owned = sorted(
+        name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents
+    )
     rest = figures, owned, snapshot.lost, snapshot.elsewhere
-    return Snapshot(snapshot.run, layout.scenario.model_dump(), engine.as_data(), engine.digest, memories, letters, *rest)
+    return Snapshot(
+        snapshot.run,
+        layout.scenario.model_dump(),
+        engine.as_data(),
+        engine.digest,
+        memories,
+        letters,
+        *rest,
+    )
 
 
 def _check_changes(before: Layout, now: Layout) -> None:
     """Raise ScenarioError for what cannot change under way."""
     old, new = before.scenario.model_dump(), now.scenario.model_dump()
     why = {path: why for path, why in FIXED.items() if old[path] != new[path]}
-    why |= {path: _COURSES for path in NULL_OR_NOT if (_at(old, path) is None) != (_at(new, path) is None)}
+    why |= {
+        path: _COURSES
+        for path in NULL_OR_NOT
+        if (_at(old, path) is None) != (_at(new, path) is None)
+    }
     if _lines(before) != _lines(now) and not why:
         few, many = before.scenario.queue_carriers, now.scenario.queue_carriers
-        larger = {count: with_changes(now.scenario, carriers=count, queue_room=None) for count in range(few + 1, many)}
-        most = max((count for count, one in larger.items() if _lines(lay_out(one)) == _lines(before)), default=few)
+        larger = {
+            count: with_changes(now.scenario, carriers=count, queue_room=None)
+            for count in range(few + 1, many)
+        }
+        most = max(
+            (count for count, one in larger.items() if _lines(lay_out(one)) == _lines(before)),
+            default=few,
+        )
         lines = "the lines of the queue would be others, and carriers are on their way to those that there are"
-        why["carriers" if many == now.scenario.carrier_count else "queue_room"] = f"{lines}; expected at most {most}"
+        why["carriers" if many == now.scenario.carrier_count else "queue_room"] = (
+            f"{lines}; expected at most {most}"
+        )
     if why:
-        raise ScenarioError([_refused(f"cannot change under way: {text}", path, _at(new, path)) for path, text in why.items()])
+        raise ScenarioError(
+            [
+                _refused(f"cannot change under way: {text}", path, _at(new, path))
+                for path, text in why.items()
+            ]
+        )
 
 
 def _refused(why: str, path: str = "", value: object = "") -> Problem:
@@ -116,8 +173,19 @@ def _swapped(before: World, snapshot: Snapshot, now: Layout) -> Names:
     free = [name for name in carriers if _is_free(before, name, snapshot.memories.get(name))]
     if len(free) < count:
         words = f"only {len(free)} of them wait in the queue with an empty bin at this moment"
-        raise NotNow([_refused(f"{count} cannot be taken away: {words}", "carriers", now.scenario.carrier_count)])
-    names, bins = before.layout.names, sorted(name for name in before.layout.names if name not in now.index and name.startswith("bin"))
+        raise NotNow(
+            [
+                _refused(
+                    f"{count} cannot be taken away: {words}", "carriers", now.scenario.carrier_count
+                )
+            ]
+        )
+    names, bins = (
+        before.layout.names,
+        sorted(
+            name for name in before.layout.names if name not in now.index and name.startswith("bin")
+        ),
+    )
     taken = [names[before.coupled[before.index[name]]] for name in free[-count:]]
     return _pairs(free[-count:], carriers[-count:]) | _pairs(taken, bins)
 
@@ -125,7 +193,9 @@ def _swapped(before: World, snapshot: Snapshot, now: Layout) -> Names:
 def _is_free(world: World, carrier: str, memory: bytes | None) -> bool:
     """Whether a carrier stands in the queue with an empty bin, and has no job."""
     i = world.index[carrier]
-    stands = world.coupled[i] != NONE and not world.fill[world.coupled[i]] and not world.twist[i].any()
+    stands = (
+        world.coupled[i] != NONE and not world.fill[world.coupled[i]] and not world.twist[i].any()
+    )
     is_called = _remembered(memory).get("job") is not None
     return bool(stands and world.layout.queue.area.contains(*world.pose[i, :2]) and not is_called)
 
@@ -136,18 +206,33 @@ def _remembered(memory: bytes | None) -> Mapping[str, Any]:
     return fields if isinstance(fields, dict) else {}
 
 
-def _places(before: Layout, now: Layout, memories: Mapping[str, bytes | None], swapped: Names) -> dict[str, int]:
+def _places(
+    before: Layout, now: Layout, memories: Mapping[str, bytes | None], swapped: Names
+) -> dict[str, int]:
     """The place in the queue of each carrier, from 1: what it was until now, or the first free one."""
     carriers = [name for name in now.names if kind_of(name) == "carrier"]
-    kept = {name: swapped.get(name, name) for name in carriers if swapped.get(name, name) in before.index}
-    places = {name: _remembered(memories.get(old)).get("queue_place") or number_of(old) for name, old in kept.items()}
+    kept = {
+        name: swapped.get(name, name)
+        for name in carriers
+        if swapped.get(name, name) in before.index
+    }
+    places = {
+        name: _remembered(memories.get(old)).get("queue_place") or number_of(old)
+        for name, old in kept.items()
+    }
     free = sorted({*range(1, len(carriers) + 1)}.difference(places.values()))
     return places | dict(zip([name for name in carriers if name not in places], free, strict=False))
 
 
 def _pairs(some: Sequence[str], others: Sequence[str]) -> dict[str, str]:
     """Each name that is only in one of both sequences, with its partner."""
-    pairs = list(zip([name for name in some if name not in others], [name for name in others if name not in some], strict=True))
+    pairs = list(
+        zip(
+            [name for name in some if name not in others],
+            [name for name in others if name not in some],
+            strict=True,
+        )
+    )
     return dict(pairs) | {other: name for name, other in pairs}
 
 
@@ -172,7 +257,10 @@ def _world(before: World, world: World, swapped: Names, places: Mapping[str, int
     """Let a new world go on from one before. Raises ScenarioError for a new body without a place."""
     index = world.index
     kept = [name for name in index if swapped.get(name, name) in before.index]
-    here, there = [index[name] for name in kept], [before.index[swapped.get(name, name)] for name in kept]
+    here, there = (
+        [index[name] for name in kept],
+        [before.index[swapped.get(name, name)] for name in kept],
+    )
     bodies, place = len(before.layout.names), dict(zip(there, here, strict=True))
     for name, value in before.state.items():
         if isinstance(value, np.ndarray) and len(value) == bodies and name != "row_ends":
@@ -210,13 +298,20 @@ def _in_the_way(world: World, name: str) -> str:
 
 
 def _memories(
-    before: Layout, now: Layout, memories: Mapping[str, bytes | None], elsewhere: Collection[str], places: Mapping[str, int]
+    before: Layout,
+    now: Layout,
+    memories: Mapping[str, bytes | None],
+    elsewhere: Collection[str],
+    places: Mapping[str, int],
 ) -> dict[str, bytes | None]:
     """Return the memories with which agents go on. Their courses are those of the layout now. An agent of another class, or one in place
     of a client elsewhere, begins anew if the memory is not its own; so does the dispatcher if the policy or the carriers are others: it
     hears of all bins within 2 s."""
     old, new = make_agents(before), make_agents(now)
-    is_other = before.scenario.dispatch != now.scenario.dispatch or before.scenario.carrier_count != now.scenario.carrier_count
+    is_other = (
+        before.scenario.dispatch != now.scenario.dispatch
+        or before.scenario.carrier_count != now.scenario.carrier_count
+    )
     kept = dict[str, bytes | None]()
     for name, memory in memories.items():
         if name not in new or (name == DISPATCH and is_other):
@@ -234,7 +329,11 @@ def _memories(
             remembered.plan = _plan(remembered.plan, course(remembered), other(remembered))
             memory = pack(remembered)
         kept[name] = memory
-    begun = {name: agent.begin(places[name]) for name in places if isinstance(agent := new[name].agent, Carrier)}
+    begun = {
+        name: agent.begin(places[name])
+        for name in places
+        if isinstance(agent := new[name].agent, Carrier)
+    }
     return {name: pack(memory) for name, memory in begun.items()} | kept
 
 

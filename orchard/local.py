@@ -52,31 +52,56 @@ class Local:
         made = make_agents(self.engine.layout) if agents is None else agents
         self.agents = {name: self._guarded(name, agent) for name, agent in made.items()}
         self.memories: dict[str, Any] = {}
-        self.answers: dict[str, Action] = {}  # the actions of the agents that were asked at the last tick
+        self.answers: dict[
+            str, Action
+        ] = {}  # the actions of the agents that were asked at the last tick
         self.thinking = ""  # the agent that was ticked last
         self.post = LocalMail()
         self.seen: Observations  # of all bodies, at the tick at which agents were asked last
         self.observed: dict[str, Observation] = {}  # those of the agents that were asked
         self._played = set[str]()  # names given to `play`
-        self._digests: dict[str, bytes] = {}  # name -> digest of the mail that the agent heard at that tick
+        self._digests: dict[
+            str, bytes
+        ] = {}  # name -> digest of the mail that the agent heard at that tick
 
     @classmethod
-    def resume(cls, snapshot: Snapshot, check_agents: bool = False, holds: type[Lookahead] = Lookahead, is_hashed: bool = True) -> "Local":
+    def resume(
+        cls,
+        snapshot: Snapshot,
+        check_agents: bool = False,
+        holds: type[Lookahead] = Lookahead,
+        is_hashed: bool = True,
+    ) -> "Local":
         """Return the run of a snapshot, which continues at the snapshot's tick, as often as you resume it. Raises SnapshotError."""
         engine = Engine.resume(snapshot, holds, is_hashed)
         local = cls(engine.layout.scenario, check_agents=check_agents)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
-        memories = {name: memory for name, memory in snapshot.memories.items() if memory is not None}
+        memories = {
+            name: memory for name, memory in snapshot.memories.items() if memory is not None
+        }
         with fitting(snapshot):
-            local.memories = {name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()}
+            local.memories = {
+                name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()
+            }
         return local
 
     def snapshot(self) -> Snapshot:
         """Return the state of the run between two ticks, as data."""
         engine = self.engine
-        memories = {name: None if memory is None else pack(memory) for name, memory in self.memories.items()}
+        memories = {
+            name: None if memory is None else pack(memory) for name, memory in self.memories.items()
+        }
         scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
-        return Snapshot("", scenario, engine.as_data(), engine.digest, memories, letters, engine.figures_as_data(), sorted(self.agents))
+        return Snapshot(
+            "",
+            scenario,
+            engine.as_data(),
+            engine.digest,
+            memories,
+            letters,
+            engine.figures_as_data(),
+            sorted(self.agents),
+        )
 
     def fork(self, stop: Sequence[str] = (), **changes: Any) -> "Local":
         """Return a run that goes on from this moment with some values changed, as with `with_changes`: see `orchard.fork`.
@@ -84,7 +109,9 @@ class Local:
         `stop`: robots that stand from now on. This run stays as it is. Agents that are not of the scenario are left behind.
         """
         snapshot = self.snapshot()
-        snapshot.memories = {name: memory for name, memory in snapshot.memories.items() if name not in self._played}
+        snapshot.memories = {
+            name: memory for name, memory in snapshot.memories.items() if name not in self._played
+        }
         return Local.resume(forked(snapshot, changes, stop))
 
     def play(self, name: str, agent: Agent) -> None:
@@ -94,7 +121,9 @@ class Local:
         TypeError for an agent that derives from a built-in one and has another `Memory`.
         """
         if name not in self.engine.layout.agents:
-            raise ValueError(f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}")
+            raise ValueError(
+                f"{name}: no such agent; there are {', '.join(self.engine.layout.agents)}"
+            )
         self.agents = dict(sorted({**self.agents, name: self._guarded(name, agent)}.items()))
         self._played.add(name)
         self.engine.wake([name])
@@ -120,9 +149,16 @@ class Local:
         """Let the agents that are due at this tick act on what they observe and hear. Return their actions, for `act`."""
         self.seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
-        self._digests = {name: digest_of(heard) for name, heard in mail.items()} if self.engine.is_hashed else {}
+        self._digests = (
+            {name: digest_of(heard) for name, heard in mail.items()}
+            if self.engine.is_hashed
+            else {}
+        )
         self.observed = self.seen.of(asked)
-        return {name: self._ask(name, observation, mail.get(name) or Mail()) for name, observation in self.observed.items()}
+        return {
+            name: self._ask(name, observation, mail.get(name) or Mail())
+            for name, observation in self.observed.items()
+        }
 
     def act(self, answers: dict[str, Action]) -> list[Event]:
         """Collect the mail of these actions, advance the run by one tick, and return the events of the step."""

@@ -52,7 +52,9 @@ def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
         return {name: agents[name] for name in names}
     except Exception as error:
         expected = "a function of (layout, names) that returns a map with an agent for each name"
-        raise ValueError(f"agents {path}: {type(error).__name__}: {error}{place_of_error(error)}; expected {expected}") from error
+        raise ValueError(
+            f"agents {path}: {type(error).__name__}: {error}{place_of_error(error)}; expected {expected}"
+        ) from error
 
 
 def watched(host: Host) -> None:
@@ -68,19 +70,32 @@ def main(argv: list[str] | None = None) -> int:
 def _run(inbox: Inbox, options: HostOptions) -> NoReturn:
     identity = identity_in(options.secure, options.prefix)
     with printed(log.warning):
-        host(inbox, options, lambda inbox: client(options.connect, inbox, identity=identity), identity)
+        host(
+            inbox,
+            options,
+            lambda inbox: client(options.connect, inbox, identity=identity),
+            identity,
+        )
 
 
 def host(
-    inbox: Inbox, options: HostOptions, opened: Opened, identity: Identity | None = None, ready: Callable[[Host], None] = watched
+    inbox: Inbox,
+    options: HostOptions,
+    opened: Opened,
+    identity: Identity | None = None,
+    ready: Callable[[Host], None] = watched,
 ) -> NoReturn:
     """Host agents until the run ends, again after each reset. `ready` gets each host first. Raises HostEnded."""
-    sessions = 1  # that may still be opened: after a reset, the first may be at a router that just closes
+    sessions = (
+        1  # that may still be opened: after a reset, the first may be at a router that just closes
+    )
     while True:
         sessions -= 1
         try:
             with opened(inbox) as bus:
-                agents = _host(bus, options, identity, TRIES if sessions == 0 else TRIES // SESSIONS)
+                agents = _host(
+                    bus, options, identity, TRIES if sessions == 0 else TRIES // SESSIONS
+                )
                 ready(agents)
                 agents.run()
         except HostEnded as end:
@@ -101,7 +116,10 @@ def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
     agents = made(options.agents, layout, names)  # only these: a class may end its process
     if options.replay is not None:
-        from orchard_ros2.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
+        from orchard_ros2.bags.replay import (
+            read_commands,
+            replayed,
+        )  # not at the top: its packages are an extra
 
         agents = replayed(agents, read_commands(Path(options.replay)))
     guards = {name: guarded(layout, name, agent) for name, agent in agents.items()}

@@ -28,16 +28,30 @@ log = logging.getLogger("orchard")
 
 def main(argv: list[str] | None = None) -> int:
     """Record a run until it ends; the exit code."""
-    with suppress(AttributeError, OSError):  # where the system knows how, it interrupts no process for which the run waits
+    with suppress(
+        AttributeError, OSError
+    ):  # where the system knows how, it interrupts no process for which the run waits
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-    return run_process("logger", LoggerOptions, argv, _run, BusError, ScenarioError, ValueError, OSError, RuntimeError)
+    return run_process(
+        "logger",
+        LoggerOptions,
+        argv,
+        _run,
+        BusError,
+        ScenarioError,
+        ValueError,
+        OSError,
+        RuntimeError,
+    )
 
 
 def _run(inbox: Inbox, options: LoggerOptions) -> int:
     part = None if options.record is None else Path(options.record)
     if part is not None:
         check_recording(part)
-    with client(options.connect, inbox, identity=identity_in(options.secure, options.prefix)) as bus:
+    with client(
+        options.connect, inbox, identity=identity_in(options.secure, options.prefix)
+    ) as bus:
         code, file = record(bus, Keys(options.prefix), part, options.serve, options.session)
     if file is not None and code == 0:
         try:

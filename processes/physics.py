@@ -39,7 +39,9 @@ def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManag
     identity = identity_in(options.secure, options.prefix)
     if options.connect:
         return client(options.connect, inbox, identity=identity)
-    return router(options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity)
+    return router(
+        options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity
+    )
 
 
 def rehearsed(loop: "RunLoop") -> None:
@@ -49,18 +51,34 @@ def rehearsed(loop: "RunLoop") -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run an orchard. Return the exit code: 0; 1 for a bad run, unless --result tells it; 2 for bad input."""
-    return run_process("physics", RunOptions, argv, simulate, BusError, ScenarioError, SnapshotError, ValueError, OSError)
+    return run_process(
+        "physics",
+        RunOptions,
+        argv,
+        simulate,
+        BusError,
+        ScenarioError,
+        SnapshotError,
+        ValueError,
+        OSError,
+    )
 
 
-def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Ready = rehearsed) -> int:
+def simulate(
+    inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Ready = rehearsed
+) -> int:
     """Simulate an orchard until its run ends, again after each reset. `ready` comes before the first tick."""
     keys, snapshots = Keys(options.prefix), options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
-        if before is None and isinstance(options.scenario, str):  # a snapshot holds it, and the file may be gone
+        if before is None and isinstance(
+            options.scenario, str
+        ):  # a snapshot holds it, and the file may be gone
             options = msgspec.structs.replace(options, scenario=load(options.scenario).model_dump())
         if options.table is not None and not options.resume:
-            from orchard.tables.folder import check_folder  # not at the top: pyarrow takes some time to load
+            from orchard.tables.folder import (
+                check_folder,
+            )  # not at the top: pyarrow takes some time to load
 
             check_folder(Path(options.table), check(options.scenario, "the scenario"))
         while True:
@@ -72,13 +90,23 @@ def simulate(inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zen
             options, before = again, None
 
 
-def _simulate_once(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Ready) -> tuple[int, RunOptions | None]:
-    from orchard.server.loop import RunLoop  # not at the top: while numba loads, other processes can connect
+def _simulate_once(
+    bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Ready
+) -> tuple[int, RunOptions | None]:
+    from orchard.server.loop import (
+        RunLoop,
+    )  # not at the top: while numba loads, other processes can connect
     from orchard.sim.engine import Engine
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
-    holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]  # in realtime all are asked
-    engine = Engine.begin(check(options.scenario, "the scenario"), holds) if before is None else Engine.resume(before, holds)
+    holds = (
+        IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]
+    )  # in realtime all are asked
+    engine = (
+        Engine.begin(check(options.scenario, "the scenario"), holds)
+        if before is None
+        else Engine.resume(before, holds)
+    )
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
     if before is None:
@@ -87,7 +115,9 @@ def _simulate_once(bus: Bus, keys: Keys, before: Snapshot | None, options: RunOp
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
     end = physics.play(lambda: ready(physics))
-    print(f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True)
+    print(
+        f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True
+    )
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
     is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]

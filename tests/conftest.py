@@ -30,7 +30,9 @@ from secured_run import make_roles
 from simulated_fleet import SimulatedFleet
 from stage import ONE_WAY
 
-settings.register_profile("orchard", deadline=None)  # a time limit would depend on what else the machine does
+settings.register_profile(
+    "orchard", deadline=None
+)  # a time limit would depend on what else the machine does
 settings.load_profile("orchard")
 
 
@@ -49,7 +51,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         fixtures = getattr(item, "fixturenames", ())
         waits = "battered" in fixtures or item.get_closest_marker("processes")
         (of_page if "chromium" in fixtures else waiting if waits else others).append(item)
-    share = len(items) // getattr(config, "workerinput", {"workercount": 1})["workercount"]  # of a worker; what is left is stolen
+    share = (
+        len(items) // getattr(config, "workerinput", {"workercount": 1})["workercount"]
+    )  # of a worker; what is left is stolen
     behind = max(0, share - len(of_page))
     items[:] = of_page + others[:behind] + waiting + others[behind:]
 
@@ -89,7 +93,9 @@ def soon_jammed(monkeypatch):
 def fleet(tmp_path, request):
     """Processes of a run, to be started; none is left behind. They are simulated, unless the test is marked as one about processes."""
     with ExitStack() as stack:
-        yield (Fleet if request.node.get_closest_marker("processes") else SimulatedFleet)(tmp_path, stack)
+        yield (Fleet if request.node.get_closest_marker("processes") else SimulatedFleet)(
+            tmp_path, stack
+        )
 
 
 @pytest.fixture(scope="session")

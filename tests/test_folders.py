@@ -30,7 +30,12 @@ def pipe(tmp_path) -> Path:
 
 @pytest.mark.parametrize(
     ("read", "why"),
-    [(load, "is no regular file"), (import_rows, "is no regular file"), (read_commands, "bag: is no regular file"), (Store, "is no store")],
+    [
+        (load, "is no regular file"),
+        (import_rows, "is no regular file"),
+        (read_commands, "bag: is no regular file"),
+        (Store, "is no store"),
+    ],
 )
 def test_a_named_pipe_is_refused(read, why, pipe):
     with pytest.raises((ScenarioError, ValueError), match=why):

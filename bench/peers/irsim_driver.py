@@ -21,7 +21,9 @@ from timing import MOST_STEPS, run
 
 def world(area: field.Field) -> dict[str, Any]:
     """Return the content of IR-SIM's world file. Its origin is a corner, at (-60 %, -60 %) of the field."""
-    walls = [_rectangle(x, y, 2 * half_x, 2 * half_y) for x, y, half_x, half_y in area.walls.tolist()]
+    walls = [
+        _rectangle(x, y, 2 * half_x, 2 * half_y) for x, y, half_x, half_y in area.walls.tolist()
+    ]
     return {
         "world": {
             "width": 1.2 * area.length,
@@ -65,7 +67,9 @@ def main(robots: int, seconds: float) -> None:
         yaml.safe_dump(world(field.field(robots)), file)
         file.flush()
         simulator = irsim.make(file.name, display=False, disable_all_plot=True, log_level="ERROR")
-    wanted = [list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]]  # [step][robot]: (2, 1), m/s and rad/s
+    wanted = [
+        list(step) for step in field.velocities(robots, MOST_STEPS)[:, :, :, None]
+    ]  # [step][robot]: (2, 1), m/s and rad/s
     ids = list(range(robots))
     run(lambda k: simulator.step(wanted[k], ids), seconds)
 

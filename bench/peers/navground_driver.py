@@ -24,11 +24,18 @@ def world(area: field.Field) -> sim.World:
     """Return navground's world with the walls and robots of the field."""
     made = sim.World()
     for x, y, half_x, half_y in area.walls.tolist():
-        corners = [(x - half_x, y - half_y), (x + half_x, y - half_y), (x + half_x, y + half_y), (x - half_x, y + half_y)]
+        corners = [
+            (x - half_x, y - half_y),
+            (x + half_x, y - half_y),
+            (x + half_x, y + half_y),
+            (x - half_x, y + half_y),
+        ]
         for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
             made.add_wall(sim.Wall(start, end))
     for x, y, yaw in area.starts.tolist():
-        kinematics = core.kinematics.TwoWheelsDifferentialDriveKinematics(field.SPEED, field.ROBOT_WIDTH, field.TURN)
+        kinematics = core.kinematics.TwoWheelsDifferentialDriveKinematics(
+            field.SPEED, field.ROBOT_WIDTH, field.TURN
+        )
         agent = sim.Agent(RADIUS, core.behaviors.DummyBehavior(kinematics, RADIUS), kinematics)
         agent.pose = core.Pose2((x, y), yaw)
         made.add_agent(agent)
@@ -39,7 +46,9 @@ def lasers(made: sim.World) -> list[tuple]:
     """Return (laser, robot, state that receives the ranges) for each robot."""
     sensors = []
     for agent in made.agents:
-        laser = sim.state_estimations.LidarStateEstimation(field.RANGE, -math.pi / 2, math.pi, field.BEAMS, (field.ROBOT_LENGTH / 2, 0.0))
+        laser = sim.state_estimations.LidarStateEstimation(
+            field.RANGE, -math.pi / 2, math.pi, field.BEAMS, (field.ROBOT_LENGTH / 2, 0.0)
+        )
         ranges = core.SensingState()
         laser.prepare_state(ranges)
         sensors.append((laser, agent, ranges))
@@ -53,7 +62,9 @@ def main(robots: int, seconds: float) -> None:
     def step(k: int) -> None:
         if k % field.KEEP == 0:
             for agent, (forward, turn) in zip(agents, wanted[k].tolist(), strict=True):
-                agent.behavior.target = core.Target.Twist(core.Twist2((forward, 0.0), turn, core.Frame.relative))
+                agent.behavior.target = core.Target.Twist(
+                    core.Twist2((forward, 0.0), turn, core.Frame.relative)
+                )
         made.update(field.STEP)
         for laser, agent, ranges in sensors:
             laser.update(agent, made, ranges)

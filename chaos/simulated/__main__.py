@@ -41,8 +41,12 @@ def schedules(
     context: typer.Context,
     count: Annotated[int, typer.Option(min=1, help="How many schedules.")] = 1000,
     first: Annotated[int, typer.Option(min=0, help="The seed of the first one.")] = 0,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Begin no further schedule after so many seconds.")] = 1e9,
-    seed: Annotated[int | None, typer.Option(min=0, help="Only this one; if it fails, shrink it.")] = None,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Begin no further schedule after so many seconds.")
+    ] = 1e9,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Only this one; if it fails, shrink it.")
+    ] = None,
 ) -> None:
     """Carry out schedules on the simulated network, each from one seed, and check each run."""
     if context.invoked_subcommand is not None:
@@ -71,14 +75,32 @@ def mutations(
     """Cut out one safety net of the protocol after the other. Write at which seed each is found to chaos/simulated/mutations.md."""
     names = [name for name in MUTATIONS if only in name]
     with _workers() as workers:
-        found = list(track(workers.map(partial(first_seed, most), names), "mutations", len(names), console=console))
-    rows = [f"| {name} | {'not found' if seed is None else seed} | {what} |" for name, (seed, what) in zip(names, found, strict=True)]
+        found = list(
+            track(
+                workers.map(partial(first_seed, most), names),
+                "mutations",
+                len(names),
+                console=console,
+            )
+        )
+    rows = [
+        f"| {name} | {'not found' if seed is None else seed} | {what} |"
+        for name, (seed, what) in zip(names, found, strict=True)
+    ]
     rows = [row.replace(f"{Path.cwd()}/", "") for row in rows]
     _say("\n".join(rows))
     if not only:
         head = f"What fails if one safety net of the protocol is cut out ({date.today()}, at most {most} schedules each)."
         again = "To measure it again: `python -m chaos.simulated mutations`."
-        lines = ["# Mutations", "", f"{head} {again}", "", "| cut out | found at seed | what fails |", "|---|---|---|", *rows]
+        lines = [
+            "# Mutations",
+            "",
+            f"{head} {again}",
+            "",
+            "| cut out | found at seed | what fails |",
+            "|---|---|---|",
+            *rows,
+        ]
         TABLE.write_text("\n".join(lines) + "\n")
     raise typer.Exit(1 if any(seed is None for seed, _ in found) else 0)
 
@@ -87,7 +109,9 @@ def _workers() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
 
 
-def _in_turn(workers: ProcessPoolExecutor, seeds: Iterable[int], deadline: float) -> Iterator[tuple[int, list[str]]]:
+def _in_turn(
+    workers: ProcessPoolExecutor, seeds: Iterable[int], deadline: float
+) -> Iterator[tuple[int, list[str]]]:
     """Yield seed and complaints of each schedule that begins before the deadline."""
     rest = iter(seeds)
     while monotonic() < deadline and (batch := list(islice(rest, 40))):
@@ -103,7 +127,9 @@ def _tell(seed: int) -> int:
         verdict = carry_out(plan, is_traced=True)
     else:
         verdict = carry_out(plan, is_traced=True)
-    _say(f"seed {seed}: {plan.scenario}, {plan.ticks} ticks, {plan.hosts} hosts, {plan.mode}, {plan.delays}")
+    _say(
+        f"seed {seed}: {plan.scenario}, {plan.ticks} ticks, {plan.hosts} hosts, {plan.mode}, {plan.delays}"
+    )
     for line in [*map(str, plan.faults), *verdict.lines, *verdict.complaints]:
         _say(line)
     return 1 if verdict.complaints else 0

@@ -47,8 +47,20 @@ class BareClient:
     def _join(self) -> None:
         number = self._joins
         request = pack(wire.Join(RUN, self._bus.id, [self._name]))
-        key, understand = KEYS.of("join", session=self._bus.id), lambda reply: read_message(reply, wire.Joined, RUN)
-        joined = ask(self._bus, key, request, understand, ANSWER_SECONDS, self._handle, None, self._check_gone)
+        key, understand = (
+            KEYS.of("join", session=self._bus.id),
+            lambda reply: read_message(reply, wire.Joined, RUN),
+        )
+        joined = ask(
+            self._bus,
+            key,
+            request,
+            understand,
+            ANSWER_SECONDS,
+            self._handle,
+            None,
+            self._check_gone,
+        )
         if joined.refused:
             self._bus.sleep(AGAIN_SECONDS)
         else:
@@ -77,7 +89,9 @@ class BareClient:
     def _answer(self, tick: int) -> None:
         if tick > self._answered:
             self._answered = tick
-            velocity = wire.Velocity(RUN, tick, wire.Linear(self._speed), wire.Angular(0.0), self._bus.id)
+            velocity = wire.Velocity(
+                RUN, tick, wire.Linear(self._speed), wire.Angular(0.0), self._bus.id
+            )
             self._bus.publish(KEYS.of("velocity", self._name), pack(velocity))
 
     def _check_gone(self) -> None:

@@ -69,7 +69,12 @@ def talk_nonsense(client: Client) -> None:
         key, payload = invalid_message(client.random, samples, RUN)
         bus.publish(key, payload, newest_wins=True)
     for what in ASKED:
-        bus.ask(KEYS.of(what, client.random.choice(NAMES), "unknown"), client.random.randbytes(20), None, 5.0)
+        bus.ask(
+            KEYS.of(what, client.random.choice(NAMES), "unknown"),
+            client.random.randbytes(20),
+            None,
+            5.0,
+        )
     for key in ("orchard/*", "orchard/**", "**"):
         bus.ask(key, pack(wire.SetSimulationState(RUN, "quitting")), None, 5.0)
 
@@ -94,7 +99,10 @@ def lie(client: Client) -> None:
 def _lie_about(bus: Bus, seen: wire.Seen, owner: str) -> None:
     def publish(session: str, run: str = RUN, tick: int = seen.tick, owner: str = owner) -> None:
         velocities = dict.fromkeys(seen.due, wire.Report(Twist(0.1, 0.0, 0.1)))
-        bus.publish(KEYS.of("velocities", session=session), pack(wire.Velocities(run, tick, owner, velocities)))
+        bus.publish(
+            KEYS.of("velocities", session=session),
+            pack(wire.Velocities(run, tick, owner, velocities)),
+        )
 
     publish(bus.id, owner=bus.id)
     publish(bus.id)
@@ -148,8 +156,13 @@ def advise(client: Client) -> None:
     ticks = [item.payload for item in client.wait(client.seconds) if isinstance(item, Sample)]
     for _ in ticks[:20]:
         tick = fetch_run(client.bus, KEYS).tick
-        advice = wire.Advice(RUN, tick, wire.Linear(client.random.uniform(-0.5, 1.0)), wire.Angular(0.0))
-        client.bus.publish(KEYS.of("advice", client.random.choice(["picker_01", "carrier_01", "tractor_01"])), pack(advice))
+        advice = wire.Advice(
+            RUN, tick, wire.Linear(client.random.uniform(-0.5, 1.0)), wire.Angular(0.0)
+        )
+        client.bus.publish(
+            KEYS.of("advice", client.random.choice(["picker_01", "carrier_01", "tractor_01"])),
+            pack(advice),
+        )
 
 
 def reset(client: Client) -> None:

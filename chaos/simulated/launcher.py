@@ -46,9 +46,18 @@ class FollowedRun(LaunchedRun):
     def __init__(self, launcher: Launcher) -> None:
         request, self._launcher = launcher.order, launcher
         shown = SimulatedProgress(launcher.world)
-        super().__init__(request, Credentials(request.options), Network.ENDPOINT, launcher.supervisor, shown, self._connect_to)
+        super().__init__(
+            request,
+            Credentials(request.options),
+            Network.ENDPOINT,
+            launcher.supervisor,
+            shown,
+            self._connect_to,
+        )
 
-    def _connect_to(self, endpoint: str, inbox: Inbox, seconds: float, identity: Identity | None) -> AbstractContextManager[Bus]:
+    def _connect_to(
+        self, endpoint: str, inbox: Inbox, seconds: float, identity: Identity | None
+    ) -> AbstractContextManager[Bus]:
         return self._launcher.connected(seconds)
 
     def follow(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:

@@ -43,7 +43,9 @@ class Delays(NamedTuple):
 class Link:
     """A connection between a session and the router, from its opening until it is closed."""
 
-    def __init__(self, session: "SimulatedBus", router: "Router", delays: Delays, random: Random) -> None:
+    def __init__(
+        self, session: "SimulatedBus", router: "Router", delays: Delays, random: Random
+    ) -> None:
         self.session, self.router = session, router
         self._scheduler, self._delays, self._random = router.scheduler, delays, random
         self.is_open = [True, True]  # as the session sees it, as the router sees it
@@ -54,7 +56,9 @@ class Link:
         self._waiting: list[list[Callable[[], None]]] = [[], []]
         self._is_full = False
 
-    def send(self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False) -> None:
+    def send(
+        self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False
+    ) -> None:
         """Let `act` happen at the other side, unless the message is lost."""
         if not self.is_open[way]:
             return
@@ -92,7 +96,12 @@ class Link:
         for way in ways:
             self._silent[way] -= 1
             if not self._silent[way]:
-                waiting, self._waiting[way], self._is_full, self._since[way] = self._waiting[way], [], False, 0
+                waiting, self._waiting[way], self._is_full, self._since[way] = (
+                    self._waiting[way],
+                    [],
+                    False,
+                    0,
+                )
                 for act in waiting:
                     if all(self.is_open):
                         act()
@@ -138,6 +147,8 @@ class DirectLink(Link):
     def speak(self, ways: Iterable[int]) -> None:
         pass
 
-    def send(self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False) -> None:
+    def send(
+        self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False
+    ) -> None:
         if all(self.is_open):
             act()

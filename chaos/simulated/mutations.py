@@ -46,7 +46,9 @@ def _without_memories(run: str, tick: int, memories: Any, refused: Any) -> Joine
     return Joined(run, tick, dict.fromkeys(memories), refused)
 
 
-def _takes_any_tick(self: barriers.LockstepBarrier, name: str, holder: str, tick: int, report: Any) -> None:
+def _takes_any_tick(
+    self: barriers.LockstepBarrier, name: str, holder: str, tick: int, report: Any
+) -> None:
     if name in self.missing:
         _take(self, name, holder, self.tick, report)
 
@@ -86,7 +88,9 @@ def _finds_no_doubt_in_an_error(self: mailbox.Mailbox, tick: int, asked_of: Any)
 
 
 def _finds_no_doubt_when_new(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
-    return not (self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ())))
+    return not (
+        self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ()))
+    )
 
 
 def _finds_no_doubt_in_a_lack(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bool:
@@ -123,16 +127,32 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics never sends a tick again": (Cut(loop, "AGAIN_SECONDS", inf),),
     "a host never doubts its mail": (Cut(mailbox.Mailbox, "doubts", _never),),
     "no doubt after a join": (Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_when_new),),
-    "no doubt if an answer is missing": (Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_an_error),),
-    "no doubt if a request is missing": (Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_a_lack),),
-    "no tick waits for mail": (Cut(mailbox.Mailbox, "is_settled", _never_waits_for_mail), Cut(mailbox.Mailbox, "doubts", _never)),
+    "no doubt if an answer is missing": (
+        Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_an_error),
+    ),
+    "no doubt if a request is missing": (
+        Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_a_lack),
+    ),
+    "no tick waits for mail": (
+        Cut(mailbox.Mailbox, "is_settled", _never_waits_for_mail),
+        Cut(mailbox.Mailbox, "doubts", _never),
+    ),
     "a host joins, and keeps its old mail": (Cut(mailbox.Mailbox, "join", _forgets_no_mail),),
     "requests of the future are not kept": (Cut(mailbox, "MOST_HOLD", 0),),
     "a recall is not recorded": (Cut(mailbox.Mailbox, "recall", _nothing),),
-    "a host keeps what it saw before it joined": (Cut(mailbox.LatestObservations, "forget", _nothing),),
-    "a host goes on where physics is there again": (Cut(host.Host, "_track_physics", _tracks_nothing),),
-    "a host that is told that it is lost does not join again": (Cut(Publisher, "publish_lost", _nothing),),
-    "a question is sent once": (Cut(requests, "FETCH_SECONDS", 1e6), Cut(requests, "ANSWER_SECONDS", 1e6)),
+    "a host keeps what it saw before it joined": (
+        Cut(mailbox.LatestObservations, "forget", _nothing),
+    ),
+    "a host goes on where physics is there again": (
+        Cut(host.Host, "_track_physics", _tracks_nothing),
+    ),
+    "a host that is told that it is lost does not join again": (
+        Cut(Publisher, "publish_lost", _nothing),
+    ),
+    "a question is sent once": (
+        Cut(requests, "FETCH_SECONDS", 1e6),
+        Cut(requests, "ANSWER_SECONDS", 1e6),
+    ),
     "a join without a token is not tried again": (Cut(host, "JOIN_TRIES", 1),),
     "a join of a taken agent is not tried again": (Cut(host, "TAKEN_TRIES", 1),),
     "a host without its memory": (Cut(host.AgentRunner, "resume", _nothing),),
@@ -141,12 +161,19 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", _keeps_one_tick),),
     "physics keeps the letters of all ticks": (Cut(RecoveryLog, "keep", _keeps_all_ticks),),
     "physics does not ask a session that joins": (Cut(Drivers, "expect", _expects_without_waking),),
-    "the answer of the session before counts": (Cut(barriers.LockstepBarrier, "expect", _keeps_the_old_answer),),
+    "the answer of the session before counts": (
+        Cut(barriers.LockstepBarrier, "expect", _keeps_the_old_answer),
+    ),
     "an answer to any tick counts": (Cut(barriers.LockstepBarrier, "take", _takes_any_tick),),
     "an answer of any session counts": (Cut(barriers.Barrier, "_refuse_other_owner", _nothing),),
     "any session may take any agent": (Cut(Roster, "may_join", _takes_over),),
-    "physics waits for no session to leave": (Cut(Roster, "all_have_left", _always), Cut(loop, "LEAVE_SECONDS", 0.0)),
-    "a session that is cut off counts as left": (Cut(Roster, "all_have_left", lambda self: not self.tokens),),
+    "physics waits for no session to leave": (
+        Cut(Roster, "all_have_left", _always),
+        Cut(loop, "LEAVE_SECONDS", 0.0),
+    ),
+    "a session that is cut off counts as left": (
+        Cut(Roster, "all_have_left", lambda self: not self.tokens),
+    ),
     "the end is published once": (Cut(loop, "END_SECONDS", inf),),
     "any end counts": (Cut(Ending, "end", property(lambda self: self._said)),),
     "messages of other runs count": (Cut(inbound, "refuse_other_run", _checks_no_run),),

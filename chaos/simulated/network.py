@@ -16,7 +16,13 @@ from chaos.simulated.session import Fuse, SimulatedBus
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import CONNECT_SECONDS
 
-RETRY = (0.1, 0.15, 0.225, 0.3375, 0.5)  # s between the tries to connect again; the last one for all others
+RETRY = (
+    0.1,
+    0.15,
+    0.225,
+    0.3375,
+    0.5,
+)  # s between the tries to connect again; the last one for all others
 
 
 class Network:
@@ -24,7 +30,9 @@ class Network:
 
     ENDPOINT = "tcp/127.0.0.1:7447"
 
-    def __init__(self, scheduler: Scheduler, seed: str, delays: Delays, pauses: float = 0.01) -> None:
+    def __init__(
+        self, scheduler: Scheduler, seed: str, delays: Delays, pauses: float = 0.01
+    ) -> None:
         """`seed`: of all delays. `pauses`: the share of messages before which a sender takes some time."""
         self.scheduler, self.seed, self.pauses, self._delays = scheduler, seed, pauses, delays
         self.router: Router | None = None
@@ -51,7 +59,9 @@ class Network:
         return self._number
 
     @contextmanager
-    def router_session(self, name: str, task: Task, inbox: VirtualInbox, executor: Executor) -> Iterator[SimulatedBus]:
+    def router_session(
+        self, name: str, task: Task, inbox: VirtualInbox, executor: Executor
+    ) -> Iterator[SimulatedBus]:
         """Open a router with a session of its own. Raises BusError if there is one already."""
         router = self.start_router(name)
         bus = SimulatedBus(self, name, task, inbox, executor)
@@ -65,7 +75,12 @@ class Network:
 
     @contextmanager
     def client_session(
-        self, name: str, task: Task, inbox: VirtualInbox, executor: Executor, seconds: float = CONNECT_SECONDS
+        self,
+        name: str,
+        task: Task,
+        inbox: VirtualInbox,
+        executor: Executor,
+        seconds: float = CONNECT_SECONDS,
     ) -> Iterator[SimulatedBus]:
         """Open a session at the router. Raises BusError if there is none within `seconds`."""
         bus = SimulatedBus(self, name, task, inbox, executor)
@@ -96,13 +111,19 @@ class Network:
             self.sessions.remove(bus)
 
     def _can_connect(self, bus: SimulatedBus) -> bool:
-        if self.router is None or not self.router.is_open or self.scheduler.now < self._cut_until.get(bus.name, -inf):
+        if (
+            self.router is None
+            or not self.router.is_open
+            or self.scheduler.now < self._cut_until.get(bus.name, -inf)
+        ):
             return False
         return not self._frozen.get(bus.name) and not self._frozen.get(self.router.owner)
 
     def _connect(self, bus: SimulatedBus) -> None:
         assert self.router is not None
-        link = Link(bus, self.router, self._delays, Random(f"{self.seed} {bus.id} {self.next_number()}"))
+        link = Link(
+            bus, self.router, self._delays, Random(f"{self.seed} {bus.id} {self.next_number()}")
+        )
         if (old := self.router.links.get(bus.id)) is not None:
             old.close(session=False)
         self.trace(f"{bus.id} is linked")
@@ -141,7 +162,11 @@ class Network:
 
     def links_of(self, name: str) -> list[Link]:
         """Return the links of a process."""
-        return [bus.link for bus in self.sessions if bus.name == name and bus.link is not None and not isinstance(bus.link, DirectLink)]
+        return [
+            bus.link
+            for bus in self.sessions
+            if bus.name == name and bus.link is not None and not isinstance(bus.link, DirectLink)
+        ]
 
     def cut(self, name: str, seconds: float) -> None:
         """Close the links of a process; it cannot connect again for so long."""
@@ -152,8 +177,14 @@ class Network:
     def freeze(self, name: str) -> Callable[[], None]:
         """Let a process take no part. If it has the router, that takes none either. Return a function that ends it."""
         self._frozen[name] = self._frozen.get(name, 0) + 1
-        has_router = any(bus.name == name and isinstance(bus.link, DirectLink) for bus in self.sessions)
-        links = list(self.router.links.values()) if has_router and self.router is not None else self.links_of(name)
+        has_router = any(
+            bus.name == name and isinstance(bus.link, DirectLink) for bus in self.sessions
+        )
+        links = (
+            list(self.router.links.values())
+            if has_router and self.router is not None
+            else self.links_of(name)
+        )
         speak = self._silenced(links, (UP, DOWN))
 
         def thaw() -> None:
@@ -162,7 +193,9 @@ class Network:
 
         return thaw
 
-    def after_messages(self, name: str, count: int, act: Callable[[], None], only_queries: bool) -> None:
+    def after_messages(
+        self, name: str, count: int, act: Callable[[], None], only_queries: bool
+    ) -> None:
         """Let `act` happen as a process is about to send its message, or its query, of that number from now on."""
         for bus in [bus for bus in self.sessions if bus.name == name]:
             bus.fuse = Fuse(count, act, only_queries)

@@ -31,8 +31,12 @@ class Fault(NamedTuple):
     message: int = 0
 
     def __str__(self) -> str:
-        when = f"tick {self.tick} + {self.delay:.4f} s" + (f", at message {self.message}" if self.message else "")
-        return f"{when}: {self.what} {self.who}" + (f" for {self.seconds:.2f} s" if self.seconds else "")
+        when = f"tick {self.tick} + {self.delay:.4f} s" + (
+            f", at message {self.message}" if self.message else ""
+        )
+        return f"{when}: {self.what} {self.who}" + (
+            f" for {self.seconds:.2f} s" if self.seconds else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -56,17 +60,25 @@ class Plan:
     @property
     def has_hash(self) -> bool:
         """Whether the run has the hash of local mode, if no agent was lost."""
-        return self.mode == "lockstep" and not any(fault.what in CHANGES_THE_HASH for fault in self.faults)
+        return self.mode == "lockstep" and not any(
+            fault.what in CHANGES_THE_HASH for fault in self.faults
+        )
 
     @property
     def _lasting(self) -> list[Fault]:
         """Return the faults after which a host may be away."""
-        return [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"]
+        return [
+            fault
+            for fault in self.faults
+            if fault.who not in (CLIENT, LOGGER) or fault.what == "claim"
+        ]
 
     @property
     def away(self) -> float:
         """For how long a host may be away at most, s of a run that plays."""
-        is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[0][2:4] == self.faults[1][2:4]
+        is_debugged = [fault.what for fault in self.faults] == ["think", "pause"] and self.faults[
+            0
+        ][2:4] == self.faults[1][2:4]
         paused = self.faults[1].seconds if is_debugged and self.faults[1].tick > 0 else 0.0
         return sum(fault.seconds + BACK_SECONDS for fault in self._lasting) - paused
 
@@ -74,7 +86,11 @@ class Plan:
     def may_lose(self) -> bool:
         """Whether a host may be away for longer than physics waits. What is allowed for several faults has room for slow messages."""
         joins_after_one = [fault.what != "think" for fault in self._lasting] == [True]
-        slow = SLOW_IN_TURN * self.delays.slow + self.late if joins_after_one and self.delays.share else 0.0
+        slow = (
+            SLOW_IN_TURN * self.delays.slow + self.late
+            if joins_after_one and self.delays.share
+            else 0.0
+        )
         return self.away + slow >= self.patience
 
     @property
@@ -88,7 +104,10 @@ class Plan:
     @property
     def may_take(self) -> bool:
         """Whether a client may keep agents that it has got for longer than a host tries: its own question lasts while another is mute."""
-        return any(fault.what == "claim" and (fault.seconds > 2.0 or self.has("mute")) for fault in self.faults)
+        return any(
+            fault.what == "claim" and (fault.seconds > 2.0 or self.has("mute"))
+            for fault in self.faults
+        )
 
     def has(self, *what: str) -> bool:
         """Whether it has one of these faults."""
@@ -98,7 +117,14 @@ class Plan:
 ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
 ONE_WAY = {"route": "one-way", "rows_to_pickers": "balanced"}
 SCENARIOS: tuple[dict[str, Any], ...] = (
-    {"rows": 3, "seed": 1, "people": {"workers": 1, "visitors": 0}, "animals": {"dogs": 1, "cats": 0}, "weeds": 2, **ONE_WAY},
+    {
+        "rows": 3,
+        "seed": 1,
+        "people": {"workers": 1, "visitors": 0},
+        "animals": {"dogs": 1, "cats": 0},
+        "weeds": 2,
+        **ONE_WAY,
+    },
     {"rows": 3, "seed": 2, "dispatch": "nearest", **ONE_WAY, **ALONE},
     {"rows": 3, "seed": 3, **ONE_WAY, "route": "two-way", **ALONE},
     {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ONE_WAY, **ALONE},
@@ -112,10 +138,36 @@ IN_REALTIME: dict[str, Any] = {
 }  # the agent of the bare client
 HOST = "host"
 FAULTS = {
-    HOST: ("kill", "kill", "kill", "freeze", "think", "cut", "cut", "silence", "silence up", "silence down", "vanish"),
+    HOST: (
+        "kill",
+        "kill",
+        "kill",
+        "freeze",
+        "think",
+        "cut",
+        "cut",
+        "silence",
+        "silence up",
+        "silence down",
+        "vanish",
+    ),
     PHYSICS: ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot"),
     LOGGER: ("kill", "freeze", "cut", "silence"),
-    CLIENT: ("claim", "claim", "nonsense", "repeat", "lie", "lie", "pause", "pause", "listen", "mute", "reset", "reset", "quit"),
+    CLIENT: (
+        "claim",
+        "claim",
+        "nonsense",
+        "repeat",
+        "lie",
+        "lie",
+        "pause",
+        "pause",
+        "listen",
+        "mute",
+        "reset",
+        "reset",
+        "quit",
+    ),
     RUN_PY: ("kill",),
     ROUTER: ("kill",),
 }
@@ -129,7 +181,11 @@ TROUBLES: tuple[tuple[tuple[str, str], ...], ...] = (  # that come together
     (("vanish", HOST), ("cut", HOST)),
     (("think", HOST), ("kill", HOST)),
 )
-AT_A_ROUTER = (("mute", CLIENT), ("kill", PHYSICS), ("kill", HOST))  # a host that starts finds the client only
+AT_A_ROUTER = (
+    ("mute", CLIENT),
+    ("kill", PHYSICS),
+    ("kill", HOST),
+)  # a host that starts finds the client only
 LONG = ("pause", "mute")  # what lasts for long now and then
 
 
@@ -145,7 +201,11 @@ def draw(seed: int) -> Plan:
         hosts,
         has_logger,
         has_router,
-        Delays(10.0 ** random.uniform(-4.0, -2.0), random.choice((0.05, 0.3, 1.0)), random.choice((0.0, 0.003, 0.02, 0.1))),
+        Delays(
+            10.0 ** random.uniform(-4.0, -2.0),
+            random.choice((0.05, 0.3, 1.0)),
+            random.choice((0.0, 0.003, 0.02, 0.1)),
+        ),
         (),
         "realtime" if random.random() < 0.1 else "lockstep",
         random.choice((PATIENCE, PATIENCE, 4.0)),
@@ -162,20 +222,54 @@ def draw(seed: int) -> Plan:
 
 def _faults(random: Random, plan: Plan) -> list[Fault]:
     kind = random.random()
-    if plan.mode == "lockstep" and kind < 0.05:  # what an open run cannot tell from the truth while a link is cut or physics is gone
-        return [Fault(random.choice(("false end", "advise", "stop robots")), CLIENT, *_moment(random, plan.ticks), 1.0)]
+    if (
+        plan.mode == "lockstep" and kind < 0.05
+    ):  # what an open run cannot tell from the truth while a link is cut or physics is gone
+        return [
+            Fault(
+                random.choice(("false end", "advise", "stop robots")),
+                CLIENT,
+                *_moment(random, plan.ticks),
+                1.0,
+            )
+        ]
     if kind < 0.25:
         return _troubles(random, plan)
     if kind < 0.35:  # a link that breaks as the end is published
         seconds = 10.0 ** random.uniform(-1.5, -0.2)
-        return [Fault("cut", _name(HOST, random, plan), plan.ticks, 10.0 ** random.uniform(-4.0, -1.0) - 1e-4, seconds)]
+        return [
+            Fault(
+                "cut",
+                _name(HOST, random, plan),
+                plan.ticks,
+                10.0 ** random.uniform(-4.0, -1.0) - 1e-4,
+                seconds,
+            )
+        ]
     faults: list[Fault] = []
-    own = [PHYSICS, PHYSICS, CLIENT, CLIENT, RUN_PY, *[LOGGER] * plan.has_logger, *[ROUTER] * plan.has_router]
+    own = [
+        PHYSICS,
+        PHYSICS,
+        CLIENT,
+        CLIENT,
+        RUN_PY,
+        *[LOGGER] * plan.has_logger,
+        *[ROUTER] * plan.has_router,
+    ]
     for _ in range(random.choice((0, 1, 1, 2, 2, 3, 4, 6))):
         who = random.choice([*[HOST] * 3 * plan.hosts, *own])
         more = ("cut", "silence") if who == PHYSICS and plan.has_router else ()
         tick, delay = _moment(random, plan.ticks)  # without a router nothing begins
-        faults.append(_fault(random, plan, random.choice(FAULTS[who] + more), who, max(tick, 0) if who == ROUTER else tick, delay))
+        faults.append(
+            _fault(
+                random,
+                plan,
+                random.choice(FAULTS[who] + more),
+                who,
+                max(tick, 0) if who == ROUTER else tick,
+                delay,
+            )
+        )
     return faults
 
 
@@ -183,11 +277,17 @@ def _troubles(random: Random, plan: Plan) -> list[Fault]:
     """Faults that come together, two or three: the second one soon after the first one, or as it ends; the third one soon after that."""
     if random.random() < 0.1:  # a host is debugged in a run that is paused meanwhile
         seconds, moment = random.uniform(12.0, 25.0), _moment(random, plan.ticks)
-        host = Fault("think", _name(HOST, random, plan), *moment, seconds + random.uniform(4.0, 11.0))
+        host = Fault(
+            "think", _name(HOST, random, plan), *moment, seconds + random.uniform(4.0, 11.0)
+        )
         return [host, Fault("pause", CLIENT, *moment, seconds)]
     first, *others = random.choice(TROUBLES + (AT_A_ROUTER,) * 4 * plan.has_router)
     one = _fault(random, plan, *first, *_moment(random, plan.ticks))
-    faults, at = [one], one.delay + (max(0.0, one.seconds + random.uniform(-1.0, 0.2)) if random.random() < 0.5 else 0.0)
+    faults, at = (
+        [one],
+        one.delay
+        + (max(0.0, one.seconds + random.uniform(-1.0, 0.2)) if random.random() < 0.5 else 0.0),
+    )
     for other in others:
         at += 10.0 ** random.uniform(-4.0, 0.3)
         faults.append(_fault(random, plan, *other, one.tick, at))
@@ -215,4 +315,6 @@ def _moment(random: Random, ticks: int) -> tuple[int, float]:
     """A tick and a delay, s: at the start, at the end or between."""
     if (kind := random.random()) < 0.1:
         return -1, random.random() * 1.5
-    return ticks - random.randrange(3) if kind < 0.3 else random.randrange(ticks), 10.0 ** random.uniform(-4.0, -1.0)
+    return ticks - random.randrange(3) if kind < 0.3 else random.randrange(
+        ticks
+    ), 10.0 ** random.uniform(-4.0, -1.0)

@@ -42,7 +42,13 @@ from orchard.sim.snapshot import SnapshotError, store
 from orchard.wire.keys import LOGGER, Keys
 
 log = logging.getLogger("orchard")
-MISTAKES = (BusError, ValueError, ScenarioError, SnapshotError, OSError)  # that a process logs, and ends with code 2
+MISTAKES = (
+    BusError,
+    ValueError,
+    ScenarioError,
+    SnapshotError,
+    OSError,
+)  # that a process logs, and ends with code 2
 KILLED = -9  # exit code
 SNAPSHOT_SECONDS = 0.5  # between two snapshots: few schedules last for seconds
 
@@ -72,7 +78,9 @@ class SimulatedDisk(Executor):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future, now = SimulatedFuture(self._world, self._process.task), self._world.scheduler.now
-        self._free_at = max(self._free_at, now) + self._world.random.random() * self._world.disk_seconds
+        self._free_at = (
+            max(self._free_at, now) + self._world.random.random() * self._world.disk_seconds
+        )
         self._world.scheduler.after(self._free_at - now, lambda: self._do(future, fn, args))
         return future
 
@@ -101,7 +109,9 @@ class SimulatedLine:
 class SimulatedProcess:
     """A process of the supervisor: what `subprocess.Popen` is for a real one."""
 
-    def __init__(self, world: "World", spec: ProcessSpec, order: Any, pid: int, start_seconds: float = 1.0) -> None:
+    def __init__(
+        self, world: "World", spec: ProcessSpec, order: Any, pid: int, start_seconds: float = 1.0
+    ) -> None:
         """`start_seconds`: that it takes at most to load its modules."""
         self.world, self.spec, self.pid, self.code = world, spec, pid, None
         self.order, self._start_seconds = order, start_seconds
@@ -185,14 +195,18 @@ class SimulatedProcess:
     @contextmanager
     def routed(self) -> Iterator[Bus]:
         """Open its session, and the router."""
-        with self.world.network.router_session(self.spec.name, self.task, self.inbox, self.disk) as bus:
+        with self.world.network.router_session(
+            self.spec.name, self.task, self.inbox, self.disk
+        ) as bus:
             self.buses.append(bus)
             yield bus
 
     @contextmanager
     def connected(self, seconds: float = CONNECT_SECONDS) -> Iterator[Bus]:
         """Open its session at the router. Raises BusError if there is none within `seconds`."""
-        with self.world.network.client_session(self.spec.name, self.task, self.inbox, self.disk, seconds) as bus:
+        with self.world.network.client_session(
+            self.spec.name, self.task, self.inbox, self.disk, seconds
+        ) as bus:
             self.buses.append(bus)
             yield bus
 
@@ -221,11 +235,18 @@ def _physics(process: SimulatedProcess) -> int:
         process.world.resets += bool(process.buses)  # the run begins again in this process
         return process.routed() if options.connect is None else process.connected()
 
-    return physics.simulate(process.inbox, _options_of(process, RunOptions), opened, process.world.begin)
+    return physics.simulate(
+        process.inbox, _options_of(process, RunOptions), opened, process.world.begin
+    )
 
 
 def _agents(process: SimulatedProcess) -> int:
-    agents.host(process.inbox, _options_of(process, HostOptions), lambda inbox: process.connected(), ready=process.hosts.append)
+    agents.host(
+        process.inbox,
+        _options_of(process, HostOptions),
+        lambda inbox: process.connected(),
+        ready=process.hosts.append,
+    )
 
 
 def _router(process: SimulatedProcess) -> int:
@@ -256,7 +277,13 @@ def _logger(process: SimulatedProcess) -> int:
         run = fetch_run(bus, keys, end_if_asked)
         queue = FrameQueue()
         process.world.frames.append(queue)
-        logger = Logger(bus, keys, run.run, lay_out(check(run.scenario, "the scenario that physics sent")), queue)
+        logger = Logger(
+            bus,
+            keys,
+            run.run,
+            lay_out(check(run.scenario, "the scenario that physics sent")),
+            queue,
+        )
         logger.listen()
         bus.declare_alive(keys.of("alive", LOGGER, run.run))
         return logger.run(_NoWriter())[0]  # type: ignore[arg-type]
@@ -316,7 +343,14 @@ class World:
 
     def process(self, name: str) -> SimulatedProcess | None:
         """Return the process of this name that runs."""
-        return next((process for process in self.processes.values() if process.spec.name == name and process.code is None), None)
+        return next(
+            (
+                process
+                for process in self.processes.values()
+                if process.spec.name == name and process.code is None
+            ),
+            None,
+        )
 
     def begin(self, loop: RunLoop) -> None:
         """Know the loop of physics, which is about to begin."""
@@ -353,7 +387,9 @@ class World:
         """Take an error that no process may have."""
         import traceback
 
-        self.crashes.append(f"{process.spec.name}: {''.join(traceback.format_exception(error)[-4:])}")
+        self.crashes.append(
+            f"{process.spec.name}: {''.join(traceback.format_exception(error)[-4:])}"
+        )
         self.say(f"{process.spec.name} crashed: {type(error).__name__}: {error}")
 
     @contextmanager
@@ -396,4 +432,6 @@ class _Handler(logging.Handler):
 
 def spec_of_bare_client(mode: str) -> ProcessSpec:
     """A client of its own, which owns one agent."""
-    return ProcessSpec(BARE_CLIENT, "chaos.simulated.bare_client", [], again=True, agents=[NAMES[mode]])
+    return ProcessSpec(
+        BARE_CLIENT, "chaos.simulated.bare_client", [], again=True, agents=[NAMES[mode]]
+    )

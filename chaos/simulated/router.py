@@ -25,9 +25,13 @@ class Router:
         self._queryables: dict[str, list[str]] = {}
         self._watchers: dict[str, list[str]] = {}
         self._tokens: dict[str, list[str]] = {}
-        self._receivers: dict[str, list[str]] = {}  # key -> session ids: who subscribes to it; computed on demand
+        self._receivers: dict[
+            str, list[str]
+        ] = {}  # key -> session ids: who subscribes to it; computed on demand
         self._interested: set[str] = set()  # sessions that ask who subscribes
-        self._pending: dict[int, tuple[str, list[str]]] = {}  # number of a query -> who asks, and the sessions that are to reply
+        self._pending: dict[
+            int, tuple[str, list[str]]
+        ] = {}  # number of a query -> who asks, and the sessions that are to reply
         self.is_open = True
 
     @property
@@ -87,7 +91,12 @@ class Router:
     def watch(self, link: Link, tokens: str) -> None:
         if self._is_linked(link):
             self._watchers[link.session.id].append(tokens)
-            for token in [token for present in self._tokens.values() for token in present if meets(tokens, token)]:
+            for token in [
+                token
+                for present in self._tokens.values()
+                for token in present
+                if meets(tokens, token)
+            ]:
                 link.send(DOWN, partial(link.session.hear_token, token, True), CONTROL)
 
     def knows(self, token: str) -> bool:
@@ -126,19 +135,28 @@ class Router:
     def _tell_subscribers(self) -> None:
         self._receivers = {}
         for session in sorted(self._interested & self.links.keys()):
-            link, known = self.links[session], [keys for other, keys in self._subscribers.items() if other != session]
+            link, known = (
+                self.links[session],
+                [keys for other, keys in self._subscribers.items() if other != session],
+            )
             all_keys = [one for keys in known for one in keys]
             link.send(DOWN, partial(link.session.hear_subscribers, all_keys), CONTROL)
 
     def subscribers_beside(self, session: str) -> list[str]:
         """Return the keys to which other sessions subscribe."""
-        return [one for other, keys in self._subscribers.items() if other != session for one in keys]
+        return [
+            one for other, keys in self._subscribers.items() if other != session for one in keys
+        ]
 
     # -- data
 
     def publish(self, link: Link, key: str, payload: bytes, may_drop: bool) -> None:
         if key not in self._receivers:
-            self._receivers[key] = [session for session, keys in self._subscribers.items() if any(meets(one, key) for one in keys)]
+            self._receivers[key] = [
+                session
+                for session, keys in self._subscribers.items()
+                if any(meets(one, key) for one in keys)
+            ]
         for session in self._receivers[key]:
             if session != link.session.id:
                 to = self.links[session]
@@ -146,7 +164,11 @@ class Router:
 
     def ask(self, link: Link, number: int, key: str, payload: bytes) -> None:
         asker = link.session.id
-        repliers = [session for session, keys in self._queryables.items() if session != asker and any(meets(one, key) for one in keys)]
+        repliers = [
+            session
+            for session, keys in self._queryables.items()
+            if session != asker and any(meets(one, key) for one in keys)
+        ]
         self._pending[number] = asker, list(repliers)
         for session in repliers:
             to = self.links[session]
@@ -155,7 +177,10 @@ class Router:
             self.finish(number, "")
 
     def reply(self, number: int, payload: bytes, error: str) -> None:
-        if number in self._pending and (link := self.links.get(self._pending[number][0])) is not None:
+        if (
+            number in self._pending
+            and (link := self.links.get(self._pending[number][0])) is not None
+        ):
             link.send(DOWN, lambda: link.session.hear_reply(number, payload, error))
 
     def finish(self, number: int, session: str) -> None:

@@ -14,7 +14,13 @@ from chaos.simulated.launcher import Launcher
 from chaos.simulated.link import DOWN, UP
 from chaos.simulated.network import Network
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
-from chaos.simulated.processes import KILLED, SimulatedProcess, SimulatedSupervisor, World, spec_of_bare_client
+from chaos.simulated.processes import (
+    KILLED,
+    SimulatedProcess,
+    SimulatedSupervisor,
+    World,
+    spec_of_bare_client,
+)
 from chaos.simulated.progress import Progress
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.tables import grown
@@ -80,7 +86,10 @@ class Schedule:
     def _start(self, resumed: Snapshot | None = None) -> None:
         """Start run.py, and what runs on another machine."""
         plan, folder = self.plan, self.world.folder
-        names, left = agent_names(Scenario(**plan.scenario)), [NAMES[plan.mode]] * plan.has_bare_client
+        names, left = (
+            agent_names(Scenario(**plan.scenario)),
+            [NAMES[plan.mode]] * plan.has_bare_client,
+        )
         options = HarvestOptions(
             mode=plan.mode,  # type: ignore[arg-type]
             speed=SPEED if plan.mode == "realtime" else None,
@@ -92,12 +101,19 @@ class Schedule:
             without=names if plan.is_elsewhere else left or None,
         )
         recording = folder / "run.rrd" if plan.has_logger else None
-        self.run_py = Launcher(self.world, RunRequest(options, Scenario(**plan.scenario), recording, folder / "snapshots", resumed))
+        self.run_py = Launcher(
+            self.world,
+            RunRequest(
+                options, Scenario(**plan.scenario), recording, folder / "snapshots", resumed
+            ),
+        )
         if plan.has_bare_client:
             self.elsewhere.start(spec_of_bare_client(plan.mode))
         if plan.is_elsewhere:
             credentials, names = Credentials(options), [name for name in names if name not in left]
-            start_hosts(self.elsewhere, Network.ENDPOINT, credentials.shares(names, names), credentials)
+            start_hosts(
+                self.elsewhere, Network.ENDPOINT, credentials.shares(names, names), credentials
+            )
 
     def _look(self) -> None:
         """Start again what has died elsewhere, and look how far the run is."""
@@ -110,9 +126,17 @@ class Schedule:
     def _look_at_tables(self) -> None:
         """No table of physics or of a host that runs has grown."""
         if self.world.engine is not None and not self.complaints:
-            hosts = [process.hosts[-1] for process in self.world.processes.values() if process.code is None and process.hosts]
+            hosts = [
+                process.hosts[-1]
+                for process in self.world.processes.values()
+                if process.code is None and process.hosts
+            ]
             agents = len(self.world.engine.layout.agents)
-            self.complaints += [line for owner in (self.world.loop, *hosts) for line in grown(owner, agents, self.plan.mode)]
+            self.complaints += [
+                line
+                for owner in (self.world.loop, *hosts)
+                for line in grown(owner, agents, self.plan.mode)
+            ]
 
     @property
     def over_at(self) -> float | None:
@@ -123,7 +147,10 @@ class Schedule:
         """Whether run.py has ended, and also what runs elsewhere, or that had the time for it."""
         if self.run_py.code in (None, KILLED) or self.over_at is None:
             return False
-        return not self.elsewhere.is_any_left() or self.world.scheduler.now > self.over_at + leave_limit(self.plan)
+        return (
+            not self.elsewhere.is_any_left()
+            or self.world.scheduler.now > self.over_at + leave_limit(self.plan)
+        )
 
     def _kill_run_py(self, fault: Fault) -> None:
         if self.run_py.code is None:
@@ -136,7 +163,9 @@ class Schedule:
             self.world.scheduler.after(LOOK_SECONDS, partial(self._go_on, fault))
         else:
             self.inflicted.append((self.world.scheduler.now, fault))
-            self.world.scheduler.after(USER_SECONDS, lambda: self._start(last(self.world.folder / "snapshots", RUN)))
+            self.world.scheduler.after(
+                USER_SECONDS, lambda: self._start(last(self.world.folder / "snapshots", RUN))
+            )
 
     # -- faults
 
@@ -153,7 +182,9 @@ class Schedule:
 
     def _prepare(self, fault: Fault) -> None:
         if fault.message:
-            self.world.network.after_messages(fault.who, fault.message, partial(self._inflict, fault), fault.who != PHYSICS)
+            self.world.network.after_messages(
+                fault.who, fault.message, partial(self._inflict, fault), fault.who != PHYSICS
+            )
         else:
             self._inflict(fault)
 
@@ -173,7 +204,9 @@ class Schedule:
         network = self.world.network
         if network.has_router:
             network.end_router(ROUTER, self.world.random.random())
-            self.world.scheduler.after(max(1.0, fault.seconds), partial(network.start_router, ROUTER))
+            self.world.scheduler.after(
+                max(1.0, fault.seconds), partial(network.start_router, ROUTER)
+            )
 
     def _hurt(self, fault: Fault, process: SimulatedProcess) -> None:
         network = self.world.network
@@ -187,9 +220,15 @@ class Schedule:
                 (process.freeze if fault.what == "freeze" else process.think)()
                 self.world.scheduler.after(fault.seconds, process.thaw)
                 stands_after = STAND_SECONDS + self.plan.delays.slow
-                lasts = fault.seconds > stands_after + TICK_SECONDS  # else the next fault may stop it, which has a look of its own
-                if lasts and self.plan.mode == "realtime" and not self.plan.has("lie"):  # who lies in the name of a host drives its robots
-                    self.world.scheduler.after(stands_after, partial(self._look_at_robots, process, self._tick))
+                lasts = (
+                    fault.seconds > stands_after + TICK_SECONDS
+                )  # else the next fault may stop it, which has a look of its own
+                if (
+                    lasts and self.plan.mode == "realtime" and not self.plan.has("lie")
+                ):  # who lies in the name of a host drives its robots
+                    self.world.scheduler.after(
+                        stands_after, partial(self._look_at_robots, process, self._tick)
+                    )
             case "cut":
                 network.cut(fault.who, fault.seconds)
             case "silence":
@@ -210,7 +249,10 @@ class Schedule:
         inbox = VirtualInbox(self.world.scheduler)
 
         def body() -> None:
-            with suppress(BusError), self.world.network.client_session(name, task, inbox, NO_EXECUTOR) as bus:
+            with (
+                suppress(BusError),
+                self.world.network.client_session(name, task, inbox, NO_EXECUTOR) as bus,
+            ):
                 let_act(fault.what, Client(bus, Random(f"{name} {self.plan.seed}"), fault.seconds))
 
         task = self.world.scheduler.spawn(name, body)
@@ -223,13 +265,21 @@ class Schedule:
     def _look_at_robots(self, process: SimulatedProcess, tick: int) -> None:
         """In realtime, the robots of a host that has not answered since a tick stand in the next tick."""
         if (engine := self.world.engine) is not None and engine.tick > tick + STAND_TICKS:
-            self.world.scheduler.after(TICK_SECONDS, partial(self._look_again, process, engine, engine.tick))
+            self.world.scheduler.after(
+                TICK_SECONDS, partial(self._look_again, process, engine, engine.tick)
+            )
 
     def _look_again(self, process: SimulatedProcess, engine: Engine, tick: int) -> None:
         """Where no tick has followed, the run does not go on: physics is killed or frozen, or has ended."""
         if process.is_stopped and engine.tick > tick:
-            moving = [name for name in process.spec.agents if name in engine.actions and engine.actions[name].twist != STILL]
-            self.complaints += [f"{name} drives on, though its host is silent" for name in moving[:1]]
+            moving = [
+                name
+                for name in process.spec.agents
+                if name in engine.actions and engine.actions[name].twist != STILL
+            ]
+            self.complaints += [
+                f"{name} drives on, though its host is silent" for name in moving[:1]
+            ]
 
     def _tear(self) -> None:
         files = sorted((self.world.folder / "snapshots").glob("tick-*.snapshot"))
@@ -242,12 +292,17 @@ class Schedule:
     def has_just_suffered(self, seconds: float) -> bool:
         """Whether a fault has lasted into so many seconds before the end of the run."""
         over_at = self.world.scheduler.now if self.over_at is None else self.over_at
-        return any(at + seconds + (fault.seconds if fault.who != CLIENT else 0.0) >= over_at for at, fault in self.inflicted)
+        return any(
+            at + seconds + (fault.seconds if fault.who != CLIENT else 0.0) >= over_at
+            for at, fault in self.inflicted
+        )
 
 
 def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:
     """Carry out a plan, in a folder of its own."""
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
+    with tempfile.TemporaryDirectory(
+        dir="/dev/shm" if Path("/dev/shm").is_dir() else None
+    ) as folder:
         return Schedule(plan, Path(folder), is_traced).run()
 
 
@@ -262,7 +317,10 @@ def shrink(plan: Plan) -> Plan:
     is_smaller = True
     while is_smaller:
         is_smaller = False
-        fewer = [replace(plan, faults=plan.faults[:at] + plan.faults[at + 1 :]) for at in range(len(plan.faults))]
+        fewer = [
+            replace(plan, faults=plan.faults[:at] + plan.faults[at + 1 :])
+            for at in range(len(plan.faults))
+        ]
         shorter = [replace(plan, ticks=plan.ticks // 2)] if plan.ticks > 10 else []
         for smaller in [*fewer, *shorter]:
             if _kind_of(carry_out(smaller)) == what:

@@ -22,7 +22,9 @@ class Scheduler:
     def __init__(self) -> None:
         self.now = 0.0
         self._events: list[tuple[float, int, Callable[[], object]]] = []
-        self._numbers = itertools.count()  # events of one time happen in the order in which they were planned
+        self._numbers = (
+            itertools.count()
+        )  # events of one time happen in the order in which they were planned
         self._hub = getcurrent()
         self.current: Task | None = None  # the task that runs
 
@@ -60,7 +62,9 @@ class Scheduler:
 class Task:
     """A task of a schedule. `frozen`: it does not run, as after SIGSTOP. `error`: the exception that ended it."""
 
-    def __init__(self, scheduler: Scheduler, hub: greenlet, name: str, body: Callable[[], None]) -> None:
+    def __init__(
+        self, scheduler: Scheduler, hub: greenlet, name: str, body: Callable[[], None]
+    ) -> None:
         self.name = name
         self.error: Exception | None = None
         self._scheduler, self._hub, self._greenlet = scheduler, hub, greenlet(self._run, hub)

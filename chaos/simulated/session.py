@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 class SimulatedQuery(Query):
     """A query that came over a link."""
 
-    def __init__(self, key: str, payload: bytes, reply: Callable[[bytes, str], None], drop: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        key: str,
+        payload: bytes,
+        reply: Callable[[bytes, str], None],
+        drop: Callable[[], None],
+    ) -> None:
         self.key, self.payload = key, payload
         self._reply, self._drop, self._is_dropped = reply, drop, False
 
@@ -50,7 +56,14 @@ class Fuse:
 class SimulatedBus(Bus):
     """A session in virtual time. It is the same for the code of a process as one of Zenoh."""
 
-    def __init__(self, network: "Network", name: str, task: Task | None, inbox: VirtualInbox, executor: Executor | None) -> None:
+    def __init__(
+        self,
+        network: "Network",
+        name: str,
+        task: Task | None,
+        inbox: VirtualInbox,
+        executor: Executor | None,
+    ) -> None:
         self._network, self._scheduler, self._task = network, network.scheduler, task
         self.inbox, self.endpoint, self.id = inbox, network.ENDPOINT, network.new_id(name)
         if executor is not None:
@@ -59,10 +72,14 @@ class SimulatedBus(Bus):
         self._random = Random(f"{network.seed} {self.id}")
         self._declared: list[tuple[str, str]] = []  # (what, key), in their order
         self._quiet: set[str] = set()  # subscriptions that do not wake the reader
-        self._subscribed: dict[str, list[bool]] = {}  # key -> whether each subscription that it meets is quiet; computed on demand
+        self._subscribed: dict[
+            str, list[bool]
+        ] = {}  # key -> whether each subscription that it meets is quiet; computed on demand
         self._dropping: dict[str, bool] = {}  # key -> whether a slow subscriber may miss messages
         self._is_interested = False
-        self._known: list[str] = []  # the keys to which others subscribe, as far as the session knows
+        self._known: list[
+            str
+        ] = []  # the keys to which others subscribe, as far as the session knows
         self._alive: set[str] = set()  # the tokens of others that the session knows
         self._asks: dict[int, tuple[Any, int]] = {}  # number -> ticket, parts that are not final
 
@@ -120,7 +137,11 @@ class SimulatedBus(Bus):
         number = self._network.next_number()
         self._asks[number] = ticket, len(own) + (self.link is not None)
         for _ in own:
-            self.inbox.put(SimulatedQuery(key, payload, partial(self.hear_reply, number), partial(self.hear_final, number)))
+            self.inbox.put(
+                SimulatedQuery(
+                    key, payload, partial(self.hear_reply, number), partial(self.hear_final, number)
+                )
+            )
         self._send(lambda link: link.router.ask(link, number, key, payload))
         self._scheduler.after(seconds, lambda: self._time_out(number))
 
@@ -199,7 +220,11 @@ class SimulatedBus(Bus):
 
     def hear_sample(self, key: str, payload: bytes) -> None:
         if key not in self._subscribed:
-            self._subscribed[key] = [keys in self._quiet for what, keys in self._declared if what == "subscribe" and meets(keys, key)]
+            self._subscribed[key] = [
+                keys in self._quiet
+                for what, keys in self._declared
+                if what == "subscribe" and meets(keys, key)
+            ]
         for is_quiet in self._subscribed[key]:
             (self.inbox.put_quietly if is_quiet else self.inbox.put)(Sample(key, payload))
 

@@ -9,7 +9,10 @@ from orchard.net.mailbox import STALE_TICKS
 from orchard.net.refusals import Refusals
 
 TABLES = dict, list, set, deque
-OWNERS = "orchard.server", "orchard.net"  # packages whose objects are looked into, but for Refusals: its limit is fixed
+OWNERS = (
+    "orchard.server",
+    "orchard.net",
+)  # packages whose objects are looked into, but for Refusals: its limit is fixed
 CACHES = ("_heard",)  # that are emptied every RECHECK_SECONDS
 FOR_EACH_AGENT, MORE = 3, 10  # entries; and what sessions and kept ticks need
 
@@ -34,4 +37,6 @@ def grown(owner: Any, agents: int, mode: str) -> Iterator[str]:
 def _kind_of(type_: Any) -> tuple[bool, bool]:
     """Whether it is a table, and whether its objects are looked into."""
     is_table = issubclass(type_, TABLES)
-    return is_table, not is_table and type_.__module__.startswith(OWNERS) and not issubclass(type_, Refusals)
+    return is_table, not is_table and type_.__module__.startswith(OWNERS) and not issubclass(
+        type_, Refusals
+    )

@@ -17,7 +17,10 @@ from orchard.wire.keys import LOGGER, PHYSICS
 if TYPE_CHECKING:
     from chaos.simulated.schedule import Schedule
 
-NOBODY_THERE = "no router answers there", "no reply; is the physics process running"  # why a process may end: physics was away for long
+NOBODY_THERE = (
+    "no router answers there",
+    "no reply; is the physics process running",
+)  # why a process may end: physics was away for long
 NEVER_BACK = "no host has come back"
 TWICE = "answered already"  # the reason of a refusal
 SPEAK_FOR_OTHERS = "lie", "repeat", "nonsense"
@@ -67,7 +70,11 @@ def judge(schedule: "Schedule") -> Verdict:
         verdict.complaints.append(f"no end: {'; '.join([*world.lines[-3:], why])}")
     else:
         verdict.complaints += [*schedule.complaints, *schedule.progress.complaints]
-        verdict.complaints += [*_of_end(plan, summary, why), *_of_hash(schedule, summary, why), *_of_processes(schedule)]
+        verdict.complaints += [
+            *_of_end(plan, summary, why),
+            *_of_hash(schedule, summary, why),
+            *_of_processes(schedule),
+        ]
     return verdict
 
 
@@ -83,7 +90,11 @@ def _of_end(plan: Plan, summary: dict[str, Any], why: str) -> Iterator[str]:
         yield f"wrong tick: {summary['ticks']} of {plan.ticks}"
     if plan.mode == "lockstep" and not plan.faults and summary["messages_refused"]:
         yield f"refused without a fault: {summary['messages_refused']}"
-    elif plan.mode == "lockstep" and TWICE in summary["messages_refused"] and not plan.has(*SPEAK_FOR_OTHERS):
+    elif (
+        plan.mode == "lockstep"
+        and TWICE in summary["messages_refused"]
+        and not plan.has(*SPEAK_FOR_OTHERS)
+    ):
         yield "an owner's only answer is refused"
 
 
@@ -93,7 +104,10 @@ def _of_hash(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterato
     lost = [line for line in world.lines if "no longer waited for" in line]
     if plan.mode == "lockstep" and lost and not plan.may_lose:
         yield f"lost: {lost[0]}"
-    waited = sum("waiting for" in line and line.startswith(PHYSICS) for line in world.lines) * WARN_SECONDS
+    waited = (
+        sum("waiting for" in line and line.startswith(PHYSICS) for line in world.lines)
+        * WARN_SECONDS
+    )
     if waited > plan.away + START_SECONDS:
         yield f"physics has waited {waited:g} s for hosts"
     if plan.has_hash and not lost and world.engine is not None:
@@ -111,15 +125,25 @@ def _of_processes(schedule: "Schedule") -> Iterator[str]:
     plan, lines, supervisor = schedule.plan, schedule.world.lines, schedule.run_py.supervisor
     for process in schedule.world.processes.values():
         name, why = process.spec.name, process.complaints[-1] if process.complaints else ""
-        is_lost = any(words in why for words in NOBODY_THERE) or name == LOGGER or (TAKEN in why and plan.may_take)
+        is_lost = (
+            any(words in why for words in NOBODY_THERE)
+            or name == LOGGER
+            or (TAKEN in why and plan.may_take)
+        )
         if process.code is None:
             yield f"{name} still runs {leave_limit(plan):g} s after the end"
-        elif process.code not in (0, KILLED) and not is_lost and not (MISSED_END in why and plan.may_miss_the_end):
+        elif (
+            process.code not in (0, KILLED)
+            and not is_lost
+            and not (MISSED_END in why and plan.may_miss_the_end)
+        ):
             yield f"{name} ended with code {process.code}: {why}"
     if not plan.has("freeze"):
         yield from (line for line in lines if line.startswith(f"{PHYSICS} has not ended"))
     for name in sorted(set(supervisor.restarted)):
-        if sum(line.startswith(f"{name} ended with code") for line in lines) < supervisor.restarted.count(name):
+        if sum(
+            line.startswith(f"{name} ended with code") for line in lines
+        ) < supervisor.restarted.count(name):
             yield f"{name} has died, and the user does not know it"
     for name in (*supervisor.given_up, *schedule.elsewhere.given_up):
         yield f"{name} was given up"

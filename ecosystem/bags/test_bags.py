@@ -18,7 +18,10 @@ SECONDS = 300
 ROBOTS = ("carrier_01", "picker_01", "picker_02", "tractor_01")
 TICKS = 600  # of the run of docs/ros2.md
 PAGE = (Path(__file__).parents[2] / "docs" / "ros2.md").read_text()
-BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
+BLOCKS = {
+    name: text
+    for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)
+}
 
 
 def orchard(block: str, folder: Path) -> list[str]:
@@ -26,7 +29,9 @@ def orchard(block: str, folder: Path) -> list[str]:
     printed = []
     for line in BLOCKS[block].splitlines():
         _, *words = shlex.split(line)
-        done = subprocess.run([*ORCHARD, *words], cwd=folder, capture_output=True, text=True, timeout=SECONDS)
+        done = subprocess.run(
+            [*ORCHARD, *words], cwd=folder, capture_output=True, text=True, timeout=SECONDS
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         printed.append(done.stdout)
     return printed
@@ -48,7 +53,9 @@ def read_by_foxglove(bag: Path) -> dict[str, list]:
     """Topic -> [(nanoseconds, message)]."""
     found: dict[str, list] = {}
     with bag.open("rb") as file:
-        for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        for _, channel, message, decoded in make_reader(
+            file, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
             found.setdefault(channel.topic, []).append((message.log_time, decoded))
     return found
 
@@ -58,7 +65,9 @@ def read_by_rosbags(bag: Path) -> dict[str, list]:
     found: dict[str, list] = {}
     with AnyReader([bag]) as reader:
         for connection, stamp, data in reader.messages():
-            found.setdefault(connection.topic, []).append((stamp, reader.deserialize(data, connection.msgtype)))
+            found.setdefault(connection.topic, []).append(
+                (stamp, reader.deserialize(data, connection.msgtype))
+            )
     return found
 
 
@@ -66,7 +75,14 @@ def numbers(message: object) -> tuple:
     """All that is in an odometry."""
     pose, twist = message.pose.pose, message.twist.twist
     place = (pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w)
-    return (*place, twist.linear.x, twist.linear.y, twist.angular.z, message.header.frame_id, message.child_frame_id)
+    return (
+        *place,
+        twist.linear.x,
+        twist.linear.y,
+        twist.angular.z,
+        message.header.frame_id,
+        message.child_frame_id,
+    )
 
 
 def test_the_program_of_the_page_reads_the_bag(bag: Path) -> None:
@@ -83,10 +99,14 @@ def test_a_bag_drives_its_robots_to_the_same_hash_in_lockstep(bag: Path) -> None
 
 def test_both_readers_find_the_same(bag: Path) -> None:
     foxglove, rosbags = read_by_foxglove(bag), read_by_rosbags(bag)
-    assert {topic: len(found) for topic, found in foxglove.items()} == {topic: len(found) for topic, found in rosbags.items()}
+    assert {topic: len(found) for topic, found in foxglove.items()} == {
+        topic: len(found) for topic, found in rosbags.items()
+    }
     for name in ROBOTS:
         one, other = foxglove[f"/{name}/odom"], rosbags[f"/{name}/odom"]
-        assert [(time, numbers(message)) for time, message in one] == [(time, numbers(message)) for time, message in other]
+        assert [(time, numbers(message)) for time, message in one] == [
+            (time, numbers(message)) for time, message in other
+        ]
 
 
 def test_a_robot_is_where_its_velocities_lead_it(bag: Path) -> None:
@@ -97,7 +117,10 @@ def test_a_robot_is_where_its_velocities_lead_it(bag: Path) -> None:
         poses = [(message.pose.pose, message.twist.twist) for _, message in found[f"/{name}/odom"]]
         assert len(poses) == TICKS + 1
         for (before, _), (after, twist) in pairwise(poses):
-            step = ((after.position.x - before.position.x) ** 2 + (after.position.y - before.position.y) ** 2) ** 0.5
+            step = (
+                (after.position.x - before.position.x) ** 2
+                + (after.position.y - before.position.y) ** 2
+            ) ** 0.5
             assert step == pytest.approx(abs(twist.linear.x) * 0.1, abs=1e-3)
         assert len(found[f"/{name}/cmd_vel"]) == TICKS
         assert len(found[f"/{name}/scan"]) == TICKS // 5

@@ -15,7 +15,10 @@ import pytest
 ORCHARD = shlex.split(os.environ.get("ORCHARD", "orchard"))
 SECONDS = 300
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text()
-BLOCKS = {name: text for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)}
+BLOCKS = {
+    name: text
+    for name, text in re.findall(r"^```(?:python|sh) (\S+)\n(.*?)^```$", PAGE, re.M | re.S)
+}
 PROGRAMS = ("units", "waiting")
 
 
@@ -25,7 +28,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     _, *words = shlex.split(BLOCKS["tables"])
     done = subprocess.run(
-        [*ORCHARD, *words, "--summary", "summary.json"], cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False
+        [*ORCHARD, *words, "--summary", "summary.json"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
@@ -46,27 +54,41 @@ def test_the_programs_of_the_page_run(folder: Path, name: str) -> None:
 
 
 def test_pandas_finds_what_the_summary_says(folder: Path) -> None:
-    bodies, summary = pd.read_parquet(folder / "tables" / "bodies.parquet"), json.loads((folder / "summary.json").read_text())
+    bodies, summary = (
+        pd.read_parquet(folder / "tables" / "bodies.parquet"),
+        json.loads((folder / "summary.json").read_text()),
+    )
     assert len(bodies) == summary["ticks"] * summary["agents"]
     kinds = bodies["name"].str.rsplit("_", n=1).str[0]
     for kind, states in summary["state_seconds"].items():
         assert (bodies[kinds == kind].groupby("state").size() * 0.1).round(1).to_dict() == states
     driven = (bodies[["linear_x", "linear_y"]] ** 2).sum(axis=1) ** 0.5 * 0.1
-    assert driven.groupby(kinds).sum()["carrier"] == pytest.approx(summary["distance_metres"]["carrier"], rel=1e-3)
+    assert driven.groupby(kinds).sum()["carrier"] == pytest.approx(
+        summary["distance_metres"]["carrier"], rel=1e-3
+    )
     exchanges = pd.read_parquet(folder / "tables" / "exchanges.parquet")
     assert exchanges["waited_seconds"].mean() == pytest.approx(summary["picker_waiting_seconds"])
 
 
 def test_polars_reads_a_folder_of_files_as_one_table(folder: Path) -> None:
-    bodies, summary = pl.read_parquet(folder / "tables" / "bodies.parquet"), json.loads((folder / "summary.json").read_text())
+    bodies, summary = (
+        pl.read_parquet(folder / "tables" / "bodies.parquet"),
+        json.loads((folder / "summary.json").read_text()),
+    )
     assert len(bodies) == summary["ticks"] * summary["agents"]
     assert bodies["tick"].is_sorted()
 
 
 def test_polars_reads_the_summary(folder: Path) -> None:
-    table, summary = pl.read_parquet(folder / "tables" / "summary.parquet"), json.loads((folder / "summary.json").read_text())
+    table, summary = (
+        pl.read_parquet(folder / "tables" / "summary.parquet"),
+        json.loads((folder / "summary.json").read_text()),
+    )
     assert len(table) == 1
     (row,) = table.to_dicts()
-    assert row["hash"] == summary["hash"] and row["state_seconds.picker.picking"] == summary["state_seconds"]["picker"]["picking"]
+    assert (
+        row["hash"] == summary["hash"]
+        and row["state_seconds.picker.picking"] == summary["state_seconds"]["picker"]["picking"]
+    )
     assert json.loads(row["scenario"]) == summary["scenario"]
     assert row["history.seconds"] == summary["history"]["seconds"]

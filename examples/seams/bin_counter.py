@@ -18,7 +18,11 @@ class Counter:
 
     def tick(self, observation, mail, memory):
         memory = (memory or {}) | {heard.sender: heard.body.steps for heard in mail.requests}
-        return Action(answers=[(heard, Progress(sum(memory.values()))) for heard in mail.requests], memory=memory, doing="counting")
+        return Action(
+            answers=[(heard, Progress(sum(memory.values()))) for heard in mail.requests],
+            memory=memory,
+            doing="counting",
+        )
 
 
 class CountingPicker(Picker):

@@ -8,4 +8,7 @@ from orchard import Block
 
 def from_the_east(scenario):
     last = [scenario.rows * i // scenario.pickers for i in range(scenario.pickers + 1)]
-    return {f"picker_{i + 1:02d}": Block(tuple(range(last[i] + 1, last[i + 1] + 1)), start="east") for i in range(scenario.pickers)}
+    return {
+        f"picker_{i + 1:02d}": Block(tuple(range(last[i] + 1, last[i + 1] + 1)), start="east")
+        for i in range(scenario.pickers)
+    }

@@ -30,7 +30,9 @@ class BinMemory(msgspec.Struct):
     coming: bool = False  # whether that carrier has agreed
     asked: int = -1000  # tick of its last question
     silent: int = 0  # questions since the last answer
-    shunned: list[str] = []  # carriers that did not answer when they were sent for, during this call
+    shunned: list[
+        str
+    ] = []  # carriers that did not answer when they were sent for, during this call
     picker: str = ""  # the picker that left it
     since: int = -1  # tick at which the call began; -1: no call is open
     done: int = 0  # calls that ended in an exchange
@@ -48,12 +50,19 @@ class Bin:
         self.layout = layout
         self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
         policy = dispatch_of(layout)
-        self.policy = None if DISPATCH in layout.scenario.bodiless_agents else policy  # None: the dispatcher decides
-        self.forecast = Forecast(layout) if self.policy is None and is_early(policy) else None  # None: it calls when it is full
+        self.policy = (
+            None if DISPATCH in layout.scenario.bodiless_agents else policy
+        )  # None: the dispatcher decides
+        self.forecast = (
+            Forecast(layout) if self.policy is None and is_early(policy) else None
+        )  # None: it calls when it is full
 
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
         memory = memory or self.Memory()
-        action = Action(memory=memory, answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests])
+        action = Action(
+            memory=memory,
+            answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests],
+        )
         action.hold = Hold(messages.LAST_TICK)
         if seen.hitch is not None:
             self.follow(seen, seen.hitch, memory, action)
@@ -71,19 +80,28 @@ class Bin:
 
     def answer(self, seen: Observation, memory: BinMemory, heard: Heard) -> messages.Answer:
         if isinstance(heard.body, messages.StateRequest):
-            return messages.BinState(full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else "")
+            return messages.BinState(
+                full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else ""
+            )
         if isinstance(heard.body, messages.EmptyBin):
             return messages.CarrierComing(memory.carrier if memory.coming else "")
         if isinstance(heard.body, messages.LeftAt):
             memory.left_at = heard.body
             return messages.Yes()
         if isinstance(heard.body, messages.Confirm):
-            return messages.Yes() if memory.carrier == heard.sender else messages.No("another carrier comes")
+            return (
+                messages.Yes()
+                if memory.carrier == heard.sender
+                else messages.No("another carrier comes")
+            )
         return messages.No("a bin knows nothing of that")
 
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
         """Move to the place behind the robot where the bin belongs after this tick, if the robot keeps its velocity."""
-        exact, straight = twist_to(seen.pose, place_behind(hitch, seen.pose.yaw)), along(hitch, seen.pose.yaw)
+        exact, straight = (
+            twist_to(seen.pose, place_behind(hitch, seen.pose.yaw)),
+            along(hitch, seen.pose.yaw),
+        )
         action.twist = straight if is_near(exact, straight, KEEPS) else exact
         if hitch.twist.yaw or abs(exact.yaw) > ALIGNED or not is_near(exact, straight, KEEPS / 2):
             action.hold = None
@@ -95,16 +113,34 @@ class Bin:
         action.state = "hauling" if seen.full else "driving"
         memory.since, memory.left_at = -1, None
         if memory.carrier:
-            memory.carrier, memory.coming, memory.shunned, memory.done = "", False, [], memory.done + 1
+            memory.carrier, memory.coming, memory.shunned, memory.done = (
+                "",
+                False,
+                [],
+                memory.done + 1,
+            )
 
-    def foresee(self, forecast: Forecast, seen: Observation, picker: Hitch, mail: Mail, memory: BinMemory, action: Action) -> None:
+    def foresee(
+        self,
+        forecast: Forecast,
+        seen: Observation,
+        picker: Hitch,
+        mail: Mail,
+        memory: BinMemory,
+        action: Action,
+    ) -> None:
         """Call while the picker still fills the bin, from the time at which a carrier for the farthest lane would have to leave."""
         is_steady, memory.speed = abs(picker.twist.x - memory.speed) < KEEPS, picker.twist.x
         if not is_steady:
             action.hold = None  # the last step before a picker stands is shorter, and tells nothing: the next tick tells
         if not seen.fill:
             memory.picking_speed = self.layout.scenario.mean_picking_speed
-        elif is_steady and memory.speed >= LEAST_SPEED and seen.fill > memory.fill and abs(memory.speed - memory.picking_speed) >= KEEPS:
+        elif (
+            is_steady
+            and memory.speed >= LEAST_SPEED
+            and seen.fill > memory.fill
+            and abs(memory.speed - memory.picking_speed) >= KEEPS
+        ):
             memory.picking_speed = memory.speed  # its last bits differ from tick to tick: those of the first one stay, whenever it is asked
         elif not memory.picking_speed:  # it begins without a memory, on a picker that has begun
             memory.picking_speed = self.layout.scenario.mean_picking_speed
@@ -117,7 +153,14 @@ class Bin:
             action.hold = action.hold and Hold(seen.tick + forecast.ticks(ripening))
 
     def call(
-        self, seen: Observation, mail: Mail, memory: BinMemory, action: Action, lane: int, side: str, seconds_to_full: float = 0.0
+        self,
+        seen: Observation,
+        mail: Mail,
+        memory: BinMemory,
+        action: Action,
+        lane: int,
+        side: str,
+        seconds_to_full: float = 0.0,
     ) -> None:
         """Call until a carrier is chosen, send for it, and ask it again and again whether it comes."""
         memory.since = seen.tick if memory.since < 0 else memory.since
@@ -128,17 +171,25 @@ class Bin:
         if chosen or seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
             memory.asked = seen.tick
             self.ask(lane, side, seconds_to_full, memory, action)
-        action.hold = action.hold and Hold(memory.asked + (ASK_AGAIN if memory.coming else CALL_AGAIN))
+        action.hold = action.hold and Hold(
+            memory.asked + (ASK_AGAIN if memory.coming else CALL_AGAIN)
+        )
 
-    def ask(self, lane: int, side: str, seconds_to_full: float, memory: BinMemory, action: Action) -> None:
+    def ask(
+        self, lane: int, side: str, seconds_to_full: float, memory: BinMemory, action: Action
+    ) -> None:
         """Ask the carrier that was chosen whether it comes; without one the dispatcher, or all carriers."""
         if memory.carrier:
             action.requests.append((memory.carrier, messages.Come(lane, side, memory.picker)))
             memory.silent += 1
         elif self.policy is None:
-            action.requests.append((DISPATCH, messages.Fetch(lane, side, memory.picker, memory.since, seconds_to_full)))
+            action.requests.append(
+                (DISPATCH, messages.Fetch(lane, side, memory.picker, memory.since, seconds_to_full))
+            )
         else:
-            action.requests += [(carrier, messages.Call(lane, side, memory.since)) for carrier in self.carriers]
+            action.requests += [
+                (carrier, messages.Call(lane, side, memory.since)) for carrier in self.carriers
+            ]
 
     def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, lane: int, side: str) -> str:
         """Return the carrier that the dispatcher names, or that the policy chooses among those that offer to come; '' if there is none.
@@ -146,12 +197,24 @@ class Bin:
         A carrier that was silent during this call is chosen only if no other carrier offers.
         """
         if self.policy is None:
-            named = [reply.body.carrier for reply in mail.replies if isinstance(reply.body, messages.CarrierComing)]
+            named = [
+                reply.body.carrier
+                for reply in mail.replies
+                if isinstance(reply.body, messages.CarrierComing)
+            ]
             return named[0] if named else ""
-        offers = [CarrierReport(r.sender, "", True, r.body.distance) for r in mail.replies if isinstance(r.body, messages.Offer)]
+        offers = [
+            CarrierReport(r.sender, "", True, r.body.distance)
+            for r in mail.replies
+            if isinstance(r.body, messages.Offer)
+        ]
         willing = [offer for offer in offers if offer.name not in memory.shunned] or offers
         report = BinReport(seen.name, lane, side, memory.picker, memory.since, 0.0)
-        assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory()) if willing else []
+        assignments = (
+            self.policy.assign(seen.tick, [report], willing, self.policy.Memory())
+            if willing
+            else []
+        )
         return assignments[0].carrier if assignments else ""
 
     def hear(self, mail: Mail, memory: BinMemory, tick: int) -> None:
@@ -162,7 +225,11 @@ class Bin:
             if isinstance(reply.body, messages.Yes):
                 memory.coming, memory.silent = True, 0
             elif reply.body is not None or memory.silent >= GIVE_UP:
-                memory.shunned += [memory.carrier] if reply.body is None and memory.carrier not in memory.shunned else []
+                memory.shunned += (
+                    [memory.carrier]
+                    if reply.body is None and memory.carrier not in memory.shunned
+                    else []
+                )
                 memory.carrier, memory.coming, memory.asked = "", False, tick - CALL_AGAIN
 
     def where(self, x: float, y: float) -> tuple[int, str]:
@@ -173,13 +240,19 @@ class Bin:
 
 def along(hitch: Hitch, yaw: float) -> Twist:
     """Return the velocity of a bin that keeps its place behind a robot which does not turn, at the quarter turn nearest to its own yaw."""
-    x, y = from_frame(Pose(0.0, 0.0, -quarter_turn(hitch.pose.yaw, yaw)), hitch.twist.x, hitch.twist.y)
+    x, y = from_frame(
+        Pose(0.0, 0.0, -quarter_turn(hitch.pose.yaw, yaw)), hitch.twist.x, hitch.twist.y
+    )
     return Twist(x, y)
 
 
 def is_near(one: Twist, other: Twist, much: float) -> bool:
     """Whether no component of two velocities differs by `much`, m/s or rad/s."""
-    return abs(one.x - other.x) < much and abs(one.y - other.y) < much and abs(one.yaw - other.yaw) < much
+    return (
+        abs(one.x - other.x) < much
+        and abs(one.y - other.y) < much
+        and abs(one.yaw - other.yaw) < much
+    )
 
 
 def quarter_turn(robot: float, yaw: float) -> float:

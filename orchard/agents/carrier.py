@@ -10,14 +10,29 @@ from orchard.agents.routes import route_of
 from orchard.agents.sense import bystanders_of
 from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
-from orchard.contract.messages import LAST_TICK, Answer, Call, CarrierQuery, CarrierStatus, Come, No, Offer, Yes
+from orchard.contract.messages import (
+    LAST_TICK,
+    Answer,
+    Call,
+    CarrierQuery,
+    CarrierStatus,
+    Come,
+    No,
+    Offer,
+    Yes,
+)
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.queue import PITCH
 
 CHOOSING = 5  # ticks in which a bin that has an offer sends for a carrier; after them it comes last
-AT_HEAD, MOVING_UP = 0.1, PITCH + 0.2  # m to the head of the line: of a carrier that stands there, of one that drives up to it
-REMEMBERED = CALL_AGAIN + 5  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
+AT_HEAD, MOVING_UP = (
+    0.1,
+    PITCH + 0.2,
+)  # m to the head of the line: of a carrier that stands there, of one that drives up to it
+REMEMBERED = (
+    CALL_AGAIN + 5
+)  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
 
 
 class HeardCall(msgspec.Struct):
@@ -43,8 +58,12 @@ class CarrierMemory(Plan):
     job: Job | None = None
     delivered: str = ""  # the empty bin that it left for the picker
     charged: bool = True  # whether its battery has been full since it last went to charge
-    calls: dict[str, HeardCall] = {}  # bin -> its call, heard lately, also while the carrier is busy
-    queue_place: int = 0  # in the queue, from 1: its line is the place's; 0: that of the carrier's number
+    calls: dict[
+        str, HeardCall
+    ] = {}  # bin -> its call, heard lately, also while the carrier is busy
+    queue_place: int = (
+        0  # in the queue, from 1: its line is the place's; 0: that of the carrier's number
+    )
 
 
 class Carrier:
@@ -54,7 +73,12 @@ class Carrier:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.layout, self.number, self.route, self.bystanders = layout, number_of(name), route_of(layout), bystanders_of(layout)
+        self.layout, self.number, self.route, self.bystanders = (
+            layout,
+            number_of(name),
+            route_of(layout),
+            bystanders_of(layout),
+        )
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
 
     def begin(self, queue_place: int = 0) -> CarrierMemory:
@@ -77,7 +101,11 @@ class Carrier:
         """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it."""
         job, body = robot.memory.job, heard.body
         if isinstance(body, CarrierQuery):
-            return CarrierStatus(job.bin if job else "", not job and self.is_next(robot), max(0.0, self.layout.queue.head - robot.pose.x))
+            return CarrierStatus(
+                job.bin if job else "",
+                not job and self.is_next(robot),
+                max(0.0, self.layout.queue.head - robot.pose.x),
+            )
         if isinstance(body, Come) and job and job.bin == heard.sender:
             return Yes()
         if not isinstance(body, Call | Come):
@@ -96,7 +124,12 @@ class Carrier:
     def offer(self, robot: PlanExecutor, bin_name: str, call: Call) -> Answer:
         """Offer the carrier to a bin, unless one that has called for longer waits for an offer."""
         calls, x, y = robot.memory.calls, robot.pose.x, robot.pose.y
-        if first_call(calls, {name: known.offered for name, known in calls.items()}, robot.seen.tick) != bin_name:
+        if (
+            first_call(
+                calls, {name: known.offered for name, known in calls.items()}, robot.seen.tick
+            )
+            != bin_name
+        ):
             return No("an older call comes first")
         calls[bin_name].offered = min(calls[bin_name].offered, robot.seen.tick)
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
@@ -105,17 +138,24 @@ class Carrier:
         """Return the steps of which the plan in a memory is a part, for whichever line of the queue."""
         job, number = memory.job, memory.queue_place or self.number
         numbers = dict.fromkeys((number, number + self.layout.first_charging))
-        return sum([self.fetch(number, job) for number in numbers if job], self.route.wait_in_queue())
+        return sum(
+            [self.fetch(number, job) for number in numbers if job], self.route.wait_in_queue()
+        )
 
     def fetch(self, number: int, job: Job) -> list[Step]:
         return self.route.fetch(number, job.lane, self.route.sides[job.side], job.picker, job.bin)
 
     def is_next(self, robot: PlanExecutor) -> bool:
-        return can_leave(self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.doubt)
+        return can_leave(
+            self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.doubt
+        )
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
         robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        plan = self.fetch(self.route.number(robot.memory.queue_place or self.number, robot.pose.y), robot.memory.job)
+        plan = self.fetch(
+            self.route.number(robot.memory.queue_place or self.number, robot.pose.y),
+            robot.memory.job,
+        )
         robot.memory.plan = of_known_steps(plan, self.route.Steps)
         robot.memory.asked, robot.memory.left = {}, ""
         for call in robot.memory.calls.values():
@@ -130,7 +170,10 @@ def can_leave(behind: float, is_moving: bool, doubt: float = 0.0) -> bool:
 def first_call(calls: Mapping[str, HeardCall], offered: Mapping[str, int], tick: int) -> str:
     """Return the bin to which a carrier offers itself: the one that has called for longest. A bin with an offer for longer than a bin needs
     to send for a carrier comes last. `offered`: bin -> tick of the first offer to it."""
-    return min(calls, key=lambda name: (tick - offered.get(name, LAST_TICK) > CHOOSING, calls[name].since, name))
+    return min(
+        calls,
+        key=lambda name: (tick - offered.get(name, LAST_TICK) > CHOOSING, calls[name].since, name),
+    )
 
 
 def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:

@@ -79,7 +79,10 @@ def _check_route(layout: Layout) -> None:
         for block in layout.blocks.values():
             of_known_steps(route.harvest(block), route.Steps)
             for one in layout.passes(block):
-                of_known_steps(route.fetch(1, one.row, route.sides[one.end], "picker_01", "bin_01"), route.Steps)
+                of_known_steps(
+                    route.fetch(1, one.row, route.sides[one.end], "picker_01", "bin_01"),
+                    route.Steps,
+                )
         route.roads(), route.holds(), route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
         raise unusable("route", path, error, place=place_of_class(type(route))) from error
@@ -90,9 +93,13 @@ def guarded(layout: Layout, name: str, agent: Agent) -> Guard:
     if isinstance(agent, Guard):
         return agent
     for class_ in AGENTS.values():
-        if isinstance(agent, class_) and not (isinstance(agent.Memory, type) and issubclass(agent.Memory, class_.Memory)):
+        if isinstance(agent, class_) and not (
+            isinstance(agent.Memory, type) and issubclass(agent.Memory, class_.Memory)
+        ):
             memory = class_.Memory.__name__
-            raise TypeError(f"its Memory must extend that of {class_.__name__}: `class Memory({memory})`, with a default for each field")
+            raise TypeError(
+                f"its Memory must extend that of {class_.__name__}: `class Memory({memory})`, with a default for each field"
+            )
     are_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
     return Guard(name, agent, layout.agents, trusted=are_ours and type(agent) in AGENTS.values())
 
@@ -110,5 +117,9 @@ def _made(path: str | None, layout: Layout, name: str) -> Guard:
             raise TypeError("it has no method tick(observation, mail, memory)")
         return guarded(layout, name, agent)
     except MISTAKES as error:
-        log.error("%s stands: %s", name, error if isinstance(error, ScenarioError) else unusable(key, path, error, place=place))
+        log.error(
+            "%s stands: %s",
+            name,
+            error if isinstance(error, ScenarioError) else unusable(key, path, error, place=place),
+        )
         return Guard(name, None, layout.agents)

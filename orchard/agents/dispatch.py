@@ -30,7 +30,9 @@ class CarrierReport(msgspec.Struct, frozen=True):
 
     name: str
     job: str  #: the full bin that it fetches; '' while it waits in the queue
-    is_next: bool  #: whether it can leave now: it waits, and no carrier of its line stands before it
+    is_next: (
+        bool  #: whether it can leave now: it waits, and no carrier of its line stands before it
+    )
     metres: float  #: by road from its place to the queue's head
 
 
@@ -50,7 +52,9 @@ class Dispatch(Protocol):
 
     Memory: type
 
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any, /) -> list[Assignment]:
+    def assign(
+        self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any, /
+    ) -> list[Assignment]:
         """Return which of the carriers with `is_next` fetches which bin; each at most once. `now`: the tick."""
         ...
 

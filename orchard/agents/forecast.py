@@ -29,19 +29,30 @@ class Forecast:
     def __init__(self, layout: Layout) -> None:
         self.layout, self.horizon = layout, horizon(layout)
 
-    def of(self, seen: Observation, picker: Hitch, picking_speed: float, left_at: LeftAt | None = None) -> Ripening | None:
+    def of(
+        self, seen: Observation, picker: Hitch, picking_speed: float, left_at: LeftAt | None = None
+    ) -> Ripening | None:
         """Return the forecast for a bin on a picker; None unless the picker is in a row that is not picked, or drives into one.
 
         `picking_speed`: m/s in this row. `left_at`: where the bin will be left, unless each row fills one.
         A picker that stands before a row may have to wait for roads that early carriers block.
         """
-        side = next((name for name, yaw in (("east", EAST), ("west", WEST)) if abs(angle_between(yaw, picker.pose.yaw)) < ALONG), "")
+        side = next(
+            (
+                name
+                for name, yaw in (("east", EAST), ("west", WEST))
+                if abs(angle_between(yaw, picker.pose.yaw)) < ALONG
+            ),
+            "",
+        )
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - picker.y))
         ahead = lane.east - picker.x if side == "east" else picker.x - lane.west
         if not side or ahead < -ALONG:
             return None
         if self.layout.scenario.bin_metres is None:
-            left = max(0.0, self.layout.row_length - seen.fill) * (lane.length / self.layout.row_length)
+            left = max(0.0, self.layout.row_length - seen.fill) * (
+                lane.length / self.layout.row_length
+            )
         elif left_at is None or (left_at.lane, left_at.side) != (lane.number, side):
             return None
         else:
@@ -49,12 +60,19 @@ class Forecast:
         before = max(0.0, ahead - left)
         if before > ALONG and picker.twist.x <= 0.0:
             return None
-        return Ripening(lane.number, side, until_full(self.layout, lane.number, side, left / picking_speed, before), before)
+        return Ripening(
+            lane.number,
+            side,
+            until_full(self.layout, lane.number, side, left / picking_speed, before),
+            before,
+        )
 
     def ticks(self, ripening: Ripening) -> int:
         """Return the ticks until the bin must look again, if its picker keeps its velocity."""
         call = int((ripening.seconds - self.horizon) / TIME_STEP)
-        return max(1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call))
+        return max(
+            1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call)
+        )
 
 
 def until_full(layout: Layout, row: int, side: str, picking: float, before: float) -> float:
@@ -66,4 +84,11 @@ def until_full(layout: Layout, row: int, side: str, picking: float, before: floa
 def horizon(layout: Layout) -> float:
     """Return how long before it is full a bin begins to call, s: a carrier for the farthest lane then comes in time."""
     route = route_of(layout)
-    return max(way_to(route, lane.number, side)[1] for lane in layout.lanes for side in route.sides.values()) + EARLIER
+    return (
+        max(
+            way_to(route, lane.number, side)[1]
+            for lane in layout.lanes
+            for side in route.sides.values()
+        )
+        + EARLIER
+    )

@@ -12,14 +12,26 @@ from typing import NamedTuple
 from orchard.agents.robot import ASK, Gate, Step
 from orchard.agents.route import OneWay, Side
 from orchard.agents.routes import route_of, timetable
-from orchard.agents.steps import CRUISE, Alone, Deliver, DriveTo, FetchEmpty, Free, LeaveBin, Need, Unload
+from orchard.agents.steps import (
+    CRUISE,
+    Alone,
+    Deliver,
+    DriveTo,
+    FetchEmpty,
+    Free,
+    LeaveBin,
+    Need,
+    Unload,
+)
 from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
 from orchard.field.queue import CLOSED_UP
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
-HANDOVER = (Deliver.handles + FetchEmpty.handles + ASK) * TIME_STEP  # s from a carrier's stop until its picker has the bin and the place
+HANDOVER = (
+    Deliver.handles + FetchEmpty.handles + ASK
+) * TIME_STEP  # s from a carrier's stop until its picker has the bin and the place
 ROUNDING = 1e-6  # ticks
 
 
@@ -42,7 +54,9 @@ class TimedJob:
     ready: int  #: from the time at which the picker went on before, or from the start, until a carrier can stand at its stop at the lane
     clearing: int  #: of it, from the full bin in the lane, as bins report it, on
     way: list[Use]  #: of the carrier, from the first lane on, in their order
-    exits: list[tuple[int, list[Use]]]  #: of each line of the queue: the ticks from its head to the stop, and the uses before `way`
+    exits: list[
+        tuple[int, list[Use]]
+    ]  #: of each line of the queue: the ticks from its head to the stop, and the uses before `way`
     approach: int  #: from a carrier's order, in its line's head, to the stop
     going_on: int  #: from the stop until the picker goes on
     to_bay: int  #: from the stop until the carrier stands in the bay
@@ -61,10 +75,16 @@ class TimedStep(NamedTuple):
     def at(self, gate: Gate) -> float | None:
         """When a drive comes to a gate, s; None if it does not."""
         assert isinstance(self.step, DriveTo)
-        here, target = (self.pose.y, self.step.y) if self.step.x is None else (self.pose.x, self.step.x)
+        here, target = (
+            (self.pose.y, self.step.y) if self.step.x is None else (self.pose.x, self.step.x)
+        )
         assert target is not None
         ahead = (gate.at - here) * (1.0 if target >= here else -1.0)
-        return self.begins + ahead / self.step.speed if -ROUNDING < ahead < abs(target - here) + ROUNDING else None
+        return (
+            self.begins + ahead / self.step.speed
+            if -ROUNDING < ahead < abs(target - here) + ROUNDING
+            else None
+        )
 
     @property
     def needs(self) -> list[tuple[str, float]]:
@@ -81,7 +101,12 @@ class TimedStep(NamedTuple):
         return self._passed(self.step.frees) if isinstance(self.step, DriveTo) else []
 
     def _passed(self, gates: Sequence[Gate]) -> list[tuple[str, float]]:
-        return [(place, at) for gate in gates if (at := self.at(gate)) is not None for place in gate.places]
+        return [
+            (place, at)
+            for gate in gates
+            if (at := self.at(gate)) is not None
+            for place in gate.places
+        ]
 
 
 def jobs_of(layout: Layout) -> list[TimedJob]:
@@ -90,7 +115,9 @@ def jobs_of(layout: Layout) -> list[TimedJob]:
     Raises ValueError for a route on which robots do not take turns at the lanes.
     """
     route = route_of(layout)
-    return [job for picker, block in layout.blocks.items() for job in _jobs_of(route, picker, block)]
+    return [
+        job for picker, block in layout.blocks.items() for job in _jobs_of(route, picker, block)
+    ]
 
 
 def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:
@@ -103,30 +130,56 @@ def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:
         if isinstance(moment.step, FetchEmpty):
             one = next(passes)
             waits = any(isinstance(after.step, Alone) for after in plan[number : number + 3])
-            yield _job(route, picker, one.row, route.sides[one.end], plan[begins:number], went_on, waits)
+            yield _job(
+                route, picker, one.row, route.sides[one.end], plan[begins:number], went_on, waits
+            )
             begins, went_on = number + 1, moment.ends
 
 
-def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[TimedStep], went_on: float, waits: bool) -> TimedJob:
+def _job(
+    route: OneWay,
+    picker: str,
+    row: int,
+    side: Side,
+    before: Sequence[TimedStep],
+    went_on: float,
+    waits: bool,
+) -> TimedJob:
     """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the carrier has left the lane's place."""
     layout, queue, place = route.layout, route.queue, side.place("D", row)
     lines = range(0, layout.queue_places, queue.places)
-    plans = [list(timed_steps(route.fetch(first + 1, row, side, "", ""), queue.place(first))) for first in lines]
+    plans = [
+        list(timed_steps(route.fetch(first + 1, row, side, "", ""), queue.place(first)))
+        for first in lines
+    ]
     homes = [plan[-1].ends - begin_of(Unload, plan) for plan in plans]
-    counts = [layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines]
+    counts = [
+        layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines
+    ]
     behind = [(min(queue.places, count) - 1) * CLOSED_UP for count in counts]
     stop, way = begin_of(Deliver, plans[0]), _uses(plans[0])
     of_lane = next((use for use in way if use.place == place), None)
     crossings = _uses(before)
     ready = next((use for use in reversed(crossings) if use.place == place), None)
     if of_lane is None or ready is None:
-        raise ValueError(f"robots need no place {place} on your route, or do not give it back: so it is not known when they are there")
-    stands = ready.at + ready.ticks * TIME_STEP + stop - of_lane.at  # when a carrier that holds before the lane can stand there
+        raise ValueError(
+            f"robots need no place {place} on your route, or do not give it back: so it is not known when they are there"
+        )
+    stands = (
+        ready.at + ready.ticks * TIME_STEP + stop - of_lane.at
+    )  # when a carrier that holds before the lane can stand there
     gone = of_lane.at + (of_lane.ticks - ASK) * TIME_STEP - stop
-    begins = min(use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1)))  # all lines lead to there
+    begins = min(
+        use.at for use in way if use.place in (side.place("D", 1), route.east.place("D", 1))
+    )  # all lines lead to there
     left = next(number for number, moment in enumerate(before) if isinstance(moment.step, LeaveBin))
-    exits = [(ticks(begin_of(Deliver, plan)), _before(plan, begin_of(Deliver, plan), begins - stop)) for plan in plans]
-    full = next(moment.begins for moment in reversed(before[:left]) if isinstance(moment.step, DriveTo))  # at the row's end
+    exits = [
+        (ticks(begin_of(Deliver, plan)), _before(plan, begin_of(Deliver, plan), begins - stop))
+        for plan in plans
+    ]
+    full = next(
+        moment.begins for moment in reversed(before[:left]) if isinstance(moment.step, DriveTo)
+    )  # at the row's end
     return TimedJob(
         picker,
         row,
@@ -146,7 +199,9 @@ def _job(route: OneWay, picker: str, row: int, side: Side, before: Sequence[Time
 
 def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:
     """What a carrier uses until so many seconds from its stop on."""
-    return [use._replace(at=use.at - stop) for use in _uses(plan) if use.at - stop < until - ROUNDING]
+    return [
+        use._replace(at=use.at - stop) for use in _uses(plan) if use.at - stop < until - ROUNDING
+    ]
 
 
 def timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:

@@ -18,7 +18,9 @@ class PickerMemory(Plan):
     carrier: str = ""  # the carrier that brings, or brought, an empty bin
     offered: str = ""  # the empty bin that was brought
     taken: str = ""  # the empty bin that it took, with the place where it stood
-    planned: int = -1  # steps of its harvest that were put into its plan so far; -1: it has another plan
+    planned: int = (
+        -1
+    )  # steps of its harvest that were put into its plan so far; -1: it has another plan
 
 
 class Picker:
@@ -28,7 +30,11 @@ class Picker:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.block, self.route, self.bystanders = layout.blocks[name], route_of(layout), bystanders_of(layout)
+        self.block, self.route, self.bystanders = (
+            layout.blocks[name],
+            route_of(layout),
+            bystanders_of(layout),
+        )
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
         self.steps = of_known_steps(self.route.harvest(self.block), self.route.Steps)
 
@@ -55,6 +61,10 @@ class Picker:
         if heard.body.bin in (memory.taken, memory.full_bin):
             return Yes()
         if robot.seen.hitch is not None:
-            return No("no bin is wanted") if heard.body.bin != robot.seen.hitch.name else No("the place is not taken over yet")
+            return (
+                No("no bin is wanted")
+                if heard.body.bin != robot.seen.hitch.name
+                else No("the place is not taken over yet")
+            )
         memory.offered, memory.carrier = heard.body.bin, heard.sender
         return No("not coupled yet")

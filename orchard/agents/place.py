@@ -29,7 +29,12 @@ def place_of(seen: Observation, before: Estimate | None) -> Estimate:
     ahead = before.share * seen.twist.x * TIME_STEP * (seen.tick - before.tick)
     x, y = from_frame(Pose(before.x, before.y, seen.pose.yaw), ahead, 0.0)
     further, _ = to_frame(Pose(x, y, seen.pose.yaw), seen.x, seen.y)
-    return Estimate(seen.tick, x + GAIN * (seen.x - x), y + GAIN * (seen.y - y), before.share + LEARN * further * ahead)
+    return Estimate(
+        seen.tick,
+        x + GAIN * (seen.x - x),
+        y + GAIN * (seen.y - y),
+        before.share + LEARN * further * ahead,
+    )
 
 
 def as_seen_from(place: Estimate, seen: Observation) -> Observation:

@@ -3,16 +3,33 @@
 from types import MappingProxyType
 
 from orchard.agents.dispatch import Dispatch
-from orchard.agents.ranking import FarthestFirst, GlobalAssignment, LongestWaiting, Nearest, Predictive, PredictiveFarthest
+from orchard.agents.ranking import (
+    FarthestFirst,
+    GlobalAssignment,
+    LongestWaiting,
+    Nearest,
+    Predictive,
+    PredictiveFarthest,
+)
 from orchard.agents.rolling import Rolling
 from orchard.field.layout import Layout
 from orchard.field.plugins import make_plugin
 from orchard.field.scenario import DISPATCH_POLICIES
 
-_CLASSES: list[type[Dispatch]] = [Nearest, FarthestFirst, LongestWaiting, Predictive, PredictiveFarthest, Rolling, GlobalAssignment]
+_CLASSES: list[type[Dispatch]] = [
+    Nearest,
+    FarthestFirst,
+    LongestWaiting,
+    Predictive,
+    PredictiveFarthest,
+    Rolling,
+    GlobalAssignment,
+]
 POLICIES = MappingProxyType(dict(zip(DISPATCH_POLICIES, _CLASSES, strict=True)))
 
 
 def dispatch_of(layout: Layout) -> Dispatch:
     """Return the policy that the scenario names. Raises ScenarioError if it cannot be used."""
-    return make_plugin("dispatch", layout.scenario.dispatch, POLICIES, layout, methods=("assign", "Memory"))
+    return make_plugin(
+        "dispatch", layout.scenario.dispatch, POLICIES, layout, methods=("assign", "Memory")
+    )

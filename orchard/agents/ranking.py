@@ -28,9 +28,14 @@ class Ranking:
         """Return the key by which bins are sorted."""
         raise NotImplementedError
 
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
+    def assign(
+        self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any
+    ) -> list[Assignment]:
         due = self.due(bins, memory)
-        return [Assignment(report.name, carrier.name) for report, carrier in zip(due, free_carriers(carriers), strict=False)]
+        return [
+            Assignment(report.name, carrier.name)
+            for report, carrier in zip(due, free_carriers(carriers), strict=False)
+        ]
 
     def due(self, bins: Sequence[BinReport], memory: Any) -> list[BinReport]:
         """Return the bins that are due, by their rank."""
@@ -39,7 +44,10 @@ class Ranking:
 
 def free_carriers(carriers: Sequence[CarrierReport]) -> list[CarrierReport]:
     """Return the carriers that can leave now, the nearest to the queue's head first, to a millimetre. Ties by name."""
-    return sorted((carrier for carrier in carriers if carrier.is_next), key=lambda carrier: (round(carrier.metres, 3), carrier.name))
+    return sorted(
+        (carrier for carrier in carriers if carrier.is_next),
+        key=lambda carrier: (round(carrier.metres, 3), carrier.name),
+    )
 
 
 class Nearest(Ranking):
@@ -86,7 +94,9 @@ class Predictive(Ranking):
     def rank(self, report: BinReport, memory: PredictiveMemory) -> tuple[Any, ...]:
         return memory.full[report.name] * TIME_STEP - report.seconds_to_reach, report.name
 
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any) -> list[Assignment]:
+    def assign(
+        self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any
+    ) -> list[Assignment]:
         for report in bins:
             memory.note(now, report)
         return super().assign(now, bins, carriers, memory)

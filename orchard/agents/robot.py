@@ -12,9 +12,38 @@ import msgspec
 
 from orchard.agents import sense
 from orchard.agents.place import Estimate, as_seen_from, place_of
-from orchard.contract.agent import AHEAD, IN_TURN, MOST_HOLD, Action, Hold, Mail, Observation, State, says_holds
-from orchard.contract.messages import Answer, BinState, Claim, Couple, Places, Position, Request, StateRequest, Uncouple, Where
-from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
+from orchard.contract.agent import (
+    AHEAD,
+    IN_TURN,
+    MOST_HOLD,
+    Action,
+    Hold,
+    Mail,
+    Observation,
+    State,
+    says_holds,
+)
+from orchard.contract.messages import (
+    Answer,
+    BinState,
+    Claim,
+    Couple,
+    Places,
+    Position,
+    Request,
+    StateRequest,
+    Uncouple,
+    Where,
+)
+from orchard.field.geometry import (
+    HEADINGS,
+    STILL,
+    Pose,
+    Twist,
+    angle_between,
+    nearest_heading,
+    to_frame,
+)
 from orchard.field.kinds import EIGHTH, KINDS, TRAFFIC, kind_of
 from orchard.field.scenario import TIME_STEP
 
@@ -52,7 +81,9 @@ class RobotMemory(msgspec.Struct):
     reserved: list[str] = []  # places that traffic granted and the robot still keeps
     agreed: list[str] = []  # places that are reserved for the robot by traffic's last answer
     alone: list[str] = []  # of those, places that it shared with no other robot
-    blockers: list[str] = []  # robots for which the places that it wants are reserved, by traffic's last answer
+    blockers: list[
+        str
+    ] = []  # robots for which the places that it wants are reserved, by traffic's last answer
     claimed: int = -PATIENCE  # tick of the last claim to traffic
     moving: bool = False  # whether it wanted to move in the last tick
     driving: bool = False  # whether it wanted to drive, and not only to turn
@@ -86,7 +117,9 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
 
     ticks: ClassVar[int] = 0
     handles: ClassVar[int] = 0
-    keeps_course: ClassVar[bool] = False  # it changes the course, or needs no place; after any other step that moves it is anew
+    keeps_course: ClassVar[bool] = (
+        False  # it changes the course, or needs no place; after any other step that moves it is anew
+    )
 
     def act(self, robot: "PlanExecutor") -> bool:
         """Command `robot` for this tick. Return whether the step is done; it is called at every tick until then, or when its hold ends."""
@@ -106,8 +139,16 @@ def _may_hold(step: type[Step]) -> bool:
 class PlanExecutor:
     """One robot at one tick, for the steps of its plan."""
 
-    def __init__(self, seen: Observation, mail: Mail, memory: RobotMemory, bystanders: tuple[sense.Bystander, ...] = ()) -> None:
-        self.memory: Any = memory  # only the steps of each kind know the fields that it adds to Plan
+    def __init__(
+        self,
+        seen: Observation,
+        mail: Mail,
+        memory: RobotMemory,
+        bystanders: tuple[sense.Bystander, ...] = (),
+    ) -> None:
+        self.memory: Any = (
+            memory  # only the steps of each kind know the fields that it adds to Plan
+        )
         self.seen, self.mail, self._bystanders = self._located(seen), mail, bystanders
         self.pose: Pose = self.seen.pose
         self.action = Action(memory=memory)
@@ -133,7 +174,12 @@ class PlanExecutor:
 
         `queueing`: an obstacle ahead is normal, and is not reported.
         """
-        self.action.twist, self._turn, self._blind_to, self._queueing = twist, 0.0, blind_to, queueing
+        self.action.twist, self._turn, self._blind_to, self._queueing = (
+            twist,
+            0.0,
+            blind_to,
+            queueing,
+        )
 
     def turn(self, rate: float, left: float, blind_to: list[sense.Box]) -> None:
         """Turn at this rate (rad/s) in this tick, unless something is in the part of the turn that is left (rad)."""
@@ -161,22 +207,36 @@ class PlanExecutor:
         if memory.course is None:
             return False
         ahead, left, off = self.off_course()
-        is_off, is_away = abs(left) > self._near(NEAR), ahead > self._near(SLACK) or (not speed and -ahead > self._near(SLACK))
+        is_off, is_away = (
+            abs(left) > self._near(NEAR),
+            ahead > self._near(SLACK) or (not speed and -ahead > self._near(SLACK)),
+        )
         if not (is_off or is_away or abs(off) > SLACK):
             memory.way = 0.0
             return False
-        if ahead > 0.0 and not is_off and memory.way and self.seen.tick - memory.moved >= HELD_UP and not sense.back_is_free(self.seen):
+        if (
+            ahead > 0.0
+            and not is_off
+            and memory.way
+            and self.seen.tick - memory.moved >= HELD_UP
+            and not sense.back_is_free(self.seen)
+        ):
             return False
         self._choose_way(speed > 0.0 and -ahead * SLANT > abs(left))
         most = SLANT if abs(left) <= FAR + self.doubt else EIGHTH * 4
-        steep = min(most, max(abs(left), NEAR / (max(speed, SHIFT) * TIME_STEP))) if is_off else 0.0  # a step passes no more than NEAR
+        steep = (
+            min(most, max(abs(left), NEAR / (max(speed, SHIFT) * TIME_STEP))) if is_off else 0.0
+        )  # a step passes no more than NEAR
         turn = angle_between(off, -math.copysign(steep, left * memory.way))
         is_turned = abs(turn) <= (LITTLE if steep else SLACK)
         was_refused = RECOVERY <= self.seen.tick - memory.bumped < 2 * RECOVERY
         if not is_turned and not was_refused and sense.turn_is_free(self.seen, turn, blind_to):
             self.turn_by(turn, blind_to)
         elif is_off or not is_turned:
-            self.move(Twist(x=speed if speed and is_turned and memory.way > 0.0 else SHIFT * memory.way), blind_to)
+            self.move(
+                Twist(x=speed if speed and is_turned and memory.way > 0.0 else SHIFT * memory.way),
+                blind_to,
+            )
         else:
             self.move(Twist(x=max(-SHIFT, min(SHIFT, -ahead / TIME_STEP))), blind_to)
         return True
@@ -186,9 +246,16 @@ class PlanExecutor:
         memory, tick = self.memory, self.seen.tick
         if self.seen.twist != STILL:
             memory.moved = tick
-        if not memory.way or (self.seen.twist.x and not memory.driving):  # the latter: something else has driven it
+        if not memory.way or (
+            self.seen.twist.x and not memory.driving
+        ):  # the latter: something else has driven it
             ahead, _ = to_frame(self.pose, self.course.x, self.course.y)
-            memory.way, memory.moved = 1.0 if has_room or (ahead > 0.0 and not sense.something_ahead(self.seen, [])) else -1.0, tick
+            memory.way, memory.moved = (
+                1.0
+                if has_room or (ahead > 0.0 and not sense.something_ahead(self.seen, []))
+                else -1.0,
+                tick,
+            )
         elif (self._has_collided and memory.driving) or tick - memory.moved >= HELD_UP:
             memory.way, memory.moved = -memory.way, tick
 
@@ -206,7 +273,9 @@ class PlanExecutor:
         """Return how far the robot is off its course: m ahead, m to the left, and rad to the left."""
         course = self.course
         x, y = self.pose.x - course.x, self.pose.y - course.y
-        ahead, left = {"EAST": (x, y), "NORTH": (y, -x), "WEST": (-x, -y), "SOUTH": (-y, x)}[course.heading]
+        ahead, left = {"EAST": (x, y), "NORTH": (y, -x), "WEST": (-x, -y), "SOUTH": (-y, x)}[
+            course.heading
+        ]
         return ahead, left, angle_between(HEADINGS[course.heading], self.pose.yaw)
 
     @property
@@ -230,13 +299,21 @@ class PlanExecutor:
 
     def uncouple(self) -> None:
         """Uncouple the bin, once both stand."""
-        if self.seen.twist == STILL and self.seen.hitch is not None and self.seen.hitch.twist == STILL:
+        if (
+            self.seen.twist == STILL
+            and self.seen.hitch is not None
+            and self.seen.hitch.twist == STILL
+        ):
             self.action.deeds.append(Uncouple())
 
     def ask(self, to: str, request: Request, every: int = PATIENCE) -> Answer | None:
         """Ask every `every` ticks until the step is done. Return the answer in the tick in which it is heard, else None."""
         self.action.waits_for = to
-        answers = [r.body for r in self.mail.replies if r.sender == to and type(r.request) is type(request) and r.body is not None]
+        answers = [
+            r.body
+            for r in self.mail.replies
+            if r.sender == to and type(r.request) is type(request) and r.body is not None
+        ]
         question = f"{type(request).__name__} {to}"
         if not answers and self.seen.tick - self.memory.asked.get(question, -every) >= every:
             self.action.requests.append((to, request))
@@ -313,7 +390,11 @@ class PlanExecutor:
             self._hold_up(IN_TURN)
         if near:
             self._hold_up(", ".join(near[:3]))
-        memory.moving, memory.driving, action.steps_done = action.twist != STILL, bool(action.twist.x), memory.done
+        memory.moving, memory.driving, action.steps_done = (
+            action.twist != STILL,
+            bool(action.twist.x),
+            memory.done,
+        )
         return action
 
     def _hold_of(self, twist: Twist) -> Hold | None:
@@ -327,7 +408,11 @@ class PlanExecutor:
             return None
         if self._turn:
             zone = sense.turn_zone(kind_of(self.seen.name))
-            return Hold(until, watch=(zone,)) if self.seen.hitch is None and not zone.is_occupied(self.seen) else None
+            return (
+                Hold(until, watch=(zone,))
+                if self.seen.hitch is None and not zone.is_occupied(self.seen)
+                else None
+            )
         if twist == STILL:
             return Hold(until)
         zone = sense.stop_zone(self.seen)
@@ -351,12 +436,20 @@ class PlanExecutor:
     def _hear(self) -> None:
         for reply in self.mail.replies:
             if isinstance(reply.body, Places) and isinstance(reply.request, Claim):
-                granted = [p for p in reply.body.held if p in reply.request.want and p not in self.memory.reserved]
+                granted = [
+                    p
+                    for p in reply.body.held
+                    if p in reply.request.want and p not in self.memory.reserved
+                ]
                 self.memory.reserved = self.memory.reserved + granted
                 self.memory.agreed, self.memory.alone = reply.body.held, reply.body.alone
                 self.memory.blockers = reply.body.blockers
             elif isinstance(reply.request, Where):
-                here = (reply.body.x, reply.body.y) if isinstance(reply.body, Position) else (math.inf, math.inf)
+                here = (
+                    (reply.body.x, reply.body.y)
+                    if isinstance(reply.body, Position)
+                    else (math.inf, math.inf)
+                )
                 self.memory.sighted[reply.sender] = sense.Sighting(self.seen.tick - 1, *here)
 
     def _near_the_turn(self) -> list[str]:
@@ -365,7 +458,9 @@ class PlanExecutor:
         A timer is set for the tick at which the next one must be asked: until then a turn may hold.
         """
         radius = sense.sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
-        found = sense.doubts(self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius)
+        found = sense.doubts(
+            self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius
+        )
         self.action.requests += [(name, Where()) for name in found.to_ask]
         self._timers.append(self.seen.tick + max(1, found.ticks))
         return found.near
@@ -375,7 +470,14 @@ class PlanExecutor:
         memory, since = self.memory, self.seen.tick - self.memory.claimed
         given_back = sorted(memory.agreed) != sorted(memory.reserved)
         if (self.wanting and since >= PATIENCE) or (given_back and since >= GIVEN_BACK):
-            self.action.requests.append((TRAFFIC, Claim(keep=list(memory.reserved), want=list(self.wanting), beside=self._beside)))
+            self.action.requests.append(
+                (
+                    TRAFFIC,
+                    Claim(keep=list(memory.reserved), want=list(self.wanting), beside=self._beside),
+                )
+            )
             memory.claimed = self.seen.tick
         if self.wanting or given_back:
-            self._timers.append(memory.claimed + (PATIENCE if self.wanting and not given_back else GIVEN_BACK))
+            self._timers.append(
+                memory.claimed + (PATIENCE if self.wanting and not given_back else GIVEN_BACK)
+            )

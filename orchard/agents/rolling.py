@@ -16,7 +16,10 @@ from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 
 AHEAD = 4  # bins of each picker, from the one with fewest on, that are planned: none is left out for longer
-GAIN, GAIN_OF_ORDER = 25.0, 100.0  # ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once
+GAIN, GAIN_OF_ORDER = (
+    25.0,
+    100.0,
+)  # ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once
 WAIT = 0.02  # ticks of a plan's length for each tick that a picker waits
 MOST = 5  # bins, the latest ones, that may be first
 MOST_PICKERS = 20  # of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %
@@ -41,7 +44,9 @@ class RollingMemory(PredictiveMemory):
     """When bins are full, and what was decided."""
 
     trips: dict[str, Trip] = {}  # carrier under way
-    after: dict[str, NextBin] = {}  # picker -> the bin after the one to which a carrier was sent, if roads are free
+    after: dict[
+        str, NextBin
+    ] = {}  # picker -> the bin after the one to which a carrier was sent, if roads are free
 
 
 class Rolling(Predictive):
@@ -50,17 +55,39 @@ class Rolling(Predictive):
     Memory: type = RollingMemory
 
     def __init__(self, layout: Layout) -> None:
-        plans = layout.scenario.route in ROUTES and len(layout.blocks) <= MOST_PICKERS and not layout.is_picked_again
+        plans = (
+            layout.scenario.route in ROUTES
+            and len(layout.blocks) <= MOST_PICKERS
+            and not layout.is_picked_again
+        )
         self.courses = courses_of(layout) if plans else {}  # of none: it decides as `predictive`
-        self.starts = {picker: NextBin(0, courses[0].job.ready) for picker, courses in self.courses.items()}
+        self.starts = {
+            picker: NextBin(0, courses[0].job.ready) for picker, courses in self.courses.items()
+        }
         carriers = [start.name for start in layout.starts if start.kind == "carrier"]
-        self.lines = {name: (number_of(name) - 1) // layout.queue.places for name in carriers}  # of the queue
+        self.lines = {
+            name: (number_of(name) - 1) // layout.queue.places for name in carriers
+        }  # of the queue
 
-    def assign(self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: RollingMemory) -> list[Assignment]:
+    def assign(
+        self,
+        now: int,
+        bins: Sequence[BinReport],
+        carriers: Sequence[CarrierReport],
+        memory: RollingMemory,
+    ) -> list[Assignment]:
         for report in bins:
             memory.note(now, report)
-        due, free, reported = self.due(bins, memory), free_carriers(carriers), self.reported(bins, memory)
-        if not due or len(reported) < len(bins) or any(carrier.name not in self.lines for carrier in free):
+        due, free, reported = (
+            self.due(bins, memory),
+            free_carriers(carriers),
+            self.reported(bins, memory),
+        )
+        if (
+            not due
+            or len(reported) < len(bins)
+            or any(carrier.name not in self.lines for carrier in free)
+        ):
             return super().assign(now, bins, carriers, memory)
         return self.orders(now, due, free, reported, memory) if free else []
 
@@ -69,16 +96,25 @@ class Rolling(Predictive):
         reported, expected = dict[str, NextBin](), self.starts | memory.after
         for report in bins:
             courses = self.courses.get(report.picker, [])
-            first = max(0, expected[report.picker].number - 1) if courses else 0  # it reports again if its carrier does not come
+            first = (
+                max(0, expected[report.picker].number - 1) if courses else 0
+            )  # it reports again if its carrier does not come
             for number in range(first, len(courses)):
                 job = courses[number].job
                 if (job.lane, job.side) == (report.lane, report.side):
-                    reported.setdefault(report.picker, NextBin(number, memory.full[report.name] + job.clearing))
+                    reported.setdefault(
+                        report.picker, NextBin(number, memory.full[report.name] + job.clearing)
+                    )
                     break
         return reported
 
     def orders(
-        self, now: int, due: list[BinReport], free: Sequence[CarrierReport], reported: dict[str, NextBin], memory: RollingMemory
+        self,
+        now: int,
+        due: list[BinReport],
+        free: Sequence[CarrierReport],
+        reported: dict[str, NextBin],
+        memory: RollingMemory,
     ) -> list[Assignment]:
         """Send each free carrier for the bin that is best, and remember it."""
         for carrier in free:
@@ -95,7 +131,10 @@ class Rolling(Predictive):
 
     def remember(self, trip: Trip, carrier: str, memory: RollingMemory) -> None:
         job, *following = (course.job for course in self.courses[trip.picker][trip.bin.number :])
-        stop, ready = max(trip.bin.stop, trip.sent + job.approach), following[0].ready if following else 0  # of no bin after the last one
+        stop, ready = (
+            max(trip.bin.stop, trip.sent + job.approach),
+            following[0].ready if following else 0,
+        )  # of no bin after the last one
         memory.trips[carrier] = trip
         memory.after[trip.picker] = NextBin(trip.bin.number + 1, stop + job.going_on + ready)
 
@@ -117,16 +156,24 @@ class Rolling(Predictive):
     def ends(self, expected: Mapping[str, NextBin]) -> dict[str, int]:
         """Return how many bins of each picker are planned."""
         total = {picker: len(courses) for picker, courses in self.courses.items()}
-        level = AHEAD + min((one.number for picker, one in expected.items() if one.number < total[picker]), default=0)
+        level = AHEAD + min(
+            (one.number for picker, one in expected.items() if one.number < total[picker]),
+            default=0,
+        )
         return {picker: min(level, total[picker]) for picker in total}
 
     def best(self, due: Sequence[BinReport], line: int, plan: RollOut) -> BinReport:
         """Return the bin for which the next carrier of a line leaves: none of a picker that is far ahead of another one."""
-        behind = [report for report in due if plan.number[report.picker] < plan.ends[report.picker]] or due
+        behind = [
+            report for report in due if plan.number[report.picker] < plan.ends[report.picker]
+        ] or due
         if len(behind) == 1:
             return behind[0]
         gain = GAIN if plan.home.total() < len(due) else GAIN_OF_ORDER
-        values = [self.value(report, line, plan) + (gain if number else 0.0) for number, report in enumerate(behind[:MOST])]
+        values = [
+            self.value(report, line, plan) + (gain if number else 0.0)
+            for number, report in enumerate(behind[:MOST])
+        ]
         return behind[values.index(min(values))]
 
     def value(self, report: BinReport, line: int, plan: RollOut) -> float:

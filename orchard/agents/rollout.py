@@ -49,22 +49,40 @@ class JobCourse:
     """The courses of the robots of a job."""
 
     def __init__(self, job: TimedJob) -> None:
-        out, lane, crossing = f"{job.picker} is out", f"{job.side}/D/{job.lane}", _events(job.crossings)
+        out, lane, crossing = (
+            f"{job.picker} is out",
+            f"{job.side}/D/{job.lane}",
+            _events(job.crossings),
+        )
         crossed = max(event.tick for event in crossing if event.what is What.NEED)
         stop = min(event.tick for event in _events(job.way) if event.place == lane)
-        job_done = [CourseEvent(stop, What.MEET, out), CourseEvent(0, What.STOP), CourseEvent(job.to_bay, What.NEED, "bay")]
-        job_done += [CourseEvent(job.to_bay + IN_BAY, What.FREE, "bay"), CourseEvent(job.to_bay + job.to_head, What.HOME)]
+        job_done = [
+            CourseEvent(stop, What.MEET, out),
+            CourseEvent(0, What.STOP),
+            CourseEvent(job.to_bay, What.NEED, "bay"),
+        ]
+        job_done += [
+            CourseEvent(job.to_bay + IN_BAY, What.FREE, "bay"),
+            CourseEvent(job.to_bay + job.to_head, What.HOME),
+        ]
         self.job = job
         self.of_picker = _in_order([*crossing, CourseEvent(crossed + 1, What.FREE, out)])
         self.of_carrier = []  # from each line
         for approach, exits in job.exits:
             left = min((round(use.at / TIME_STEP) for use in exits), default=-approach)
-            self.of_carrier.append(_in_order([*_events(exits), *_events(job.way), *job_done, CourseEvent(left, What.OUT)]))
+            self.of_carrier.append(
+                _in_order(
+                    [*_events(exits), *_events(job.way), *job_done, CourseEvent(left, What.OUT)]
+                )
+            )
 
 
 def _events(uses: Sequence[Use]) -> list[CourseEvent]:
     needs = [CourseEvent(round(use.at / TIME_STEP), What.NEED, use.place) for use in uses]
-    return needs + [CourseEvent(need.tick + use.ticks, What.FREE, use.place) for need, use in zip(needs, uses, strict=True)]
+    return needs + [
+        CourseEvent(need.tick + use.ticks, What.FREE, use.place)
+        for need, use in zip(needs, uses, strict=True)
+    ]
 
 
 def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
@@ -74,9 +92,14 @@ def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     """Return the courses of each picker's jobs, with rows that are all picked at the mean speed."""
-    lanes = [replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes]
+    lanes = [
+        replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes
+    ]
     jobs = jobs_of(replace(layout, lanes=tuple(lanes)))
-    return {picker: [JobCourse(job) for job in of_picker] for picker, of_picker in groupby(jobs, lambda job: job.picker)}
+    return {
+        picker: [JobCourse(job) for job in of_picker]
+        for picker, of_picker in groupby(jobs, lambda job: job.picker)
+    }
 
 
 class RobotUnderWay(NamedTuple):
@@ -94,21 +117,38 @@ class RollOut:
     The rule: a carrier at the head of its line leaves for the bin for which it is latest, of those for which it is time.
     """
 
-    def __init__(self, courses: Mapping[str, list[JobCourse]], lines: Iterable[int], now: int, ends: Mapping[str, int]) -> None:
+    def __init__(
+        self,
+        courses: Mapping[str, list[JobCourse]],
+        lines: Iterable[int],
+        now: int,
+        ends: Mapping[str, int],
+    ) -> None:
         """`lines`: the line of each carrier. `ends`: how many bins of each picker are planned.
 
         Before the tick `now` no carrier leaves by the rule.
         """
         self.courses, self.now, self.ends = courses, now, ends
         self.robots = list[RobotUnderWay]()
-        self.begun, self.done = list[int](), list[int]()  # of each robot: the tick that is 0 on its course, and the events that are over
-        self.next = list[tuple[int, int]]()  # tick, and the robot that goes on then; or a line in which a carrier may leave, below 0
-        self.taken = dict[str, list[int]]()  # place -> the robots that wait for it; without a key it is free
-        self.wanted = dict[str, int]()  # picker that needs a carrier -> tick from which on it can stop there
+        self.begun, self.done = (
+            list[int](),
+            list[int](),
+        )  # of each robot: the tick that is 0 on its course, and the events that are over
+        self.next = (
+            list[tuple[int, int]]()
+        )  # tick, and the robot that goes on then; or a line in which a carrier may leave, below 0
+        self.taken = dict[
+            str, list[int]
+        ]()  # place -> the robots that wait for it; without a key it is free
+        self.wanted = dict[
+            str, int
+        ]()  # picker that needs a carrier -> tick from which on it can stop there
         self.number = dict.fromkeys(courses, -1)  # picker -> its bin with which it came out last
         self.home = Counter(lines)  # line -> the carriers in it
         self.is_open = dict.fromkeys(self.home, True)  # line -> whether the first of them can leave
-        self.end = self.waited = 0  # tick at which the last carrier is home; ticks for which pickers wait
+        self.end = self.waited = (
+            0  # tick at which the last carrier is home; ticks for which pickers wait
+        )
 
     def fork(self) -> "RollOut":
         """Return a copy that goes on by itself."""
@@ -122,7 +162,9 @@ class RollOut:
         """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick on."""
         self.wanted[picker], self.number[picker] = stop, number
         self.taken[f"{picker} is out"] = []
-        self._begin(RobotUnderWay(self.courses[picker][number].of_picker, picker, number, AWAY), stop)
+        self._begin(
+            RobotUnderWay(self.courses[picker][number].of_picker, picker, number, AWAY), stop
+        )
 
     def send(self, picker: str, line: int, tick: int) -> None:
         """Decide at a tick that the carrier at the head of a line leaves for a picker."""
@@ -131,7 +173,10 @@ class RollOut:
         self.waited -= self.wanted.pop(picker)
         self.home[line] -= 1
         self.is_open[line] = False
-        self._begin(RobotUnderWay(course.of_carrier[line], picker, number, line), tick + ORDERED + course.job.exits[line][0])
+        self._begin(
+            RobotUnderWay(course.of_carrier[line], picker, number, line),
+            tick + ORDERED + course.job.exits[line][0],
+        )
 
     def go_on(self, free: Collection[int]) -> None:
         """Let carriers leave from now on. `free`: the lines in which the first one can leave."""
@@ -143,7 +188,9 @@ class RollOut:
     @property
     def is_over(self) -> bool:
         """Whether all bins were fetched; if not, robots wait for each other."""
-        return not self.wanted and all(self.number[picker] + 1 >= end for picker, end in self.ends.items())
+        return not self.wanted and all(
+            self.number[picker] + 1 >= end for picker, end in self.ends.items()
+        )
 
     def _begin(self, robot: RobotUnderWay, tick: int) -> None:
         heappush(self.next, (tick + robot.course[0].tick, len(self.robots)))

@@ -31,7 +31,9 @@ class Side:
     name: str
     sign: int  #: +1 east, -1 west
     south: int  #: +1 if carriers that deliver drive south, -1 if north
-    shift: float = 0.0  #: how much further east the east side lies than with rows of the usual length, m
+    shift: float = (
+        0.0  #: how much further east the east side lies than with rows of the usual length, m
+    )
 
     def x(self, east: float) -> float:
         """The x, m, of a point that lies at x = `east` on the east side of rows of the usual length."""
@@ -74,8 +76,13 @@ class OneWay:
     The class is called with the layout. Figures are metres on the east side, x with rows of the usual 70 m. docs/traffic.md derives them.
     """
 
-    QUEUE: ClassVar[str] = ONE_WAY  #: the queue in which its carriers wait, see orchard/field/queue.py
-    SOUTH: ClassVar[Mapping[str, int]] = {"east": 1, "west": -1}  #: side -> +1 if carriers that deliver drive south there, -1 if north
+    QUEUE: ClassVar[str] = (
+        ONE_WAY  #: the queue in which its carriers wait, see orchard/field/queue.py
+    )
+    SOUTH: ClassVar[Mapping[str, int]] = {
+        "east": 1,
+        "west": -1,
+    }  #: side -> +1 if carriers that deliver drive south there, -1 if north
     Steps: ClassVar[Sequence[type[Step]]] = ()  # user-defined steps that the drives use
     D_ROAD = 38.75  #: x of the delivery road: a picker's coupling point lies on it
     F_ROAD = 36.25  #: x of the full-bin road
@@ -87,21 +94,41 @@ class OneWay:
     HOLD = 3.75  #: distance before a lane at which a carrier waits while it may not enter the lane's place
     CLEAR = 5.7  #: distance past a lane at which a carrier's tail has left the place
     LOOP_CLEAR = 36.8  #: x at which a delivering carrier that turned in towards the lane has left the delivery road
-    PICKER_CLEAR_D, PICKER_CLEAR_F = 34.4, 32.4  #: x at which a picker that drives into a row, and its bin, have left these roads
-    PARKING_CLEAR = 42.5  #: x at which a picker that parks, and its bin, have left the delivery road
+    PICKER_CLEAR_D, PICKER_CLEAR_F = (
+        34.4,
+        32.4,
+    )  #: x at which a picker that drives into a row, and its bin, have left these roads
+    PARKING_CLEAR = (
+        42.5  #: x at which a picker that parks, and its bin, have left the delivery road
+    )
     PICKER_HOLD = 33.7  #: x at which a picker waits to cross the roads; its front is at 34.95
-    F_BOTTOM, D_BOTTOM = 3.5, 5.6  # distances of the roads along the bottom, south of the last tree line
-    CORNER_HOLD_X = -35.5  #: x before which a carrier on the outer bottom road waits for the south-west corner
-    CORNER_CLEAR_X = 34.7  #: x on the inner bottom road at which a full bin has left the south-east corner
-    CORNER_CLEAR_Y = 1.4  #: distance north of that road at which a full bin has left the south-west corner
+    F_BOTTOM, D_BOTTOM = (
+        3.5,
+        5.6,
+    )  # distances of the roads along the bottom, south of the last tree line
+    CORNER_HOLD_X = (
+        -35.5
+    )  #: x before which a carrier on the outer bottom road waits for the south-west corner
+    CORNER_CLEAR_X = (
+        34.7  #: x on the inner bottom road at which a full bin has left the south-east corner
+    )
+    CORNER_CLEAR_Y = (
+        1.4  #: distance north of that road at which a full bin has left the south-west corner
+    )
     TURN_CLEAR_Y = 3.75  #: distance north of it at which a full bin is beyond what the next carrier's turn there sweeps
     TOP_CLEAR = 3.75  #: distance south of the southernmost line in use at which a carrier has left the place `top`
 
     def __init__(self, layout: Layout) -> None:
         self.layout, self.queue = layout, layout.queue
-        self.east, self.west = Side("east", 1, self.SOUTH["east"], layout.shift), Side("west", -1, self.SOUTH["west"], layout.shift)
+        self.east, self.west = (
+            Side("east", 1, self.SOUTH["east"], layout.shift),
+            Side("west", -1, self.SOUTH["west"], layout.shift),
+        )
         self.sides = {"east": self.east, "west": self.west}
-        assert self.queue.lines[0] == TOP_ROAD and min(self.queue.lines) - self.TOP_CLEAR > layout.tree_lines[0]
+        assert (
+            self.queue.lines[0] == TOP_ROAD
+            and min(self.queue.lines) - self.TOP_CLEAR > layout.tree_lines[0]
+        )
 
     # -- what plans, bounds and dispatch ask for
 
@@ -110,18 +137,28 @@ class OneWay:
         passes = self.layout.passes(block)
         steps = self.foresee(passes[0]) + self.come_in(block)
         for count, (one, after) in enumerate(zip_longest(passes, passes[1:])):
-            steps += self.pick(one, came_over=count > 0 or block.start == "east") + self.go_on(one, after)
+            steps += self.pick(one, came_over=count > 0 or block.start == "east") + self.go_on(
+                one, after
+            )
         return steps
 
     def go_on(self, one: Pass, after: Pass | None) -> list[Step]:
         """A picker's way from the end of one pass to the head of the next; None: to where it parks."""
         side = self.sides[one.end]
         steps = self.swap_bins(one.row, side) if one.leaves_bin else self.drive_out(one.row, side)
-        return steps + (self.foresee(after) + self.go_to_next_row(one.row, after.row, side) if after else self.park(one.row, side))
+        return steps + (
+            self.foresee(after) + self.go_to_next_row(one.row, after.row, side)
+            if after
+            else self.park(one.row, side)
+        )
 
     def foresee(self, one: Pass) -> list[Step]:
         """The steps in which a picker announces to its bin where it will be left, unless each row fills one, and sets where it picks."""
-        announce = [st.Announce(one.row, one.end, one.fill)] if self.layout.scenario.bin_metres and one.leaves_bin else []
+        announce = (
+            [st.Announce(one.row, one.end, one.fill)]
+            if self.layout.scenario.bin_metres and one.leaves_bin
+            else []
+        )
         return announce + ([st.PickFrom(one.begin)] if one.is_inside else [])
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:
@@ -141,7 +178,13 @@ class OneWay:
             *self.go_home(carrier),
         ]
         fails = self.may_fail(self.layout.scenario.carrying.failure)
-        return [part for step in job for part in ([*fails, step] if isinstance(step, st.DriveTo) and not step.queueing else [step])]
+        return [
+            part
+            for step in job
+            for part in (
+                [*fails, step] if isinstance(step, st.DriveTo) and not step.queueing else [step]
+            )
+        ]
 
     def approach(self, lane: int, side: Side, carrier: int = 1) -> list[Step]:
         """A carrier's way from the queue's head to the stop at which it leaves the empty bin."""
@@ -149,7 +192,10 @@ class OneWay:
 
     def wait_in_queue(self) -> list[Step]:
         """Wait in the queue, and move up to the head of the line as the others leave."""
-        return [st.Say("waiting in the queue", "waiting"), st.DriveTo(x=self.queue.head, queueing=True)]
+        return [
+            st.Say("waiting in the queue", "waiting"),
+            st.DriveTo(x=self.queue.head, queueing=True),
+        ]
 
     def distance(self, x: float, y: float, lane: int, side: Side) -> float:
         """Metres by road from (x, y) in the queue to a lane's stop."""
@@ -158,16 +204,42 @@ class OneWay:
         if side is self.east:
             return to_road + y - side.y(self.layout.lane(lane).y, self.STOP)
         bottom = self.outer_bottom
-        return to_road + (y - bottom) + (east - self.west.x(self.D_ROAD)) + side.y(self.layout.lane(lane).y, self.STOP) - bottom
+        return (
+            to_road
+            + (y - bottom)
+            + (east - self.west.x(self.D_ROAD))
+            + side.y(self.layout.lane(lane).y, self.STOP)
+            - bottom
+        )
 
     def roads(self) -> list[Road]:
         """The roads, for drawings."""
-        inner, outer, top, head = self.inner_bottom, self.outer_bottom, self.layout.lane(1).y, self.queue.head
-        (d, west_d), (f, west_f) = ((self.east.x(x), self.west.x(x)) for x in (self.D_ROAD, self.F_ROAD))
-        loop_d = [(head, TOP_ROAD), (d, TOP_ROAD), (d, outer), (west_d, outer), (west_d, top + self.STOP)]
+        inner, outer, top, head = (
+            self.inner_bottom,
+            self.outer_bottom,
+            self.layout.lane(1).y,
+            self.queue.head,
+        )
+        (d, west_d), (f, west_f) = (
+            (self.east.x(x), self.west.x(x)) for x in (self.D_ROAD, self.F_ROAD)
+        )
+        loop_d = [
+            (head, TOP_ROAD),
+            (d, TOP_ROAD),
+            (d, outer),
+            (west_d, outer),
+            (west_d, top + self.STOP),
+        ]
         loop_f = [(f, top), (f, inner), (west_f, inner), (west_f, TOP_ROAD), (head, TOP_ROAD)]
-        columns = [[(side.x(self.WAITING), y) for y in (top, self.layout.lanes[-1].y)] for side in self.sides.values()]
-        return [Road("D", loop_d, 1.5), Road("F", loop_f, 1.5), *(Road("picker", column, 0.0) for column in columns)]
+        columns = [
+            [(side.x(self.WAITING), y) for y in (top, self.layout.lanes[-1].y)]
+            for side in self.sides.values()
+        ]
+        return [
+            Road("D", loop_d, 1.5),
+            Road("F", loop_f, 1.5),
+            *(Road("picker", column, 0.0) for column in columns),
+        ]
 
     def holds(self) -> list[tuple[str, float, float]]:
         """Where fronts of carriers stop while a lane's place is taken, for drawings: road, x, y."""
@@ -194,7 +266,11 @@ class OneWay:
     def come_in(self, block: Block) -> list[Step]:
         """A picker's way from its start to the head of its first row. In the west it starts there; in the east it drives over the roads."""
         row = block.rows[0]
-        return [] if block.start == "west" else [st.Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
+        return (
+            []
+            if block.start == "west"
+            else [st.Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
+        )
 
     def pick(self, one: Pass, came_over: bool) -> list[Step]:
         """Drive through a row, over a part of it at the picking speed, and leave a full bin in the lane's mouth."""
@@ -204,10 +280,16 @@ class OneWay:
         cross = self.cross(side, row, self.hold(row, side))
         through = st.Say(f"driving through row {row}", "driving")
         return [
-            *([] if one.begin == self.end(row, other) else [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]),
+            *(
+                []
+                if one.begin == self.end(row, other)
+                else [through, st.DriveTo(x=one.begin, needs=cross, frees=frees)]
+            ),
             st.Say(f"picking row {row}", "picking"),
             *self.may_fail(self.layout.scenario.picking.failure),
-            st.DriveTo(x=one.stop, speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees),
+            st.DriveTo(
+                x=one.stop, speed=self.layout.lane(row).picking_speed, needs=cross, frees=frees
+            ),
             *([] if one.stop == end else [through, st.DriveTo(x=end, needs=cross, frees=frees)]),
             *(self.leave(one, side, cross) if one.leaves_bin else []),
         ]
@@ -215,7 +297,10 @@ class OneWay:
     def leave(self, one: Pass, side: Side, cross: list[Gate]) -> list[Step]:
         """Drive to the lane's mouth, and leave the bin there."""
         return [
-            st.Say(f"leaving the {'full' if one.is_full else 'last'} bin of row {one.row}", "handling a bin"),
+            st.Say(
+                f"leaving the {'full' if one.is_full else 'last'} bin of row {one.row}",
+                "handling a bin",
+            ),
             st.DriveTo(x=side.x(self.FULL_BIN + KINDS["picker"].tows), needs=cross),
             *self.fill(self.layout.metres_per_bin if one.is_full else one.fill),
             st.LeaveBin(),
@@ -224,7 +309,11 @@ class OneWay:
     def drive_out(self, row: int, side: Side) -> list[Step]:
         """Drive out of the lane and over the roads with a bin that goes on with the next row."""
         out = st.DriveTo(x=side.x(self.WAITING), needs=self.cross(side, row, self.hold(row, side)))
-        return [st.Say(f"driving out of row {row}", "driving"), out, st.Free([side.place("F", row)])]
+        return [
+            st.Say(f"driving out of row {row}", "driving"),
+            out,
+            st.Free([side.place("F", row)]),
+        ]
 
     def may_fail(self, failure: Failure) -> list[Step]:
         """The step before a drive, if robots fail on it in this scenario."""
@@ -271,7 +360,10 @@ class OneWay:
 
     def cleared(self, row: int, side: Side) -> list[Gate]:
         """Where a picker that drives into a row gives the places of both roads back."""
-        return [Gate([side.place("D", row)], side.x(self.PICKER_CLEAR_D)), Gate([side.place("F", row)], side.x(self.PICKER_CLEAR_F))]
+        return [
+            Gate([side.place("D", row)], side.x(self.PICKER_CLEAR_D)),
+            Gate([side.place("F", row)], side.x(self.PICKER_CLEAR_F)),
+        ]
 
     def park(self, row: int, side: Side) -> list[Step]:
         """After the last row drive off the roads with the empty bin, and stay there."""
@@ -283,7 +375,9 @@ class OneWay:
 
     def leave_queue(self) -> list[Step]:
         """Drive onto the delivery road. Carriers of several lines take turns at `top`; those of one line follow each other."""
-        needs = [Gate([TOP], self.queue.head)] if self.layout.queue_places > self.queue.places else []
+        needs = (
+            [Gate([TOP], self.queue.head)] if self.layout.queue_places > self.queue.places else []
+        )
         return [st.DriveTo(x=self.east.x(self.D_ROAD), needs=needs), st.Face("SOUTH")]
 
     def go_to_lane(self, lane: int, side: Side) -> list[Step]:
@@ -294,10 +388,19 @@ class OneWay:
             return [self._along(side, "D", self._lanes(side, last=lane), stop=stop, frees=top)]
         needs = [Gate(["corner/south-east"], self.inner_bottom + self.HOLD)]
         return [
-            self._along(self.east, "D", self._lanes(self.east), stop=self.outer_bottom, needs=needs, frees=top),
+            self._along(
+                self.east,
+                "D",
+                self._lanes(self.east),
+                stop=self.outer_bottom,
+                needs=needs,
+                frees=top,
+            ),
             st.Face("WEST"),
             st.Free(["corner/south-east"]),
-            st.DriveTo(x=self.west.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]),
+            st.DriveTo(
+                x=self.west.x(self.D_ROAD), needs=[Gate(["corner/south-west"], self.CORNER_HOLD_X)]
+            ),
             st.Face("NORTH"),
             st.Free(["corner/south-west"]),
             self._along(side, "D", self._lanes(side, last=lane), stop=stop),
@@ -309,7 +412,11 @@ class OneWay:
         return [
             st.Need([side.place("F", lane)]),
             st.Face(side.heading("WEST"), blind),
-            st.DriveTo(x=side.x(self.COUPLING), frees=[Gate([side.place("D", lane)], side.x(self.LOOP_CLEAR))], blind_to=blind),
+            st.DriveTo(
+                x=side.x(self.COUPLING),
+                frees=[Gate([side.place("D", lane)], side.x(self.LOOP_CLEAR))],
+                blind_to=blind,
+            ),
             st.Face(side.heading("NORTH"), blind),
             st.DriveTo(y=self.layout.lane(lane).y, blind_to=blind),
             st.Face(side.heading("EAST"), blind),
@@ -318,7 +425,10 @@ class OneWay:
     def go_to_bay(self, lane: int, side: Side) -> list[Step]:
         """Take the full bin along the full-bin road, from the east side around the bottom, to the bay."""
         blind = self.at_work(lane, side)
-        out: list[Step] = [st.DriveTo(x=side.x(self.F_ROAD), blind_to=blind), st.Face(side.heading("SOUTH"), blind)]
+        out: list[Step] = [
+            st.DriveTo(x=side.x(self.F_ROAD), blind_to=blind),
+            st.Face(side.heading("SOUTH"), blind),
+        ]
         if side is self.west:
             return [*out, *self._north_to_bay(self._lanes(side, first=lane))]
         corner = ("corner/south-west", self.CORNER_CLEAR_Y), ("turn/south-west", self.TURN_CLEAR_Y)
@@ -327,41 +437,74 @@ class OneWay:
             self._along(side, "F", self._lanes(side, first=lane), stop=self.inner_bottom),
             st.Need(["corner/south-east"]),
             st.Face("WEST"),
-            st.DriveTo(x=self.west.x(self.F_ROAD), frees=[Gate(["corner/south-east"], self.east.x(self.CORNER_CLEAR_X))]),
+            st.DriveTo(
+                x=self.west.x(self.F_ROAD),
+                frees=[Gate(["corner/south-east"], self.east.x(self.CORNER_CLEAR_X))],
+            ),
             st.Need(["corner/south-west", "turn/south-west"]),
             st.Face("NORTH"),
-            *self._north_to_bay(self._lanes(self.west), [Gate([place], self.inner_bottom + clear) for place, clear in corner]),
+            *self._north_to_bay(
+                self._lanes(self.west),
+                [Gate([place], self.inner_bottom + clear) for place, clear in corner],
+            ),
         ]
 
     def go_home(self, carrier: int) -> list[Step]:
         """Drive from the bay to the tail of the carrier's line of the queue, and move up."""
-        place = carrier - self.layout.first_charging if carrier > self.layout.first_charging > 0 else carrier
-        return [st.Say("returning to the queue", "driving"), *self.go_to_line(place), st.Home(), *self.wait_in_queue()]
+        place = (
+            carrier - self.layout.first_charging
+            if carrier > self.layout.first_charging > 0
+            else carrier
+        )
+        return [
+            st.Say("returning to the queue", "driving"),
+            *self.go_to_line(place),
+            st.Home(),
+            *self.wait_in_queue(),
+        ]
 
     def may_charge(self, carrier: int) -> list[Step]:
         """The step after a job, if carriers have batteries: where it must charge, a carrier drives to the tail of its charging line."""
         first, battery = self.layout.first_charging, self.layout.scenario.carrying.battery
         place = carrier if carrier > first else carrier + first
         head = st.DriveTo(x=self.queue.head, queueing=True)
-        wait = st.Charge(), head, st.Charged(), st.Home(), st.Say("waiting in the queue", "waiting"), head
+        wait = (
+            st.Charge(),
+            head,
+            st.Charged(),
+            st.Home(),
+            st.Say("waiting in the queue", "waiting"),
+            head,
+        )
         go = st.Say("driving to the chargers", "driving"), *self.go_to_line(place), *wait
         return [st.MayCharge(battery.reserve, list(go))] if first else []
 
     def go_to_line(self, place: int) -> list[Step]:
         """Drive from the bay to the tail of the line with this place, counted from 1."""
         y = self.queue.place(place - 1).y
-        aside: list[Step] = [] if y == TOP_ROAD else [st.Face("SOUTH" if y < TOP_ROAD else "NORTH"), st.DriveTo(y=y), st.Face("EAST")]
+        aside: list[Step] = (
+            []
+            if y == TOP_ROAD
+            else [st.Face("SOUTH" if y < TOP_ROAD else "NORTH"), st.DriveTo(y=y), st.Face("EAST")]
+        )
         return [st.DriveTo(x=self.queue.turn_off), *aside]
 
     def number(self, carrier: int, y: float) -> int:
         """Return the number, from 1, of the place in the queue that stands for a carrier: its own, or in a charging line that in it."""
         charging = self.layout.first_charging + carrier
-        return charging if self.layout.first_charging and abs(y - self.queue.place(charging - 1).y) < BESIDE else carrier
+        return (
+            charging
+            if self.layout.first_charging and abs(y - self.queue.place(charging - 1).y) < BESIDE
+            else carrier
+        )
 
     def at_work(self, lane: int, side: Side) -> list[Box]:
         """The bins and the picker of a lane, which a carrier that works there does not take for obstacles."""
         y, picker, fruit = self.layout.lane(lane).y, KINDS["picker"], KINDS["bin"]
-        bins = [Box(side.x(x), y, fruit.length / 2, fruit.width / 2) for x in (self.FULL_BIN, self.D_ROAD)]
+        bins = [
+            Box(side.x(x), y, fruit.length / 2, fruit.width / 2)
+            for x in (self.FULL_BIN, self.D_ROAD)
+        ]
         return [*bins, Box(side.x(self.WAITING), y, picker.length / 2, picker.width / 2)]
 
     # -- the roads
@@ -387,21 +530,40 @@ class OneWay:
         return lanes[lanes.index(first) if first else 0 : lanes.index(last) + 1 if last else None]
 
     def _along(
-        self, side: Side, road: str, lanes: list[int], stop: float, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()
+        self,
+        side: Side,
+        road: str,
+        lanes: list[int],
+        stop: float,
+        needs: Sequence[Gate] = (),
+        frees: Sequence[Gate] = (),
     ) -> st.DriveTo:
         """Drive along a road past lanes; hold each lane's place from `HOLD` before it until the tail has left it."""
-        enter = [Gate([side.place(road, n)], side.y(self.layout.lane(n).y, -self.HOLD)) for n in lanes]
-        leave = [Gate([side.place(road, n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes]
+        enter = [
+            Gate([side.place(road, n)], side.y(self.layout.lane(n).y, -self.HOLD)) for n in lanes
+        ]
+        leave = [
+            Gate([side.place(road, n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes
+        ]
         return st.DriveTo(y=stop, needs=[*enter, *needs], frees=[*leave, *frees])
 
     def _north_to_bay(self, lanes: list[int], frees: Sequence[Gate] = ()) -> list[Step]:
-        return [self._along(self.west, "F", lanes, stop=TOP_ROAD, frees=frees), st.Face("EAST"), st.DriveTo(x=self.layout.bay_stop)]
+        return [
+            self._along(self.west, "F", lanes, stop=TOP_ROAD, frees=frees),
+            st.Face("EAST"),
+            st.DriveTo(x=self.layout.bay_stop),
+        ]
 
 
 def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:
     """Let a carrier ask for a lane's place only after the full bin is left there: else it would keep the picker in its row."""
     return [
-        replace(step, needs=[replace(gate, bin=full_bin) if place in gate.places else gate for gate in step.needs])
+        replace(
+            step,
+            needs=[
+                replace(gate, bin=full_bin) if place in gate.places else gate for gate in step.needs
+            ],
+        )
         if isinstance(step, st.DriveTo)
         else step
         for step in approach

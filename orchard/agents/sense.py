@@ -24,7 +24,9 @@ from orchard.field.scenario import TIME_STEP
 
 STOP_DISTANCE = 0.8  # m from the front edge: a robot stops for what is nearer (docs/reference.md, "The behaviours")
 SIDE_MARGIN = 0.2  # m by which the corridor ahead is wider on either side
-UNSURE_MARGIN = 0.03  # m, of a robot that is not sure of its place: 0.25 m from its side stand waiting pickers
+UNSURE_MARGIN = (
+    0.03  # m, of a robot that is not sure of its place: 0.25 m from its side stand waiting pickers
+)
 TURN_MARGIN = 0.05  # m around the area that a turn sweeps
 BACK = 0.2  # m behind it that a robot sees free before it drives back
 _SWEEP_STEP = repeatable.PI / 48  # rad between the poses at which a turn is checked
@@ -72,16 +74,25 @@ def back_is_free(seen: Observation) -> bool:
     """Whether nothing that the lasers of robot and bin see is right behind. A robot without a bin sees nothing there."""
     points, boxes = _around(seen, [])
     ahead, aside = points[:, 0], np.abs(points[:, 1])
-    return not any((_gaps(ahead + BACK, aside, box) < np.minimum(TURN_MARGIN, _gaps(ahead, aside, box))).any() for box in boxes)
+    return not any(
+        (_gaps(ahead + BACK, aside, box) < np.minimum(TURN_MARGIN, _gaps(ahead, aside, box))).any()
+        for box in boxes
+    )
 
 
-def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[tuple[float, float, float]]]:
+def _around(
+    seen: Observation, blind_to: list[Box]
+) -> tuple[np.ndarray, list[tuple[float, float, float]]]:
     """The returns that a turn could reach, (m, 2), and the boxes of robot and bin: x of the centre, half length, half width."""
     kind = KINDS[kind_of(seen.name)]
     boxes = [(0.0, kind.length / 2, kind.width / 2)]
     if seen.hitch is not None and kind.tows:
         boxes.append((-kind.tows, _BIN_HALF, _BIN_HALF))
-    points = _not_on(_points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0), seen.pose, blind_to)
+    points = _not_on(
+        _points_around(seen, kind, max(-x + half for x, half, _ in boxes) + 1.0),
+        seen.pose,
+        blind_to,
+    )
     reach = _reach(kind, len(boxes) > 1)
     return points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach], boxes
 
@@ -164,7 +175,11 @@ def free_directions(seen: Observation, reach: float, count: int = 13) -> list[fl
     kind = KINDS[kind_of(seen.name)]
     points = _returns(seen.scan, kind.laser, seen.scan < reach + kind.width)
     angles = [repeatable.PI * (i / (count - 1) - 0.5) for i in range(count)]
-    return [angle for angle in angles if not _in_path(points, angle, kind.width / 2 + SIDE_MARGIN, reach)]
+    return [
+        angle
+        for angle in angles
+        if not _in_path(points, angle, kind.width / 2 + SIDE_MARGIN, reach)
+    ]
 
 
 def _in_path(points: np.ndarray, angle: float, half_width: float, reach: float) -> bool:
@@ -194,15 +209,23 @@ class Sighting(NamedTuple):
 
 
 def bystanders_of(layout: Layout) -> tuple[Bystander, ...]:
-    return tuple(Bystander(s.name, KINDS[s.kind].speed, KINDS[s.kind].radius) for s in layout.starts if s.kind in PEOPLE + ANIMALS)
+    return tuple(
+        Bystander(s.name, KINDS[s.kind].speed, KINDS[s.kind].radius)
+        for s in layout.starts
+        if s.kind in PEOPLE + ANIMALS
+    )
 
 
 def sweep_radius(kind: Kind, towing: bool) -> float:
     """Return the distance from a robot's centre to the furthest corner of the robot, or of its bin, m."""
-    return math.sqrt((kind.tows + _BIN_HALF) ** 2 + _BIN_HALF * _BIN_HALF) if towing else kind.radius
+    return (
+        math.sqrt((kind.tows + _BIN_HALF) ** 2 + _BIN_HALF * _BIN_HALF) if towing else kind.radius
+    )
 
 
-def time_to_reach(bystander: Bystander, sighting: Sighting | None, tick: int, x: float, y: float, radius: float) -> float:
+def time_to_reach(
+    bystander: Bystander, sighting: Sighting | None, tick: int, x: float, y: float, radius: float
+) -> float:
     """Return the time until a bystander may touch a circle, s from now; negative if it may touch the circle already."""
     if sighting is None:
         return -math.inf
@@ -221,9 +244,23 @@ class Doubts(NamedTuple):
     ticks: int  # for which both lists stay empty, at least; 0 if they are not, or if one has not answered
 
 
-def doubts(bystanders: tuple[Bystander, ...], sighted: Mapping[str, Sighting], tick: int, x: float, y: float, radius: float) -> Doubts:
+def doubts(
+    bystanders: tuple[Bystander, ...],
+    sighted: Mapping[str, Sighting],
+    tick: int,
+    x: float,
+    y: float,
+    radius: float,
+) -> Doubts:
     """Return what is known of the bystanders around a circle, m."""
-    left = {one.name: time_to_reach(one, sighted.get(one.name), tick, x, y, radius) for one in bystanders}
-    soonest = min((0.0 if math.isinf(time) else time for time in left.values()), default=MOST_HOLD * TIME_STEP)
-    near, to_ask = ([name for name, time in left.items() if time < within] for within in (TIME_STEP, ASK_AHEAD))
+    left = {
+        one.name: time_to_reach(one, sighted.get(one.name), tick, x, y, radius)
+        for one in bystanders
+    }
+    soonest = min(
+        (0.0 if math.isinf(time) else time for time in left.values()), default=MOST_HOLD * TIME_STEP
+    )
+    near, to_ask = (
+        [name for name, time in left.items() if time < within] for within in (TIME_STEP, ASK_AHEAD)
+    )
     return Doubts(near, to_ask, max(0, int((soonest - ASK_AHEAD) / TIME_STEP)))

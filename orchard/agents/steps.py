@@ -12,13 +12,42 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.robot import ASK, EXACT, LITTLE, PATIENCE, SHIFT, SLACK, Gate, PlanExecutor, RobotMemory, Step
+from orchard.agents.robot import (
+    ASK,
+    EXACT,
+    LITTLE,
+    PATIENCE,
+    SHIFT,
+    SLACK,
+    Gate,
+    PlanExecutor,
+    RobotMemory,
+    Step,
+)
 from orchard.agents.sense import Box
 from orchard.contract import messages
 from orchard.contract.agent import MOST_HOLD, State
-from orchard.contract.messages import BinState, CarrierComing, Confirm, EmptyBin, Here, LeftAt, No, StateRequest, Yes
+from orchard.contract.messages import (
+    BinState,
+    CarrierComing,
+    Confirm,
+    EmptyBin,
+    Here,
+    LeftAt,
+    No,
+    StateRequest,
+    Yes,
+)
 from orchard.field import repeatable
-from orchard.field.geometry import HEADINGS, STILL, Pose, Twist, angle_between, nearest_heading, to_frame
+from orchard.field.geometry import (
+    HEADINGS,
+    STILL,
+    Pose,
+    Twist,
+    angle_between,
+    nearest_heading,
+    to_frame,
+)
 from orchard.field.kinds import EIGHTH
 from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.passes import FULL_WITHIN
@@ -36,7 +65,9 @@ BIN_FOLLOWS = 2  # ticks after its robot at which a bin stands
 UNCOUPLE = BIN_FOLLOWS + COUPLE
 TRIES = 5  # ticks for which it tries to couple in one place
 GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
-SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]  # from the first, m
+SEARCH = [
+    (GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)
+]  # from the first, m
 PASSED = 0.5  # m past a gate from which a robot that is not sure of its place takes it to be behind
 LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off
 
@@ -69,8 +100,17 @@ class DriveTo(Step, frozen=True):
         course, axis = robot.course, "y" if self.x is None else "x"
         here, before, target = (getattr(it, axis) for it in (robot.pose, course, self))
         ahead = 1.0 if course.heading in ("EAST", "NORTH") else -1.0
-        robot.free([place for gate in self.frees if ahead * (here - gate.at) > -EXACT for place in gate.places])
-        limit = self._limit(robot, here, min(here, before, key=lambda at: ahead * at), ahead, target)
+        robot.free(
+            [
+                place
+                for gate in self.frees
+                if ahead * (here - gate.at) > -EXACT
+                for place in gate.places
+            ]
+        )
+        limit = self._limit(
+            robot, here, min(here, before, key=lambda at: ahead * at), ahead, target
+        )
         setattr(course, axis, limit)
         left = ahead * (limit - here)
         if robot.comes_back(self.blind_to, self.speed):
@@ -83,7 +123,9 @@ class DriveTo(Step, frozen=True):
         return False
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
-        end = start._replace(x=start.x if self.x is None else self.x, y=start.y if self.y is None else self.y)
+        end = start._replace(
+            x=start.x if self.x is None else self.x, y=start.y if self.y is None else self.y
+        )
         return end, (abs(end.x - start.x) + abs(end.y - start.y)) / self.speed
 
     @property
@@ -95,16 +137,28 @@ class DriveTo(Step, frozen=True):
         if self.speed <= 0.0:
             return 1
         reserved, asks_before = set(robot.memory.reserved), self.asks_before
-        frees = [ahead * (gate.at - here) for gate in self.frees if not reserved.isdisjoint(gate.places)]
-        needs = [ahead * (gate.at - here) - asks_before for gate in self.needs if not reserved.issuperset(gate.places)]
+        frees = [
+            ahead * (gate.at - here) for gate in self.frees if not reserved.isdisjoint(gate.places)
+        ]
+        needs = [
+            ahead * (gate.at - here) - asks_before
+            for gate in self.needs
+            if not reserved.issuperset(gate.places)
+        ]
         rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
-    def _limit(self, robot: PlanExecutor, here: float, past: float, ahead: float, target: float) -> float:
+    def _limit(
+        self, robot: PlanExecutor, here: float, past: float, ahead: float, target: float
+    ) -> float:
         """The target, or the first gate before it with places that are not reserved. `past`: to where it has passed gates."""
         for gate in self.needs:
-            if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.has(gate.places):
-                if ahead * (gate.at - here) < self.asks_before and (not gate.bin or robot.is_left(gate.bin)):
+            if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.has(
+                gate.places
+            ):
+                if ahead * (gate.at - here) < self.asks_before and (
+                    not gate.bin or robot.is_left(gate.bin)
+                ):
                     robot.want(gate.places)
                 return gate.at if ahead * (target - gate.at) > 0 else target
         return target
@@ -160,7 +214,13 @@ class Ahead(Step, frozen=True):
         heading = nearest_heading(robot.pose.yaw)
         sign = 1.0 if heading in ("EAST", "NORTH") else -1.0
         along_x = heading in ("EAST", "WEST")
-        robot.next([DriveTo(x=robot.pose.x + sign * self.metres) if along_x else DriveTo(y=robot.pose.y + sign * self.metres)])
+        robot.next(
+            [
+                DriveTo(x=robot.pose.x + sign * self.metres)
+                if along_x
+                else DriveTo(y=robot.pose.y + sign * self.metres)
+            ]
+        )
         return True
 
 
@@ -173,7 +233,11 @@ class MoveTo(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         east_west = _towards("EAST", "WEST", self.x - robot.pose.x), DriveTo(x=self.x)
         north_south = _towards("NORTH", "SOUTH", self.y - robot.pose.y), DriveTo(y=self.y)
-        legs = [east_west, north_south] if nearest_heading(robot.pose.yaw) in ("EAST", "WEST") else [north_south, east_west]
+        legs = (
+            [east_west, north_south]
+            if nearest_heading(robot.pose.yaw) in ("EAST", "WEST")
+            else [north_south, east_west]
+        )
         robot.next([step for face, drive in legs for step in ((Face(face), drive) if face else ())])
         return True
 
@@ -259,9 +323,15 @@ class Coupling(Step, frozen=True, kw_only=True):
         began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
         if not robot.seen.accuracy or robot.seen.tick - began < TRIES:
             return False
-        tried = (self.tried + 1) % len(SEARCH)  # the error changes slowly: a place that was tried may do later
+        tried = (self.tried + 1) % len(
+            SEARCH
+        )  # the error changes slowly: a place that was tried may do later
         x, y = self.at or (robot.pose.x, robot.pose.y)
-        yaw, (before, _), (left, ahead) = HEADINGS[nearest_heading(robot.pose.yaw)], SEARCH[self.tried], SEARCH[tried]
+        yaw, (before, _), (left, ahead) = (
+            HEADINGS[nearest_heading(robot.pose.yaw)],
+            SEARCH[self.tried],
+            SEARCH[tried],
+        )
         s, c = repeatable.sin_cos(yaw)
         here = Shift(x + c * ahead - s * left, y + s * ahead + c * left)
         aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
@@ -317,7 +387,9 @@ class Announce(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         bin_ = robot.seen.hitch
-        if bin_ is None or robot.seen.tick - robot.memory.since > 2 * PATIENCE:  # a bin that was not told calls when it is left
+        if (
+            bin_ is None or robot.seen.tick - robot.memory.since > 2 * PATIENCE
+        ):  # a bin that was not told calls when it is left
             return True
         return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
 
@@ -356,7 +428,11 @@ class LeaveBin(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         if robot.seen.hitch is None:
             return True
-        robot.memory.full_bin, robot.memory.offered, robot.memory.carrier = robot.seen.hitch.name, "", ""
+        robot.memory.full_bin, robot.memory.offered, robot.memory.carrier = (
+            robot.seen.hitch.name,
+            "",
+            "",
+        )
         robot.uncouple()
         return False
 
@@ -369,7 +445,9 @@ class FetchEmpty(Coupling, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         if not robot.memory.offered:
             answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)
-            robot.memory.carrier = answer.carrier if isinstance(answer, CarrierComing) else robot.memory.carrier
+            robot.memory.carrier = (
+                answer.carrier if isinstance(answer, CarrierComing) else robot.memory.carrier
+            )
             robot.hold()
             return False
         if robot.seen.hitch is None:
@@ -392,19 +470,32 @@ class MayFail(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         memory, drive = robot.memory, cast(DriveTo, robot.memory.plan[1])
-        until, repair = failure(self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair)
+        until, repair = failure(
+            self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair
+        )
         axis = "y" if drive.x is None else "x"
         here = getattr(robot.pose, axis)
         way = getattr(drive, axis) - here
-        needed, sound = abs(way) / drive.speed, max(0.0, until - memory.worked)  # s of work: for the rest of the drive; to the failure
+        needed, sound = (
+            abs(way) / drive.speed,
+            max(0.0, until - memory.worked),
+        )  # s of work: for the rest of the drive; to the failure
         if sound >= needed:
             memory.worked += needed
             return True
         memory.failures, memory.worked = memory.failures + 1, 0.0
         at = here + way * sound / needed
-        needs = [gate for gate in drive.needs if (at - gate.at) * way > 0.0]  # it asks for no place that it does not come to
-        frees = [gate for gate in drive.frees if abs(at - gate.at) > CLEAR_OF_TURNS]  # and keeps what it stands near
-        stand = Say("failed, is repaired", "failed"), Repair(repair), Say(memory.doing, memory.state)
+        needs = [
+            gate for gate in drive.needs if (at - gate.at) * way > 0.0
+        ]  # it asks for no place that it does not come to
+        frees = [
+            gate for gate in drive.frees if abs(at - gate.at) > CLEAR_OF_TURNS
+        ]  # and keeps what it stands near
+        stand = (
+            Say("failed, is repaired", "failed"),
+            Repair(repair),
+            Say(memory.doing, memory.state),
+        )
         robot.next([replace(drive, **{axis: at}, needs=needs, frees=frees), *stand, self])
         return True
 
@@ -423,7 +514,9 @@ class Repair(Step, frozen=True):
 class Unload(Step, frozen=True):
     """For carriers: stand in the bay until the bin, asked every PATIENCE ticks, is no longer full."""
 
-    ticks = -(-(BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1) // PATIENCE) * PATIENCE + ASK
+    ticks = (
+        -(-(BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1) // PATIENCE) * PATIENCE + ASK
+    )
 
     def act(self, robot: PlanExecutor) -> bool:
         answer = robot.ask(robot.seen.hitch.name, StateRequest()) if robot.seen.hitch else None
@@ -519,7 +612,9 @@ def of_known_steps(steps: list[Step], own: Sequence[type[Step]]) -> list[Step]:
     a step of `own` within `Again` or `Confirmed`, which hold built-in steps only."""
     for step in steps:
         if type(step) not in own and type(step).__module__ != __name__:
-            raise TypeError(f"{type(step).__name__} is not in `Steps`, or is within a step that holds built-in steps only")
+            raise TypeError(
+                f"{type(step).__name__} is not in `Steps`, or is within a step that holds built-in steps only"
+            )
         of_known_steps([*getattr(step, "steps", ()), *getattr(step, "otherwise", ())], ())
     return steps
 

@@ -33,6 +33,8 @@ class Tractor:
         self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
-        robot = PlanExecutor(seen, mail, memory or self.Memory(plan=[Realign(), Again(ROUND)]), self.bystanders)
+        robot = PlanExecutor(
+            seen, mail, memory or self.Memory(plan=[Realign(), Again(ROUND)]), self.bystanders
+        )
         robot.follow()
         return robot.finish()

@@ -43,16 +43,28 @@ class Traffic:
         for heard, claim in claims:
             note(table, heard.sender, claim, seen.tick)
         if claims:
-            table.wishes = {name: wish for name, wish in table.wishes.items() if seen.tick - wish.heard <= FORGET}
+            table.wishes = {
+                name: wish
+                for name, wish in table.wishes.items()
+                if seen.tick - wish.heard <= FORGET
+            }
             grant(table)
-        answers: list[tuple[Heard, Answer]] = [(heard, answer(table, heard.sender)) for heard, _ in claims]
+        answers: list[tuple[Heard, Answer]] = [
+            (heard, answer(table, heard.sender)) for heard, _ in claims
+        ]
         doing = f"{sum(map(len, table.reserved.values()))} places reserved"
-        return Action(answers=answers, memory=table, doing=doing, state="resting", hold=Hold(LAST_TICK))
+        return Action(
+            answers=answers, memory=table, doing=doing, state="resting", hold=Hold(LAST_TICK)
+        )
 
 
 def note(table: ReservationTable, name: str, claim: Claim, tick: int) -> None:
     """Enter a robot's claim: places that it neither keeps nor wants become free; it waits for those that it wants."""
-    table.reserved[name] = [place for place in table.reserved.get(name, []) if place in claim.keep or place in claim.want]
+    table.reserved[name] = [
+        place
+        for place in table.reserved.get(name, [])
+        if place in claim.keep or place in claim.want
+    ]
     if not claim.want:
         table.wishes.pop(name, None)
         return
@@ -71,9 +83,14 @@ def grant(table: ReservationTable) -> None:
     taken = set().union(*table.reserved.values())
     for name, wish in sorted(table.wishes.items(), key=lambda item: (item[1].since, item[0])):
         missing = [place for place in wish.places if place not in table.reserved[name]]
-        is_free = taken.isdisjoint(missing) or (wish.beside != "" and not blockers(table, name, wish))
+        is_free = taken.isdisjoint(missing) or (
+            wish.beside != "" and not blockers(table, name, wish)
+        )
         # a robot that only joins its partner need not wait in line: the partner could not leave otherwise
-        if is_free and (waited_for.isdisjoint(missing) or all(wish.beside in owners_of(table, place) for place in missing)):
+        if is_free and (
+            waited_for.isdisjoint(missing)
+            or all(wish.beside in owners_of(table, place) for place in missing)
+        ):
             table.reserved[name] = table.reserved[name] + missing
             taken.update(missing)
             del table.wishes[name]
@@ -84,7 +101,9 @@ def grant(table: ReservationTable) -> None:
 def blockers(table: ReservationTable, name: str, wish: PendingClaim) -> list[str]:
     """Return the robots that have places for which a robot waits."""
     wanted = [owners_of(table, place) for place in wish.places]
-    return sorted({owner for names in wanted if name not in names for owner in names} - {wish.beside})
+    return sorted(
+        {owner for names in wanted if name not in names for owner in names} - {wish.beside}
+    )
 
 
 def is_alone(table: ReservationTable, name: str, place: str) -> bool:
@@ -95,4 +114,8 @@ def answer(table: ReservationTable, name: str) -> Places:
     """Return the answer to a robot: its places, and the robots that are in the way of its claim."""
     reserved, wish = table.reserved[name], table.wishes.get(name)
     in_the_way = (blockers(table, name, wish) or sorted(set(table.wishes) - {name})) if wish else []
-    return Places(held=reserved, blockers=in_the_way, alone=[place for place in reserved if is_alone(table, name, place)])
+    return Places(
+        held=reserved,
+        blockers=in_the_way,
+        alone=[place for place in reserved if is_alone(table, name, place)],
+    )

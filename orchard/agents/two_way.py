@@ -11,7 +11,9 @@ from orchard.field.queue import TOP_ROAD, TWO_WAY
 
 CORNER = "corner/north-east"  # where a full bin that turns west swings over the delivery road
 MERGE = "corner/north-west"  # where the full bins of both sides meet
-CROSSING = "crossing/north-west"  # where deliveries to the west cross the way of the full bins to the bay
+CROSSING = (
+    "crossing/north-west"  # where deliveries to the west cross the way of the full bins to the bay
+)
 
 
 class TwoWay(OneWay):
@@ -33,7 +35,9 @@ class TwoWay(OneWay):
     LINE_HOLD = 3.5  # distance north of a line at which a carrier that comes from the north waits for the line's place
     TOP_CLEAR = 3.7  # distance south of a line at which it has left the place
     EXIT_CLEAR = 3.7  # distance east of the connector at which a carrier that drives straight on has left the line's place there
-    ENTRY_SIGHT = 36.25  # x beyond which a carrier may have to stop for one that stands on the delivery road
+    ENTRY_SIGHT = (
+        36.25  # x beyond which a carrier may have to stop for one that stands on the delivery road
+    )
     ENTRY_HOLD = 36.6  # x at which a carrier waits to turn onto the delivery road
     F_HOLD = 3.85  # distance before a lane, from the south, at which a carrier with a full bin waits while the lane's place is taken
     F_CLEAR = 4.0  # distance north of a lane at which the tail of a full bin has left the place
@@ -55,19 +59,30 @@ class TwoWay(OneWay):
 
     def distance(self, x: float, y: float, lane: int, side: Side) -> float:
         road, south = side.x(self.D_ROAD), y - side.y(self.layout.lane(lane).y, self.STOP)
-        return south + (road - x if side is self.east else self.connector - x + self.connector - road)
+        return south + (
+            road - x if side is self.east else self.connector - x + self.connector - road
+        )
 
     def roads(self) -> list[Road]:
         first, last = self.layout.lane(1).y, self.layout.lanes[-1].y
         d, f = ([side.x(x) for side in (self.west, self.east)] for x in (self.D_ROAD, self.F_ROAD))
         lines = sorted(self.queue.used(self.layout.queue_places))
-        to_west = [(self.connector, lines[-1]), (self.connector, self.D_TOP), (d[0], self.D_TOP), (d[0], last - self.STOP)]
+        to_west = [
+            (self.connector, lines[-1]),
+            (self.connector, self.D_TOP),
+            (d[0], self.D_TOP),
+            (d[0], last - self.STOP),
+        ]
         to_east = [(d[1], lines[-1]), (d[1], last - self.STOP)]
         onward = [[(self.queue.head, y), (d[1], y)] for y in lines]
         full = [(f[1], last), (f[1], self.F_TOP), (f[0], self.F_TOP)]
         to_bay = [(f[0], last), (f[0], TOP_ROAD), (self.queue.head, TOP_ROAD)]
-        columns = [[(side.x(self.WAITING), y) for y in (first, last)] for side in self.sides.values()]
-        roads = [Road("D", points, 1.5) for points in (to_west, to_east, *onward)] + [Road("F", points, 1.5) for points in (full, to_bay)]
+        columns = [
+            [(side.x(self.WAITING), y) for y in (first, last)] for side in self.sides.values()
+        ]
+        roads = [Road("D", points, 1.5) for points in (to_west, to_east, *onward)] + [
+            Road("F", points, 1.5) for points in (full, to_bay)
+        ]
         return [*roads, *(Road("picker", column, 0.0) for column in columns)]
 
     def holds(self) -> list[tuple[str, float, float]]:
@@ -102,7 +117,9 @@ class TwoWay(OneWay):
         passed = [Gate([place], self._exit_clear(side)) for place, _ in exit_]
         onward = [Gate([place], line + self.LINE_HOLD) for place, line in entries[2:]]
         corner = [Gate([side.place("D", 1)], self.CORNER_HOLD), Gate([CORNER], self.CORNER_HOLD)]
-        frees = [Gate([place], line - self.TOP_CLEAR) for place, line in entries] + [Gate([CORNER], self.CORNER_CLEAR)]
+        frees = [Gate([place], line - self.TOP_CLEAR) for place, line in entries] + [
+            Gate([CORNER], self.CORNER_CLEAR)
+        ]
         drive = DriveTo(x=side.x(self.D_ROAD), needs=[*straight, *turn], frees=passed)
         return [drive, Face("SOUTH"), self._deliver(lane, side, [*onward, *corner], frees)]
 
@@ -133,14 +150,21 @@ class TwoWay(OneWay):
         blind = self.at_work(lane, side)
         out: list[Step] = [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face("NORTH", blind)]
         if side is self.west:
-            return [*out, *self._to_bay(self._northward(lane, side), [Gate([MERGE], self.MERGE_HOLD)])]
+            return [
+                *out,
+                *self._to_bay(self._northward(lane, side), [Gate([MERGE], self.MERGE_HOLD)]),
+            ]
         enter, leave = self._northward(lane, side)
         return [
             *out,
             DriveTo(y=self.F_TOP, needs=enter, frees=leave),
             Need([CORNER]),
             Face("WEST"),
-            DriveTo(x=self.west.x(self.F_ROAD), needs=[Gate([MERGE], self.WEST_HOLD)], frees=[Gate([CORNER], side.x(self.BIN_CLEAR))]),
+            DriveTo(
+                x=self.west.x(self.F_ROAD),
+                needs=[Gate([MERGE], self.WEST_HOLD)],
+                frees=[Gate([CORNER], side.x(self.BIN_CLEAR))],
+            ),
             Face("NORTH"),
             *self._to_bay(([], [])),
         ]
@@ -150,13 +174,25 @@ class TwoWay(OneWay):
     def _lines(self, where: str, y: float) -> list[tuple[str, float]]:
         """The places of the line at y and of the lines in use south of it, from north to south, with their y. A single line needs none."""
         lines = self.queue.used(self.layout.queue_places)
-        return [(f"{where}/{lines.index(line) + 1}", line) for line in sorted(lines, reverse=True) if line <= y] if len(lines) > 1 else []
+        return (
+            [
+                (f"{where}/{lines.index(line) + 1}", line)
+                for line in sorted(lines, reverse=True)
+                if line <= y
+            ]
+            if len(lines) > 1
+            else []
+        )
 
-    def _deliver(self, lane: int, side: Side, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()) -> Step:
+    def _deliver(
+        self, lane: int, side: Side, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()
+    ) -> Step:
         """Drive south past lanes to the stop at this one. The first lane's place is among `needs`, or is reserved already."""
         lanes, stop = range(1, lane + 1), side.y(self.layout.lane(lane).y, self.STOP)
         enter = [Gate([side.place("D", n)], self.layout.lane(n).y + self.HOLD) for n in lanes[1:]]
-        leave = [Gate([side.place("D", n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes]
+        leave = [
+            Gate([side.place("D", n)], side.y(self.layout.lane(n).y, self.CLEAR)) for n in lanes
+        ]
         return DriveTo(y=stop, needs=[*needs, *enter], frees=[*leave, *frees])
 
     def _northward(self, lane: int, side: Side) -> tuple[list[Gate], list[Gate]]:
@@ -165,7 +201,9 @@ class TwoWay(OneWay):
         enter = [Gate([place], y - self.F_HOLD) for n, place, y in lanes if n != lane]
         return enter, [Gate([place], y + self.F_CLEAR) for _, place, y in lanes]
 
-    def _to_bay(self, lanes: tuple[list[Gate], list[Gate]], needs: Sequence[Gate] = ()) -> list[Step]:
+    def _to_bay(
+        self, lanes: tuple[list[Gate], list[Gate]], needs: Sequence[Gate] = ()
+    ) -> list[Step]:
         enter, leave = lanes
         crossing = Gate([CROSSING], self.CROSSING_HOLD)
         frees = [Gate([MERGE], self.MERGE_CLEAR), Gate([CROSSING], self.CROSSING_CLEAR)]

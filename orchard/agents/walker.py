@@ -55,9 +55,18 @@ class Person:
 
     def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
         memory = memory or self.Memory(seen.x, seen.y, seen.tick)
-        twist, evading = walk(seen, memory, self.seed, self.kind.speed, self.kind, Twist(x=self.kind.speed))
+        twist, evading = walk(
+            seen, memory, self.seed, self.kind.speed, self.kind, Twist(x=self.kind.speed)
+        )
         hold, doing = hold_of(seen, memory, twist, evading), evading or "walking"
-        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state="driving", hold=hold)
+        return Action(
+            twist=twist,
+            answers=tell_where(seen, mail),
+            memory=memory,
+            doing=doing,
+            state="driving",
+            hold=hold,
+        )
 
 
 class AnimalMemory(WalkerMemory):
@@ -88,9 +97,19 @@ class Animal:
         twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
         doing = evading or ("wandering" if memory.speed >= SLOW else "standing")
         state: State = "resting" if doing == "standing" else "driving"
-        whims = [(mind + 1) * MIND_CHANGES - self.phase, *([memory.turning_until] if seen.tick < memory.turning_until else [])]
+        whims = [
+            (mind + 1) * MIND_CHANGES - self.phase,
+            *([memory.turning_until] if seen.tick < memory.turning_until else []),
+        ]
         hold = hold_of(seen, memory, twist, evading, min(whims))
-        return Action(twist=twist, answers=tell_where(seen, mail), memory=memory, doing=doing, state=state, hold=hold)
+        return Action(
+            twist=twist,
+            answers=tell_where(seen, mail),
+            memory=memory,
+            doing=doing,
+            state=state,
+            hold=hold,
+        )
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
         """Choose a turn to either side at up to 2 pi rad/s, for up to a second, and a speed of up to 3 m/s."""
@@ -102,12 +121,19 @@ class Animal:
 def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
     """Return the walker's answers: its position to robots that ask for it, a refusal to all other requests."""
     here = Position(seen.x, seen.y)
-    return [(heard, here if isinstance(heard.body, Where) else No("I only walk here")) for heard in mail.requests]
+    return [
+        (heard, here if isinstance(heard.body, Where) else No("I only walk here"))
+        for heard in mail.requests
+    ]
 
 
-def walk(seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist) -> tuple[Twist, str]:
+def walk(
+    seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist
+) -> tuple[Twist, str]:
     """Return a walker's velocity, and 'turning away' if something makes it steer, at `speed` m/s, else `whim` and ''."""
-    twist = bump(seen, memory, seed) or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
+    twist = bump(seen, memory, seed) or break_out(
+        seen, memory, seed, min(1.0, kind.speed), kind.turn
+    )
     twist = twist or avoid(seen, memory, speed, kind.turn)
     memory.moving = (twist or whim) != STILL
     return twist or whim, "turning away" if twist else ""
@@ -132,7 +158,9 @@ def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: floa
     return Twist(x=speed, yaw=STEER if is_left_freer(seen.scan, STEER_WITHIN) else -STEER)
 
 
-def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float) -> Twist | None:
+def break_out(
+    seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float
+) -> Twist | None:
     """Return the velocity with which a lingering walker leaves in a free direction; None if it does not linger."""
     if (seen.x - memory.x) ** 2 + (seen.y - memory.y) ** 2 > LINGER**2:
         memory.x, memory.y, memory.since, memory.out = seen.x, seen.y, seen.tick, None
@@ -150,15 +178,23 @@ def break_out(seen: Observation, memory: WalkerMemory, seed: int, speed: float, 
     return Twist(x=speed)
 
 
-def hold_of(seen: Observation, memory: WalkerMemory, twist: Twist, evading: str, until: int = LAST_TICK) -> Hold | None:
+def hold_of(
+    seen: Observation, memory: WalkerMemory, twist: Twist, evading: str, until: int = LAST_TICK
+) -> Hold | None:
     """Return how long a walker keeps its velocity: as long as it does the same. `until`: when its whim ends."""
     if seen.tick < memory.recovers_until:
         return Hold(min(until, memory.recovers_until))
-    until = min(until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist) + 1)
+    until = min(
+        until, memory.since + LINGER_TICKS, seen.tick + ticks_within(seen, memory, twist) + 1
+    )
     if memory.turning:
         return Hold(until, watch=(path(seen, 2 * TURN_WITHIN),))
     if evading:
-        return Hold(until, watch=(path(seen, STEER_WITHIN), path(seen, TURN_WITHIN)), freer_within=STEER_WITHIN)
+        return Hold(
+            until,
+            watch=(path(seen, STEER_WITHIN), path(seen, TURN_WITHIN)),
+            freer_within=STEER_WITHIN,
+        )
     return Hold(until, watch=(path(seen, STEER_WITHIN),))
 
 
@@ -166,7 +202,9 @@ def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:
     """Return the ticks for which a walker surely stays within LINGER of the place where it lingers."""
     dx, dy = seen.x - memory.x, seen.y - memory.y
     room = max(0.0, LINGER - math.sqrt(dx * dx + dy * dy) - SLACK)
-    return int(room / (twist.x * TIME_STEP)) if twist.x * TIME_STEP * MOST_HOLD > room else MOST_HOLD
+    return (
+        int(room / (twist.x * TIME_STEP)) if twist.x * TIME_STEP * MOST_HOLD > room else MOST_HOLD
+    )
 
 
 def way_out(seen: Observation, chance: float) -> float:

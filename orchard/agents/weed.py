@@ -36,7 +36,13 @@ class Weed:
         if moving:
             memory.silhouette = now
         hold = None if moving else Hold(LAST_TICK, still=(AROUND_IT,))
-        return Action(deeds=[Flatten()] if moving else [], memory=memory, doing="growing", state="resting", hold=hold)
+        return Action(
+            deeds=[Flatten()] if moving else [],
+            memory=memory,
+            doing="growing",
+            state="resting",
+            hold=hold,
+        )
 
 
 def silhouette(scan: np.ndarray) -> tuple[int, int]:

@@ -18,15 +18,29 @@ def course_of(history: History, scenario: Scenario, since: float = 0.0) -> Cours
     """Return figures of a run over time, from a moment on, s. `history`: as in the summary, as far as the run has got."""
 
     def points(values: Iterable[float]) -> Points:
-        return [[round(s / 60.0, 2), round(value, 1)] for s, value in zip(history["seconds"], values, strict=True) if s > since]
+        return [
+            [round(s / 60.0, 2), round(value, 1)]
+            for s, value in zip(history["seconds"], values, strict=True)
+            if s > since
+        ]
 
     waited = shares(history, "pickers_waited_seconds", scenario.pickers)
     busy = shares(history, "carriers_busy_seconds", scenario.carrier_count)
-    percent = {WAITING: points(100.0 * share for share in waited), BUSY: points(100.0 * share for share in busy)}
+    percent = {
+        WAITING: points(100.0 * share for share in waited),
+        BUSY: points(100.0 * share for share in busy),
+    }
     return {BINS: points(history["bins_delivered"]), **percent}
 
 
-COLOURS = ["#5a9e54", "#d9822b", "#4a90d9", "#b062c4", "#c9a227", "#d1495b"]  # of the runs, on light and on dark
+COLOURS = [
+    "#5a9e54",
+    "#d9822b",
+    "#4a90d9",
+    "#b062c4",
+    "#c9a227",
+    "#d1495b",
+]  # of the runs, on light and on dark
 INK = "#7d8778"  # of axes and names, on light and on dark
 STEPS = {BINS: "end", WAITING: "", BUSY: ""}  # title of a chart -> the steps of its lines
 
@@ -52,10 +66,21 @@ class Charts:
                     ui.element("div").classes("legend-mark").style(f"background:{colour(number)}")
                     ui.label(name)
         for title, (box, chart) in self._charts.items():
-            lines = enumerate((name, course[title]) for name, course in courses.items())  # numbered as in the legend
-            series = [_line(name, points, STEPS[title], number) for number, (name, points) in lines if points]
+            lines = enumerate(
+                (name, course[title]) for name, course in courses.items()
+            )  # numbered as in the legend
+            series = [
+                _line(name, points, STEPS[title], number)
+                for number, (name, points) in lines
+                if points
+            ]
             box.set_visibility(bool(series))
-            look = {"silent": True, "symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
+            look = {
+                "silent": True,
+                "symbol": "none",
+                "label": {"show": False},
+                "lineStyle": {"color": INK},
+            }
             marked = look | {"data": [{"xAxis": round(at / 60.0, 2)} for at in marks]}
             chart.options["series"] = [*series, {"type": "line", "data": [], "markLine": marked}]
             chart.update()
@@ -69,7 +94,11 @@ def _chart(title: str) -> tuple[ui.element, ui.echart]:
     with ui.element("figure").classes("chart") as box:
         with ui.element("figcaption"):
             ui.label(title)
-        chart = ui.echart(_options()).props(f'role=img aria-label="{title}, over simulated minutes"').classes("chart-area")
+        chart = (
+            ui.echart(_options())
+            .props(f'role=img aria-label="{title}, over simulated minutes"')
+            .classes("chart-area")
+        )
     box.set_visibility(False)
     return box, chart
 
@@ -77,7 +106,13 @@ def _chart(title: str) -> tuple[ui.element, ui.echart]:
 def _options() -> dict[str, Any]:
     ink = {"color": INK}
     axis = {"type": "value", "axisLabel": ink, "splitLine": {"lineStyle": ink | {"opacity": 0.25}}}
-    along = {"name": "min", "nameLocation": "middle", "nameGap": 22, "nameTextStyle": ink, "splitLine": {"show": False}}
+    along = {
+        "name": "min",
+        "nameLocation": "middle",
+        "nameGap": 22,
+        "nameTextStyle": ink,
+        "splitLine": {"show": False},
+    }
     return {
         "animation": False,
         "grid": {"left": 38, "right": 14, "top": 14, "bottom": 38},

@@ -34,7 +34,13 @@ class RunState(StrEnum):
         return self not in (RunState.running, RunState.stopping)
 
 
-STATE_COLOURS = {"running": "primary", "stopping": "warning", "finished": "positive", "stopped": "warning", "failed": "negative"}
+STATE_COLOURS = {
+    "running": "primary",
+    "stopping": "warning",
+    "finished": "positive",
+    "stopped": "warning",
+    "failed": "negative",
+}
 
 
 class Files:
@@ -141,11 +147,22 @@ def _open(line: list[str], folder: Path) -> subprocess.Popen[str]:
 
     It inherits a blocked SIGINT, which it unblocks: Python would lose a SIGINT while it loads `site`.
     """
-    null, pipe, wide = subprocess.DEVNULL, subprocess.PIPE, os.environ | {"COLUMNS": "200", RUNS: str(folder)}
+    null, pipe, wide = (
+        subprocess.DEVNULL,
+        subprocess.PIPE,
+        os.environ | {"COLUMNS": "200", RUNS: str(folder)},
+    )
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return subprocess.Popen(
-            line, env=wide, stdin=null, stdout=pipe, stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True
+            line,
+            env=wide,
+            stdin=null,
+            stdout=pipe,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
         )
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -138,7 +138,9 @@ def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, En
             limits = {type(limit).__name__: limit for limit in field.metadata}
             low, high = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else (-inf, inf)
             choices = tuple(map(str, field.examples or ()))
-            found[path] = Entry(path, field.description or "", kinds[0], type(None) in kinds, low, high, choices)
+            found[path] = Entry(
+                path, field.description or "", kinds[0], type(None) in kinds, low, high, choices
+            )
     return found
 
 
@@ -163,7 +165,9 @@ def title_of(scenario: Scenario) -> str:
     default, values = flat(Scenario()), flat(scenario)
     carriers = counted("carriers", scenario.carrier_count)
     size = f"{scenario.rows} rows, {scenario.pickers} pickers, {carriers}, seed {scenario.seed}"
-    other = [path for path, value in values.items() if path not in IN_TITLE and value != default[path]]
+    other = [
+        path for path, value in values.items() if path not in IN_TITLE and value != default[path]
+    ]
     more = [f"{_inner(entries()[path].label)} {words_of(path, values[path])}" for path in other]
     surveyed = ["surveyed rows"] if scenario.survey else []
     return ", ".join([size, *more, *surveyed, *(["own classes"] if scenario.own_classes else [])])
@@ -184,17 +188,29 @@ class Draft:
         self._check()
 
     def enter(self, values: Mapping[str, Any]) -> None:
-        self.values = {**self.values, **{path: _typed(path, value) for path, value in values.items()}}  # copies share the old ones
+        self.values = {
+            **self.values,
+            **{path: _typed(path, value) for path, value in values.items()},
+        }  # copies share the old ones
         self._check()
 
     @property
     def classes(self) -> dict[str, str]:
         """The user's own classes and functions, by the key of the scenario or the agent that names them."""
-        return {key: path for key, path in self._base.own_classes.items() if self.values.get(key, path) == path}
+        return {
+            key: path
+            for key, path in self._base.own_classes.items()
+            if self.values.get(key, path) == path
+        }
 
     def drop_classes(self) -> None:
-        self.values = {**self.values, **{path: getattr(Scenario(), path) for path in CHOICES if path in self.classes}}
-        self._base = self._base.model_copy(update={path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)})
+        self.values = {
+            **self.values,
+            **{path: getattr(Scenario(), path) for path in CHOICES if path in self.classes},
+        }
+        self._base = self._base.model_copy(
+            update={path: getattr(Scenario(), path) for path in (*AGENTS, *CHOICES)}
+        )
         self._check()
 
     def _check(self) -> None:
@@ -206,7 +222,10 @@ class Draft:
             if self.classes:
                 check_plugins(lay_out(scenario))
         except ScenarioError as error:
-            self.problems = {path: words + hint(self.values.get(path)) for path, words in _by_field(error.problems).items()}
+            self.problems = {
+                path: words + hint(self.values.get(path))
+                for path, words in _by_field(error.problems).items()
+            }
         except ValueError as error:
             self.problems = {"agents": str(error)}
         else:
@@ -235,7 +254,9 @@ def _by_field(problems: list[Problem]) -> dict[str, str]:
     for problem in problems:
         paths = problem.path.split(", ")
         words = f"{problem.what}: {problem.text}" if len(paths) > 1 else problem.text
-        messages |= {path: f"{messages[path]}; {words}" if path in messages else words for path in paths}
+        messages |= {
+            path: f"{messages[path]}; {words}" if path in messages else words for path in paths
+        }
     return messages
 
 
@@ -245,11 +266,23 @@ ON_OFF = {"true": True, "false": False}
 def query_of(scenario: Scenario) -> str:
     """Return the query for a scenario: what differs from the default, but own classes and a survey."""
     default, own = flat(Scenario()), scenario.own_classes
-    return urlencode({path: _words(value) for path, value in flat(scenario).items() if value != default[path] and path not in own})
+    return urlencode(
+        {
+            path: _words(value)
+            for path, value in flat(scenario).items()
+            if value != default[path] and path not in own
+        }
+    )
 
 
 def _words(value: Any) -> str:
-    return value if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else shown(value)
+    return (
+        value
+        if isinstance(value, str)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else shown(value)
+    )
 
 
 def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:
@@ -260,6 +293,8 @@ def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:
             values[path] = ON_OFF.get(text, text) if entries()[path].kind is bool else text
         else:
             close = get_close_matches(path, entries(), 1)
-            unknown.append(f"{path}: no such setting" + (f"; did you mean {close[0]}?" if close else ""))
+            unknown.append(
+                f"{path}: no such setting" + (f"; did you mean {close[0]}?" if close else "")
+            )
     draft.enter(values)
     return draft, unknown

@@ -21,7 +21,9 @@ def note(props: str, classes: str = "field-problem") -> ui.label:
     return label.bind_visibility_from(label, "text", backward=bool)
 
 
-def button(words: str, act: Callable[..., Any], action: str, icon: str | None = None, props: str = "flat") -> ui.button:
+def button(
+    words: str, act: Callable[..., Any], action: str, icon: str | None = None, props: str = "flat"
+) -> ui.button:
     """Return a button with its words as they are. `action`: its name for tests."""
     return ui.button(words, icon=icon, on_click=act).props(f"{props} no-caps data-action={action}")
 
@@ -29,7 +31,14 @@ def button(words: str, act: Callable[..., Any], action: str, icon: str | None = 
 class StartAndStop:
     """Two buttons in one place: one starts a command; while it goes on, its fields are locked, and the other one stops it."""
 
-    def __init__(self, commands: Latest[Any], fields: ui.element, words: str, start: Callable[..., Any], actions: tuple[str, str]) -> None:
+    def __init__(
+        self,
+        commands: Latest[Any],
+        fields: ui.element,
+        words: str,
+        start: Callable[..., Any],
+        actions: tuple[str, str],
+    ) -> None:
         self._commands, self._fields = commands, fields
         self._start = button(words, start, actions[0], "play_arrow", "unelevated")
         self._stop = button("Stop", commands.stop, actions[1], "stop", "unelevated color=negative")
@@ -44,10 +53,18 @@ class StartAndStop:
         self._stop.set_enabled(going is not None and not going.asked_to_stop)
 
 
-def several(names: list[str], chosen: list[str], field: str, label: str, act: Callable[..., Any] | None = None) -> ui.select:
+def several(
+    names: list[str],
+    chosen: list[str],
+    field: str,
+    label: str,
+    act: Callable[..., Any] | None = None,
+) -> ui.select:
     """Return a choice of any number of names. `field`: its name for tests."""
     some = ui.select(names, value=chosen, multiple=True, on_change=act).classes("several")
-    return some.props(f'dense outlined options-dense display-value-html=false data-field={field} aria-label="{label}"')
+    return some.props(
+        f'dense outlined options-dense display-value-html=false data-field={field} aria-label="{label}"'
+    )
 
 
 @contextmanager
@@ -61,7 +78,11 @@ def dialog(title: str, lines: Iterable[str] = (), view: str = "complaint") -> It
         yield opened
 
 
-def table(lines: Iterable[Sequence[str]], head: Sequence[str] = (), act: Callable[[int], Any] | None = None) -> None:
+def table(
+    lines: Iterable[Sequence[str]],
+    head: Sequence[str] = (),
+    act: Callable[[int], Any] | None = None,
+) -> None:
     """Add a table: lines whose first cells are names, under a head. `act(number)` adds buttons to a line."""
     with ui.element("table"):
         if head:

@@ -27,11 +27,21 @@ class Control:
                 ui.label(entry.label).classes("field-label")
                 ui.label(entry.limits).classes("field-limits")
             with ui.element("div").classes("field-body"):
-                self._value: Any = self._switch() if entry.kind is bool else self._choice() if entry.choices else self._number()
+                self._value: Any = (
+                    self._switch()
+                    if entry.kind is bool
+                    else self._choice()
+                    if entry.choices
+                    else self._number()
+                )
                 self._value.props(f'data-field={name} aria-label="{entry.label}"')
             if entry.optional:
-                self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes("field-more")
-                self._automatic.props(f'dense size=sm data-field={name}-automatic aria-label="{entry.label}: {entry.none}"')
+                self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes(
+                    "field-more"
+                )
+                self._automatic.props(
+                    f'dense size=sm data-field={name}-automatic aria-label="{entry.label}: {entry.none}"'
+                )
             self._problem = note(f"data-problem={name} role=alert")
             self._meaning = note(f"data-meaning={name}", "field-mark")
             self._mark = note(f"data-mark={name}", "field-mark")
@@ -41,14 +51,22 @@ class Control:
         return ui.switch(on_change=self._entered).props("dense")
 
     def _choice(self) -> ui.select:
-        return ui.select([*self.entry.choices], on_change=self._entered).classes("grow").props("dense outlined options-dense")
+        return (
+            ui.select([*self.entry.choices], on_change=self._entered)
+            .classes("grow")
+            .props("dense outlined options-dense")
+        )
 
     def _number(self) -> ui.input:
         entry = self.entry
         if entry.has_slider:
-            self._slider = ui.slider(min=entry.low, max=entry.high, step=entry.step, value=entry.low).classes("grow")
+            self._slider = ui.slider(
+                min=entry.low, max=entry.high, step=entry.step, value=entry.low
+            ).classes("grow")
             self._slider.props(f'aria-label="{entry.label}"')
-            self._slider.on("update:model-value", lambda event: self.show(event.args), throttle=0.05)
+            self._slider.on(
+                "update:model-value", lambda event: self.show(event.args), throttle=0.05
+            )
         text = ui.input(on_change=self._entered).classes("number" if entry.has_slider else "grow")
         return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
 
@@ -91,17 +109,42 @@ class Control:
 GROUPS = {
     "Orchard": ("rows", "row_length", "bins_per_row", "row_width", "seed"),
     "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
-    "Picking": ("picking.spread.distribution", "picking.spread.cv", "picking.failure.mean_between", "picking.failure.mean_repair"),
+    "Picking": (
+        "picking.spread.distribution",
+        "picking.spread.cv",
+        "picking.failure.mean_between",
+        "picking.failure.mean_repair",
+    ),
     "Carriers": (
-        *("carrying.failure.mean_between", "carrying.failure.mean_repair", "chargers", "carrying.battery.hours"),
-        *("carrying.battery.standing", "carrying.battery.hours_to_charge", "carrying.battery.reserve"),
+        *(
+            "carrying.failure.mean_between",
+            "carrying.failure.mean_repair",
+            "chargers",
+            "carrying.battery.hours",
+        ),
+        *(
+            "carrying.battery.standing",
+            "carrying.battery.hours_to_charge",
+            "carrying.battery.reserve",
+        ),
     ),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
-    "Prices": ("prices.picker_per_hour", "prices.carrier_per_hour", "prices.overhead_per_hour", "prices.per_bin"),
+    "Prices": (
+        "prices.picker_per_hour",
+        "prices.carrier_per_hour",
+        "prices.overhead_per_hour",
+        "prices.per_bin",
+    ),
 }
 FOR_EXPERTS = {
-    "Fruit and speed": ("metres_per_bin", "crop.tonnes_per_hectare", "crop.kilograms_per_bin", "order_in_row", "picking_speed"),
+    "Fruit and speed": (
+        "metres_per_bin",
+        "crop.tonnes_per_hectare",
+        "crop.kilograms_per_bin",
+        "order_in_row",
+        "picking_speed",
+    ),
     "Sensors": (
         *("laser.noise", "sensors.gnss.white", "sensors.gnss.bias", "sensors.gnss.bias_time"),
         *("sensors.odometry.distance", "sensors.odometry.heading"),
@@ -117,13 +160,19 @@ class Form:
         self._draft = draft
         self._controls: dict[str, Control] = {}
         self._add(GROUPS)
-        with ui.expansion("For experts").classes("experts").props("data-view=experts") as self._experts:
+        with (
+            ui.expansion("For experts")
+            .classes("experts")
+            .props("data-view=experts") as self._experts
+        ):
             self._add(FOR_EXPERTS)
             self._add({"More": tuple(path for path in entries() if path not in self._controls)})
         with _group("Own classes") as self._classes:
             self._names = ui.label().classes("classes").props("data-view=classes")
             self._problem = note("data-problem=agents role=alert")
-            button("Use the built-in classes", draft.drop_classes, "drop-classes", props="flat dense")
+            button(
+                "Use the built-in classes", draft.drop_classes, "drop-classes", props="flat dense"
+            )
         self._classes.set_visibility(False)
 
     def _add(self, groups: Mapping[str, Sequence[str]]) -> None:
@@ -138,7 +187,13 @@ class Form:
     def follow(self, running: Scenario | None) -> None:
         """Show what is wrong, what the program has chosen, and how the scenario that runs differs."""
         draft = self._draft
-        other = {} if running is None else {path: value for path, value in flat(running).items() if value != draft.values[path]}
+        other = (
+            {}
+            if running is None
+            else {
+                path: value for path, value in flat(running).items() if value != draft.values[path]
+            }
+        )
         for path, control in self._controls.items():
             control.complain(draft.problems.get(path, ""))
             control.mark(words_of(path, other[path]) if path in other else "")
@@ -146,8 +201,12 @@ class Form:
             chosen = draft.scenario.chosen
             for path, number in chosen.items():
                 self._controls[path].show_chosen(number)
-            self._controls["bins_per_row"].explain(f"a bin fills in {chosen['metres_per_bin']:.{FIGURES}g} m of row")
-            self._controls["picking_rate"].explain(f"a picker goes {chosen['picking_speed']:.{FIGURES}g} m/s")
+            self._controls["bins_per_row"].explain(
+                f"a bin fills in {chosen['metres_per_bin']:.{FIGURES}g} m of row"
+            )
+            self._controls["picking_rate"].explain(
+                f"a picker goes {chosen['picking_speed']:.{FIGURES}g} m/s"
+            )
         if any(path not in _BASIC for path in draft.problems):
             self._experts.open()
         self._classes.set_visibility(bool(draft.classes))

@@ -51,15 +51,23 @@ class RunSettings:
 
     @cached_property
     def problems(self) -> dict[str, str]:
-        clock = "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
+        clock = (
+            "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
+        )
         told = {
-            "speed": "" if self.is_fastest else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}"),
-            "duration": number_problem(self.duration, DURATIONS, also="; empty: the whole harvest") if self.duration.strip() else "",
+            "speed": ""
+            if self.is_fastest
+            else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}"),
+            "duration": number_problem(self.duration, DURATIONS, also="; empty: the whole harvest")
+            if self.duration.strip()
+            else "",
         }
         return {name: words for name, words in told.items() if words}
 
 
-def command(settings: RunSettings, files: Files, web_port: int, fork: Fork | None = None) -> list[str]:
+def command(
+    settings: RunSettings, files: Files, web_port: int, fork: Fork | None = None
+) -> list[str]:
     """Return the command line of a run. The live picture is at `web_port`, its data at the next port."""
     what = [str(files.scenario)] if fork is None else ["fork", *fork.words]
     speed = "max" if settings.is_fastest else shown(float(settings.speed))
@@ -67,7 +75,19 @@ def command(settings: RunSettings, files: Files, web_port: int, fork: Fork | Non
     live = ["--web", str(web_port)] if settings.live else []
     where = ["--record", str(files.recording), "--summary", str(files.summary)]
     program = [sys.executable, "-u", "-P", "-m", "orchard"]
-    return [*program, *what, "--mode", settings.mode, "--progress", "json", "--speed", speed, *duration, *live, *where]
+    return [
+        *program,
+        *what,
+        "--mode",
+        settings.mode,
+        "--progress",
+        "json",
+        "--speed",
+        speed,
+        *duration,
+        *live,
+        *where,
+    ]
 
 
 FASTEST = 50  # x real time, the maximum of the slider; the text field accepts more
@@ -83,7 +103,9 @@ class RunControls:
             self._build_mode()
             self._build_speed()
             self._build_duration()
-            ui.switch("Live picture", value=last.live, on_change=self._enters("live")).props("dense data-field=live")
+            ui.switch("Live picture", value=last.live, on_change=self._enters("live")).props(
+                "dense data-field=live"
+            )
         self._update()
 
     # -- layout
@@ -95,27 +117,54 @@ class RunControls:
 
     def _build_speed(self) -> None:
         with self._setting("Speed", "speed"):
-            self._slider = ui.slider(min=1, max=FASTEST, step=1, value=1).classes("speed-slider").props("aria-label=Speed")
-            self._speed = ui.input(value=self.settings.speed, suffix="x", on_change=self._enters("speed")).classes("number")
-            self._speed.props("dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure")
+            self._slider = (
+                ui.slider(min=1, max=FASTEST, step=1, value=1)
+                .classes("speed-slider")
+                .props("aria-label=Speed")
+            )
+            self._speed = ui.input(
+                value=self.settings.speed, suffix="x", on_change=self._enters("speed")
+            ).classes("number")
+            self._speed.props(
+                "dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure"
+            )
             self._speed.props(f'title="times real time, {span(SPEEDS)}"')
-            self._slider.on("update:model-value", lambda event: self._speed.set_value(shown(event.args)), throttle=0.05)
-            self._fastest = ui.checkbox("fastest", value=self.settings.is_fastest, on_change=self._enters("as_fast_as_it_goes"))
+            self._slider.on(
+                "update:model-value",
+                lambda event: self._speed.set_value(shown(event.args)),
+                throttle=0.05,
+            )
+            self._fastest = ui.checkbox(
+                "fastest",
+                value=self.settings.is_fastest,
+                on_change=self._enters("as_fast_as_it_goes"),
+            )
             self._fastest.props("dense data-field=fastest")
             self._fastest.props('title="as fast as this machine can"')
 
     def _build_duration(self) -> None:
         with self._setting("End after", "duration"):
-            duration = ui.input(value=self.settings.duration, placeholder="all rows", suffix="s", on_change=self._enters("duration"))
-            duration.props("dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure")
-            duration.props(f'aria-label="End after" title="simulated seconds, {span(DURATIONS)}; empty: the whole harvest"')
+            duration = ui.input(
+                value=self.settings.duration,
+                placeholder="all rows",
+                suffix="s",
+                on_change=self._enters("duration"),
+            )
+            duration.props(
+                "dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure"
+            )
+            duration.props(
+                f'aria-label="End after" title="simulated seconds, {span(DURATIONS)}; empty: the whole harvest"'
+            )
             duration.classes("number wide")
 
     def _setting(self, name: str, path: str) -> ui.element:
         with ui.element("div").classes("wish"):
             ui.label(name).classes("field-label")
             place = ui.element("div").classes("wish-body")
-            self._problems[path] = ui.label().classes("wish-words").props(f"data-problem={path} role=status")
+            self._problems[path] = (
+                ui.label().classes("wish-words").props(f"data-problem={path} role=status")
+            )
         return place
 
     # -- user actions
@@ -135,7 +184,11 @@ class RunControls:
             element.set_enabled(not settings.is_fastest)
         if not isinstance(speed := number_of(settings.speed), str):
             self._slider.set_value(min(max(speed, 1), FASTEST))
-        clock = "the wall clock sets the pace; fastest is not available" if settings.is_by_the_clock else ""
+        clock = (
+            "the wall clock sets the pace; fastest is not available"
+            if settings.is_by_the_clock
+            else ""
+        )
         notes = {"mode": MODES[settings.mode], "speed": clock}
         for path, label in self._problems.items():
             problem = settings.problems.get(path, "")
@@ -146,12 +199,16 @@ class RunControls:
 class Run(PageCommand):
     """One run, perhaps a fork of another one."""
 
-    def __init__(self, scenario: Scenario, settings: RunSettings, files: Files, fork: Fork | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, settings: RunSettings, files: Files, fork: Fork | None = None
+    ) -> None:
         self.settings, self.fork = settings, fork
         self.picture = Picture(scenario, files)
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
-        self._course = {name: [*fork.history[name]] if fork else [] for name in SAMPLED}  # and what the lines of progress say
+        self._course = {
+            name: [*fork.history[name]] if fork else [] for name in SAMPLED
+        }  # and what the lines of progress say
         super().__init__(scenario, files, command(settings, files, self.picture.port, fork))
 
     def words_of(self, line: str) -> str | None:
@@ -179,7 +236,9 @@ class Run(PageCommand):
     def course(self) -> Course:
         known = self._course if self.summary is None else self.summary["history"]
         since = self.fork.seconds if self.fork else 0.0
-        return course_of({name: list(values) for name, values in known.items()}, self.scenario, since)
+        return course_of(
+            {name: list(values) for name, values in known.items()}, self.scenario, since
+        )
 
     @property
     def is_complete(self) -> bool:

@@ -25,11 +25,13 @@ from orchard.field.yaml_file import LARGEST_FILE
 
 STYLE = Path(__file__).with_name("style.css")
 REDRAW_SECONDS = 0.1  # s between two checks for changed input
-PATIENCE = 30.0  # s that a browser may be too busy to answer, for example while it loads the Rerun viewer
+# s that a browser may be too busy to answer, for example while it loads the Rerun viewer
+PATIENCE = 30.0
 WATCH_SECONDS = 0.3  # s between two updates of the run
 NOT_OPENED = "This file was not opened"
 FIRST = (
-    "Choose a scenario at the top, change what you like, and press Run. Watch the harvest under Picture; Summary tells how well it went."
+    "Choose a scenario at the top, change what you like, and press Run. "
+    "Watch the harvest under Picture; Summary tells how well it went."
 )
 
 
@@ -38,7 +40,9 @@ class Page:
 
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
         self.runs, self.studies, self.desk, self.draft = runs, studies, desk, copy(desk.draft)
-        self._drawn: tuple[Any, ...] = ()  # what was entered, and the run that went on, when the page was drawn last
+        self._drawn: tuple[
+            Any, ...
+        ] = ()  # what was entered, and the run that went on, when the page was drawn last
         self._seen: tuple[Run, bool] | None = None  # the run on the stage, and whether it was over
         self._build()
         self.form.show()
@@ -57,34 +61,63 @@ class Page:
             self._build_files()
         with ui.element("div").classes("page"):
             self._build_run()
-            with ui.element("section").classes("form").props('aria-label="Settings of the orchard"'):
+            with (
+                ui.element("section").classes("form").props('aria-label="Settings of the orchard"')
+            ):
                 self.form = Form(self.draft)
             with ui.element("div").classes("middle"):
-                self.stage = Stage(self.runs.folder, self.studies, self.desk, lambda: self.draft.scenario, self._offer, self._go_on)
-                with ui.element("section").classes("figures").props('aria-label="Figures before the run"'):
+                self.stage = Stage(
+                    self.runs.folder,
+                    self.studies,
+                    self.desk,
+                    lambda: self.draft.scenario,
+                    self._offer,
+                    self._go_on,
+                )
+                with (
+                    ui.element("section")
+                    .classes("figures")
+                    .props('aria-label="Figures before the run"')
+                ):
                     self.figures = FiguresView()
 
     def _build_files(self) -> None:
         for file, scenario in shipped().items():
             name = "default" if file == DEFAULT else file
             words = name.replace("_", " ").capitalize()
-            ui.button(words, on_click=partial(self._take, scenario)).props(f"flat no-caps data-preset={name}")
+            ui.button(words, on_click=partial(self._take, scenario)).props(
+                f"flat no-caps data-preset={name}"
+            )
         ui.element("div").classes("divider")
         limit = 10 * LARGEST_FILE  # bytes; above LARGEST_FILE, `parse` reports a file that is read
-        too_large = partial(complain, NOT_OPENED, ["The file is too large for a scenario, or it is not a .yaml file."])
-        self._upload = ui.upload(on_upload=self._open, on_rejected=too_large, max_file_size=limit, auto_upload=True)
+        too_large = partial(
+            complain,
+            NOT_OPENED,
+            ["The file is too large for a scenario, or it is not a .yaml file."],
+        )
+        self._upload = ui.upload(
+            on_upload=self._open, on_rejected=too_large, max_file_size=limit, auto_upload=True
+        )
         self._upload.props("accept=.yaml,.yml").classes("hidden")
         button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")
         self._save = button("Save", self._download, "save", "download")
         self._link = button("Link", self._show_link, "link", "link")
         button("How many carriers?", self._ask_how_many, "how-many", "query_stats")
-        button("", self._turn_dark, "dark", "contrast").props('aria-label="Dark or light" title="Dark or light"')
+        button("", self._turn_dark, "dark", "contrast").props(
+            'aria-label="Dark or light" title="Dark or light"'
+        )
 
     def _build_run(self) -> None:
         with ui.element("section").classes("run-card").props('aria-label="The run"'):
             with ui.element("div").classes("wishes-and-run"):
                 self.wishes = RunControls(self.desk.settings)
-                self.buttons = StartAndStop(self.runs, self.wishes.box, "Run", lambda: self._start(self.draft.scenario), ("run", "stop"))
+                self.buttons = StartAndStop(
+                    self.runs,
+                    self.wishes.box,
+                    "Run",
+                    lambda: self._start(self.draft.scenario),
+                    ("run", "stop"),
+                )
             self.first = ui.label(FIRST).classes("figure-line").props("data-view=first")
             self.trouble = note("data-view=trouble role=alert")
             self.progress = ProgressView()
@@ -124,21 +157,40 @@ class Page:
     async def _show_link(self) -> None:
         if self.draft.scenario is not None:
             here = await ui.run_javascript("location.origin + location.pathname", timeout=PATIENCE)
-            lacks = ["Your own classes are not in the link, because they are code."] if self.draft.classes else []
-            lacks += ["The surveyed rows are not in the link: it opens rows that are alike."] if self.draft.scenario.survey else []
-            link, words = f"{here}?{query_of(self.draft.scenario)}", [f"{one} A file holds them: Save." for one in lacks]
+            lacks = (
+                ["Your own classes are not in the link, because they are code."]
+                if self.draft.classes
+                else []
+            )
+            lacks += (
+                ["The surveyed rows are not in the link: it opens rows that are alike."]
+                if self.draft.scenario.survey
+                else []
+            )
+            link, words = (
+                f"{here}?{query_of(self.draft.scenario)}",
+                [f"{one} A file holds them: Save." for one in lacks],
+            )
             with dialog("A link to this orchard", words, "link-dialog"):
-                ui.input(value=link).props('readonly outlined dense data-view=link aria-label="Link"').classes("w-full")
-                button("Copy", lambda: ui.clipboard.write(link), "copy", props="unelevated").classes("self-end")
+                ui.input(value=link).props(
+                    'readonly outlined dense data-view=link aria-label="Link"'
+                ).classes("w-full")
+                button(
+                    "Copy", lambda: ui.clipboard.write(link), "copy", props="unelevated"
+                ).classes("self-end")
 
     def _ask_how_many(self) -> None:
         """Turn to the study; on a phone it lies below the form."""
         self.stage.turn_to_study()
-        ui.run_javascript("setTimeout(() => document.querySelector('.stage').scrollIntoView(), 100)")
+        ui.run_javascript(
+            "setTimeout(() => document.querySelector('.stage').scrollIntoView(), 100)"
+        )
 
     async def _turn_dark(self) -> None:
         """Turn to dark, or back to light. At first it is as the browser prefers."""
-        self.desk.dark = not await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=PATIENCE)
+        self.desk.dark = not await ui.run_javascript(
+            "document.body.classList.contains('body--dark')", timeout=PATIENCE
+        )
         self._dark.set_value(self.desk.dark)
 
     def _start(self, scenario: Scenario | None, fork: Fork | None = None) -> None:
@@ -174,7 +226,9 @@ class Page:
 
     def _update_buttons(self) -> None:
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
-        self.trouble.set_text(f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value" if wrong else "")
+        self.trouble.set_text(
+            f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value" if wrong else ""
+        )
         self.buttons.update(not wrong)
         for action in (self._save, self._link):
             action.set_enabled(self.draft.scenario is not None)

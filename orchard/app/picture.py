@@ -21,7 +21,9 @@ class Picture:
         self.port, self._views_port = free_pair(), free_pair()
         self._files, self._shown = files, data_uri(self.port)
         for_page(lay_out(scenario)).save("orchard", files.views)
-        self._servers: list[subprocess.Popen[bytes]] = [serve_web(self._views_port, str(files.views))]
+        self._servers: list[subprocess.Popen[bytes]] = [
+            serve_web(self._views_port, str(files.views))
+        ]
 
     def play(self) -> None:
         """Serve the recording from now on."""

@@ -19,13 +19,21 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     each = "{}" if min(trees) == max(trees) else "{} to {}"
     bins = sum(start.kind == "bin" for start in layout.starts)
     return [
-        ("Limit", f"{bounds.bins_per_hour:.1f} bins/h", "what this policy allows in a long harvest without traffic"),
+        (
+            "Limit",
+            f"{bounds.bins_per_hour:.1f} bins/h",
+            "what this policy allows in a long harvest without traffic",
+        ),
         ("Bottleneck", bounds.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else CARRIERS),
         ("Bins", str(bins), f"one for each robot; the harvest fills {layout.bins}"),
         ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
-        ("Harvest field", f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m", "from fence to fence"),
+        (
+            "Harvest field",
+            f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m",
+            "from fence to fence",
+        ),
     ]
 
 
@@ -40,13 +48,23 @@ class PlanView:
 
     def __init__(self) -> None:
         self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
-        self._full_width = ui.switch("Full width", on_change=lambda: self._plan.classes(toggle="wide")).classes("corner")
+        self._full_width = ui.switch(
+            "Full width", on_change=lambda: self._plan.classes(toggle="wide")
+        ).classes("corner")
         self._full_width.props("dense size=sm data-field=full-width")
         self._is_deep = False
         with ui.element("div").classes("legend"):
-            places = {"tree": "tree", "driveway": "driveway", "bay": "unloading bay", "D": "road of deliveries", "F": "road of full bins"}
+            places = {
+                "tree": "tree",
+                "driveway": "driveway",
+                "bay": "unloading bay",
+                "D": "road of deliveries",
+                "F": "road of full bins",
+            }
             kinds = {name: "rgb({},{},{})".format(*kind.colour) for name, kind in KINDS.items()}
-            for name, colour in (kinds | {words: COLOURS[name] for name, words in places.items()}).items():
+            for name, colour in (
+                kinds | {words: COLOURS[name] for name, words in places.items()}
+            ).items():
                 with ui.element("div").classes("legend-entry"):
                     ui.element("div").classes("legend-mark").style(f"background:{colour}")
                     ui.label(name)
@@ -80,8 +98,12 @@ class FiguresView:
         with self._bars:
             heading(2, "What each part allows without traffic, bins/h").classes("bars-title")
             for name, rate in rates.items():
-                with ui.element("div").classes("bar least" if rate == min(rates.values()) else "bar"):
+                with ui.element("div").classes(
+                    "bar least" if rate == min(rates.values()) else "bar"
+                ):
                     ui.label(name).classes("bar-name")
                     with ui.element("div").classes("bar-track"):
-                        ui.element("div").classes("bar-fill").style(f"width:{max(1.0, 100 * rate / max(rates.values())):.1f}%")
+                        ui.element("div").classes("bar-fill").style(
+                            f"width:{max(1.0, 100 * rate / max(rates.values())):.1f}%"
+                        )
                     ui.label(f"{3600.0 * rate:.1f}").classes("bar-value")

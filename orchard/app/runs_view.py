@@ -43,7 +43,10 @@ class Record(Headline):
     forked_from: Moment = Moment()  # the default: of no fork
 
     def __post_init__(self) -> None:
-        if not self.history.keys() >= set(SAMPLED) or len({len(values) for values in self.history.values()}) != 1:
+        if (
+            not self.history.keys() >= set(SAMPLED)
+            or len({len(values) for values in self.history.values()}) != 1
+        ):
             raise ValueError("history: each sample needs all its values")
 
 
@@ -63,7 +66,9 @@ class PastRun:
     @property
     def since(self) -> str:
         """From which moment on it is a fork: from 2:30; '' if it is none."""
-        return f"from {moment(self.record.forked_from.seconds)}" if self.record.forked_from.run else ""
+        return (
+            f"from {moment(self.record.forked_from.seconds)}" if self.record.forked_from.run else ""
+        )
 
     @property
     def figures(self) -> dict[str, str]:
@@ -87,7 +92,9 @@ def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
             ended = datetime.fromtimestamp(path.stat().st_mtime)
             known.append(PastRun(path.stem, ended, record, check(record.scenario, path.name)))
         except (OSError, ValueError, ScenarioError, OverflowError, RecursionError) as error:
-            others.append(f"{path.name} is passed over: {getattr(error, 'strerror', None) or error}")
+            others.append(
+                f"{path.name} is passed over: {getattr(error, 'strerror', None) or error}"
+            )
     return sorted(known, key=lambda past: (past.ended, past.name), reverse=True)[:MOST], others
 
 
@@ -95,11 +102,30 @@ def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
     """Return the settings that are not the same in all scenarios: label -> a value for each scenario."""
     values = [flat(scenario) | scenario.own_classes for scenario in scenarios]
     paths = dict.fromkeys(path for one in values for path in one)
-    found = {path: [words_of(path, one[path]) if path in entries() else one.get(path, "built-in") for one in values] for path in paths}
-    return {entries()[path].label if path in entries() else path: words for path, words in found.items() if len(set(words)) > 1}
+    found = {
+        path: [
+            words_of(path, one[path]) if path in entries() else one.get(path, "built-in")
+            for one in values
+        ]
+        for path in paths
+    }
+    return {
+        entries()[path].label if path in entries() else path: words
+        for path, words in found.items()
+        if len(set(words)) > 1
+    }
 
 
-COLUMNS = ("Ended", "Scenario", "Mode", "Bins", "Simulated", "Bins per hour", "Mean wait", "Carriers at work")
+COLUMNS = (
+    "Ended",
+    "Scenario",
+    "Mode",
+    "Bins",
+    "Simulated",
+    "Bins per hour",
+    "Mean wait",
+    "Carriers at work",
+)
 UNDER_PARENT = "(value, row) => value === row.Ended ? row.under + value : value"
 BY_NUMBER = "(a, b) => a.localeCompare(b, 'en', {numeric: true})"  # 10:24 min comes after 9:50 min
 CHECKBOX = "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', ' + props.row.Scenario\" />"
@@ -110,15 +136,28 @@ PAGE = 8  # runs on a page of the list
 class RunsView:
     """The list, and below it the comparison of the runs that are chosen."""
 
-    def __init__(self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]], go_on: GoOn) -> None:
+    def __init__(
+        self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]], go_on: GoOn
+    ) -> None:
         """`folder`: of the runs. `take`: sets the form to a run's scenario, under the run's name. `go_on`: as for `what_if`."""
         self._folder, self._take, self._go_on = folder, take, go_on
         self._past: dict[str, PastRun] = {}
         column = {"align": "left", "sortable": True, ":sort": BY_NUMBER, ":format": UNDER_PARENT}
         columns = [{"name": name, "label": name, "field": name} | column for name in COLUMNS]
-        self._hint = ui.label("Runs that have ended are listed here. Choose two or more to compare them.").classes("hint")
-        self._list = ui.table(rows=[], columns=columns, row_key="name", selection="multiple", pagination=PAGE, on_select=self._show_chosen)
-        self._list.classes("runs").props("flat dense wrap-cells :rows-per-page-options=[0] data-view=runs")
+        self._hint = ui.label(
+            "Runs that have ended are listed here. Choose two or more to compare them."
+        ).classes("hint")
+        self._list = ui.table(
+            rows=[],
+            columns=columns,
+            row_key="name",
+            selection="multiple",
+            pagination=PAGE,
+            on_select=self._show_chosen,
+        )
+        self._list.classes("runs").props(
+            "flat dense wrap-cells :rows-per-page-options=[0] data-view=runs"
+        )
         self._list.add_slot("header-selection", "Compare")
         self._list.add_slot("body-selection", CHECKBOX)
         self._others = note("data-view=passed-over", "classes")
@@ -144,14 +183,19 @@ class RunsView:
         self._show_chosen()
 
     def _show_chosen(self) -> None:
-        chosen = [self._past[row["name"]] for row in self._list.selected if row["name"] in self._past]
+        chosen = [
+            self._past[row["name"]] for row in self._list.selected if row["name"] in self._past
+        ]
         if chosen == self._chosen:
             return
         self._chosen = chosen
         self._comparison.set_visibility(bool(chosen))
         self._hint.set_visibility(not chosen)
         self._use.set_visibility(len(chosen) == 1)
-        self._watch.set_visibility(len(chosen) == 2 and all((self._folder / f"{past.name}.rrd").exists() for past in chosen))
+        self._watch.set_visibility(
+            len(chosen) == 2
+            and all((self._folder / f"{past.name}.rrd").exists() for past in chosen)
+        )
         self._frames.clear()
         marks = [past.record.forked_from.seconds for past in chosen if past.since]
         self._charts.show({_name(past): past.course for past in chosen}, marks)
@@ -161,7 +205,12 @@ class RunsView:
                 heading(3, title_of(chosen[0].scenario) if len(chosen) == 1 else "Side by side")
                 table(_lines(chosen), ["", *map(_name, chosen)])
             if len(chosen) == 1:
-                what_if(self._folder / f"{chosen[0].name}.snapshots", chosen[0].scenario, chosen[0].record.history, self._go_on)
+                what_if(
+                    self._folder / f"{chosen[0].name}.snapshots",
+                    chosen[0].scenario,
+                    chosen[0].record.history,
+                    self._go_on,
+                )
 
     async def _use_chosen(self) -> None:
         await self._take(self._chosen[0].scenario, _name(self._chosen[0]))
@@ -189,8 +238,15 @@ def lines(known: Mapping[str, PastRun]) -> list[list[PastRun]]:
 
 
 def _row(past: PastRun, depth: int) -> dict[str, str]:
-    place = {"name": past.name, "under": "\u2003" * (depth - 1) + (past.since and f"\u21b3 {past.since}, ")}
-    known = {"Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}", "Scenario": title_of(past.scenario), "Mode": past.record.mode}
+    place = {
+        "name": past.name,
+        "under": "\u2003" * (depth - 1) + (past.since and f"\u21b3 {past.since}, "),
+    }
+    known = {
+        "Ended": f"{past.ended:%Y-%m-%d %H:%M:%S}",
+        "Scenario": title_of(past.scenario),
+        "Mode": past.record.mode,
+    }
     return place | known | past.figures
 
 
@@ -198,4 +254,9 @@ def _lines(chosen: list[PastRun]) -> list[list[str]]:
     settings = differences([past.scenario for past in chosen])
     modes = [past.record.mode for past in chosen]
     figures = {name: [past.figures[name] for past in chosen] for name in chosen[0].figures}
-    return [[name, *cells] for name, cells in (settings | ({"Mode": modes} if len(set(modes)) > 1 else {}) | figures).items()]
+    return [
+        [name, *cells]
+        for name, cells in (
+            settings | ({"Mode": modes} if len(set(modes)) > 1 else {}) | figures
+        ).items()
+    ]

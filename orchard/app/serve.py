@@ -32,11 +32,16 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
     try:
         socket.create_server((host, port)).close()
     except (OSError, OverflowError) as error:
-        raise ValueError(f"--host {host} --port {port}: {getattr(error, 'strerror', None) or error}") from None
+        raise ValueError(
+            f"--host {host} --port {port}: {getattr(error, 'strerror', None) or error}"
+        ) from None
     runs, studies = Harvests(folder, "harvest"), Studies(folder, "study")
 
     def page() -> None:
-        desk, query = desk_of(app.storage.browser["id"]), ui.context.client.request.query_params.multi_items()
+        desk, query = (
+            desk_of(app.storage.browser["id"]),
+            ui.context.client.request.query_params.multi_items(),
+        )
         desk.draft, unknown = draft_of(query) if query else (desk.draft, [])
         if query:
             ui.navigate.history.replace("/")  # or a reload would bring the link's scenario back
@@ -62,12 +67,20 @@ class OwnOrigin:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope) if scope["type"] in ("http", "websocket") else Headers()
-        is_own = "origin" not in headers or headers["origin"].partition("://")[2] == headers.get("host")
-        app = self._app if is_own else PlainTextResponse("This page takes nothing from pages of another origin", 403)
+        is_own = "origin" not in headers or headers["origin"].partition("://")[2] == headers.get(
+            "host"
+        )
+        app = (
+            self._app
+            if is_own
+            else PlainTextResponse("This page takes nothing from pages of another origin", 403)
+        )
 
         async def unframed(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).append("Content-Security-Policy", "frame-ancestors 'none'")
+                MutableHeaders(scope=message).append(
+                    "Content-Security-Policy", "frame-ancestors 'none'"
+                )
             await send(message)
 
         await app(scope, receive, unframed)
@@ -77,4 +90,6 @@ def only_own_address(app: App, host: str) -> None:
     """Let a page answer only at `host` and localhost; if `host` is any address, also by this machine's name."""
     name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     app.add_middleware(OwnOrigin)
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK_NAMES, name], www_redirect=False)
+    app.add_middleware(
+        TrustedHostMiddleware, allowed_hosts=[*LOOPBACK_NAMES, name], www_redirect=False
+    )

@@ -31,10 +31,32 @@ class StudySettings:
 def study_command(settings: StudySettings, files: Files) -> list[str]:
     """Return the command that a user would type for it."""
     compared = {"dispatch": settings.dispatch, "route": settings.route}
-    ranges = ["carriers", *(f"{key}={','.join(values)}" for key, values in compared.items() if values)]
+    ranges = [
+        "carriers",
+        *(f"{key}={','.join(values)}" for key, values in compared.items() if values),
+    ]
     varied = [word for one in ranges for word in ("--vary", one)]
-    program = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario), *varied, "--horizon", settings.horizon]
-    return [*program, "--budget", f"{shown(float(settings.budget))}s", "--progress", "json", "--summary", str(files.summary)]
+    program = [
+        sys.executable,
+        "-u",
+        "-P",
+        "-m",
+        "orchard",
+        "study",
+        str(files.scenario),
+        *varied,
+        "--horizon",
+        settings.horizon,
+    ]
+    return [
+        *program,
+        "--budget",
+        f"{shown(float(settings.budget))}s",
+        "--progress",
+        "json",
+        "--summary",
+        str(files.summary),
+    ]
 
 
 class StudyRun(PageCommand):

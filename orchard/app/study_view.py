@@ -31,7 +31,9 @@ LAST_WORDS = 12  # lines of a study that failed
 class StudyView:
     """The fields, Start and Stop, and what the study has found. All pages share one study at a time."""
 
-    def __init__(self, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take) -> None:
+    def __init__(
+        self, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take
+    ) -> None:
         """`drafted`: gives the form's scenario, None if invalid. `take`: sets the form to a scenario with a name."""
         self._studies, self._desk, self._drafted, self._take = studies, desk, drafted, take
         self._settings = desk.study
@@ -41,12 +43,18 @@ class StudyView:
             with ui.element("div").classes("study-fields") as self._fields:
                 self._build_fields()
             with ui.element("div").classes("study-buttons"):
-                self._buttons = StartAndStop(studies, self._fields, "Start", self._start, ("study-start", "study-stop"))
+                self._buttons = StartAndStop(
+                    studies, self._fields, "Start", self._start, ("study-start", "study-stop")
+                )
                 self._badge = ui.badge().props("data-view=study-state")
             self._trouble = note("data-problem=study role=alert")
             self._answer = ui.label().classes("answer").props("data-view=answer role=status")
             self._notes = ui.label().classes("classes").props("data-view=study-notes")
-            self._picture = ui.html("", sanitize=False).classes("study-picture").props("data-view=study-picture")
+            self._picture = (
+                ui.html("", sanitize=False)
+                .classes("study-picture")
+                .props("data-view=study-picture")
+            )
             self._table = ui.element("div").classes("summary sides").props("data-view=study-table")
             self._report = button("Save the report", self._download, "study-report", "download")
         self._enter()
@@ -58,11 +66,20 @@ class StudyView:
         self._choice("Dispatch policies", "dispatch")
         self._choice("Routes", "route")
         with self._labelled("Horizon"):
-            horizon = ui.toggle(HORIZONS, value=self._settings.horizon, on_change=lambda event: self._enter(horizon=event.value))
+            horizon = ui.toggle(
+                HORIZONS,
+                value=self._settings.horizon,
+                on_change=lambda event: self._enter(horizon=event.value),
+            )
             horizon.props("dense no-caps unelevated data-field=horizon")
         with self._labelled("Time to take, s"):
-            text = ui.input(value=self._settings.budget, on_change=lambda event: self._enter(budget=event.value or "")).classes("number")
-            text.props('dense outlined autocomplete=off inputmode=decimal data-field=study-budget aria-label="Time to take, s"')
+            text = ui.input(
+                value=self._settings.budget,
+                on_change=lambda event: self._enter(budget=event.value or ""),
+            ).classes("number")
+            text.props(
+                'dense outlined autocomplete=off inputmode=decimal data-field=study-budget aria-label="Time to take, s"'
+            )
             text.props("input-class=figure")
 
     def _labelled(self, name: str) -> ui.element:
@@ -117,7 +134,9 @@ class StudyView:
         study = self._studies.command
         self._buttons.update(not self._settings.problem)
         self._badge.set_visibility(study is not None)
-        self._report.set_visibility(study is not None and study.is_over and study.result is not None)
+        self._report.set_visibility(
+            study is not None and study.is_over and study.result is not None
+        )
         if study is not None:
             self._badge.set_text(study.state)
             self._badge.props(f"color={STATE_COLOURS[study.state]}")
@@ -132,7 +151,9 @@ class StudyView:
             return
         self._shown = study, result, is_over
         last = "\n".join(study.said[1][-LAST_WORDS:])
-        without = f"There is no answer. The last messages:\n{last}" if is_over else "The study begins."
+        without = (
+            f"There is no answer. The last messages:\n{last}" if is_over else "The study begins."
+        )
         self._answer.set_text(result.answer if result else without)
         self._notes.set_text("\n".join(result.notes) if result else "")
         self._picture.set_content((await run.io_bound(_drawn, result) or "") if result else "")
@@ -145,12 +166,19 @@ class StudyView:
 
         def act(number: int) -> None:
             said = setting_words(result.table[number].setting)
-            use = button("Set the form", partial(self._use, result, number), f"study-use-{number}", props="flat dense")
+            use = button(
+                "Set the form",
+                partial(self._use, result, number),
+                f"study-use-{number}",
+                props="flat dense",
+            )
             use.props["aria-label"] = f"Set the form to {said}"
 
         with self._table:
             heading(3, "Settings")
-            ui.label("Set the form to a setting, and run it: then you can watch it.").classes("path")
+            ui.label("Set the form to a setting, and run it: then you can watch it.").classes(
+                "path"
+            )
             table(lines, heads, act)
             ui.label(legend(result)).classes("path")
 

@@ -21,7 +21,16 @@ from orchard.app.study_run import Studies
 from orchard.app.study_view import StudyView, Take
 from orchard.app.what_if import GoOn
 from orchard.field.scenario import Scenario
-from orchard.report.summary import Headline, Outcome, as_table, clock, limit_sentence, sentence, share_picked, six_figures
+from orchard.report.summary import (
+    Headline,
+    Outcome,
+    as_table,
+    clock,
+    limit_sentence,
+    sentence,
+    share_picked,
+    six_figures,
+)
 
 VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 
@@ -47,7 +56,10 @@ class ProgressView:
         known = run.headline
         self._bar.set_value(1.0 if state is RunState.finished else known.fraction if known else 0.0)
         is_unknown = not known and not state.is_over
-        self._bar.props(f"{colour} {'indeterminate' if is_unknown else ''}", remove="" if is_unknown else "indeterminate")
+        self._bar.props(
+            f"{colour} {'indeterminate' if is_unknown else ''}",
+            remove="" if is_unknown else "indeterminate",
+        )
         self._words.set_text(_progress(known, state) if known else "starting" if is_unknown else "")
 
 
@@ -113,8 +125,16 @@ class PictureView:
 
 def _without_picture(run: Run, state: RunState) -> str:
     if not state.is_over:
-        return "The picture is being prepared." if run.settings.live else "The recording appears here when the run is over."
-    return "The recording is being opened." if run.files.recording.exists() else "No recording was made."
+        return (
+            "The picture is being prepared."
+            if run.settings.live
+            else "The recording appears here when the run is over."
+        )
+    return (
+        "The recording is being opened."
+        if run.files.recording.exists()
+        else "No recording was made."
+    )
 
 
 class SummaryView:
@@ -142,7 +162,9 @@ class SummaryView:
             if summary is not None:
                 names, values = (column.cells for column in as_table(summary).columns)
                 with ui.expansion("All figures").props("data-action=all-figures"):
-                    table([(str(name), str(value)) for name, value in zip(names, values, strict=True)])
+                    table(
+                        [(str(name), str(value)) for name, value in zip(names, values, strict=True)]
+                    )
                 if run.files.recording.exists():
                     ui.label(f"Recording: {run.files.recording}").classes("path")
             elif state is RunState.stopped:
@@ -158,10 +180,20 @@ View = TypeVar("View")
 class Stage:
     """The large part of the page. All views stay loaded; one is visible."""
 
-    def __init__(self, folder: Path, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take, go_on: GoOn) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        studies: Studies,
+        desk: Desk,
+        drafted: Callable[[], Scenario | None],
+        take: Take,
+        go_on: GoOn,
+    ) -> None:
         """`folder`: of the runs. `desk`, `drafted` and `take`: as for `StudyView`. `go_on`: as for `what_if`."""
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
-            self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes("stage-choice")
+            self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes(
+                "stage-choice"
+            )
             self._choice.props("dense no-caps unelevated data-field=stage")
             self.plan = self._panel("Plan", PlanView)
             self._picture = self._panel("Picture", PictureView)

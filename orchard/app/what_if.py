@@ -16,7 +16,14 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.sim.snapshot import ticks_of
 
-CHANGING = ("carriers", "dispatch", "picking_rate", "people.workers", "people.visitors", "seed")  # some of what may change under way
+CHANGING = (
+    "carriers",
+    "dispatch",
+    "picking_rate",
+    "people.workers",
+    "people.visitors",
+    "seed",
+)  # some of what may change under way
 MOMENTS = 8  # that are named on a time line
 
 
@@ -45,8 +52,12 @@ def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) 
     heading(3, "What if from here?")
     with ui.element("div").classes("moments"):
         named = [{"value": at, "label": moment(at)} for at in known[:: 1 + len(known) // MOMENTS]]
-        time = ui.slider(min=known[0], max=int(max(history["seconds"], default=0)), value=known[len(known) // 2]).classes("grow")
-        time.props(f'data-field=moment aria-label="Moment from which the run goes on, s" :marker-labels="{named}"')
+        time = ui.slider(
+            min=known[0], max=int(max(history["seconds"], default=0)), value=known[len(known) // 2]
+        ).classes("grow")
+        time.props(
+            f'data-field=moment aria-label="Moment from which the run goes on, s" :marker-labels="{named}"'
+        )
         ui.label().bind_text_from(time, "value", moment).classes("figure").props("data-view=moment")
     with ui.element("div").classes("what-if"):
         controls = {path: Control(entries()[path], draft, "fork-") for path in CHANGING}
@@ -63,9 +74,21 @@ def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) 
         for path, control in controls.items():
             control.complain(draft.problems.get(path, ""))
         if draft.scenario is not None:
-            changed = {path: draft.values[path] for path, value in flat(scenario).items() if draft.values[path] != value}
-            sets = [f"--set={path}={msgspec.json.encode(value).decode()}" for path, value in changed.items()]
-            words = [str(snapshots), f"--at={time.value}", *sets, *(f"--stop={robot}" for robot in stop.value)]
+            changed = {
+                path: draft.values[path]
+                for path, value in flat(scenario).items()
+                if draft.values[path] != value
+            }
+            sets = [
+                f"--set={path}={msgspec.json.encode(value).decode()}"
+                for path, value in changed.items()
+            ]
+            words = [
+                str(snapshots),
+                f"--at={time.value}",
+                *sets,
+                *(f"--stop={robot}" for robot in stop.value),
+            ]
             count = sum(seconds <= time.value for seconds in history["seconds"])
             before = {name: values[:count] for name, values in history.items()}
             await go_on(draft.scenario, Fork(snapshots.stem, time.value, words, before))

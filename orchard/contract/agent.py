@@ -26,9 +26,15 @@ State = Literal[
     "picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken", "failed"
 ]  # fmt: skip
 STATES: tuple[State, ...] = get_args(State)
-WAITING_STATES: tuple[State, ...] = ("waiting", "calling")  # of a picker or a bin that waits for a carrier
+WAITING_STATES: tuple[State, ...] = (
+    "waiting",
+    "calling",
+)  # of a picker or a bin that waits for a carrier
 
-AHEAD, IN_TURN = "an obstacle ahead", "an obstacle in its turn"  # what a robot waits for that sees only returns of a laser
+AHEAD, IN_TURN = (
+    "an obstacle ahead",
+    "an obstacle in its turn",
+)  # what a robot waits for that sees only returns of a laser
 
 # limits for what an agent sends
 MOST_DEEDS = 16  # of one body in one tick
@@ -37,7 +43,9 @@ MOST_TO_ONE = 8  # of these to one recipient, which must be able to answer all t
 MOST_STEPS = 2**53 - 1
 MOST_HOLD = 1000  # ticks after which an agent is asked again, whatever it holds
 MOST_ZONES = 4  # of each kind in a hold
-MOST_LEVELS = 32  # of lists and maps within each other in the fields of a message of an agent's own type
+MOST_LEVELS = (
+    32  # of lists and maps within each other in the fields of a message of an agent's own type
+)
 LARGEST_MEMORY = MAX_PAYLOAD // 32  # bytes
 
 
@@ -49,7 +57,9 @@ class Hitch(NamedTuple):
     y: float
     orientation: tuple[float, float]  #: quaternion z, w
     twist: Twist  #: its velocity in the last step
-    scan: np.ndarray | None  #: the bin's ranges, m, (60,) float32; None for a bin, which does not receive its robot's
+    scan: (
+        np.ndarray | None
+    )  #: the bin's ranges, m, (60,) float32; None for a bin, which does not receive its robot's
 
     @property
     def pose(self) -> Pose:
@@ -69,11 +79,15 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
     y: float  #: m, north
     orientation: tuple[float, float]  #: quaternion z, w
     twist: Twist  #: its velocity in the last step, in its own frame
-    scan: np.ndarray  #: ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
+    scan: (
+        np.ndarray
+    )  #: ranges, m: (180,) or, of bins and weeds, (60,) float32; +inf without a return (REP-117)
     hitch: Hitch | None = None
     fill: float = 0.0  #: of a bin: metres of row in it, 0 to what fills it
     full: bool = False  #: of a bin: full, or left by its picker part full, the last of a harvest
-    accuracy: float = 0.0  #: m, the standard deviation of x and of y, as its receiver tells; 0: exact
+    accuracy: float = (
+        0.0  #: m, the standard deviation of x and of y, as its receiver tells; 0: exact
+    )
     charge: float = 1.0  #: of its battery, 0 (flat) to 1 (full); 1 without one
 
     @cached_property
@@ -83,8 +97,12 @@ class Observation(msgspec.Struct, frozen=True, dict=True):
 
 def with_own_arrays(seen: Observation) -> Observation:
     """Return an observation with arrays of its own: an agent that sets the `shape` of its scan changes it for itself only."""
-    hitch = seen.hitch and seen.hitch._replace(scan=None if seen.hitch.scan is None else seen.hitch.scan.view())
-    return msgspec.structs.replace(seen, scan=None if seen.scan is None else seen.scan.view(), hitch=hitch)
+    hitch = seen.hitch and seen.hitch._replace(
+        scan=None if seen.hitch.scan is None else seen.hitch.scan.view()
+    )
+    return msgspec.structs.replace(
+        seen, scan=None if seen.scan is None else seen.scan.view(), hitch=hitch
+    )
 
 
 def without_body(name: str, tick: int) -> Observation:
@@ -138,29 +156,56 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     until: Tick  # at most MOST_HOLD ticks ahead count
-    watch: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES, description="ask when a return enters or leaves one")] = ()
-    still: Annotated[tuple[Zone, ...], Meta(max_length=MOST_ZONES, description="ask when a return in one changes")] = ()
-    freer_within: Annotated[Metres, Meta(description="m; ask when the freer side changes; 0: never")] = 0.0
+    watch: Annotated[
+        tuple[Zone, ...],
+        Meta(max_length=MOST_ZONES, description="ask when a return enters or leaves one"),
+    ] = ()
+    still: Annotated[
+        tuple[Zone, ...],
+        Meta(max_length=MOST_ZONES, description="ask when a return in one changes"),
+    ] = ()
+    freer_within: Annotated[
+        Metres, Meta(description="m; ask when the freer side changes; 0: never")
+    ] = 0.0
 
 
-Deeds = Annotated[list[Deed], Meta(max_length=MOST_DEEDS, description="couple, uncouple, flatten, pickfrom; physics decides on each")]
-Asked = Annotated[list[tuple[Word, Request]], Meta(max_length=MOST_REQUESTS, description="numbered by place from 0")]
-Steps = Annotated[int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")]
+Deeds = Annotated[
+    list[Deed],
+    Meta(
+        max_length=MOST_DEEDS,
+        description="couple, uncouple, flatten, pickfrom; physics decides on each",
+    ),
+]
+Asked = Annotated[
+    list[tuple[Word, Request]],
+    Meta(max_length=MOST_REQUESTS, description="numbered by place from 0"),
+]
+Steps = Annotated[
+    int, Meta(ge=0, le=MOST_STEPS, description="steps of its plan that it has finished")
+]
 
 
 class Action(msgspec.Struct, forbid_unknown_fields=True):
     """What an agent returns from a tick: velocity, deeds, messages, memory and status."""
 
-    twist: Annotated[Twist, Meta(description="forward, left (m/s), counter-clockwise (rad/s)")] = STILL
+    twist: Annotated[Twist, Meta(description="forward, left (m/s), counter-clockwise (rad/s)")] = (
+        STILL
+    )
     deeds: Deeds = []
     requests: Asked = []
     answers: list[tuple[Heard, Answer]] = []
     memory: Any = None
     doing: Annotated[Text, Meta(description="present participle, for people: 'picking row 3'")] = ""
-    state: Annotated[State | None, Meta(description="for programs; nil: 'driving' while it moves, else 'resting'")] = None
+    state: Annotated[
+        State | None,
+        Meta(description="for programs; nil: 'driving' while it moves, else 'resting'"),
+    ] = None
     waits_for: Annotated[Text, Meta(description="what holds it up")] = ""
     steps_done: Steps = 0
-    hold: Annotated[Hold | None, Meta(description="until when it need not be asked; nil: it is asked at the next tick")] = None
+    hold: Annotated[
+        Hold | None,
+        Meta(description="until when it need not be asked; nil: it is asked at the next tick"),
+    ] = None
 
 
 def says_holds(class_: type) -> bool:
@@ -216,22 +261,56 @@ class Observations:
     hitches: Mapping[str, Hitch]  # of coupled bodies, by name
     fills: Mapping[str, float]  # of bins that are not empty, by name: metres of row
     full: Collection[str]  # names of the full bins
-    accuracies: Mapping[str, float] = field(default_factory=dict)  # of bodies whose x and y are not exact, m, by name
-    charges: Mapping[str, float] = field(default_factory=dict)  # of bodies with a battery, 0 to 1, by name
+    accuracies: Mapping[str, float] = field(
+        default_factory=dict
+    )  # of bodies whose x and y are not exact, m, by name
+    charges: Mapping[str, float] = field(
+        default_factory=dict
+    )  # of bodies with a battery, 0 to 1, by name
 
     def __getitem__(self, name: str) -> Observation:
         """Return the observation of one body. Raises KeyError for an unknown name."""
         body = self.names[name]
         x, y, z, w, vx, vy, turn = self.states[body].tolist()
-        hitch, fill, accuracy = self.hitches.get(name), self.fills.get(name, 0.0), self.accuracies.get(name, 0.0)
+        hitch, fill, accuracy = (
+            self.hitches.get(name),
+            self.fills.get(name, 0.0),
+            self.accuracies.get(name, 0.0),
+        )
         twist, is_full = Twist(vx, vy, turn), name in self.full
         charge = self.charges.get(name, 1.0)
-        return Observation(name, self.tick, x, y, (z, w), twist, self.scans[body], hitch, fill, is_full, accuracy, charge)
+        return Observation(
+            name,
+            self.tick,
+            x,
+            y,
+            (z, w),
+            twist,
+            self.scans[body],
+            hitch,
+            fill,
+            is_full,
+            accuracy,
+            charge,
+        )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Observations":
-        parts = self.states, self.scans, self.hitches, self.fills, self.full, self.accuracies, self.charges
-        return Observations(self.tick, self.names, *deepcopy(parts, memo))  # the names are the layout's, and read-only
+        parts = (
+            self.states,
+            self.scans,
+            self.hitches,
+            self.fills,
+            self.full,
+            self.accuracies,
+            self.charges,
+        )
+        return Observations(
+            self.tick, self.names, *deepcopy(parts, memo)
+        )  # the names are the layout's, and read-only
 
     def of(self, names: Iterable[str]) -> dict[str, Observation]:
         """Return the observations of these agents, by name; an agent without a body observes the tick only."""
-        return {name: self[name] if name in self.names else without_body(name, self.tick) for name in names}
+        return {
+            name: self[name] if name in self.names else without_body(name, self.tick)
+            for name in names
+        }

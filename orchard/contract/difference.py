@@ -31,7 +31,11 @@ def _is_same(before: Any, after: Any) -> bool:
     if kind is not type(after):
         return kind is int and type(after) is float and bool(before == after)
     if kind is dict:
-        return len(before) == len(after) and all(map(_is_same, before, after)) and all(map(_is_same, before.values(), after.values()))
+        return (
+            len(before) == len(after)
+            and all(map(_is_same, before, after))
+            and all(map(_is_same, before.values(), after.values()))
+        )
     if kind is list or kind is tuple:
         return len(before) == len(after) and all(map(_is_same, before, after))
     if kind not in _SIMPLE and (names := _names_in(before)):
@@ -51,7 +55,11 @@ def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
 def _names_in(data: Any) -> list[str]:
     if isinstance(data, msgspec.Struct):
         return list(data.__struct_fields__)
-    return [field.name for field in fields(data)] if is_dataclass(data) and not isinstance(data, type) else []
+    return (
+        [field.name for field in fields(data)]
+        if is_dataclass(data) and not isinstance(data, type)
+        else []
+    )
 
 
 def _shown(value: Any, other: Any) -> str:

@@ -9,7 +9,19 @@ import numpy as np
 from msgspec import Meta
 
 from orchard.contract.agent import State
-from orchard.contract.messages import Answer, Call, Come, EmptyBin, Here, Offer, Request, Text, Tick, Written, type_of
+from orchard.contract.messages import (
+    Answer,
+    Call,
+    Come,
+    EmptyBin,
+    Here,
+    Offer,
+    Request,
+    Text,
+    Tick,
+    Written,
+    type_of,
+)
 from orchard.field.problems import printable
 
 STOPPED = "stopped"  # `doing` of a robot under an emergency stop
@@ -27,14 +39,23 @@ class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tick: Tick
     what: Text  # a short word, such as one of `What` or a message's `type`
     who: Annotated[Text, Meta(description="the body that did it, or the sender")]
-    whom: Annotated[Text, Meta(description="the other body, or the recipient; '' if there is none")] = ""
+    whom: Annotated[
+        Text, Meta(description="the other body, or the recipient; '' if there is none")
+    ] = ""
     detail: Annotated[str, Meta(max_length=1000)] = ""
 
 
-SELDOM = ("coupled", "fill", "alive", "row_ends")  # fields that a frame may leave out while they are unchanged
+SELDOM = (
+    "coupled",
+    "fill",
+    "alive",
+    "row_ends",
+)  # fields that a frame may leave out while they are unchanged
 
 
-Velocities = tuple[float, float, float, float, float, float]  # forward, left (m/s), turn (rad/s): done in the step, then those wanted
+Velocities = tuple[
+    float, float, float, float, float, float
+]  # forward, left (m/s), turn (rad/s): done in the step, then those wanted
 
 
 @dataclass(slots=True)
@@ -43,16 +64,30 @@ class Frame:
 
     tick: int
     poses: np.ndarray  # (n, 3) float: x, y (m), yaw (rad)
-    doing: Mapping[str, str] = field(default_factory=dict)  # name -> "picking row 3"; may hold changes only
-    scans: Sequence[np.ndarray | None] | None = None  # for each body its ranges, m, float32, +inf without a return
-    coupled: np.ndarray | None = None  # (n,) int: index of the body at the other end of the bar, or -1; None: unchanged
-    fill: np.ndarray | None = None  # (n,) float: of bins, metres of row in the bin, 0 to what fills it; None: unchanged
+    doing: Mapping[str, str] = field(
+        default_factory=dict
+    )  # name -> "picking row 3"; may hold changes only
+    scans: Sequence[np.ndarray | None] | None = (
+        None  # for each body its ranges, m, float32, +inf without a return
+    )
+    coupled: np.ndarray | None = (
+        None  # (n,) int: index of the body at the other end of the bar, or -1; None: unchanged
+    )
+    fill: np.ndarray | None = (
+        None  # (n,) float: of bins, metres of row in the bin, 0 to what fills it; None: unchanged
+    )
     alive: np.ndarray | None = None  # (n,) bool: False for a flattened weed; None: unchanged
-    row_ends: np.ndarray | None = None  # (r, 4) float: how far each row is picked, as in `World`; None: unchanged
+    row_ends: np.ndarray | None = (
+        None  # (r, 4) float: how far each row is picked, as in `World`; None: unchanged
+    )
     delivered: int = 0  # bins unloaded so far
     events: Sequence[Event] = ()
-    states: Mapping[str, State] = field(default_factory=dict)  # name -> state, for the names in `doing`
-    velocities: Mapping[str, Velocities] = field(default_factory=dict)  # name -> its own of the step; may hold changes only
+    states: Mapping[str, State] = field(
+        default_factory=dict
+    )  # name -> state, for the names in `doing`
+    velocities: Mapping[str, Velocities] = field(
+        default_factory=dict
+    )  # name -> its own of the step; may hold changes only
     left_out: int = 0  # earlier frames that were merged into this one
     is_whole: bool = False  # whether all but the scans is complete: a viewer can begin with it
 
@@ -60,7 +95,10 @@ class Frame:
 def merged(old: Frame, new: Frame) -> Frame:
     """Return one frame for two: the newer one, with the other changes of the older one."""
     kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
-    news: dict[str, Any] = {name: {**getattr(old, name), **getattr(new, name)} for name in ("doing", "states", "velocities")}
+    news: dict[str, Any] = {
+        name: {**getattr(old, name), **getattr(new, name)}
+        for name in ("doing", "states", "velocities")
+    }
     news |= {"events": [*old.events, *new.events], "is_whole": old.is_whole or new.is_whole}
     return replace(new, left_out=old.left_out + new.left_out + 1, **news, **kept)
 
@@ -71,7 +109,10 @@ def merged(old: Frame, new: Frame) -> Frame:
 def talk_of(tick: int, letters: Mapping[str, Written]) -> list[Event]:
     """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its letters."""
     said = [(sender, to, body) for sender, written in letters.items() for to, body in written.sent]
-    return [Event(tick, type_of(body), sender, printable(to), printable(_said(body))) for sender, to, body in said]
+    return [
+        Event(tick, type_of(body), sender, printable(to), printable(_said(body)))
+        for sender, to, body in said
+    ]
 
 
 _WORDS: dict[type, str] = {

@@ -12,10 +12,33 @@ from typing import Any
 import msgspec
 
 from orchard.contract import agent as limits
-from orchard.contract.agent import STATES, Action, Agent, Heard, Hold, Mail, Observation, State, says_holds, with_own_arrays
+from orchard.contract.agent import (
+    STATES,
+    Action,
+    Agent,
+    Heard,
+    Hold,
+    Mail,
+    Observation,
+    State,
+    says_holds,
+    with_own_arrays,
+)
 from orchard.contract.difference import difference, parts_of
 from orchard.contract.mail import copy_of
-from orchard.contract.messages import FASTEST, AgentMessage, Answer, CustomMessage, Deed, Given, Request, Written, pack, type_of, unpack
+from orchard.contract.messages import (
+    FASTEST,
+    AgentMessage,
+    Answer,
+    CustomMessage,
+    Deed,
+    Given,
+    Request,
+    Written,
+    pack,
+    type_of,
+    unpack,
+)
 from orchard.field import plugins
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, kind_of
@@ -28,7 +51,9 @@ log = logging.getLogger("orchard")
 class Guard:
     """Ticks an agent that may be faulty, converts messages of its own types, and lets only an action pass that physics accepts."""
 
-    def __init__(self, name: str, agent: Agent | None, names: Collection[str], trusted: bool = False) -> None:
+    def __init__(
+        self, name: str, agent: Agent | None, names: Collection[str], trusted: bool = False
+    ) -> None:
         """`agent`: None if it could not be made: its robot stands. `names`: all agents of the orchard, to which it may send requests.
 
         `trusted`: it is built in, with all that it uses. So only that is checked which mail may spoil: tests check the rest.
@@ -47,15 +72,29 @@ class Guard:
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
         """Return the agent's action. If it raises, or the action is invalid, return the action of a broken agent, which stands."""
         try:
-            action = self._trusted_action(observation, mail, memory) if self._trusted else self._action(observation, mail, memory)
+            action = (
+                self._trusted_action(observation, mail, memory)
+                if self._trusted
+                else self._action(observation, mail, memory)
+            )
         except MISTAKES as error:
             reraise_ctrl_c(error)
             _advise(error)
             if not self._failed:
                 class_ = type(self.agent)
-                lines = [f"{class_.__qualname__}{plugins.place_of_class(class_)}:", *traceback.format_exc(limit=-3).splitlines()]
-                place = "\n".join(f"  {printable(line, 500)}" for line in lines)  # none of them looks like one of the program's own
-                log.error("%s raised an error at tick %d; it stands.\n%s", self.name, observation.tick, place)
+                lines = [
+                    f"{class_.__qualname__}{plugins.place_of_class(class_)}:",
+                    *traceback.format_exc(limit=-3).splitlines(),
+                ]
+                place = "\n".join(
+                    f"  {printable(line, 500)}" for line in lines
+                )  # none of them looks like one of the program's own
+                log.error(
+                    "%s raised an error at tick %d; it stands.\n%s",
+                    self.name,
+                    observation.tick,
+                    place,
+                )
             self._failed = True
             action = _standing(memory if self._trusted else self._unpacked_memory())
         self._memory = action.memory
@@ -92,7 +131,9 @@ class Guard:
         action = _ask(self.agent, observation, self._typed(copy_of(mail)), memory)
         if self._repetition is not None:
             again = self._typed(copy_of(mail)), self._unpacked_memory()
-            self._repetition.compare(observation.tick, action, lambda fresh: _ask(fresh, observation, *again))
+            self._repetition.compare(
+                observation.tick, action, lambda fresh: _ask(fresh, observation, *again)
+            )
         return action
 
     def _unpacked_memory(self) -> Any:
@@ -109,10 +150,14 @@ class Guard:
             try:
                 action.memory = unpack(packed, self.Memory)
             except ValueError as error:
-                raise TypeError(f"its memory does not fit its `Memory`, {self.Memory}: {error}") from None
+                raise TypeError(
+                    f"its memory does not fit its `Memory`, {self.Memory}: {error}"
+                ) from None
             is_new = memory != action.memory or packed != before
             if is_new and (change := difference(memory, action.memory, "memory")):
-                raise TypeError(f"its memory would be another after a kill: {change}. Use {SURVIVES}")
+                raise TypeError(
+                    f"its memory would be another after a kill: {change}. Use {SURVIVES}"
+                )
         self._packed = packed
 
     def _checked(self, action: Any) -> Action:
@@ -120,12 +165,18 @@ class Guard:
             raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
         twist, steps = self._checked_twist(action.twist), action.steps_done
         if type(steps) is not int or not 0 <= steps <= limits.MOST_STEPS:
-            raise ValueError(f"steps_done {steps!r}: must be a whole number from 0 to {limits.MOST_STEPS}")
-        checked = Action(twist, memory=action.memory, state=_checked_state(action.state), steps_done=steps)
+            raise ValueError(
+                f"steps_done {steps!r}: must be a whole number from 0 to {limits.MOST_STEPS}"
+            )
+        checked = Action(
+            twist, memory=action.memory, state=_checked_state(action.state), steps_done=steps
+        )
         checked.doing, checked.waits_for = _for_people(action.doing, action.waits_for)
         checked.hold = self._checked_hold(action.hold)
         if action.deeds != [] or action.requests != [] or action.answers != []:
-            checked.deeds, checked.requests, checked.answers = self._checked_messages(action.deeds, action.requests, action.answers)
+            checked.deeds, checked.requests, checked.answers = self._checked_messages(
+                action.deeds, action.requests, action.answers
+            )
         return checked
 
     def _checked_hold(self, hold: Any) -> Hold | None:
@@ -147,17 +198,36 @@ class Guard:
     def _checked_messages(
         self, deeds: Any, requests: Any, answers: Any
     ) -> tuple[list[Deed], list[tuple[str, Request]], list[tuple[Heard, Answer]]]:
-        deeds, requests, answers = _listed("deeds", deeds), _listed("requests", requests), _listed("answers", answers)
+        deeds, requests, answers = (
+            _listed("deeds", deeds),
+            _listed("requests", requests),
+            _listed("answers", answers),
+        )
         _refuse_more("deeds", len(deeds), limits.MOST_DEEDS)
         _refuse_more("requests", len(requests), limits.MOST_REQUESTS)
         asked = [(to, _of_kind(self._custom(body), Request)) for to, body in requests]
-        given = [Given(heard.sender, heard.tick, heard.number, _of_kind(self._custom(body), Answer)) for heard, body in answers]
-        packed = _packed(([_of_kind(deed, Deed) for deed in deeds], Written(asked, given)), "its deeds and messages take")
+        given = [
+            Given(heard.sender, heard.tick, heard.number, _of_kind(self._custom(body), Answer))
+            for heard, body in answers
+        ]
+        packed = _packed(
+            ([_of_kind(deed, Deed) for deed in deeds], Written(asked, given)),
+            "its deeds and messages take",
+        )
         sound: tuple[list[Deed], Written] = unpack(packed, tuple[list[Deed], Written])
         self._refuse_addresses([to for to, _ in sound[1].requests])
-        _refuse_depth([*(body for _, body in sound[1].requests), *(body for *_, body in sound[1].answers)])
+        _refuse_depth(
+            [*(body for _, body in sound[1].requests), *(body for *_, body in sound[1].answers)]
+        )
         heard_and_given = zip((heard for heard, _ in answers), sound[1].answers, strict=True)
-        return sound[0], sound[1].requests, [(Heard(to, at, number, heard.body), body) for heard, (to, at, number, body) in heard_and_given]
+        return (
+            sound[0],
+            sound[1].requests,
+            [
+                (Heard(to, at, number, heard.body), body)
+                for heard, (to, at, number, body) in heard_and_given
+            ],
+        )
 
     def _refuse_addresses(self, recipients: Sequence[str]) -> None:
         for to, count in Counter(recipients).items():
@@ -168,9 +238,16 @@ class Guard:
     def _typed(self, mail: Mail) -> Mail:
         if not self._messages:
             return mail
-        requests = [heard._replace(body=body) for heard in mail.requests if (body := self._of_type(heard.sender, heard.body)) is not None]
+        requests = [
+            heard._replace(body=body)
+            for heard in mail.requests
+            if (body := self._of_type(heard.sender, heard.body)) is not None
+        ]
         replies = [
-            reply._replace(request=self._of_type(self.name, reply.request), body=self._of_type(reply.sender, reply.body))
+            reply._replace(
+                request=self._of_type(self.name, reply.request),
+                body=self._of_type(reply.sender, reply.body),
+            )
             for reply in mail.replies
         ]
         return Mail(requests, replies)
@@ -181,7 +258,13 @@ class Guard:
         try:
             return msgspec.convert(body.fields, self._messages[body.name])
         except ValueError as error:
-            log.warning("%s: message %r from %s does not fit its type: %s", self.name, body.name, sender, printable(str(error)))
+            log.warning(
+                "%s: message %r from %s does not fit its type: %s",
+                self.name,
+                body.name,
+                sender,
+                printable(str(error)),
+            )
             return None
 
     def _custom(self, body: Any) -> Any:
@@ -230,8 +313,12 @@ def _standing(memory: Any) -> Action:
 
 def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
     types = getattr(agent, "Messages", ())
-    if not isinstance(types, tuple) or not all(isinstance(one, type) and issubclass(one, AgentMessage) for one in types):
-        raise TypeError(f"Messages must be a tuple of classes that are derived from AgentMessage, not {types!r}")
+    if not isinstance(types, tuple) or not all(
+        isinstance(one, type) and issubclass(one, AgentMessage) for one in types
+    ):
+        raise TypeError(
+            f"Messages must be a tuple of classes that are derived from AgentMessage, not {types!r}"
+        )
     return types
 
 
@@ -263,7 +350,9 @@ def _place_of_fault(data: Any, where: str) -> str:
 
 
 NOT_PLAIN = (TypeError, OverflowError, UnicodeError)  # what `pack` raises
-SURVIVES = "numbers, texts, bytes, lists, dicts, or a msgspec.Struct that the agent's `Memory` names"
+SURVIVES = (
+    "numbers, texts, bytes, lists, dicts, or a msgspec.Struct that the agent's `Memory` names"
+)
 READ_ONLY = "What an agent is given is read-only. To change ranges, take a copy: scan = observation.scan.copy()"
 
 
@@ -271,7 +360,9 @@ def _advise(error: BaseException) -> None:
     text = text_of(error)
     is_array = isinstance(error, ValueError) and ("read-only" in text or "WRITEABLE" in text)
     words = ("immutable type", "can't set attribute", "no setter", "cannot assign", "mappingproxy")
-    if is_array or (isinstance(error, AttributeError | TypeError) and any(word in text for word in words)):
+    if is_array or (
+        isinstance(error, AttributeError | TypeError) and any(word in text for word in words)
+    ):
         error.add_note(READ_ONLY)
 
 
@@ -285,7 +376,9 @@ def _checked_state(state: Any) -> State | None:
 def _for_people(doing: Any, waits_for: Any) -> tuple[str, str]:
     if not (isinstance(doing, str) and isinstance(waits_for, str)):
         raise TypeError(f"doing {doing!r}, waits_for {waits_for!r}: both must be text")
-    return printable("".join([doing])), printable("".join([waits_for]))  # of the exact type: a subclass may have other methods
+    return printable("".join([doing])), printable(
+        "".join([waits_for])
+    )  # of the exact type: a subclass may have other methods
 
 
 def _listed(what: str, messages: Any) -> Sequence[Any]:
@@ -296,18 +389,30 @@ def _listed(what: str, messages: Any) -> Sequence[Any]:
 
 def _of_kind(message: Any, type_: Any) -> Any:
     if not isinstance(message, type_):
-        raise TypeError(f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`")
+        raise TypeError(
+            f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`"
+        )
     return message
 
 
 def _refuse_depth(messages: Sequence[Request | Answer]) -> None:
     for message in messages:
-        if isinstance(message, CustomMessage) and not _is_shallow(message.fields, limits.MOST_LEVELS):
-            raise ValueError(f"{message.name}: lists and maps are nested more than {limits.MOST_LEVELS} levels deep")
+        if isinstance(message, CustomMessage) and not _is_shallow(
+            message.fields, limits.MOST_LEVELS
+        ):
+            raise ValueError(
+                f"{message.name}: lists and maps are nested more than {limits.MOST_LEVELS} levels deep"
+            )
 
 
 def _is_shallow(data: Any, levels: int) -> bool:
-    parts: Iterable[Any] = chain(data, data.values()) if isinstance(data, dict) else data if isinstance(data, list | tuple) else ()
+    parts: Iterable[Any] = (
+        chain(data, data.values())
+        if isinstance(data, dict)
+        else data
+        if isinstance(data, list | tuple)
+        else ()
+    )
     return levels > 0 and all(_is_shallow(part, levels - 1) for part in parts)
 
 
@@ -320,5 +425,13 @@ def place_in_agent(frame: FrameType | None) -> str:
     """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
     frames = traceback.extract_stack(frame)
     inside = [i for i, frame in enumerate(frames) if frame.filename == __file__]
-    here = [frame for frame in frames[inside[-1] :] if frame.filename not in (__file__, plugins.__file__)] if inside else []
+    here = (
+        [
+            frame
+            for frame in frames[inside[-1] :]
+            if frame.filename not in (__file__, plugins.__file__)
+        ]
+        if inside
+        else []
+    )
     return f", in {here[0].filename}, line {here[0].lineno}" if here else ""

@@ -12,7 +12,9 @@ from orchard.contract.messages import Given, Written, pack, type_of, unpack
 
 def in_hearing_order(requests: list[Heard]) -> list[Heard]:
     """Return requests in the order in which agents hear them. It does not depend on the order of arrival."""
-    return sorted(requests, key=lambda heard: (type_of(heard.body), heard.sender, heard.tick, heard.number))
+    return sorted(
+        requests, key=lambda heard: (type_of(heard.body), heard.sender, heard.tick, heard.number)
+    )
 
 
 def digest_of(mail: Mail) -> bytes:
@@ -26,12 +28,18 @@ def digest_of(mail: Mail) -> bytes:
 
 def given_by(action: Action) -> list[Given]:
     """Return the answers of an action, each with the number of its request in place of the request."""
-    return [Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers]
+    return [
+        Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers
+    ]
 
 
 def copy_of(mail: Mail) -> Mail:
     """Return mail with new lists and messages: an agent that changes them changes neither the sender nor other agents."""
-    return Mail(*unpack(pack((mail.requests, mail.replies)), tuple[list[Heard], list[Reply]])) if mail.requests or mail.replies else mail
+    return (
+        Mail(*unpack(pack((mail.requests, mail.replies)), tuple[list[Heard], list[Reply]]))
+        if mail.requests or mail.replies
+        else mail
+    )
 
 
 class LocalMail:
@@ -51,11 +59,17 @@ class LocalMail:
         last = self.written.get(tick - 1, {}).items()
         for sender, letters in last:
             for number, (to, request) in enumerate(letters.requests):
-                mail.setdefault(to, Mail()).requests.append(Heard(sender, tick - 1, number, request))
+                mail.setdefault(to, Mail()).requests.append(
+                    Heard(sender, tick - 1, number, request)
+                )
         for heard_by_one in mail.values():
             heard_by_one.requests = in_hearing_order(heard_by_one.requests)
         # the key names the agent that answers, so no other agent can answer for it
-        answered = {(name, to, at, number): body for name, letters in last for to, at, number, body in letters.answers}
+        answered = {
+            (name, to, at, number): body
+            for name, letters in last
+            for to, at, number, body in letters.answers
+        }
         for sender, letters in self.written.get(tick - 2, {}).items():
             if letters.requests:
                 mail.setdefault(sender, Mail()).replies = [

@@ -11,7 +11,9 @@ MAX_PAYLOAD = 1 << 20  # bytes of one message
 FASTEST = 100.0  # m/s and rad/s, of any velocity
 LAST_TICK = 2**36 - 1  # 217 years: its time in nanoseconds fits in 64 bits
 
-Tick = Annotated[int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")]
+Tick = Annotated[
+    int, Meta(ge=0, le=LAST_TICK, description="number of the time step, 0.1 s each, from 0")
+]
 LONGEST_TEXT = 200  # characters of a text for people
 Text = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 Word = Annotated[str, Meta(max_length=64)]  # a name of an agent or of a place on the roads
@@ -21,7 +23,9 @@ Seconds = Annotated[float, Meta(ge=0.0, le=1e6)]
 End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 
 
-class AgentMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
+class AgentMessage(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower
+):
     """A message to another agent or to physics. Its `type` on the wire is the class name in small letters.
 
     For messages of your own, derive classes from it, and list them in your agent's `Messages`: see `CustomMessage`.
@@ -140,7 +144,20 @@ class CustomMessage(AgentMessage, tag="custom"):
     fields: dict[str, Any]
 
 
-Request = Call | Come | Confirm | EmptyBin | Here | Claim | StateRequest | LeftAt | Where | Fetch | CarrierQuery | CustomMessage
+Request = (
+    Call
+    | Come
+    | Confirm
+    | EmptyBin
+    | Here
+    | Claim
+    | StateRequest
+    | LeftAt
+    | Where
+    | Fetch
+    | CarrierQuery
+    | CustomMessage
+)
 
 # -- answers
 
@@ -201,7 +218,9 @@ class Position(AgentMessage):
     y: Metres
 
 
-Answer = Offer | Yes | No | CarrierComing | Places | BinState | Position | CarrierStatus | CustomMessage
+Answer = (
+    Offer | Yes | No | CarrierComing | Places | BinState | Position | CarrierStatus | CustomMessage
+)
 
 
 # -- requests and answers as they are stored, for sessions that read them later
@@ -219,8 +238,13 @@ class Given(NamedTuple):
 class Written(msgspec.Struct, forbid_unknown_fields=True):
     """The letters of one agent at one tick."""
 
-    requests: Annotated[list[tuple[Word, Request]], Meta(description="[to, body] of each request, numbered by its place from 0")]
-    answers: Annotated[list[Given], Meta(description="[to, tick and number of the request, body of the answer]")]
+    requests: Annotated[
+        list[tuple[Word, Request]],
+        Meta(description="[to, body] of each request, numbered by its place from 0"),
+    ]
+    answers: Annotated[
+        list[Given], Meta(description="[to, tick and number of the request, body of the answer]")
+    ]
 
     @property
     def sent(self) -> list[tuple[str, Request | Answer]]:

@@ -44,11 +44,16 @@ def printed(show: Callable[[str], None]) -> Iterator[None]:
 @contextmanager
 def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
     """In this context, `show` gets some of what C code writes to the files 1 and 2. Yield stdout and stderr for the program's own words."""
-    is_over, stream = Event(), Printed(lambda words: show(words.replace("printed: printed", "printed", 1)))  # by a worker that says so
+    is_over, stream = (
+        Event(),
+        Printed(lambda words: show(words.replace("printed: printed", "printed", 1))),
+    )  # by a worker that says so
     with ExitStack() as stack:
         own = [os.fdopen(os.dup(number), "w") for number in (1, 2)]
         stack.callback(_close, own)
-        written = stack.enter_context(open(os.memfd_create("printed"), "wb"))  # no pipe: a writer must not wait until it is read
+        written = stack.enter_context(
+            open(os.memfd_create("printed"), "wb")
+        )  # no pipe: a writer must not wait until it is read
         for number in (1, 2):
             os.dup2(written.fileno(), number)
         reader = Thread(target=_follow, args=(written.fileno(), stream, is_over), daemon=True)

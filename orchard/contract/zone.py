@@ -38,7 +38,9 @@ def spans(laser: Laser, zone: Zone) -> np.ndarray:
     """Return the ranges, rounded up, at which each beam enters and leaves a zone, (2, beams) float32, m; reversed if it misses."""
     cosines, sines = beams(laser)
     along, across = _slab(cosines, zone.x_min, zone.x_max), _slab(sines, zone.y_min, zone.y_max)
-    exact = np.stack([np.maximum(np.maximum(along[0], across[0]), 0.0), np.minimum(along[1], across[1])])
+    exact = np.stack(
+        [np.maximum(np.maximum(along[0], across[0]), 0.0), np.minimum(along[1], across[1])]
+    )
     nearest = exact.astype(np.float32)
     return np.where(nearest < exact, np.nextafter(nearest, np.float32(np.inf)), nearest)
 
@@ -48,7 +50,9 @@ def _slab(direction: np.ndarray, least: float, most: float) -> tuple[np.ndarray,
     across = np.abs(direction) < ACROSS
     one, other = least / np.where(across, 1.0, direction), most / np.where(across, 1.0, direction)
     far = np.inf if least <= 0.0 <= most else -np.inf
-    return np.where(across, -far, np.minimum(one, other)), np.where(across, far, np.maximum(one, other))
+    return np.where(across, -far, np.minimum(one, other)), np.where(
+        across, far, np.maximum(one, other)
+    )
 
 
 def in_zone(scan: np.ndarray, laser: Laser, zone: Zone) -> np.ndarray:

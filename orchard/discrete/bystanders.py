@@ -9,7 +9,9 @@ from orchard.field.layout import X_WEST, Layout
 from orchard.field.repeatable import draw, exponential
 from orchard.field.scenario import TIME_STEP
 
-MEETS_WITHIN = 5.6  # m: a robot stops once for each of them that is in a strip of this width along its way
+MEETS_WITHIN = (
+    5.6  # m: a robot stops once for each of them that is in a strip of this width along its way
+)
 MEETING = 1.05  # s, mean time for which it then stands
 PASSING = 3.0  # s, mean time for which one of them stays within what a turn sweeps
 
@@ -18,19 +20,28 @@ class Bystanders:
     """The people and animals of one orchard."""
 
     def __init__(self, layout: Layout) -> None:
-        bystanders, area = bystanders_of(layout), (layout.east - X_WEST) * (layout.top - layout.bottom)
+        bystanders, area = (
+            bystanders_of(layout),
+            (layout.east - X_WEST) * (layout.top - layout.bottom),
+        )
         self.seed, self.density = layout.scenario.seed, len(bystanders) / area  # per m2
-        self.radius = sum(one.radius for one in bystanders) / len(bystanders) if bystanders else 0.0  # m, mean
+        self.radius = (
+            sum(one.radius for one in bystanders) / len(bystanders) if bystanders else 0.0
+        )  # m, mean
 
     def metres_to(self, robot: str, number: int) -> float:
         """Return the metres that a robot drives from one meeting to the next, for its meeting with this number."""
         if not self.density:
             return inf
-        return exponential(draw(self.seed, f"way of {robot}", number)[0], 1.0 / (self.density * MEETS_WITHIN))
+        return exponential(
+            draw(self.seed, f"way of {robot}", number)[0], 1.0 / (self.density * MEETS_WITHIN)
+        )
 
     def meeting_ticks(self, robot: str, number: int) -> int:
         """Return the ticks for which a robot stands at a meeting."""
-        return 1 + int(exponential(draw(self.seed, f"meeting of {robot}", number)[0], MEETING) / TIME_STEP)
+        return 1 + int(
+            exponential(draw(self.seed, f"meeting of {robot}", number)[0], MEETING) / TIME_STEP
+        )
 
     def turning_ticks(self, robot: str, number: int, is_towing: bool) -> int:
         """Return the ticks for which a robot stands before a turn: until all have told where they are, and while one is near."""
@@ -38,4 +49,8 @@ class Bystanders:
             return 0
         within = sweep_radius(KINDS[kind_of(robot)], is_towing) + self.radius + MARGIN
         is_near, stays = draw(self.seed, f"turn of {robot}", number, 2)
-        return ASK + (int(exponential(stays, PASSING) / TIME_STEP) if is_near < self.density * pi * within * within else 0)
+        return ASK + (
+            int(exponential(stays, PASSING) / TIME_STEP)
+            if is_near < self.density * pi * within * within
+            else 0
+        )

@@ -9,7 +9,14 @@ import simpy
 from orchard.agents.bin import CALL_AGAIN
 from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
 from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
-from orchard.agents.dispatcher import BOOKED_TICKS, POLL_TICKS, PolicyFault, as_kept, checked, fault_of
+from orchard.agents.dispatcher import (
+    BOOKED_TICKS,
+    POLL_TICKS,
+    PolicyFault,
+    as_kept,
+    checked,
+    fault_of,
+)
 from orchard.agents.forecast import horizon
 from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.ranking import MARGIN
@@ -69,7 +76,9 @@ class Calls:
         self.env, self.route, self.layout, self.free = env, route, route.layout, list(carriers)
         self._calling: dict[int, list[OpenCall]] = {}  # tick -> the bins that call then
         self._heard: dict[str, HeardCall] = {}  # bin -> its call, as all carriers heard it
-        self._offered: dict[str, dict[str, int]] = {robot.name: {} for robot in carriers}  # carrier -> bin -> tick of its first offer
+        self._offered: dict[str, dict[str, int]] = {
+            robot.name: {} for robot in carriers
+        }  # carrier -> bin -> tick of its first offer
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float, seen: int) -> None:
         """Hear that a picker begins a row, or to drive into it; when its bin sees that, a tick; and in how many seconds it will be full."""
@@ -81,7 +90,9 @@ class Calls:
         """Hear that a picker is repaired."""
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
-        self._call(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick), robot.tick)
+        self._call(
+            OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick), robot.tick
+        )
 
     def home(self, robot: Robot) -> None:
         self.free.append(robot)
@@ -102,7 +113,9 @@ class Calls:
         offers: dict[str, list[Robot]] = {}
         for robot in self.ready():
             offered = self._offered[robot.name]
-            self._heard = {name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED}
+            self._heard = {
+                name: heard for name, heard in self._heard.items() if now - heard.tick <= REMEMBERED
+            }
             first = first_call(self._heard, offered, now)
             if first in calls:
                 offered.setdefault(first, now)
@@ -113,7 +126,13 @@ class Calls:
     def _choose(self, call: OpenCall, offers: list[Robot], tick: int) -> None:
         if not offers:
             return self._call(call, tick + CALL_AGAIN)
-        chosen = min(offers, key=lambda robot: (round(self.route.distance(robot.x_now, robot.y, call.lane, call.side), 3), robot.name))
+        chosen = min(
+            offers,
+            key=lambda robot: (
+                round(self.route.distance(robot.x_now, robot.y, call.lane, call.side), 3),
+                robot.name,
+            ),
+        )
         at(self.env, tick + 1 + HEARD, lambda: self._come(call, chosen))
 
     def _come(self, call: OpenCall, carrier: Robot) -> None:
@@ -142,8 +161,12 @@ class Dispatched(Calls):
         self._ripening: dict[str, OpenCall] = {}  # picker -> the call of the bin that it fills
         self._booked: set[str] = set()
         self._carriers = sorted(carriers, key=lambda robot: robot.name)
-        self._jobs: dict[str, tuple[str, int]] = {}  # carrier -> the bin that it fetches, and the tick at which that bin was told
-        self._asked = self._decided = -POLL_TICKS  # ticks of the last question to the carriers, and of its answers
+        self._jobs: dict[
+            str, tuple[str, int]
+        ] = {}  # carrier -> the bin that it fetches, and the tick at which that bin was told
+        self._asked = (
+            self._decided
+        ) = -POLL_TICKS  # ticks of the last question to the carriers, and of its answers
         self._knows_policy = type(self) is Dispatched and type(self.policy) in POLICIES.values()
         env.process(self.run())
 
@@ -152,7 +175,9 @@ class Dispatched(Calls):
             return
         full, call = robot.tick + seconds / TIME_STEP, self._ripening.get(robot.name)
         if call is None or call.bin != robot.bin:
-            call = self._ripening[robot.name] = OpenCall(robot.bin, robot.name, lane, side, seen, full)
+            call = self._ripening[robot.name] = OpenCall(
+                robot.bin, robot.name, lane, side, seen, full
+            )
         self._learn(call)
         call.full = full
         if not call.is_reported:
@@ -182,7 +207,9 @@ class Dispatched(Calls):
 
     def left(self, robot: Robot, lane: int, side: Side) -> None:
         if not is_early(self.policy):
-            self.open.append(OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick))
+            self.open.append(
+                OpenCall(robot.full_bin, robot.name, lane, side, robot.tick, robot.tick)
+            )
             self.wake()
 
     def wake(self) -> None:
@@ -196,23 +223,40 @@ class Dispatched(Calls):
             if not waiting:
                 yield self._changed
                 continue
-            asked = max(ceil(self.env.now), min(call.since for call in waiting) + 1, self._asked + POLL_TICKS)
+            asked = max(
+                ceil(self.env.now),
+                min(call.since for call in waiting) + 1,
+                self._asked + POLL_TICKS,
+            )
             yield self.env.timeout(asked + 1 - self.env.now)
-            self._asked, ready = asked, {robot.name: robot for robot in self.ready() if robot.name not in self._booked}
+            self._asked, ready = (
+                asked,
+                {robot.name: robot for robot in self.ready() if robot.name not in self._booked},
+            )
             carriers = self._told(ready) if ready or not self._knows_policy else []
             yield self.env.timeout(1)
-            calls = [call for call in self.open if call.bin not in self._booked and call.since < asked + 2]
+            calls = [
+                call
+                for call in self.open
+                if call.bin not in self._booked and call.since < asked + 2
+            ]
             before, self._decided = self._decided, asked + 2
             if not self._knows_policy or (ready and any(self._is_due(call) for call in calls)):
                 self.decide(self._decision(calls, carriers, ready))
                 continue
             for call in calls:  # of those that are full at the next question: this one, or none, was the last before
-                if before <= max(call.full, call.since) and call.full <= self._decided + POLL_TICKS + 1:
+                if (
+                    before <= max(call.full, call.since)
+                    and call.full <= self._decided + POLL_TICKS + 1
+                ):
                     self._learn(call)
 
     def _is_due(self, call: OpenCall) -> bool:
         """Whether a carrier may have to leave for a bin: a tick too early rather than too late."""
-        return call.left(self._decided) <= (self._ways[call.lane, call.side.name][1] + MARGIN) / TIME_STEP + 1
+        return (
+            call.left(self._decided)
+            <= (self._ways[call.lane, call.side.name][1] + MARGIN) / TIME_STEP + 1
+        )
 
     def _learn(self, call: OpenCall) -> None:
         """Let a policy of ours learn of a bin what it would have at the last question, if it was not asked because nothing was due.
@@ -230,33 +274,64 @@ class Dispatched(Calls):
         """Return what the policy decides. Raises PolicyFault."""
         now, bins, carriers = decision.now, decision.bins, decision.carriers
         try:
-            orders = checked(contained(self.policy.assign, now, list(bins), list(carriers), self.memory), bins, carriers)
-            if not self._knows_policy:  # what a user's policy remembers must be what a dispatcher would keep
+            orders = checked(
+                contained(self.policy.assign, now, list(bins), list(carriers), self.memory),
+                bins,
+                carriers,
+            )
+            if (
+                not self._knows_policy
+            ):  # what a user's policy remembers must be what a dispatcher would keep
                 self.memory = unpack(as_kept(self.memory, self.policy), self.policy.Memory)
             return orders
         except MISTAKES as error:
             reraise_ctrl_c(error)
-            raise PolicyFault(fault_of(self.policy, self.layout.scenario.dispatch, error, now)) from error
+            raise PolicyFault(
+                fault_of(self.policy, self.layout.scenario.dispatch, error, now)
+            ) from error
 
     def send(self, decision: Decision, orders: Iterable[Assignment]) -> None:
         for order in orders:
             self._booked |= {order.bin, order.carrier}
-            self.env.process(self._fetch(order, decision.calls[order.bin], decision.ready[order.carrier], decision.now))
+            self.env.process(
+                self._fetch(
+                    order, decision.calls[order.bin], decision.ready[order.carrier], decision.now
+                )
+            )
 
     def _told(self, ready: Container[str]) -> list[CarrierReport]:
         """What the carriers answer: all but those that the dispatcher has sent, until it is told of their jobs."""
         head, sent = self.layout.queue.head, ceil(self.env.now) - BOOKED_TICKS
-        told = [(robot, *self._jobs.get(robot.name, ("", -BOOKED_TICKS))) for robot in self._carriers if robot.name not in self._booked]
-        return [CarrierReport(one.name, job, one.name in ready, max(0.0, head - one.x_now)) for one, job, since in told if since <= sent]
+        told = [
+            (robot, *self._jobs.get(robot.name, ("", -BOOKED_TICKS)))
+            for robot in self._carriers
+            if robot.name not in self._booked
+        ]
+        return [
+            CarrierReport(one.name, job, one.name in ready, max(0.0, head - one.x_now))
+            for one, job, since in told
+            if since <= sent
+        ]
 
-    def _decision(self, calls: list[OpenCall], carriers: list[CarrierReport], ready: dict[str, Robot]) -> Decision:
+    def _decision(
+        self, calls: list[OpenCall], carriers: list[CarrierReport], ready: dict[str, Robot]
+    ) -> Decision:
         now = ceil(self.env.now)
         bins = [self._report(call, now) for call in sorted(calls, key=lambda call: call.bin)]
         return Decision(now, bins, carriers, {call.bin: call for call in calls}, ready)
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
         metres, reach = self._ways[call.lane, call.side.name]
-        return BinReport(call.bin, call.lane, call.side.name, call.picker, call.since, metres, max(0.0, call.left(now) * TIME_STEP), reach)
+        return BinReport(
+            call.bin,
+            call.lane,
+            call.side.name,
+            call.picker,
+            call.since,
+            metres,
+            max(0.0, call.left(now) * TIME_STEP),
+            reach,
+        )
 
     def _fetch(self, order: Assignment, call: OpenCall, carrier: Robot, now: int) -> Events:
         report = call.since + CALL_AGAIN * ceil((now - call.since) / CALL_AGAIN)

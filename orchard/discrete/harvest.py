@@ -21,8 +21,14 @@ from orchard.field.scenario import TIME_STEP
 
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
-LEAST_BINS, LEAST_ROUNDS = 24, 3  # of a long run: that each picker fills; how often those with most rows pick theirs, if each fills a bin
-CHARGES, LEAST_BUSY = 6.0, 0.25  # that each carrier does, by the mean, if it is busy for that share; others charge while they wait
+LEAST_BINS, LEAST_ROUNDS = (
+    24,
+    3,
+)  # of a long run: that each picker fills; how often those with most rows pick theirs, if each fills a bin
+CHARGES, LEAST_BUSY = (
+    6.0,
+    0.25,
+)  # that each carrier does, by the mean, if it is busy for that share; others charge while they wait
 BEGINNING = 0.4  # share of the bins that is left out
 LEAST_SHARE = 0.5  # of its rows, or of the work, that a picker does until the first one has done all: with fair policies 0.7 and more
 
@@ -45,7 +51,13 @@ class DiscreteFigures:
 class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout, rows_each: int | None = None, calls: type[Calls] | None = None, free_roads: bool = False) -> None:
+    def __init__(
+        self,
+        layout: Layout,
+        rows_each: int | None = None,
+        calls: type[Calls] | None = None,
+        free_roads: bool = False,
+    ) -> None:
         """`rows_each`: how many rows each picker picks, its own again and again; None: each of its own once.
 
         `calls`: what sends carriers; None: what the scenario says. `free_roads`: no robot is in another's way.
@@ -53,28 +65,58 @@ class DiscreteHarvest:
         """
         scenario = layout.scenario
         if not scenario.sensors.are_exact:
-            raise ValueError("the discrete-event model knows no errors of sensors; run the simulator")
+            raise ValueError(
+                "the discrete-event model knows no errors of sensors; run the simulator"
+            )
         if own := {**scenario.agents, **scenario.agents_without_body}:
-            raise ValueError(f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator")
+            raise ValueError(
+                f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator"
+            )
         if rows_each:
-            rows = {name: tuple(islice(cycle(block.rows), rows_each)) for name, block in layout.blocks.items()}
-            layout = replace(layout, blocks={name: replace(block, rows=rows[name]) for name, block in layout.blocks.items()})
+            rows = {
+                name: tuple(islice(cycle(block.rows), rows_each))
+                for name, block in layout.blocks.items()
+            }
+            layout = replace(
+                layout,
+                blocks={
+                    name: replace(block, rows=rows[name]) for name, block in layout.blocks.items()
+                },
+            )
         self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
-        self.battery, self.chargers = scenario.carrying.battery, simpy.Resource(self.env, max(1, scenario.chargers))
+        self.battery, self.chargers = (
+            scenario.carrying.battery,
+            simpy.Resource(self.env, max(1, scenario.chargers)),
+        )
         self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
         self.deliveries: list[float] = []  # s, when each bin was unloaded
-        self._full_since: dict[str, int] = {}  # picker that waits for an empty bin -> tick at which its bin was full
-        self._waits: list[tuple[int, int]] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
-        self._trips: list[tuple[float, float]] = []  # of carriers: the ticks between which one was outside the queue
+        self._full_since: dict[
+            str, int
+        ] = {}  # picker that waits for an empty bin -> tick at which its bin was full
+        self._waits: list[
+            tuple[int, int]
+        ] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
+        self._trips: list[
+            tuple[float, float]
+        ] = []  # of carriers: the ticks between which one was outside the queue
         self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
         self._passes = {name: layout.passes(block) for name, block in layout.blocks.items()}
         self.bins = sum(one.leaves_bin for passes in self._passes.values() for one in passes)
         starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
-        roads = [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
-        self.robots = {one.name: Robot(self, one.name, one.pose, one.bin, way) for one, way in zip(starts, roads, strict=True)}
-        self._carriers = [robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"]
+        roads = (
+            [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
+        )
+        self.robots = {
+            one.name: Robot(self, one.name, one.pose, one.bin, way)
+            for one, way in zip(starts, roads, strict=True)
+        }
+        self._carriers = [
+            robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"
+        ]
         has_dispatcher = DISPATCH in scenario.bodiless_agents
-        self.calls = (calls or (Dispatched if has_dispatcher else Calls))(self.env, self.route, self._carriers)
+        self.calls = (calls or (Dispatched if has_dispatcher else Calls))(
+            self.env, self.route, self._carriers
+        )
         for name, block in layout.blocks.items():
             self.robots[name].plan = list(self.route.harvest(block))
         for robot in self._carriers:
@@ -95,18 +137,28 @@ class DiscreteHarvest:
         if not self.is_over:
             raise self.jam()
         rate = 3600.0 * self.delivered / self.seconds
-        return DiscreteFigures(rate, self.picker_waiting_seconds(), self.carrier_utilisation(), self.seconds, self.delivered)
+        return DiscreteFigures(
+            rate,
+            self.picker_waiting_seconds(),
+            self.carrier_utilisation(),
+            self.seconds,
+            self.delivered,
+        )
 
     def jam(self) -> "Jam":
         """Return why it did not end."""
         flat = [robot.name for robot in self._carriers if robot.charge <= 0.0]
-        why = f"the battery of {' and '.join(flat)} is flat" if flat else "some robots wait for ever"
+        why = (
+            f"the battery of {' and '.join(flat)} is flat" if flat else "some robots wait for ever"
+        )
         return Jam(f"only {self.delivered} bins were delivered: {why}")
 
     @property
     def drives(self) -> bool:
         """Whether a robot is on its way, or charges: the harvest goes on."""
-        return bool(self.chargers.count) or any(robot.is_on_the_way for robot in self.robots.values())
+        return bool(self.chargers.count) or any(
+            robot.is_on_the_way for robot in self.robots.values()
+        )
 
     @property
     def done(self) -> int:
@@ -122,8 +174,16 @@ class DiscreteHarvest:
             self.left[picker.bin] = self.env.event()
         # a bin sees how fast its row is picked only there
         speed = self.layout.scenario.mean_picking_speed if before else lane.picking_speed
-        seconds = until_full(self.layout, row, side.name, one.metres / speed, before + abs(self.route.end(row, side) - one.stop))
-        self.calls.begins(picker, row, side, seconds, picker.tick + (1 if before else 0))  # its bin must see that it drives
+        seconds = until_full(
+            self.layout,
+            row,
+            side.name,
+            one.metres / speed,
+            before + abs(self.route.end(row, side) - one.stop),
+        )
+        self.calls.begins(
+            picker, row, side, seconds, picker.tick + (1 if before else 0)
+        )  # its bin must see that it drives
 
     def end_row(self, picker: Robot) -> None:
         if not self._passes[picker.name][0].leaves_bin:
@@ -166,7 +226,14 @@ class DiscreteHarvest:
         with self.chargers.request() as free:
             yield free
             carrier.use_battery(0.0)
-            yield self.env.timeout(ceil((1.0 - max(0.0, carrier.charge)) * self.battery.hours_to_charge * 3600.0 / TIME_STEP))
+            yield self.env.timeout(
+                ceil(
+                    (1.0 - max(0.0, carrier.charge))
+                    * self.battery.hours_to_charge
+                    * 3600.0
+                    / TIME_STEP
+                )
+            )
         carrier.charge, carrier.since, carrier.moved_ticks = 1.0, carrier.tick, 0
         carrier.is_charged.succeed()
 
@@ -183,20 +250,27 @@ class DiscreteHarvest:
     @property
     def waited_seconds(self) -> float:
         """The time for which all pickers together have waited for empty bins so far, s."""
-        still = [max(0.0, self.env.now - tick) for tick in self._full_since.values()]  # of those that wait now
+        still = [
+            max(0.0, self.env.now - tick) for tick in self._full_since.values()
+        ]  # of those that wait now
         return sum([*(wait for _, wait in self._waits), *still]) * TIME_STEP
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
         """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over the carriers; None: to the end."""
         end = self.seconds if until is None else until
         away = [(carrier.away, inf) for carrier in self._carriers if carrier not in self.calls.free]
-        busy = sum(max(0.0, min(end, to * TIME_STEP) - max(since, of * TIME_STEP)) for of, to in [*self._trips, *away])
+        busy = sum(
+            max(0.0, min(end, to * TIME_STEP) - max(since, of * TIME_STEP))
+            for of, to in [*self._trips, *away]
+        )
         return busy / ((end - since) * len(self._carriers))
 
     @property
     def is_over(self) -> bool:
         """Whether all bins were delivered, and no battery is flat; if not, robots wait for each other."""
-        return self.delivered == self.bins and all(carrier.charge > 0.0 for carrier in self._carriers)
+        return self.delivered == self.bins and all(
+            carrier.charge > 0.0 for carrier in self._carriers
+        )
 
     @property
     def delivered(self) -> int:
@@ -208,14 +282,21 @@ def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
 
     Raises ValueError as `DiscreteHarvest` does, and Jam; also if a policy leaves a picker out: the rate would be that of the others' rows.
     """
-    each, most = layout.scenario.bin_metres, max(len(block.rows) for block in layout.blocks.values())
+    each, most = (
+        layout.scenario.bin_metres,
+        max(len(block.rows) for block in layout.blocks.values()),
+    )
     bins_a_row = layout.mean_length / each if each else 1.0
-    least = rows_each or max(ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most)
+    least = rows_each or max(
+        ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most
+    )
     found, battery = _long_run(layout, least), layout.scenario.carrying.battery
     if rows_each or not battery.hours:
         return found
     busy = max(LEAST_BUSY, found.carrier_utilisation)
-    charge_seconds = 3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)  # from one to the next
+    charge_seconds = (
+        3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)
+    )  # from one to the next
     needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / found.sim_seconds)
     return found if needed <= least else _long_run(layout, needed)
 
@@ -229,13 +310,25 @@ def _long_run(layout: Layout, rows_each: int) -> DiscreteFigures:
     if all(picker.plan for picker in pickers.values()):
         raise harvest.jam()
     done = {name: 1.0 - len(picker.plan) / steps[name] for name, picker in pickers.items()}
-    work = {name: fmean(layout.picking_seconds(row, layout.lane(row).length) for row in layout.blocks[name].rows) for name in pickers}
+    work = {
+        name: fmean(
+            layout.picking_seconds(row, layout.lane(row).length) for row in layout.blocks[name].rows
+        )
+        for name in pickers
+    }
     most = max(done[name] * work[name] for name in pickers)  # s of picking
     last = min(done, key=lambda name: max(done[name], done[name] * work[name] / most))
     if max(done[last], done[last] * work[last] / most) < LEAST_SHARE:
-        raise Jam(f"{last} has done {100.0 * done[last]:.0f} % of its rows when another picker has done all: too few carriers come to it")
+        raise Jam(
+            f"{last} has done {100.0 * done[last]:.0f} % of its rows when another picker has done all: too few carriers come to it"
+        )
     measured = harvest.deliveries[int(BEGINNING * harvest.delivered) :]
     since, until = measured[0], measured[-1]
-    wait, busy = harvest.picker_waiting_seconds(since, until), harvest.carrier_utilisation(since, until)
-    between = float(np.polyfit(np.arange(len(measured)), measured, 1)[0])  # s; the first and the last time alone would tell of their luck
+    wait, busy = (
+        harvest.picker_waiting_seconds(since, until),
+        harvest.carrier_utilisation(since, until),
+    )
+    between = float(
+        np.polyfit(np.arange(len(measured)), measured, 1)[0]
+    )  # s; the first and the last time alone would tell of their luck
     return DiscreteFigures(3600.0 / between, wait, busy, until - since, len(measured) - 1)

@@ -5,7 +5,9 @@ import simpy
 from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE
 from orchard.field.kinds import KINDS, Kind
 
-Line = tuple[str, float, int]  # the axis along which it runs, its other coordinate in m, and the direction, +1 or -1
+Line = tuple[
+    str, float, int
+]  # the axis along which it runs, its other coordinate in m, and the direction, +1 or -1
 
 
 class Follower:
@@ -19,7 +21,9 @@ class Follower:
     moved: simpy.Event  # its way got longer
 
 
-CLEAR = KINDS["carrier"].tows + KINDS["bin"].length / 2 + KINDS["carrier"].width / 2 + SIDE_MARGIN  # m a train drives to be off a line
+CLEAR = (
+    KINDS["carrier"].tows + KINDS["bin"].length / 2 + KINDS["carrier"].width / 2 + SIDE_MARGIN
+)  # m a train drives to be off a line
 
 
 class Lines:
@@ -52,5 +56,11 @@ def _number_before(on: list[Follower], at: float) -> int:
 def room(robot: Follower, before: Follower) -> float:
     """Return how far a robot may drive, in the direction of its line, m: up to where the one before it stands or will stand."""
     other = before.kind
-    tail = other.width / 2 if before.is_across else other.tows + KINDS["bin"].length / 2 if before.bin else other.length / 2
+    tail = (
+        other.width / 2
+        if before.is_across
+        else other.tows + KINDS["bin"].length / 2
+        if before.bin
+        else other.length / 2
+    )
     return before.end - tail - STOP_DISTANCE - robot.kind.length / 2

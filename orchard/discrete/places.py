@@ -24,10 +24,14 @@ class Claimant:
         self.wanted: list[str] = []
         self.beside = ""
         self.claimed = -PATIENCE
-        self._answers = deque([(0.0, ReservationTable({name: []}))])  # of traffic: when it is heard, and the table
+        self._answers = deque(
+            [(0.0, ReservationTable({name: []}))]
+        )  # of traffic: when it is heard, and the table
         self._told = self._claim()  # its last claim
         self._due = -1  # tick at which the next claim is sent
-        self._pause: simpy.Event | None = None  # what its robot waits for, unless it gets places before
+        self._pause: simpy.Event | None = (
+            None  # what its robot waits for, unless it gets places before
+        )
         reservations.claimants[name] = self
 
     def has(self, places: list[str]) -> bool:
@@ -88,13 +92,17 @@ class Claimant:
     def is_granted(self, places: list[str]) -> None:
         self.claimed, reserved = self._repeated(), self.reservations.table.reserved
         self.is_answered(self.env.now, ReservationTable(dict(reserved)))
-        granted = [place for place in reserved[self.name] if place in places and place not in self.reserved]
+        granted = [
+            place for place in reserved[self.name] if place in places and place not in self.reserved
+        ]
         self.reserved = self.reserved + granted
         if set(self.wanted).issubset(self.reserved):
             self.wanted = []
         self._plan()
         if granted and self._pause is not None and self._pause.callbacks:
-            sooner = self.env.timeout(ceil(self.env.now) - self.env.now)  # what waits for the pause waits for this
+            sooner = self.env.timeout(
+                ceil(self.env.now) - self.env.now
+            )  # what waits for the pause waits for this
             assert sooner.callbacks is not None
             sooner.callbacks.extend(self._pause.callbacks)
             self._pause.callbacks.clear()
@@ -120,7 +128,11 @@ class Reservations:
         self._expected[tick].append(claimant)
 
     def _hear(self, tick: int) -> None:
-        claims = {claimant.name: claim for claimant in self._expected.pop(tick) if (claim := claimant.claim(tick)) is not None}
+        claims = {
+            claimant.name: claim
+            for claimant in self._expected.pop(tick)
+            if (claim := claimant.claim(tick)) is not None
+        }
         for name, claim in claims.items():
             note(self.table, name, claim, tick + 1)
         wanted = {name: wish.places for name, wish in self.table.wishes.items()}

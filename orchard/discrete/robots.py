@@ -21,7 +21,9 @@ from orchard.field.scenario import TIME_STEP, Battery
 
 Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m
-BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN  # m from a line at which a robot is clear of it
+BESIDE = (
+    KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN
+)  # m from a line at which a robot is clear of it
 
 
 class Model(Protocol):
@@ -63,17 +65,30 @@ class Robot(Follower):
         self.has_offer = self.env.event()  # a carrier has brought a bin
         self.new_plan = self.env.event()
         self.memory = SimpleNamespace(plan=[], doing="", state="resting", failures=0, worked=0.0)
-        self.meetings, self.turns = 0, 0  # so far: times that it stood for people and animals on its way, and turns
+        self.meetings, self.turns = (
+            0,
+            0,
+        )  # so far: times that it stood for people and animals on its way, and turns
         self.clear = model.bystanders.metres_to(name, 0)  # m to the next meeting
-        self._leg: tuple[str, int, float, float, int, float] | None = None  # the part of a drive that it is on
-        self.charge, self.moved_ticks, self.since = 1.0, 0, 0  # of its battery at the tick `since`; ticks for which it has moved since then
+        self._leg: tuple[str, int, float, float, int, float] | None = (
+            None  # the part of a drive that it is on
+        )
+        self.charge, self.moved_ticks, self.since = (
+            1.0,
+            0,
+            0,
+        )  # of its battery at the tick `since`; ticks for which it has moved since then
         self.is_charged = self.env.event()
         self.parked: float = inf  # tick since which it stands in a charging line; inf: it does not
         self.away = inf  # tick since which it has been outside the queue; inf: it is there
         self.stood = 0  # tick since which it stands
         self.plan: list[Step] = []
         self.done = 0  # steps
-        self.offered, self.carrier, self.full_bin = "", "", ""  # the bin that a carrier has brought; that carrier; the bin that it left
+        self.offered, self.carrier, self.full_bin = (
+            "",
+            "",
+            "",
+        )  # the bin that a carrier has brought; that carrier; the bin that it left
         self.taken: dict[str, int] = {}  # bin that was brought -> tick at which it was taken over
 
     @property
@@ -122,26 +137,40 @@ class Robot(Follower):
     @singledispatchmethod
     def do(self, step: Step) -> Events | None:
         """Do a step: what happens until it is done, or nothing if it takes no time."""
-        raise NotImplementedError(f"the discrete-event model does not know the step {type(step).__name__}")
+        raise NotImplementedError(
+            f"the discrete-event model does not know the step {type(step).__name__}"
+        )
 
     # -- drives
 
     @do.register
     def _(self, step: st.DriveTo) -> Events:
-        axis, sign = "y" if step.x is None else "x", -1 if nearest_heading(self.yaw) in ("WEST", "SOUTH") else 1
+        axis, sign = (
+            "y" if step.x is None else "x",
+            -1 if nearest_heading(self.yaw) in ("WEST", "SOUTH") else 1,
+        )
         target = sign * (step.x if step.x is not None else cast(float, step.y))
         here = sign * (self.x if axis == "x" else self.y)
         # a bin that sees its picker drive into the row, perhaps through a part of it, can call from then on
         said = [one.state if isinstance(one, st.Say) else "" for one in self.plan[:3]]
         if "picking" in said and said[0] in ("driving", "picking"):
-            drives = (one.x for one in self.plan[: said.index("picking")] if isinstance(one, st.DriveTo))
-            self.model.begin_row(self, target - here + sum(abs(cast(float, x) - cast(float, step.x)) for x in drives))
+            drives = (
+                one.x for one in self.plan[: said.index("picking")] if isinstance(one, st.DriveTo)
+            )
+            self.model.begin_row(
+                self, target - here + sum(abs(cast(float, x) - cast(float, step.x)) for x in drives)
+            )
         line = (axis, round(self.y if axis == "x" else self.x, 3), sign)
         left_at, arrived = self._left_at(axis, sign, here), self._leave(line, here)
         stride, called = step.speed * TIME_STEP, [self.new_plan] if step.queueing else []
         meeting = here + self.clear
-        needs, frees = [(sign * gate.at, gate) for gate in step.needs], sorted((sign * gate.at, gate.places) for gate in step.frees)
-        while not (called and called[0].triggered):  # a carrier that is called on its way to the head stands there, and then goes on
+        needs, frees = (
+            [(sign * gate.at, gate) for gate in step.needs],
+            sorted((sign * gate.at, gate.places) for gate in step.frees),
+        )
+        while not (
+            called and called[0].triggered
+        ):  # a carrier that is called on its way to the head stands there, and then goes on
             while here > meeting - NEAR:
                 meeting = here + (yield from self._meet())
             while frees and here > frees[0][0] - NEAR:
@@ -161,7 +190,14 @@ class Robot(Follower):
                     break
                 yield from self._stand(shut, before if free_to <= here + NEAR else None, called)
                 continue
-            next_freed = next((gate_at for gate_at, places in frees if not set(places).isdisjoint(self.places.reserved)), inf)
+            next_freed = next(
+                (
+                    gate_at
+                    for gate_at, places in frees
+                    if not set(places).isdisjoint(self.places.reserved)
+                ),
+                inf,
+            )
             next_at = min(limit, next_freed, inf if arrived else left_at + CLEAR)
             ticks = min(ceil((next_at - here) / stride - NEAR), ask)
             begun, was = self.tick, here
@@ -181,12 +217,20 @@ class Robot(Follower):
 
     def _pause(self, ticks: float, called: list[simpy.Event], is_held_up: bool) -> simpy.Event:
         waits = bool(self.places.wanted)
-        timeout = self.env.timeout(min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks)
+        timeout = self.env.timeout(
+            min(ticks, self.places.ticks_to_answer()) if waits and is_held_up else ticks
+        )
         pause = first_of(self.env, [timeout, *called]) if called else timeout
         return self.places.granted_or(pause) if waits else pause
 
-    def _stand(self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]) -> Events:
-        events = [*([shut] if shut is not None else []), *([ahead.moved] if ahead is not None else []), *called]
+    def _stand(
+        self, shut: simpy.Event | None, ahead: Follower | None, called: list[simpy.Event]
+    ) -> Events:
+        events = [
+            *([shut] if shut is not None else []),
+            *([ahead.moved] if ahead is not None else []),
+            *called,
+        ]
         if not self.places.wanted:
             yield from self.wait(*events)
         else:
@@ -198,7 +242,9 @@ class Robot(Follower):
         self.meetings += 1
         return self.model.bystanders.metres_to(self.name, self.meetings)
 
-    def _next_gate(self, needs: list[tuple[float, Gate]], here: float, step: st.DriveTo) -> tuple[float, float, simpy.Event | None]:
+    def _next_gate(
+        self, needs: list[tuple[float, Gate]], here: float, step: st.DriveTo
+    ) -> tuple[float, float, simpy.Event | None]:
         """Drop the gates that it has passed, and those of places that it has.
 
         Return where the next one is, m, in how many ticks the robot asks for its places, and what happens when a bin is left before that.
@@ -217,7 +263,11 @@ class Robot(Follower):
 
     def _left_at(self, axis: str, sign: int, here: float) -> float:
         """Where a drive has left the robot's line, in the drive's direction: before its beginning if the robot has failed on the way."""
-        return min(here, sign * self.line[1]) if self.line is not None and self.line[0] != axis else here
+        return (
+            min(here, sign * self.line[1])
+            if self.line is not None and self.line[0] != axis
+            else here
+        )
 
     def _leave(self, line: Line, at: float) -> bool:
         return self.line == line or (self.line is None and self._arrive(line, at))
@@ -256,7 +306,11 @@ class Robot(Follower):
             self.is_across = True
             self._tell()
             ticks -= swung
-        elif self.is_across and self.line is not None and abs((self.y if self.line[0] == "x" else self.x) - self.line[1]) > BESIDE:
+        elif (
+            self.is_across
+            and self.line is not None
+            and abs((self.y if self.line[0] == "x" else self.x) - self.line[1]) > BESIDE
+        ):
             yield self.env.timeout(swung)
             self.lines.leave(self)
             self.line = None

@@ -22,7 +22,9 @@ from orchard.field.scenario import Scenario, check
 from orchard.field.survey import CLOSEST, FEWEST_ROWS, MOST_ROWS, SurveyedRow, faults_of
 from orchard.folders import regular
 
-STRAIGHT = 0.2  # m, at most, from a point of a row to its straight line, and to the direction of all rows
+STRAIGHT = (
+    0.2  # m, at most, from a point of a row to its straight line, and to the direction of all rows
+)
 LARGEST_FILE = 10_000_000  # bytes
 LONGITUDE_LATITUDE = "OGC:CRS84"  # of a GeoJSON file that names no system (RFC 7946)
 RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
@@ -55,7 +57,10 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     file = key_text(str(path))
     content = _content(path, file)
     found = list(_lines(content, file))
-    lines, problems = [one for one in found if isinstance(one, SurveyedLine)], [one for one in found if isinstance(one, Problem)]
+    lines, problems = (
+        [one for one in found if isinstance(one, SurveyedLine)],
+        [one for one in found if isinstance(one, Problem)],
+    )
     if not FEWEST_ROWS <= len(lines) <= MOST_ROWS:
         wanted = f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings; of a larger orchard, a file for each block"
         problems.append(Problem(file, f"has {len(lines)} rows; {wanted}"))
@@ -87,7 +92,9 @@ def _content(path: Path, file: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise ScenarioError([Problem(file, f"is not JSON: {printable(str(error))}")]) from None
     if not isinstance(content, dict) or not isinstance(content.get("features"), list):
-        raise ScenarioError([Problem(file, f"must be a GeoJSON FeatureCollection of at most {LARGEST_FILE} bytes")])
+        raise ScenarioError(
+            [Problem(file, f"must be a GeoJSON FeatureCollection of at most {LARGEST_FILE} bytes")]
+        )
     return content
 
 
@@ -111,17 +118,34 @@ def _lines(content: dict[str, Any], file: str) -> Iterator[SurveyedLine | Proble
 
 def _name(feature: dict[str, Any], number: int) -> str:
     properties = feature.get("properties")
-    known = [feature.get("id"), *(properties.get(name) for name in NAMES if isinstance(properties, dict))]
-    return next((printable(str(name), 60) for name in known if isinstance(name, str | int) and str(name)), f"number {number}")
+    known = [
+        feature.get("id"),
+        *(properties.get(name) for name in NAMES if isinstance(properties, dict)),
+    ]
+    return next(
+        (printable(str(name), 60) for name in known if isinstance(name, str | int) and str(name)),
+        f"number {number}",
+    )
 
 
 def _points(geometry: Any) -> np.ndarray:
-    kind, given = (geometry.get("type"), geometry.get("coordinates", ())) if isinstance(geometry, dict) else (None, ())
+    kind, given = (
+        (geometry.get("type"), geometry.get("coordinates", ()))
+        if isinstance(geometry, dict)
+        else (None, ())
+    )
     if kind == "MultiLineString" and isinstance(given, list) and len(given) == 1:
         kind, given = "LineString", given[0]
     if kind != "LineString":
-        raise ValueError(f"is {show(kind)}; each feature must be one LineString, the centre line of a row")
-    points = np.array([_point(number, one) for number, one in enumerate(given if isinstance(given, list) else [], start=1)])
+        raise ValueError(
+            f"is {show(kind)}; each feature must be one LineString, the centre line of a row"
+        )
+    points = np.array(
+        [
+            _point(number, one)
+            for number, one in enumerate(given if isinstance(given, list) else [], start=1)
+        ]
+    )
     if len(points) < 2 or np.abs(points - points[0]).max() == 0.0:
         raise ValueError("must have at least two different points")
     return points
@@ -135,7 +159,9 @@ def _point(number: int, given: Any) -> complex:
         point = complex(math.nan)
     if not cmath.isfinite(point):
         told = printable(json.dumps(given), 60)
-        raise ValueError(f"its point {number} is {told}; each point must be two finite numbers, such as [176.3, -37.8]")
+        raise ValueError(
+            f"its point {number} is {told}; each point must be two finite numbers, such as [176.3, -37.8]"
+        )
     return point
 
 
@@ -149,19 +175,27 @@ def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[S
     try:
         given = CRS.from_user_input(name)
         if not (given.is_geographic or given.is_projected):
-            raise ValueError(f"{_words(name)} has no places on a map: it is {given.type_name}; {RIGHT_SYSTEM}")
+            raise ValueError(
+                f"{_words(name)} has no places on a map: it is {given.type_name}; {RIGHT_SYSTEM}"
+            )
         globe = _converted(given, given.geodetic_crs or given, lines)
         crs, scale = given, _scale(given, _middle_of(lines)) if given.is_projected else 0.0
         if not scale:
             middle = _middle_of(globe)
-            crs = CRS.from_epsg((32700 if middle.imag < 0 else 32600) + int((middle.real + 180.0) // 6.0) % 60 + 1)
+            crs = CRS.from_epsg(
+                (32700 if middle.imag < 0 else 32600) + int((middle.real + 180.0) // 6.0) % 60 + 1
+            )
             lines = _converted(given, crs, lines)
             scale = _scale(crs, _middle_of(lines))
     except (ProjError, UnicodeError) as error:
         fault = str(error).rpartition("proj_create: ")[2].rstrip(")")
-        raise ValueError(f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}") from None
+        raise ValueError(
+            f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}"
+        ) from None
     plane = Plane(crs.to_string(), _middle_of(lines), scale)
-    return plane, [SurveyedLine(line.id, (line.points - plane.middle) / plane.scale) for line in lines]
+    return plane, [
+        SurveyedLine(line.id, (line.points - plane.middle) / plane.scale) for line in lines
+    ]
 
 
 def _words(name: str) -> str:
@@ -177,7 +211,11 @@ def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[S
     for line in lines:
         x, y = transformer.transform(line.points.real, line.points.imag)
         points = np.asarray(x) + 1j * np.asarray(y)
-        is_there = (np.abs(line.points.real) <= most.real) & (np.abs(line.points.imag) <= most.imag) & np.isfinite(points)
+        is_there = (
+            (np.abs(line.points.real) <= most.real)
+            & (np.abs(line.points.imag) <= most.imag)
+            & np.isfinite(points)
+        )
         if not is_there.all():
             at = complex(line.points[~is_there][0])
             words = f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the coordinate system {printable(given.name)}"
@@ -231,12 +269,21 @@ def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, st
     askew = False
     for line in lines:
         length = float(np.ptp(line.points.real))
-        own, off = _bend(line.points * cmath.exp(-1j * cmath.phase(_way(line.points)))), _bend(line.points)
+        own, off = (
+            _bend(line.points * cmath.exp(-1j * cmath.phase(_way(line.points)))),
+            _bend(line.points),
+        )
         askew |= off > CLOSEST / 2
         if own > STRAIGHT:
-            yield line.id, f"is bent: {own:.2f} m off a straight line; must be at most {STRAIGHT:g} m"
+            yield (
+                line.id,
+                f"is bent: {own:.2f} m off a straight line; must be at most {STRAIGHT:g} m",
+            )
         elif off > STRAIGHT:
-            yield line.id, f"is not parallel: {off:.2f} m off the direction of the rows; must be at most {STRAIGHT:g} m"
+            yield (
+                line.id,
+                f"is not parallel: {off:.2f} m off the direction of the rows; must be at most {STRAIGHT:g} m",
+            )
         if not SHORTEST_ROW <= length <= LONGEST_ROW:
             yield line.id, f"is {length:.2f} m long; must be {SHORTEST_ROW:g} to {LONGEST_ROW:g} m"
     if not askew:  # else it is not known which rows are neighbours
@@ -248,12 +295,21 @@ def _bend(points: np.ndarray) -> float:
 
 
 def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
-    first, west = _middle(lines[0].points.imag), min(float(line.points.real.min()) for line in lines)
+    first, west = (
+        _middle(lines[0].points.imag),
+        min(float(line.points.real.min()) for line in lines),
+    )
     rows = []
     for line in lines:
-        start, end = (round(float(x) - west, DIGITS) for x in (line.points.real.min(), line.points.real.max()))
+        start, end = (
+            round(float(x) - west, DIGITS) for x in (line.points.real.min(), line.points.real.max())
+        )
         south = round(first - _middle(line.points.imag), DIGITS)
-        rows.append(SurveyedRow.model_construct(id=line.id, south=south, start=start, length=round(end - start, DIGITS)))
+        rows.append(
+            SurveyedRow.model_construct(
+                id=line.id, south=south, start=start, length=round(end - start, DIGITS)
+            )
+        )
     return rows
 
 
@@ -263,8 +319,18 @@ def _scenario(lines: Sequence[SurveyedLine], plane: Plane, yaw: float, file: str
     length = round(max(row.start + row.length for row in rows), DIGITS)
     values = {"rows": len(rows), "row_length": length, "survey": survey}
     layout = lay_out(check(values, file))
-    here = complex(min(float(line.points.real.min()) for line in lines), _middle(lines[0].points.imag))  # the corner from which rows count
-    origin = plane.middle + plane.scale * cmath.exp(1j * yaw) * (here - complex(ROW_WEST, layout.lane(1).y))
+    here = complex(
+        min(float(line.points.real.min()) for line in lines), _middle(lines[0].points.imag)
+    )  # the corner from which rows count
+    origin = plane.middle + plane.scale * cmath.exp(1j * yaw) * (
+        here - complex(ROW_WEST, layout.lane(1).y)
+    )
     x, y = round(origin.real, DIGITS), round(origin.imag, DIGITS)
-    survey["origin"] = {"crs": plane.crs, "x": x, "y": y, "yaw": round(yaw, 8), "scale": round(plane.scale, 8)}
+    survey["origin"] = {
+        "crs": plane.crs,
+        "x": x,
+        "y": y,
+        "yaw": round(yaw, 8),
+        "scale": round(plane.scale, 8),
+    }
     return check(values, file)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from orchard.field.repeatable import PI
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: there is one for each kind, and they are keys of what is looked up often
+@dataclass(
+    frozen=True, eq=False
+)  # compared by identity: there is one for each kind, and they are keys of what is looked up often
 class Laser:
     """A laser range finder: `beams` beams counter-clockwise from `first`, `increment` apart (rad), mounted `ahead` of the centre (m)."""
 
@@ -69,9 +71,15 @@ KINDS: dict[str, Kind] = {
 
 # What is done for several kinds follows from their properties: a new kind is in these lists by itself.
 ROBOTS = tuple(name for name, kind in KINDS.items() if kind.robot)
-VEHICLES = tuple(name for name in ROBOTS if KINDS[name].drives)  # robots with a pin, a short name and receivers of their own: all but bins
-HAULERS = tuple(name for name, kind in KINDS.items() if kind.tows)  # the harvest makes progress while they finish steps of their plans
-MOVERS = tuple(name for name, kind in KINDS.items() if kind.drives)  # their scans are recorded, and they can learn
+VEHICLES = tuple(
+    name for name in ROBOTS if KINDS[name].drives
+)  # robots with a pin, a short name and receivers of their own: all but bins
+HAULERS = tuple(
+    name for name, kind in KINDS.items() if kind.tows
+)  # the harvest makes progress while they finish steps of their plans
+MOVERS = tuple(
+    name for name, kind in KINDS.items() if kind.drives
+)  # their scans are recorded, and they can learn
 
 TRAFFIC, DISPATCH = "traffic", "dispatch"  # grants places on the roads; sends carriers to full bins
 BODILESS = (TRAFFIC, DISPATCH)  # our agents without a body
@@ -100,7 +108,9 @@ def name_of(kind: str, number: int) -> str:
     return f"{kind}_{number:02d}"
 
 
-def select_agents(names: Iterable[str], only: list[str], without: list[str], share: str = "0/1") -> list[str]:
+def select_agents(
+    names: Iterable[str], only: list[str], without: list[str], share: str = "0/1"
+) -> list[str]:
     """Return the selected ones of these names, in their order; `only` and `without`: kinds or names; an empty `only` selects all.
 
     `share` "I/N": of them every N-th from the I-th, from 0. Raises ValueError for an unknown kind or name, or a wrong share.
@@ -108,9 +118,13 @@ def select_agents(names: Iterable[str], only: list[str], without: list[str], sha
     names = list(names)
     for word in [*only, *without]:
         if not any(word in (name, kind_of(name)) for name in names):
-            raise ValueError(f"{word}: no such agent or kind; there are {', '.join(sorted({kind_of(name) for name in names}))}")
+            raise ValueError(
+                f"{word}: no such agent or kind; there are {', '.join(sorted({kind_of(name) for name in names}))}"
+            )
     first, _, of = share.partition("/")
     if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
         raise ValueError(f"share {share}: must be I/N, with I from 0 to N - 1")
     kept = [name for name in names if not only or name in only or kind_of(name) in only]
-    return [name for name in kept if name not in without and kind_of(name) not in without][int(first) :: int(of)]
+    return [name for name in kept if name not in without and kind_of(name) not in without][
+        int(first) :: int(of)
+    ]

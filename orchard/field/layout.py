@@ -26,19 +26,28 @@ from orchard.field.survey import TRUNK, Survey, SurveyedRow
 KEPT_LAYOUTS = 8  # in the cache
 
 # metres, in the frame `map`
-X_WEST, X_EAST = -50.0, 50.0  # x of the fences' centre lines; the eastern one with rows of the usual length
+X_WEST, X_EAST = (
+    -50.0,
+    50.0,
+)  # x of the fences' centre lines; the eastern one with rows of the usual length
 TOP = 34.0  # y of the top fence's centre line, unless the queue reaches further north
 ABOVE_QUEUE = 3.5  # m from the northernmost line of the queue to the top fence's centre line
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
 TREE_TOP_LINE = 13.5  # y of the northernmost line of trees
-FIRST_TREE, TREE_PITCH, LAST_TREE = -34.5, 6.0, 3.0  # x of the first; from tree to tree; the last is at least so far from the row's end
+FIRST_TREE, TREE_PITCH, LAST_TREE = (
+    -34.5,
+    6.0,
+    3.0,
+)  # x of the first; from tree to tree; the last is at least so far from the row's end
 BELOW_ROWS = 21.0  # m from the last tree line to the bottom fence's centre line
 ROW_WEST = -35.5  # x of the west end of the picked part of a row
 EAST_START = 41.0  # x of a picker that starts at an east end: where pickers wait for bins, off both roads; with rows of the usual length
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
-BAY = Rect(-34.5, 23.6, -29.5, 25.4)  # its usual place, at the driveway's south edge: a full bin at rest in it is unloaded
+BAY = Rect(
+    -34.5, 23.6, -29.5, 25.4
+)  # its usual place, at the driveway's south edge: a full bin at rest in it is unloaded
 UNLOADING_SECONDS = 5.0  # s at rest in the bay (docs/reference.md)
 
 
@@ -51,7 +60,9 @@ class Lane:
     picking_speed: float  #: m/s, from end to end
     west: float  #: x of the west end of its picked part
     length: float  #: of its picked part
-    width: float  #: between its trees; twice the nearer side, if its centre line is not in the middle
+    width: (
+        float  #: between its trees; twice the nearer side, if its centre line is not in the middle
+    )
 
     @property
     def east(self) -> float:
@@ -86,8 +97,12 @@ class Layout:
     scenario: Scenario
     lanes: tuple[Lane, ...]
     lines: tuple[TreeLine, ...]  #: the lines of trees, from the top; one more than lanes
-    blocks: Mapping[str, Block]  #: picker -> its rows, in the order in which it picks them, and the end at which it starts
-    starts: tuple[Start, ...]  #: in the order in which bodies move: robots by name, people and animals by name, weeds
+    blocks: Mapping[
+        str, Block
+    ]  #: picker -> its rows, in the order in which it picks them, and the end at which it starts
+    starts: tuple[
+        Start, ...
+    ]  #: in the order in which bodies move: robots by name, people and animals by name, weeds
     walls: np.ndarray  #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
 
     @property
@@ -117,7 +132,9 @@ class Layout:
     @property
     def mean_length(self) -> float:
         """Mean length of the picked parts of the rows, m."""
-        return fmean(lane.length for lane in self.lanes) if self.scenario.survey else self.row_length
+        return (
+            fmean(lane.length for lane in self.lanes) if self.scenario.survey else self.row_length
+        )
 
     @property
     def row_east(self) -> float:
@@ -158,20 +175,45 @@ class Layout:
     def queue(self) -> Queue:
         """Where carriers wait: the queue of the scenario's route. Raises ScenarioError if there is no room for it."""
         scenario = self.scenario
-        name = scenario.route if scenario.route in QUEUES else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
+        name = (
+            scenario.route
+            if scenario.route in QUEUES
+            else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
+        )
         if name not in [*QUEUES]:
-            raise ScenarioError([Problem("scenario", f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}", "route", scenario.route)])
-        wanted = name, scenario.row_length, scenario.bay, scenario.queue_carriers, scenario.has_batteries
+            raise ScenarioError(
+                [
+                    Problem(
+                        "scenario",
+                        f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}",
+                        "route",
+                        scenario.route,
+                    )
+                ]
+            )
+        wanted = (
+            name,
+            scenario.row_length,
+            scenario.bay,
+            scenario.queue_carriers,
+            scenario.has_batteries,
+        )
         queue = queue_of(*wanted)
         if queue is None:
             text = lack_of_room(*wanted)
-            raise ScenarioError([Problem("scenario", text, "carriers", str(scenario.queue_carriers))])
+            raise ScenarioError(
+                [Problem("scenario", text, "carriers", str(scenario.queue_carriers))]
+            )
         return queue
 
     @cached_property
     def first_charging(self) -> int:
         """The number of places of the lines in which carriers wait: beyond them are those in which they charge. 0 without batteries."""
-        return self.queue.whole_lines(self.scenario.queue_carriers) if self.scenario.has_batteries else 0
+        return (
+            self.queue.whole_lines(self.scenario.queue_carriers)
+            if self.scenario.has_batteries
+            else 0
+        )
 
     @property
     def queue_places(self) -> int:
@@ -181,7 +223,11 @@ class Layout:
     @cached_property
     def charging_lines(self) -> tuple[float, ...]:
         """y of each line in which carriers charge, m."""
-        return tuple(self.queue.used(self.queue_places)[len(self.queue.used(self.first_charging)) :]) if self.first_charging else ()
+        return (
+            tuple(self.queue.used(self.queue_places)[len(self.queue.used(self.first_charging)) :])
+            if self.first_charging
+            else ()
+        )
 
     @property
     def bottom(self) -> float:
@@ -235,14 +281,35 @@ def lay_out(scenario: Scenario) -> Layout:
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _laid_out(text: str) -> Layout:
     scenario = Scenario.model_validate_json(text)
-    lanes, lines = _alike(scenario) if scenario.survey is None else _surveyed(scenario, scenario.survey)
-    bare = Layout(scenario, lanes, lines, MappingProxyType(rows_to_pickers(scenario)), starts=(), walls=np.empty((0, 4)))
-    trunks_and_posts = [(x, line.y, TRUNK / 2, TRUNK / 2) for line in lines for x in sorted(line.trees_x + line.posts_x)]
-    walls, machines, half = np.array(_fences(bare) + trunks_and_posts), _machines(bare), FENCE_THICKNESS / 2
+    lanes, lines = (
+        _alike(scenario) if scenario.survey is None else _surveyed(scenario, scenario.survey)
+    )
+    bare = Layout(
+        scenario,
+        lanes,
+        lines,
+        MappingProxyType(rows_to_pickers(scenario)),
+        starts=(),
+        walls=np.empty((0, 4)),
+    )
+    trunks_and_posts = [
+        (x, line.y, TRUNK / 2, TRUNK / 2)
+        for line in lines
+        for x in sorted(line.trees_x + line.posts_x)
+    ]
+    walls, machines, half = (
+        np.array(_fences(bare) + trunks_and_posts),
+        _machines(bare),
+        FENCE_THICKNESS / 2,
+    )
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
     rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
-    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(bare.queue_places))
-    starts.sort(key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name))
+    starts = machines + guests(
+        scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(bare.queue_places)
+    )
+    starts.sort(
+        key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name)
+    )
     walls.setflags(write=False)
     return replace(bare, starts=tuple(starts), walls=walls)
 
@@ -253,8 +320,14 @@ Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
 def _alike(scenario: Scenario) -> Rows:
     pitch, length, width = scenario.row_width + TRUNK, scenario.row_length, scenario.row_width
     ys = [TREE_TOP_LINE - (i + 0.5) * pitch for i in range(scenario.rows)]
-    lanes = [Lane(row, y, picking_speed_of(scenario, row), ROW_WEST, length, width) for row, y in enumerate(ys, start=1)]
-    lines = [TreeLine(TREE_TOP_LINE - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)]
+    lanes = [
+        Lane(row, y, picking_speed_of(scenario, row), ROW_WEST, length, width)
+        for row, y in enumerate(ys, start=1)
+    ]
+    lines = [
+        TreeLine(TREE_TOP_LINE - i * pitch, ROW_WEST, ROW_WEST + length)
+        for i in range(scenario.rows + 1)
+    ]
     return tuple(lanes), tuple(lines)
 
 
@@ -263,38 +336,65 @@ def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
     between = [(north + south) / 2 for north, south in pairwise(souths)]
     lines = [2 * souths[0] - between[0], *between, 2 * souths[-1] - between[-1]]
     ys = [TREE_TOP_LINE - (line - lines[0]) for line in lines]
-    lanes = [_lane(scenario, number, row, row.south - lines[0], ys) for number, row in enumerate(rows, start=1)]
+    lanes = [
+        _lane(scenario, number, row, row.south - lines[0], ys)
+        for number, row in enumerate(rows, start=1)
+    ]
     beside = [lanes[max(0, i - 1) : i + 1] for i in range(len(ys))]
     ends = [(min(lane.west for lane in near), max(lane.east for lane in near)) for near in beside]
-    return tuple(lanes), tuple(TreeLine(y, *west_and_east) for y, west_and_east in zip(ys, ends, strict=True))
+    return tuple(lanes), tuple(
+        TreeLine(y, *west_and_east) for y, west_and_east in zip(ys, ends, strict=True)
+    )
 
 
-def _lane(scenario: Scenario, number: int, row: SurveyedRow, south: float, lines: list[float]) -> Lane:
+def _lane(
+    scenario: Scenario, number: int, row: SurveyedRow, south: float, lines: list[float]
+) -> Lane:
     """Return the lane of a surveyed row. `south`: how far it lies south of the first line of trees, m; `lines`: y of all lines, m."""
     y = TREE_TOP_LINE - south
     width = 2 * min(lines[number - 1] - y, y - lines[number]) - TRUNK
-    return Lane(number, y, picking_speed_of(scenario, number), ROW_WEST + row.start, row.length, width)
+    return Lane(
+        number, y, picking_speed_of(scenario, number), ROW_WEST + row.start, row.length, width
+    )
 
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
     low, half = layout.bottom, FENCE_THICKNESS / 2
     middle, half_height = (layout.top + low) / 2, (layout.top - low) / 2 + half
     across, half_width = (X_WEST + layout.east) / 2, (layout.east - X_WEST) / 2 + half
-    return [(across, y, half_width, half) for y in (layout.top, low)] + [(x, middle, half, half_height) for x in (X_WEST, layout.east)]
+    return [(across, y, half_width, half) for y in (layout.top, low)] + [
+        (x, middle, half, half_height) for x in (X_WEST, layout.east)
+    ]
 
 
 def _picker_start(layout: Layout, block: Block) -> Pose:
     """Return the start of a picker: in the west at the head of its first row; in the east off the roads, where its bin stands on none."""
     lane = layout.lane(block.rows[0])
-    return Pose(lane.west, lane.y, EAST) if block.start == "west" else Pose(EAST_START + layout.row_length - USUAL_ROW, lane.y, WEST)
+    return (
+        Pose(lane.west, lane.y, EAST)
+        if block.start == "west"
+        else Pose(EAST_START + layout.row_length - USUAL_ROW, lane.y, WEST)
+    )
 
 
 def _machines(layout: Layout) -> list[Start]:
-    robots = [("picker", name, _picker_start(layout, block)) for name, block in layout.blocks.items()]
-    robots += [("carrier", name_of("carrier", i + 1), layout.queue.place(i)) for i in range(layout.scenario.carrier_count)]
+    robots = [
+        ("picker", name, _picker_start(layout, block)) for name, block in layout.blocks.items()
+    ]
+    robots += [
+        ("carrier", name_of("carrier", i + 1), layout.queue.place(i))
+        for i in range(layout.scenario.carrier_count)
+    ]
     starts = []
     for number, (kind, name, pose) in enumerate(robots, start=1):
-        bin_name, behind = name_of("bin", number), KINDS[kind].tows if pose.yaw == EAST else -KINDS[kind].tows
+        bin_name, behind = (
+            name_of("bin", number),
+            KINDS[kind].tows if pose.yaw == EAST else -KINDS[kind].tows,
+        )
         starts.append(Start(name, kind, pose, bin_name))
         starts.append(Start(bin_name, "bin", Pose(pose.x - behind, pose.y, pose.yaw)))
-    return starts + ([Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST))] if layout.scenario.tractor else [])
+    return starts + (
+        [Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST))]
+        if layout.scenario.tractor
+        else []
+    )

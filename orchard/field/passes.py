@@ -63,10 +63,18 @@ def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Bl
     try:
         return passes_of(rows, block, scenario.bin_metres, partial(contained, order))
     except MISTAKES as error:
-        raise unusable(key, path, error, "a function of (first, last, metres) that returns x", place_of_class(order)) from error
+        raise unusable(
+            key,
+            path,
+            error,
+            "a function of (first, last, metres) that returns x",
+            place_of_class(order),
+        ) from error
 
 
-def passes_of(rows: Sequence[tuple[float, float]], block: Block, metres_per_bin: float | None, order: Order) -> list[Pass]:
+def passes_of(
+    rows: Sequence[tuple[float, float]], block: Block, metres_per_bin: float | None, order: Order
+) -> list[Pass]:
     """Return the passes of a picker, in their order. Raises ValueError if `order` returns what cannot be.
 
     `rows`: x of the west and of the east end of each row, m. `metres_per_bin`: None if each row fills one bin.
@@ -81,11 +89,29 @@ def passes_of(rows: Sequence[tuple[float, float]], block: Block, metres_per_bin:
             first, last = (west, east) if end == "east" else (east, west)
             begin = first if is_done else _begin(order, first, last, metres)
             is_inside = begin != first
-            stop = last if is_done or is_inside else first + metres if end == "east" else first - metres
+            stop = (
+                last
+                if is_done or is_inside
+                else first + metres
+                if end == "east"
+                else first - metres
+            )
             west, east = sorted((first, begin) if is_inside else (stop, last))
             room -= metres
             is_full, is_last = room <= FULL_WITHIN, is_done and count == len(block.rows)
-            made.append(Pass(row, end, begin, stop, is_inside, full - room, is_full, is_full or is_last, is_done))
+            made.append(
+                Pass(
+                    row,
+                    end,
+                    begin,
+                    stop,
+                    is_inside,
+                    full - room,
+                    is_full,
+                    is_full or is_last,
+                    is_done,
+                )
+            )
             end, room = _OTHER[end], full if is_full else room
     return made
 
@@ -96,4 +122,6 @@ def _begin(order: Order, first: float, last: float, metres: float) -> float:
     for x in (first, outermost):
         if isinstance(begin, float | int) and abs(begin - x) <= FULL_WITHIN:
             return x
-    raise ValueError(f"it returned {begin!r} for {metres:g} m of x = {first:g} to {last:g}; must be {first:g} or {outermost:g}")
+    raise ValueError(
+        f"it returned {begin!r} for {metres:g} m of x = {first:g} to {last:g}; must be {first:g} or {outermost:g}"
+    )

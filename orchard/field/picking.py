@@ -24,7 +24,9 @@ def picking_speed_of(scenario: Scenario, row: int) -> float:
     return most * mean / (mean + (most - mean) * rest)
 
 
-def failure(seed: int, robot: str, number: int, mean_between: float, mean_repair: float) -> tuple[float, float]:
+def failure(
+    seed: int, robot: str, number: int, mean_between: float, mean_repair: float
+) -> tuple[float, float]:
     """Return how long a robot works until it fails for the number-th time, from 0, and how long its repair takes: exponential, s."""
     until, repair = draw(seed, f"failure of {robot}", number, 2)
     return exponential(until, mean_between), exponential(repair, mean_repair)
@@ -54,4 +56,8 @@ def _uniform(cv: float, chances: Chances) -> float:
     return max(0.0, 1.0 + math.sqrt(3.0) * cv * (2.0 * next(chances)[0] - 1.0))
 
 
-_SHARES: dict[str, Callable[[float, Chances], float]] = {"lognormal": _lognormal, "gamma": _gamma, "uniform": _uniform}
+_SHARES: dict[str, Callable[[float, Chances], float]] = {
+    "lognormal": _lognormal,
+    "gamma": _gamma,
+    "uniform": _uniform,
+}

@@ -17,7 +17,9 @@ from orchard.field.scenario import Scenario
 
 CLEAR = 0.3  # m between a placed body and an obstacle
 AHEAD_OF_PICKER = 1.5  # m ahead of its front edge are kept free
-TRACK = Rect(-48.0, 26.0, -22.0, 32.0)  # contains the area that the tractor sweeps, also while it turns
+TRACK = Rect(
+    -48.0, 26.0, -22.0, 32.0
+)  # contains the area that the tractor sweeps, also while it turns
 GRID = 0.25  # m: the grid step of the search for the nearest free place
 KEPT_GROUNDS = 4  # of orchards that differ by more than the seed
 TRIES = 20  # random places to try; if none is free, the free place nearest to the first of them is taken
@@ -31,7 +33,9 @@ GIVEN = {
     "weed": (),
 }
 
-Obstacle = tuple[float, float, float, float, float]  # m: x, y, half length along x, half width along y, clearance
+Obstacle = tuple[
+    float, float, float, float, float
+]  # m: x, y, half length along x, half width along y, clearance
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,14 @@ class Start:
     bin: str = ""
 
 
-def guests(scenario: Scenario, machines: list[Start], walls: np.ndarray, inside: Rect, rows: Rect, keep_off: Rect) -> list[Start]:
+def guests(
+    scenario: Scenario,
+    machines: list[Start],
+    walls: np.ndarray,
+    inside: Rect,
+    rows: Rect,
+    keep_off: Rect,
+) -> list[Start]:
     """Return the starts of all people, animals and weeds, each clear of all before it; the same seed gives the same starts.
 
     `machines`: the robots, which must face east or west. `walls`: (n, 4), m: x, y, half length along x, half width along y of each fixed
@@ -52,23 +63,45 @@ def guests(scenario: Scenario, machines: list[Start], walls: np.ndarray, inside:
     `keep_off`: no person or animal is placed there. Raises ValueError if no free place is left.
     """
     boxes = [(machine.pose, KINDS[machine.kind]) for machine in machines]
-    solid = [(*wall, CLEAR) for wall in walls.tolist()] + [(at.x, at.y, kind.length / 2, kind.width / 2, CLEAR) for at, kind in boxes]
+    solid = [(*wall, CLEAR) for wall in walls.tolist()] + [
+        (at.x, at.y, kind.length / 2, kind.width / 2, CLEAR) for at, kind in boxes
+    ]
     areas = [_area(rect) for rect in (keep_off, TRACK, *_ways(machines))]
-    grounds = {kind: copy(ground) for kind, ground in _bare_grounds(tuple(solid), tuple(areas), inside, rows).items()}
+    grounds = {
+        kind: copy(ground)
+        for kind, ground in _bare_grounds(tuple(solid), tuple(areas), inside, rows).items()
+    }
     solid_grounds = [ground for kind, ground in grounds.items() if kind in PEOPLE + ANIMALS]
-    crowd = [_place(scenario.seed, kind, number, grounds[kind], solid_grounds) for kind, number in _in_order(scenario)]
-    beds = grounds["weed north"], grounds["weed south"]  # odd numbers above the rows, even numbers below
-    return crowd + [_place(scenario.seed, "weed", i + 1, beds[i % 2], [beds[i % 2]]) for i in range(scenario.weeds)]
+    crowd = [
+        _place(scenario.seed, kind, number, grounds[kind], solid_grounds)
+        for kind, number in _in_order(scenario)
+    ]
+    beds = (
+        grounds["weed north"],
+        grounds["weed south"],
+    )  # odd numbers above the rows, even numbers below
+    return crowd + [
+        _place(scenario.seed, "weed", i + 1, beds[i % 2], [beds[i % 2]])
+        for i in range(scenario.weeds)
+    ]
 
 
 @lru_cache(maxsize=KEPT_GROUNDS)
-def _bare_grounds(solid: tuple[Obstacle, ...], areas: tuple[Obstacle, ...], inside: Rect, rows: Rect) -> Mapping[str, "_Ground"]:
+def _bare_grounds(
+    solid: tuple[Obstacle, ...], areas: tuple[Obstacle, ...], inside: Rect, rows: Rect
+) -> Mapping[str, "_Ground"]:
     """The grounds of all kinds before anything is placed. They are kept: only what is placed on them depends on the seed."""
     grounds = {kind: _Ground(inside, kind, [*solid, *areas]) for kind in ANIMALS}
     grounds |= {kind: _Ground(inside, kind, [*solid, *areas, _area(rows)]) for kind in PEOPLE}
     # weeds are not solid, and people and animals may stand on them
-    north, south = Rect(inside.west, rows.north, inside.east, inside.north), Rect(inside.west, inside.south, inside.east, rows.south)
-    return grounds | {"weed north": _Ground(north, "weed", solid), "weed south": _Ground(south, "weed", solid)}
+    north, south = (
+        Rect(inside.west, rows.north, inside.east, inside.north),
+        Rect(inside.west, inside.south, inside.east, rows.south),
+    )
+    return grounds | {
+        "weed north": _Ground(north, "weed", solid),
+        "weed south": _Ground(south, "weed", solid),
+    }
 
 
 class _Ground:
@@ -85,27 +118,38 @@ class _Ground:
         self.obstacles = np.vstack([self.obstacles, obstacle])
         self._taken = [*self._taken, obstacle]
 
-    def _closed(self, obstacles: Iterable[Obstacle], before: np.ndarray | None = None) -> np.ndarray:
+    def _closed(
+        self, obstacles: Iterable[Obstacle], before: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return which grid points are free, (ys, xs) bool: of all, or of those that were `before`."""
-        points = np.ones((len(self.ys), len(self.xs)), dtype=bool) if before is None else before.copy()
+        points = (
+            np.ones((len(self.ys), len(self.xs)), dtype=bool) if before is None else before.copy()
+        )
         for x, y, half_x, half_y, gap in obstacles:
             reach = gap + self.radius
             columns = slice(*np.searchsorted(self.xs, (x - half_x - reach, x + half_x + reach)))
             rows = slice(*np.searchsorted(self.ys, (y - half_y - reach, y + half_y + reach)))
-            beside = np.abs(self.xs[columns] - x)[None, :] - half_x, np.abs(self.ys[rows] - y)[:, None] - half_y
+            beside = (
+                np.abs(self.xs[columns] - x)[None, :] - half_x,
+                np.abs(self.ys[rows] - y)[:, None] - half_y,
+            )
             points[rows, columns] &= _squared(*beside) >= reach * reach
         return points
 
     def free(self, x: float, y: float) -> bool:
         ox, oy, half_x, half_y, gap = self.obstacles.T
-        is_clear = _squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (gap + self.radius) * (gap + self.radius)
+        is_clear = _squared(np.abs(ox - x) - half_x, np.abs(oy - y) - half_y) >= (
+            gap + self.radius
+        ) * (gap + self.radius)
         return self.within.contains(x, y) and bool(is_clear.all())
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
         """The nearest free grid point; of equally near ones the southernmost, then the westernmost."""
         points = self._closed(self._taken, self._grid())
         self._grid, self._taken = cache(lambda: points), []
-        distance = np.where(points, _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None]), np.inf)
+        distance = np.where(
+            points, _squared(np.abs(self.xs - x)[None, :], np.abs(self.ys - y)[:, None]), np.inf
+        )
         row, column = divmod(int(np.argmin(distance)), len(self.xs))
         if not points[row, column]:
             raise ValueError("the orchard is full: no free place is left")
@@ -115,7 +159,9 @@ class _Ground:
 def _place(seed: int, kind: str, number: int, ground: _Ground, shared: Iterable[_Ground]) -> Start:
     name = name_of(kind, number)
     places = GIVEN[kind][number - 1 : number] or _random_places(ground.within, seed, name)
-    x, y = next((place for place in places if ground.free(*place)), None) or ground.nearest(*places[0])
+    x, y = next((place for place in places if ground.free(*place)), None) or ground.nearest(
+        *places[0]
+    )
     for each in shared:
         each.take((x, y, 0.0, 0.0, KINDS[kind].radius + CLEAR))
     return Start(name, kind, Pose(x, y, _yaw(seed, name, kind)))
@@ -124,7 +170,9 @@ def _place(seed: int, kind: str, number: int, ground: _Ground, shared: Iterable[
 def _random_places(area: Rect, seed: int, name: str) -> tuple[tuple[float, float], ...]:
     width, height = area.east - area.west, area.north - area.south
     chances = [draw(seed, f"place of {name}", number, 2) for number in range(TRIES)]
-    return tuple((round(area.west + u * width, 2), round(area.south + v * height, 2)) for u, v in chances)
+    return tuple(
+        (round(area.west + u * width, 2), round(area.south + v * height, 2)) for u, v in chances
+    )
 
 
 def _yaw(seed: int, name: str, kind: str) -> float:
@@ -137,7 +185,12 @@ def _yaw(seed: int, name: str, kind: str) -> float:
 
 def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
     people, animals = scenario.people, scenario.animals
-    counts = {"worker": people.workers, "visitor": people.visitors, "dog": animals.dogs, "cat": animals.cats}
+    counts = {
+        "worker": people.workers,
+        "visitor": people.visitors,
+        "dog": animals.dogs,
+        "cat": animals.cats,
+    }
     guests = [(kind, number) for kind, count in counts.items() for number in range(1, count + 1)]
     return sorted(guests, key=lambda guest: guest[1] > len(GIVEN[guest[0]]))
 
@@ -145,12 +198,21 @@ def _in_order(scenario: Scenario) -> list[tuple[str, int]]:
 def _ways(machines: list[Start]) -> list[Rect]:
     half_length, half_width = KINDS["picker"].length / 2, KINDS["picker"].width / 2
     pickers = [machine.pose for machine in machines if machine.kind == "picker"]
-    wests = [(x + half_length if yaw == EAST else x - half_length - AHEAD_OF_PICKER, y) for x, y, yaw in pickers]
+    wests = [
+        (x + half_length if yaw == EAST else x - half_length - AHEAD_OF_PICKER, y)
+        for x, y, yaw in pickers
+    ]
     return [Rect(x, y - half_width, x + AHEAD_OF_PICKER, y + half_width) for x, y in wests]
 
 
 def _area(rect: Rect) -> Obstacle:
-    return (rect.west + rect.east) / 2, (rect.south + rect.north) / 2, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, 0.0
+    return (
+        (rect.west + rect.east) / 2,
+        (rect.south + rect.north) / 2,
+        (rect.east - rect.west) / 2,
+        (rect.north - rect.south) / 2,
+        0.0,
+    )
 
 
 def _steps(first: float, last: float) -> np.ndarray:

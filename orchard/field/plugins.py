@@ -19,10 +19,14 @@ from orchard.field.problems import Problem, ScenarioError, printable
 
 MISTAKES = BaseException  # raised by a user's code: whatever it is, it must not end other agents or the run (see `reraise_ctrl_c`)
 LEFT_SECONDS = 2.0  # that threads of a user's code may still run when the program is over
-IMPORTED = "modules are imported from the directory in which you run the program, or from PYTHONPATH"
+IMPORTED = (
+    "modules are imported from the directory in which you run the program, or from PYTHONPATH"
+)
 _RAISE = dis.opmap["RAISE_VARARGS"]
 _PACKAGE = __file__.removesuffix("field/plugins.py")
-_LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
+_LIBRARIES = tuple(
+    {sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
+)
 
 
 # resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux defines that
@@ -55,8 +59,14 @@ def end_soon(code: int, show: Callable[[str], None]) -> None:
 
 
 def _end_threads(code: int, show: Callable[[str], None]) -> None:
-    if left := [thread.name for thread in threading.enumerate() if not thread.daemon and thread is not threading.main_thread()]:
-        show(f"own classes have left threads that still run: {', '.join(left)}; the program ends without them")
+    if left := [
+        thread.name
+        for thread in threading.enumerate()
+        if not thread.daemon and thread is not threading.main_thread()
+    ]:
+        show(
+            f"own classes have left threads that still run: {', '.join(left)}; the program ends without them"
+        )
         os._exit(code)
 
 
@@ -70,7 +80,12 @@ def load_plugin(key: str, path: str) -> Any:
 
 
 def make_plugin(
-    key: str, path: str, builtin: Mapping[str, Callable[..., Result]], *arguments: Any, methods: Sequence[str] = (), base: type = object
+    key: str,
+    path: str,
+    builtin: Mapping[str, Callable[..., Result]],
+    *arguments: Any,
+    methods: Sequence[str] = (),
+    base: type = object,
 ) -> Result:
     """Return an object of the class that `path` names, built-in or a user's. Raises ScenarioError if that fails or a method is missing."""
     class_: Callable[..., Result] = builtin[path] if path in builtin else load_plugin(key, path)
@@ -90,24 +105,34 @@ def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
     try:
         return contained(class_, *arguments)
     except TypeError as error:
-        if traceback.extract_tb(error.__traceback__)[-1].name != _with_own_decimals.__name__:  # raised within the class
+        if (
+            traceback.extract_tb(error.__traceback__)[-1].name != _with_own_decimals.__name__
+        ):  # raised within the class
             raise
-        names = ", ".join("name" if isinstance(one, str) else type(one).__name__.lower() for one in arguments)
+        names = ", ".join(
+            "name" if isinstance(one, str) else type(one).__name__.lower() for one in arguments
+        )
         raise TypeError(f"{error}; the program calls it with ({names})") from None
 
 
-def unusable(key: str, path: str, error: BaseException, wanted: str = "", place: str = "") -> ScenarioError:
+def unusable(
+    key: str, path: str, error: BaseException, wanted: str = "", place: str = ""
+) -> ScenarioError:
     """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     wanted = f"it must be {wanted}" if wanted else IMPORTED if _is_not_found(error, path) else ""
-    words = f"cannot be used: {fault}{place_of_error(error) or place}" + (f"; {wanted}" if wanted else "")
+    words = f"cannot be used: {fault}{place_of_error(error) or place}" + (
+        f"; {wanted}" if wanted else ""
+    )
     return ScenarioError([Problem("scenario", words, key, path)])
 
 
 def _is_not_found(error: BaseException, path: str) -> bool:
     """Whether the module of a path is missing itself, and not one that it imports."""
-    return isinstance(error, ModuleNotFoundError) and f"{path.replace(':', '.')}.".startswith(f"{error.name}.")
+    return isinstance(error, ModuleNotFoundError) and f"{path.replace(':', '.')}.".startswith(
+        f"{error.name}."
+    )
 
 
 def text_of(error: BaseException) -> str:
@@ -128,8 +153,14 @@ def reraise_ctrl_c(error: BaseException) -> None:
     handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)]
     if any(getattr(handler, "__code__", None) in codes for handler in handlers):
         raise error
-    is_raised = codes and codes[-1].co_code[last.tb_lasti] == _RAISE  # Python's own handler has no frame, and needs no `raise`
-    if isinstance(error, KeyboardInterrupt) and handlers[0] is signal.default_int_handler and not is_raised:
+    is_raised = (
+        codes and codes[-1].co_code[last.tb_lasti] == _RAISE
+    )  # Python's own handler has no frame, and needs no `raise`
+    if (
+        isinstance(error, KeyboardInterrupt)
+        and handlers[0] is signal.default_int_handler
+        and not is_raised
+    ):
         raise error
 
 
@@ -138,7 +169,11 @@ def place_of_error(error: BaseException) -> str:
     if isinstance(error, SyntaxError):
         return f" ({error.filename}, line {error.lineno})"
     files = traceback.extract_tb(error.__traceback__)
-    frames = [frame for frame in files if "importlib" not in frame.filename and not frame.filename.startswith(_PACKAGE)]
+    frames = [
+        frame
+        for frame in files
+        if "importlib" not in frame.filename and not frame.filename.startswith(_PACKAGE)
+    ]
     own = [frame for frame in frames if not frame.filename.startswith(_LIBRARIES)]
     if not own and error.__cause__ is not None and (place := place_of_error(error.__cause__)):
         return place

@@ -50,7 +50,10 @@ class Problem:
         paths, values = self.path.split(", "), self.value.split(", ")
         if len(paths) != len(values):
             paths, values = [self.path], [self.value]
-        return ", ".join(f"{path} = {value}" if value else path for path, value in zip(paths, values, strict=True))
+        return ", ".join(
+            f"{path} = {value}" if value else path
+            for path, value in zip(paths, values, strict=True)
+        )
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}" if self.line else self.file
@@ -66,7 +69,14 @@ class ScenarioError(Exception):
     def __init__(self, problems: list[Problem], rest: Any = None) -> None:
         self.problems, self.rest = sorted(problems, key=lambda problem: problem.line), rest
         more = len(problems) - MOST_TOLD
-        super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *([f"and {more} more problems"] if more > 0 else [])]))
+        super().__init__(
+            "\n".join(
+                [
+                    *map(str, self.problems[:MOST_TOLD]),
+                    *([f"and {more} more problems"] if more > 0 else []),
+                ]
+            )
+        )
 
 
 class Section(BaseModel):
@@ -78,20 +88,32 @@ class Section(BaseModel):
         """Check a rule about several fields, named by dotted paths. Raise an error that names them and their values unless it holds."""
         if not holds:
             values = [reduce(getattr, field.split("."), self) for field in fields]
-            raise PydanticCustomError("rule", "{text}", {"text": text, "fields": fields, "values": values})
+            raise PydanticCustomError(
+                "rule", "{text}", {"text": text, "fields": fields, "values": values}
+            )
 
 
 def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:
     """Convert a pydantic error about values of `model`; `lines` gives the line of each key."""
     loc, line = error["loc"], max(lines.get(field, 0) for field in error["fields"])
     if error["type"] == "rule":
-        return Problem(source, error["msg"], ", ".join(map(dotted, error["fields"])), ", ".join(map(str, error["ctx"]["values"])), line)
+        return Problem(
+            source,
+            error["msg"],
+            ", ".join(map(dotted, error["fields"])),
+            ", ".join(map(str, error["ctx"]["values"])),
+            line,
+        )
     if error["of_key"]:
         return Problem(source, _NOT_A_NAME[loc[0]], dotted(loc), "", line)
     if error["type"] == "missing":
-        return Problem(source, f"is missing: {_wanted(loc, model)}", dotted(loc), "", lines.get(loc[:-1], 0))
+        return Problem(
+            source, f"is missing: {_wanted(loc, model)}", dotted(loc), "", lines.get(loc[:-1], 0)
+        )
     text = (
-        _unknown(loc, model) if error["type"] == "extra_forbidden" else f"must be {_wanted(loc, model)}{_meant(loc, model, error['input'])}"
+        _unknown(loc, model)
+        if error["type"] == "extra_forbidden"
+        else f"must be {_wanted(loc, model)}{_meant(loc, model, error['input'])}"
     )
     return Problem(source, text, dotted(loc), show(error["input"]), line)
 
@@ -99,14 +121,23 @@ def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines
 def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
     if path[0] in _CLASSES:
-        return _CLASSES[path[0]] if len(path) == 1 else "the class that drives it, such as my_package.MyPicker"
+        return (
+            _CLASSES[path[0]]
+            if len(path) == 1
+            else "the class that drives it, such as my_package.MyPicker"
+        )
     field = _field(path, model)
     limits = {type(limit).__name__: limit for limit in field.metadata}
     if get_origin(field.annotation) is tuple and not path[-1].isdecimal():
         return f"a list of {limits['MinLen'].min_length} to {limits['MaxLen'].max_length} maps ({field.description})"
     if inner := _section(field):
         return f"a map with some of the keys {', '.join(inner.model_fields)}"
-    kinds: dict[Any, str] = {str: "a name", bool: "true or false", float: "a number", int: "a whole number"}
+    kinds: dict[Any, str] = {
+        str: "a name",
+        bool: "true or false",
+        float: "a number",
+        int: "a whole number",
+    }
     kinds |= {kind | None: f"null or {words}" for kind, words in kinds.items()}
     kind = kinds[field.annotation]
     span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
@@ -120,7 +151,11 @@ def _field(path: tuple[str, ...], model: type[BaseModel]) -> FieldInfo:
 
 def _meant(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
     known = [] if path[0] in _CLASSES else _field(path, model).examples or []
-    near = difflib.get_close_matches(value[:60], map(str, known), n=1) if isinstance(value, str) else []
+    near = (
+        difflib.get_close_matches(value[:60], map(str, known), n=1)
+        if isinstance(value, str)
+        else []
+    )
     return f"; did you mean {near[0]}?" if near else ""
 
 
@@ -128,9 +163,13 @@ def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
     here = _keys(path[:-1], model)
     elsewhere = _paths(model)
     key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
-    near = [close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)]
+    near = [
+        close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)
+    ]
     guess = near and (near[0] if near[0] in here else elsewhere[near[0]])
-    return f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
+    return (
+        f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
+    )
 
 
 def _paths(model: type[BaseModel], before: str = "") -> dict[str, str]:
@@ -150,7 +189,9 @@ def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
 
 
 def _section(field: FieldInfo) -> type[BaseModel] | None:
-    kinds = [kind for kind in (field.annotation, *get_args(field.annotation)) if isinstance(kind, type)]
+    kinds = [
+        kind for kind in (field.annotation, *get_args(field.annotation)) if isinstance(kind, type)
+    ]
     return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
 
 

@@ -33,7 +33,20 @@ def sine_series(r: float) -> float:
     """Return sin(r) for |r| <= pi/4."""
     s = r * r
     return r * (
-        1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0 * (1.0 - s / 156.0 * (1.0 - s / 210.0))))))
+        1.0
+        - s
+        / 6.0
+        * (
+            1.0
+            - s
+            / 20.0
+            * (
+                1.0
+                - s
+                / 42.0
+                * (1.0 - s / 72.0 * (1.0 - s / 110.0 * (1.0 - s / 156.0 * (1.0 - s / 210.0))))
+            )
+        )
     )
 
 
@@ -41,7 +54,20 @@ def cosine_series(r: float) -> float:
     """Return cos(r) for |r| <= pi/4."""
     s = r * r
     return 1.0 - s / 2.0 * (
-        1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0 * (1.0 - s / 132.0 * (1.0 - s / 182.0 * (1.0 - s / 240.0))))))
+        1.0
+        - s
+        / 12.0
+        * (
+            1.0
+            - s
+            / 30.0
+            * (
+                1.0
+                - s
+                / 56.0
+                * (1.0 - s / 90.0 * (1.0 - s / 132.0 * (1.0 - s / 182.0 * (1.0 - s / 240.0))))
+            )
+        )
     )
 
 
@@ -61,7 +87,14 @@ def arctan_unit(t: float) -> float:
     known = eighth / 8.0
     r = (t - known) / (1.0 + t * known)
     s = r * r
-    series = r * (1.0 - s * (1.0 / 3.0 - s * (1.0 / 5.0 - s * (1.0 / 7.0 - s * (1.0 / 9.0 - s * (1.0 / 11.0 - s / 13.0))))))
+    series = r * (
+        1.0
+        - s
+        * (
+            1.0 / 3.0
+            - s * (1.0 / 5.0 - s * (1.0 / 7.0 - s * (1.0 / 9.0 - s * (1.0 / 11.0 - s / 13.0))))
+        )
+    )
     return _ARCTAN_OF_EIGHTHS[eighth] + series
 
 
@@ -91,7 +124,10 @@ def log(x: float) -> float:
     z = (mantissa - 1.0) / (mantissa + 1.0)
     s = z * z
     tail = 1.0 / 13.0 + s * (1.0 / 15.0 + s * (1.0 / 17.0 + s / 19.0))
-    series = s * (1.0 / 3.0 + s * (1.0 / 5.0 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s * (1.0 / 11.0 + s * tail)))))
+    series = s * (
+        1.0 / 3.0
+        + s * (1.0 / 5.0 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s * (1.0 / 11.0 + s * tail))))
+    )
     return exponent * _LN2_HIGH + (2.0 * z + (2.0 * z * series + exponent * _LN2_LOW))
 
 
@@ -108,7 +144,9 @@ def exp(x: float) -> float:
 def draw(seed: int, name: str, tick: int, count: int = 1) -> list[float]:
     """Return `count` (at most 8) random numbers, uniform in [0, 1), for one agent at one tick."""
     digest = hashlib.blake2b(f"{seed}/{name}/{tick}".encode(), digest_size=64).digest()
-    return [(int.from_bytes(digest[8 * i : 8 * i + 8], "little") >> 11) / 2.0**53 for i in range(count)]
+    return [
+        (int.from_bytes(digest[8 * i : 8 * i + 8], "little") >> 11) / 2.0**53 for i in range(count)
+    ]
 
 
 def exponential(u: float, mean: float) -> float:

@@ -21,12 +21,17 @@ class Block:
 
 def balanced(scenario: Scenario) -> dict[str, Block]:
     """Return neighbouring rows for each picker so that none has two more than another."""
-    return _cut(scenario, [scenario.rows * i // scenario.pickers for i in range(scenario.pickers + 1)])
+    return _cut(
+        scenario, [scenario.rows * i // scenario.pickers for i in range(scenario.pickers + 1)]
+    )
 
 
 def balanced_ends(scenario: Scenario) -> dict[str, Block]:
     """Return the blocks of `balanced`; every second picker starts at the east end, so both sides' roads are used from the beginning."""
-    return {name: Block(block.rows, ("west", "east")[i % 2]) for i, (name, block) in enumerate(balanced(scenario).items())}
+    return {
+        name: Block(block.rows, ("west", "east")[i % 2])
+        for i, (name, block) in enumerate(balanced(scenario).items())
+    }
 
 
 def manual(scenario: Scenario) -> dict[str, Block]:
@@ -35,7 +40,11 @@ def manual(scenario: Scenario) -> dict[str, Block]:
     return _cut(scenario, [*(i * share for i in range(scenario.pickers)), scenario.rows])
 
 
-RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {BALANCED: balanced, BALANCED_ENDS: balanced_ends, MANUAL: manual}
+RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {
+    BALANCED: balanced,
+    BALANCED_ENDS: balanced_ends,
+    MANUAL: manual,
+}
 
 
 def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
@@ -56,22 +65,43 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
 
 def _checked(given: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
     if not isinstance(given, Mapping) or any(name not in given for name in _pickers(scenario)):
-        raise TypeError(f"it returned {given!r}; it must return a map with the keys {', '.join(_pickers(scenario))}")
-    named = {name: given[name] if isinstance(given[name], Block) else Block(given[name]) for name in _pickers(scenario)}
-    blocks = {name: Block(tuple(int(row) for row in block.rows), block.start) for name, block in named.items()}
+        raise TypeError(
+            f"it returned {given!r}; it must return a map with the keys {', '.join(_pickers(scenario))}"
+        )
+    named = {
+        name: given[name] if isinstance(given[name], Block) else Block(given[name])
+        for name in _pickers(scenario)
+    }
+    blocks = {
+        name: Block(tuple(int(row) for row in block.rows), block.start)
+        for name, block in named.items()
+    }
     shown = {name: block.rows for name, block in blocks.items()}
-    if sorted(row for rows in shown.values() for row in rows) != list(range(1, scenario.rows + 1)) or not all(shown.values()):
-        raise ValueError(f"{shown}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one")
+    if sorted(row for rows in shown.values() for row in rows) != list(
+        range(1, scenario.rows + 1)
+    ) or not all(shown.values()):
+        raise ValueError(
+            f"{shown}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one"
+        )
     if any(rows != tuple(range(rows[0], rows[-1] + 1)) for rows in shown.values()):
-        raise ValueError(f"{shown}: the rows of a picker must be neighbours, in their order from north to south")
-    if wrong := [f"{name} at {block.start!r}" for name, block in blocks.items() if block.start not in get_args(End)]:
+        raise ValueError(
+            f"{shown}: the rows of a picker must be neighbours, in their order from north to south"
+        )
+    if wrong := [
+        f"{name} at {block.start!r}"
+        for name, block in blocks.items()
+        if block.start not in get_args(End)
+    ]:
         raise ValueError(f"a picker starts at the end 'west' or 'east', and not {', '.join(wrong)}")
     return blocks
 
 
 def _cut(scenario: Scenario, ends: list[int]) -> dict[str, Block]:
     """`ends`: the last row before each block, and that of the last block."""
-    return {name: Block(tuple(range(ends[i] + 1, ends[i + 1] + 1))) for i, name in enumerate(_pickers(scenario))}
+    return {
+        name: Block(tuple(range(ends[i] + 1, ends[i + 1] + 1)))
+        for i, name in enumerate(_pickers(scenario))
+    }
 
 
 def _pickers(scenario: Scenario) -> list[str]:

@@ -12,24 +12,64 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
-from orchard.field.problems import Lines, Problem, ScenarioError, Section, key_text, problem_of, show
-from orchard.field.queue import LONGEST_ROW, MOST_CARRIERS, QUEUES, SHORTEST_ROW, TWO_WAY, USUAL_ROW, lack_of_room
-from orchard.field.survey import FEWEST_ROWS, MOST_ROWS, NARROWEST_ROW, ROUNDING, TRUNK, WIDEST_ROW, Survey
+from orchard.field.problems import (
+    Lines,
+    Problem,
+    ScenarioError,
+    Section,
+    key_text,
+    problem_of,
+    show,
+)
+from orchard.field.queue import (
+    LONGEST_ROW,
+    MOST_CARRIERS,
+    QUEUES,
+    SHORTEST_ROW,
+    TWO_WAY,
+    USUAL_ROW,
+    lack_of_room,
+)
+from orchard.field.survey import (
+    FEWEST_ROWS,
+    MOST_ROWS,
+    NARROWEST_ROW,
+    ROUNDING,
+    TRUNK,
+    WIDEST_ROW,
+    Survey,
+)
 from orchard.field.yaml_file import dump, read, values_of
 
 TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
 MOST_GUESTS = 50  # people together, animals together, weeds
 NEAREST, ROLLING, END = "nearest", "rolling", "end"
-DISPATCH_POLICIES = (NEAREST, "farthest-first", "longest-waiting", "predictive", "predictive-farthest", ROLLING, "assignment")  # built in
-ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = "balanced", "balanced-ends", "manual"  # the built-in rules for rows
+DISPATCH_POLICIES = (
+    NEAREST,
+    "farthest-first",
+    "longest-waiting",
+    "predictive",
+    "predictive-farthest",
+    ROLLING,
+    "assignment",
+)  # built in
+ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = (
+    "balanced",
+    "balanced-ends",
+    "manual",
+)  # the built-in rules for rows
 ROW_ORDERS = ONWARD, OUTWARD = "onward", "outward"  # the built-in orders of picking inside a row
 RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
 
 
 def _choice(names: Sequence[str], what: str) -> Any:
     """One of some names. Programs that offer a choice, such as the page, find them in `examples`."""
-    return Field(pattern=rf"^({'|'.join(names)})$", examples=list(names), description=f"{what}: {', '.join(names)}")
+    return Field(
+        pattern=rf"^({'|'.join(names)})$",
+        examples=list(names),
+        description=f"{what}: {', '.join(names)}",
+    )
 
 
 def _count(what: str) -> Any:
@@ -40,7 +80,9 @@ class _Guests(Section):
     @model_validator(mode="after")
     def _not_too_many(self) -> "_Guests":
         counts = self.model_dump()
-        self._demand(sum(counts.values()) <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", *counts)
+        self._demand(
+            sum(counts.values()) <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", *counts
+        )
         return self
 
 
@@ -65,18 +107,34 @@ class Crop(Section):
     """How much fruit grows, and how much of it a bin holds: both, or neither."""
 
     tonnes_per_hectare: Annotated[float | None, Field(ge=1.0, le=200.0, description=YIELD)] = None
-    kilograms_per_bin: Annotated[float | None, Field(ge=10.0, le=2000.0, description="fruit in a full bin, kg; null: unknown")] = None
+    kilograms_per_bin: Annotated[
+        float | None,
+        Field(ge=10.0, le=2000.0, description="fruit in a full bin, kg; null: unknown"),
+    ] = None
 
 
 LEAST_CV = 0.01
-WIDEST = {"lognormal": 1.0, "gamma": 1.0, "uniform": 1.0 / math.sqrt(3.0)}  # cv of the part of a row's picking time that is drawn
+WIDEST = {
+    "lognormal": 1.0,
+    "gamma": 1.0,
+    "uniform": 1.0 / math.sqrt(3.0),
+}  # cv of the part of a row's picking time that is drawn
 
 
 class Spread(Section):
     """How the picking times of rows differ. Their mean is that of the picking speed."""
 
-    distribution: Annotated[str, _choice(("none", *WIDEST), "distribution of the rows' picking times")] = "none"
-    cv: Annotated[float, Field(ge=LEAST_CV, le=1.0, description="standard deviation of a row's picking time, as a share of its mean")] = 0.3
+    distribution: Annotated[
+        str, _choice(("none", *WIDEST), "distribution of the rows' picking times")
+    ] = "none"
+    cv: Annotated[
+        float,
+        Field(
+            ge=LEAST_CV,
+            le=1.0,
+            description="standard deviation of a row's picking time, as a share of its mean",
+        ),
+    ] = 0.3
 
 
 BETWEEN = "mean time of picking or, of a carrier, driving between failures, s; null: never"
@@ -86,7 +144,10 @@ class Failure(Section):
     """How often a robot fails while it works, and how long it then stands: exponential."""
 
     mean_between: Annotated[float | None, Field(ge=60.0, le=86400.0, description=BETWEEN)] = None
-    mean_repair: Annotated[float, Field(ge=1.0, le=7200.0, description="mean time for which a robot that failed stands, s")] = 300.0
+    mean_repair: Annotated[
+        float,
+        Field(ge=1.0, le=7200.0, description="mean time for which a robot that failed stands, s"),
+    ] = 300.0
 
     @property
     def share(self) -> float:
@@ -98,60 +159,114 @@ class Picking(Section):
     """How picking varies."""
 
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
-    failure: Annotated[Failure, Field(description="how often pickers fail, and for how long they stand")] = Failure()
+    failure: Annotated[
+        Failure, Field(description="how often pickers fail, and for how long they stand")
+    ] = Failure()
 
 
 class Battery(Section):
     """How long a battery lasts, and takes to charge. One that is at the reserve when its carrier's job is done must charge."""
 
-    hours: Annotated[float | None, Field(ge=0.05, le=200.0, description="hours of driving with a full battery; null: endless")] = None
-    standing: Annotated[float, Field(ge=0.0, le=1.0, description="share of the power that a carrier uses while it stands on its way")] = 0.2
-    hours_to_charge: Annotated[float, Field(ge=0.01, le=48.0, description="hours to charge a flat battery; of a swap: its minutes")] = 1.0
-    reserve: Annotated[float, Field(ge=0.0, le=0.9, description="charge, 0 to 1, at which a carrier goes to charge after its job")] = 0.2
+    hours: Annotated[
+        float | None,
+        Field(ge=0.05, le=200.0, description="hours of driving with a full battery; null: endless"),
+    ] = None
+    standing: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=1.0,
+            description="share of the power that a carrier uses while it stands on its way",
+        ),
+    ] = 0.2
+    hours_to_charge: Annotated[
+        float,
+        Field(
+            ge=0.01, le=48.0, description="hours to charge a flat battery; of a swap: its minutes"
+        ),
+    ] = 1.0
+    reserve: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=0.9,
+            description="charge, 0 to 1, at which a carrier goes to charge after its job",
+        ),
+    ] = 0.2
 
 
 class Carrying(Section):
     """How the work of carriers varies."""
 
-    failure: Annotated[Failure, Field(description="how often carriers fail on a job, and for how long they stand")] = Failure()
+    failure: Annotated[
+        Failure, Field(description="how often carriers fail on a job, and for how long they stand")
+    ] = Failure()
     battery: Annotated[Battery, Field(description="the batteries of carriers")] = Battery()
 
 
 class LaserSettings(Section):
     """Settings of all lasers."""
 
-    noise: Annotated[float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")] = 0.0
+    noise: Annotated[
+        float, Field(ge=0.0, le=0.02, description="standard deviation of a measured range, m")
+    ] = 0.0
 
 
 BIAS_TIME = "time in which the correlation of the slow error falls to 1/e, s"
-MOST_WHITE, MOST_BIAS = 0.1, 0.03  # m: with more, a carrier may take a picker that waits 0.25 m beside its road for one ahead of it
+MOST_WHITE, MOST_BIAS = (
+    0.1,
+    0.03,
+)  # m: with more, a carrier may take a picker that waits 0.25 m beside its road for one ahead of it
 
 
 class Gnss(Section):
     """Errors of receivers in x and in y: a white one, and a slow one, a Gauss-Markov process of the first order. See docs/reference.md."""
 
-    white: Annotated[float, Field(ge=0.0, le=MOST_WHITE, description="standard deviation of the error new at each tick, m")] = 0.0
-    bias: Annotated[float, Field(ge=0.0, le=MOST_BIAS, description="standard deviation of the slow error, m")] = 0.0
+    white: Annotated[
+        float,
+        Field(
+            ge=0.0, le=MOST_WHITE, description="standard deviation of the error new at each tick, m"
+        ),
+    ] = 0.0
+    bias: Annotated[
+        float, Field(ge=0.0, le=MOST_BIAS, description="standard deviation of the slow error, m")
+    ] = 0.0
     bias_time: Annotated[float, Field(ge=1.0, le=86400.0, description=BIAS_TIME)] = 300.0
 
 
 class OdometrySettings(Section):
     """Errors of the odometry of pickers, carriers and the tractor: constants, drawn for each robot."""
 
-    distance: Annotated[float, Field(ge=0.0, le=0.1, description="standard deviation of the error of distances, as a share")] = 0.0
-    heading: Annotated[float, Field(ge=0.0, le=0.05, description="standard deviation of the drift of the heading, rad/m driven")] = 0.0
+    distance: Annotated[
+        float,
+        Field(
+            ge=0.0, le=0.1, description="standard deviation of the error of distances, as a share"
+        ),
+    ] = 0.0
+    heading: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=0.05,
+            description="standard deviation of the drift of the heading, rad/m driven",
+        ),
+    ] = 0.0
 
 
 class SensorSettings(Section):
     """Errors of what robots measure of their own motion. Without them what they measure is the truth."""
 
     gnss: Annotated[Gnss, Field(description="the receivers that measure where robots are")] = Gnss()
-    odometry: Annotated[OdometrySettings, Field(description="what robots measure of their motion by their wheels")] = OdometrySettings()
+    odometry: Annotated[
+        OdometrySettings, Field(description="what robots measure of their motion by their wheels")
+    ] = OdometrySettings()
 
     @property
     def are_exact(self) -> bool:
         """Whether robots measure the truth."""
-        return not any((self.gnss.white, self.gnss.bias, self.odometry.distance, self.odometry.heading))
+        return not any(
+            (self.gnss.white, self.gnss.bias, self.odometry.distance, self.odometry.heading)
+        )
 
 
 HIGHEST_PRICE = 1e9  # in whatever currency
@@ -164,9 +279,15 @@ def _price(what: str) -> Any:
 class Prices(Section):
     """What a harvest costs, in a currency of your own. `orchard study` tells costs if a price is given; a run does not depend on them."""
 
-    picker_per_hour: Annotated[float | None, _price("price of an hour of a picker; null: none")] = None
-    carrier_per_hour: Annotated[float | None, _price("price of an hour of a carrier; null: none")] = None
-    overhead_per_hour: Annotated[float | None, _price("price of an hour of all else; null: none")] = None
+    picker_per_hour: Annotated[float | None, _price("price of an hour of a picker; null: none")] = (
+        None
+    )
+    carrier_per_hour: Annotated[
+        float | None, _price("price of an hour of a carrier; null: none")
+    ] = None
+    overhead_per_hour: Annotated[
+        float | None, _price("price of an hour of all else; null: none")
+    ] = None
     per_bin: Annotated[float | None, _price("price of each bin; null: none")] = None
 
 
@@ -175,14 +296,25 @@ _PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
 ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
 Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
 Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
-Classes = Annotated[dict[Driven, ClassPath], Field(max_length=200, description="kind or name -> module.Class in place of the built-in one")]
-MoreAgents = Annotated[dict[Bodiless, ClassPath], Field(max_length=200, description="name -> module.Class of another agent without a body")]
+Classes = Annotated[
+    dict[Driven, ClassPath],
+    Field(max_length=200, description="kind or name -> module.Class in place of the built-in one"),
+]
+MoreAgents = Annotated[
+    dict[Bodiless, ClassPath],
+    Field(max_length=200, description="name -> module.Class of another agent without a body"),
+]
 
 
 def _plugin(builtin: Sequence[str], what: str) -> Any:
     """A rule that the scenario names: a built-in one, or module.Class of a user."""
     pattern, names = rf"^({'|'.join(builtin)}|{_PATH})$", ", ".join(builtin)
-    return Field(pattern=pattern, max_length=200, examples=list(builtin), description=f"{what}: {names}, or module.Class")
+    return Field(
+        pattern=pattern,
+        max_length=200,
+        examples=list(builtin),
+        description=f"{what}: {names}, or module.Class",
+    )
 
 
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
@@ -205,36 +337,81 @@ class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
     rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5
-    pickers: Annotated[int, Field(ge=2, le=60, description="number of picking robots; at most one for each row")] = 2
-    row_length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m")] = USUAL_ROW
-    metres_per_bin: Annotated[float | None, Field(ge=SHORTEST_BIN, le=LONGEST_BIN, description=METRES_PER_BIN)] = None
+    pickers: Annotated[
+        int, Field(ge=2, le=60, description="number of picking robots; at most one for each row")
+    ] = 2
+    row_length: Annotated[
+        float,
+        Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m"),
+    ] = USUAL_ROW
+    metres_per_bin: Annotated[
+        float | None, Field(ge=SHORTEST_BIN, le=LONGEST_BIN, description=METRES_PER_BIN)
+    ] = None
     bins_per_row: Annotated[float | None, Field(ge=0.1, le=40.0, description=BINS_PER_ROW)] = None
-    crop: Annotated[Crop, Field(description="the yield and the bins, from which follow the metres per bin")] = Crop()
-    row_width: Annotated[float, Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m")] = NARROWEST_ROW
+    crop: Annotated[
+        Crop, Field(description="the yield and the bins, from which follow the metres per bin")
+    ] = Crop()
+    row_width: Annotated[
+        float,
+        Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m"),
+    ] = NARROWEST_ROW
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
     queue_room: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=QUEUE_ROOM)] = None
-    picking_speed: Annotated[float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED)] = None
+    picking_speed: Annotated[float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED)] = (
+        None
+    )
     picking_rate: Annotated[float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE)] = None
     picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
     carrying: Annotated[Carrying, Field(description="how the work of carriers varies")] = Carrying()
     chargers: Annotated[int, Field(ge=0, le=MOST_CARRIERS, description=CHARGERS)] = 1
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="seed of all random numbers; the same seed gives the same harvest")] = 1
+    seed: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=2**63 - 1,
+            description="seed of all random numbers; the same seed gives the same harvest",
+        ),
+    ] = 1
     people: Annotated[People, Field(description="workers and visitors")] = People()
     animals: Annotated[Animals, Field(description="dogs and cats")] = Animals()
     weeds: Annotated[int, _count("number of weeds, north and south of the rows")] = 10
-    tractor: Annotated[bool, Field(description="whether a tractor drives up and down the driveway")] = True
-    laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = LaserSettings()
-    sensors: Annotated[SensorSettings, Field(description="what robots measure of their own motion")] = SensorSettings()
+    tractor: Annotated[
+        bool, Field(description="whether a tractor drives up and down the driveway")
+    ] = True
+    laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = (
+        LaserSettings()
+    )
+    sensors: Annotated[
+        SensorSettings, Field(description="what robots measure of their own motion")
+    ] = SensorSettings()
     agents: Classes = {}
     agents_without_body: MoreAgents = {}
-    dispatch: Annotated[str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")] = ROLLING
-    dispatch_errors: Annotated[str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")] = NEAREST
-    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = BALANCED_ENDS
-    order_in_row: Annotated[str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first")] = ONWARD
+    dispatch: Annotated[
+        str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")
+    ] = ROLLING
+    dispatch_errors: Annotated[
+        str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")
+    ] = NEAREST
+    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = (
+        BALANCED_ENDS
+    )
+    order_in_row: Annotated[
+        str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first")
+    ] = ONWARD
     route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = TWO_WAY
-    bay: Annotated[float, Field(ge=0.0, le=180.0, description="how far east of its usual place the unloading bay lies, m")] = 0.0
+    bay: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=180.0,
+            description="how far east of its usual place the unloading bay lies, m",
+        ),
+    ] = 0.0
     prices: Annotated[Prices, Field(description="what a harvest costs, for a study")] = Prices()
-    survey: Annotated[Survey | None, Field(description="surveyed rows, unequal in length and spacing; null: all rows are alike")] = None
+    survey: Annotated[
+        Survey | None,
+        Field(description="surveyed rows, unequal in length and spacing; null: all rows are alike"),
+    ] = None
 
     @property
     def carrier_count(self) -> int:
@@ -259,7 +436,11 @@ class Scenario(Section):
     @property
     def mean_row(self) -> float:
         """The length of a row, m; the mean, if they are surveyed."""
-        return self.row_length if self.survey is None else fmean(row.length for row in self.survey.rows)
+        return (
+            self.row_length
+            if self.survey is None
+            else fmean(row.length for row in self.survey.rows)
+        )
 
     @property
     def row_pitch(self) -> float:
@@ -301,12 +482,18 @@ class Scenario(Section):
     def work_is_drawn(self) -> bool:
         """Whether the seed changes how long robots work."""
         failures = self.picking.failure, self.carrying.failure
-        return self.picking.spread.distribution != "none" or any(failure.mean_between is not None for failure in failures)
+        return self.picking.spread.distribution != "none" or any(
+            failure.mean_between is not None for failure in failures
+        )
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:
         """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and those of the user."""
-        return (TRAFFIC, *([] if self.dispatch == NEAREST else [DISPATCH]), *sorted(self.agents_without_body))
+        return (
+            TRAFFIC,
+            *([] if self.dispatch == NEAREST else [DISPATCH]),
+            *sorted(self.agents_without_body),
+        )
 
     @property
     def own_classes(self) -> dict[str, str]:
@@ -316,50 +503,98 @@ class Scenario(Section):
     @property
     def without_code(self) -> "Scenario":
         """The same with the default for each rule of a user's own: the names of the bodies, and walls and trees, are as they were."""
-        return self.model_copy(update={name: type(self).model_fields[name].default for name in self._own_rules})
+        return self.model_copy(
+            update={name: type(self).model_fields[name].default for name in self._own_rules}
+        )
 
     @property
     def _own_rules(self) -> dict[str, str]:
-        builtin = {name: field.examples for name, field in type(self).model_fields.items() if field.examples}
-        return {name: path for name, known in builtin.items() if (path := getattr(self, name)) not in known}
+        builtin = {
+            name: field.examples
+            for name, field in type(self).model_fields.items()
+            if field.examples
+        }
+        return {
+            name: path
+            for name, known in builtin.items()
+            if (path := getattr(self, name)) not in known
+        }
 
     @model_validator(mode="after")
     def _new_names_and_no_idle_pickers(self) -> "Scenario":
         self._demand_what_the_survey_says()
         taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
-        self._demand(not taken, f"must be names that no other agent has; not {', '.join(taken)}", "agents_without_body")
-        self._demand(self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows")
+        self._demand(
+            not taken,
+            f"must be names that no other agent has; not {', '.join(taken)}",
+            "agents_without_body",
+        )
+        self._demand(
+            self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows"
+        )
         self._demand_one_way_to_say_it()
         text = f"must be 1 to {MOST_CARRIERS} chargers for carriers with batteries; without chargers, hours must be null"
-        self._demand(self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours")
+        self._demand(
+            self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
+        )
         self._demand_that_no_row_is_faster_than_a_picker()
         if self.route in QUEUES:
-            text = lack_of_room(self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries)
-            robots = "queue_room" if self.queue_carriers > self.carrier_count else "pickers" if self.carriers is None else "carriers"
+            text = lack_of_room(
+                self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries
+            )
+            robots = (
+                "queue_room"
+                if self.queue_carriers > self.carrier_count
+                else "pickers"
+                if self.carriers is None
+                else "carriers"
+            )
             self._demand(not text, text, robots, "row_length", "bay")
         return self
 
     def _demand_one_way_to_say_it(self) -> None:
         """A picking speed or a rate; metres per bin, bins per row, or a crop; and what follows from them lies within the limits."""
-        self._demand((self.crop.tonnes_per_hectare is None) == (self.crop.kilograms_per_bin is None), "must be set together", *CROP)
-        pairs = [("picking_speed", "picking_rate"), *combinations(("metres_per_bin", "bins_per_row", CROP[0]), 2)]
+        self._demand(
+            (self.crop.tonnes_per_hectare is None) == (self.crop.kilograms_per_bin is None),
+            "must be set together",
+            *CROP,
+        )
+        pairs = [
+            ("picking_speed", "picking_rate"),
+            *combinations(("metres_per_bin", "bins_per_row", CROP[0]), 2),
+        ]
         for pair in pairs:
             is_one = None in [reduce(getattr, field.split("."), self) for field in pair]
-            self._demand(is_one, "at most one of both can be set: each says what the other is", *pair)
+            self._demand(
+                is_one, "at most one of both can be set: each says what the other is", *pair
+            )
         metres = self.bin_metres
         if metres is not None and metres != self.metres_per_bin:
             text = f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to {LONGEST_BIN:g} m"
-            fields = (*CROP, "row_width") if self.bins_per_row is None else ("bins_per_row", "row_length")
+            fields = (
+                (*CROP, "row_width")
+                if self.bins_per_row is None
+                else ("bins_per_row", "row_length")
+            )
             self._demand(SHORTEST_BIN <= metres <= LONGEST_BIN, text, *fields)
-        least, most = (math.ceil(36e5 * SLOWEST / self._mean_bin) / 1e3, math.floor(36e5 / self._mean_bin) / 1e3)
+        least, most = (
+            math.ceil(36e5 * SLOWEST / self._mean_bin) / 1e3,
+            math.floor(36e5 / self._mean_bin) / 1e3,
+        )
         text = f"must be {least:g} to {most:g} where {self._mean_bin:.4g} m of row fill a bin: a picker goes {SLOWEST:g} to 1 m/s"
-        self._demand(self.picking_rate is None or least <= self.picking_rate <= most, text, "picking_rate")
+        self._demand(
+            self.picking_rate is None or least <= self.picking_rate <= most, text, "picking_rate"
+        )
 
     def _demand_that_no_row_is_faster_than_a_picker(self) -> None:
         """A row takes at least the time to drive along it, so only the rest of its mean time can spread."""
         spread, top = self.picking.spread, KINDS["picker"].speed
         most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.mean_picking_speed / top)
-        what = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}" if most >= LEAST_CV else "the distribution must be none"
+        what = (
+            f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"
+            if most >= LEAST_CV
+            else "the distribution must be none"
+        )
         speed = "picking_speed" if self.picking_rate is None else "picking_rate"
         text = f"{what} at this {speed}, because no picker picks faster than {top:g} m/s"
         fields = speed, "picking.spread.distribution", "picking.spread.cv"
@@ -410,12 +645,24 @@ def to_short_yaml(scenario: Scenario) -> str:
 # --- values -> Scenario, or every problem ---
 
 
-def check(values: Any, source: str = "scenario", lines: Lines | None = None, known: list[Problem] | None = None) -> Scenario:
+def check(
+    values: Any,
+    source: str = "scenario",
+    lines: Lines | None = None,
+    known: list[Problem] | None = None,
+) -> Scenario:
     """Return the scenario with these values. Raises a `ScenarioError` with all problems, including those in `known`."""
     if not isinstance(values, Mapping | BaseModel):
-        raise ScenarioError([*(known or []), Problem(source, f"must be a map of keys and values, and not {show(values)}")])
+        raise ScenarioError(
+            [
+                *(known or []),
+                Problem(source, f"must be a map of keys and values, and not {show(values)}"),
+            ]
+        )
     errors, scenario = _errors(_plain(values))
-    problems = list(known or []) + [problem_of(error, Scenario, source, lines or {}) for error in errors]
+    problems = list(known or []) + [
+        problem_of(error, Scenario, source, lines or {}) for error in errors
+    ]
     if problems:
         raise ScenarioError(problems, scenario)
     return scenario
@@ -442,33 +689,56 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
         try:
             return found, Scenario.model_validate(values)
         except ValidationError as failure:
-            errors = [_located(error) for error in failure.errors(include_url=False) if not _counts_what_is_wrong(error)]
+            errors = [
+                _located(error)
+                for error in failure.errors(include_url=False)
+                if not _counts_what_is_wrong(error)
+            ]
         found += [error for error in errors if wrong.isdisjoint(error["fields"])]
-        paths = {path for error in errors for field in error["fields"] for path in _with_defaults(field)}
+        paths = {
+            path for error in errors for field in error["fields"] for path in _with_defaults(field)
+        }
         wrong, values = wrong | paths, _without(values, paths)
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Return what is set to its default because a field is wrong: the field, or the whole survey, because its sizes have no default."""
-    return [("survey",)] if field[0] == "survey" else [field, ("survey",)] if field[0] in SURVEYED else [field]
+    return (
+        [("survey",)]
+        if field[0] == "survey"
+        else [field, ("survey",)]
+        if field[0] in SURVEYED
+        else [field]
+    )
 
 
 def _counts_what_is_wrong(error: Any) -> bool:
     """Whether a list is told to be too short only because some of it is wrong, which other errors tell."""
-    return bool(error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"]))
+    return bool(
+        error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"])
+    )
 
 
 def _located(error: Any) -> dict[str, Any]:
     of_key = error["loc"][2:] == ("[key]",)
     loc = error["loc"][:2] if of_key else error["loc"]
     loc = tuple(map(str, loc))
-    fields = [(*loc, *field.split(".")) for field in error["ctx"]["fields"]] if error["type"] == "rule" else [loc]
+    fields = (
+        [(*loc, *field.split(".")) for field in error["ctx"]["fields"]]
+        if error["type"] == "rule"
+        else [loc]
+    )
     return dict(error) | {"loc": loc, "of_key": of_key, "fields": fields}
 
 
-def _without(values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()) -> dict[str, Any]:
+def _without(
+    values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()
+) -> dict[str, Any]:
     kept = {key: value for key, value in values.items() if (*at, key) not in paths}
-    return {key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value for key, value in kept.items()}
+    return {
+        key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value
+        for key, value in kept.items()
+    }
 
 
 def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:

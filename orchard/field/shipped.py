@@ -10,7 +10,9 @@ _CONFIG = files("orchard").joinpath("config")
 
 
 def names() -> list[str]:
-    return sorted(file.name.removesuffix(".yaml") for file in _CONFIG.iterdir() if file.name.endswith(".yaml"))
+    return sorted(
+        file.name.removesuffix(".yaml") for file in _CONFIG.iterdir() if file.name.endswith(".yaml")
+    )
 
 
 def shipped() -> dict[str, Scenario]:

@@ -28,20 +28,68 @@ NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"  # no control characters: names are printed
 class SurveyedRow(Section):
     """A row that is picked: the centre line of the lane between two lines of trees."""
 
-    id: Annotated[str, Field(pattern=NAME, max_length=60, description="the row's name in the survey")]
-    south: Annotated[float, Field(ge=0.0, le=MOST_ROWS * FURTHEST, description="how far south of the first row its centre line lies, m")]
-    start: Annotated[float, Field(ge=0.0, le=SET_BACK, description="how far east of the westernmost row's end its west end lies, m")]
-    length: Annotated[float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of its picked part, m")]
+    id: Annotated[
+        str, Field(pattern=NAME, max_length=60, description="the row's name in the survey")
+    ]
+    south: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=MOST_ROWS * FURTHEST,
+            description="how far south of the first row its centre line lies, m",
+        ),
+    ]
+    start: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=SET_BACK,
+            description="how far east of the westernmost row's end its west end lies, m",
+        ),
+    ]
+    length: Annotated[
+        float, Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of its picked part, m")
+    ]
 
 
 class Origin(Section):
     """Where the frame `map` lies in a projected coordinate system: shifted by x and y, turned by yaw, and scaled."""
 
-    crs: Annotated[str, Field(pattern=NAME, max_length=200, description="projected coordinate system, such as EPSG:2193")]
-    x: Annotated[float, Field(ge=-1e9, le=1e9, description="easting of the origin of the frame map, in the system's unit")]
-    y: Annotated[float, Field(ge=-1e9, le=1e9, description="northing of the origin of the frame map, in the system's unit")]
-    yaw: Annotated[float, Field(ge=-3.2, le=3.2, description="from the system's east to the x axis of map, counter-clockwise, rad")]
-    scale: Annotated[float, Field(ge=0.1, le=10.0, description="the system's units in a metre on the ground")]
+    crs: Annotated[
+        str,
+        Field(
+            pattern=NAME,
+            max_length=200,
+            description="projected coordinate system, such as EPSG:2193",
+        ),
+    ]
+    x: Annotated[
+        float,
+        Field(
+            ge=-1e9,
+            le=1e9,
+            description="easting of the origin of the frame map, in the system's unit",
+        ),
+    ]
+    y: Annotated[
+        float,
+        Field(
+            ge=-1e9,
+            le=1e9,
+            description="northing of the origin of the frame map, in the system's unit",
+        ),
+    ]
+    yaw: Annotated[
+        float,
+        Field(
+            ge=-3.2,
+            le=3.2,
+            description="from the system's east to the x axis of map, counter-clockwise, rad",
+        ),
+    ]
+    scale: Annotated[
+        float, Field(ge=0.1, le=10.0, description="the system's units in a metre on the ground")
+    ]
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Return easting and northing, in the system's unit, of a point of the frame map, m."""
@@ -55,8 +103,13 @@ IN_ORDER = "the rows, from north to south"
 class Survey(Section):
     """Surveyed rows, from north to south, and where they lie on the earth."""
 
-    rows: Annotated[tuple[SurveyedRow, ...], Field(strict=False, min_length=FEWEST_ROWS, max_length=MOST_ROWS, description=IN_ORDER)]
-    origin: Annotated[Origin | None, Field(description="where the frame map lies on the earth; null: not known")] = None
+    rows: Annotated[
+        tuple[SurveyedRow, ...],
+        Field(strict=False, min_length=FEWEST_ROWS, max_length=MOST_ROWS, description=IN_ORDER),
+    ]
+    origin: Annotated[
+        Origin | None, Field(description="where the frame map lies on the earth; null: not known")
+    ] = None
 
     @property
     def length(self) -> float:
@@ -66,7 +119,11 @@ class Survey(Section):
     @model_validator(mode="after")
     def _within_limits(self) -> "Survey":
         if faults := [f"{row.id}: {fault}" for row, fault in faults_of(self.rows)]:
-            error = {"text": "; ".join(faults), "fields": ("rows",), "values": (f"{len(self.rows)} rows",)}
+            error = {
+                "text": "; ".join(faults),
+                "fields": ("rows",),
+                "values": (f"{len(self.rows)} rows",),
+            }
             raise PydanticCustomError("rule", "{text}", error)
         return self
 
@@ -74,19 +131,38 @@ class Survey(Section):
 def faults_of(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
     """Yield the rows that do not fit the others, and for each what is wrong and the limit. `rows`: from north to south."""
     if rows[0].south:
-        yield rows[0], f"is the first, and lies {rows[0].south:g} m south of it; its south must be 0"
+        yield (
+            rows[0],
+            f"is the first, and lies {rows[0].south:g} m south of it; its south must be 0",
+        )
     for north, row in pairwise(rows):
         if not CLOSEST - ROUNDING <= (gap := row.south - north.south) <= FURTHEST + ROUNDING:
-            yield row, f"lies {gap:.2f} m south of row {north.id}; must be {CLOSEST:g} to {FURTHEST:g} m from centre line to centre line"
+            yield (
+                row,
+                f"lies {gap:.2f} m south of row {north.id}; must be {CLOSEST:g} to {FURTHEST:g} m from centre line to centre line",
+            )
     west, east = min(row.start for row in rows), max(row.start + row.length for row in rows)
     if west:
-        yield min(rows, key=lambda row: row.start), f"is the westernmost, and starts at {west:g} m; its start must be 0"
+        yield (
+            min(rows, key=lambda row: row.start),
+            f"is the westernmost, and starts at {west:g} m; its start must be 0",
+        )
     if east - west > LONGEST_ROW + ROUNDING:
         furthest = max(rows, key=lambda row: row.start + row.length)
-        yield furthest, f"ends {east - west:.2f} m east of the westernmost end; must be at most {LONGEST_ROW:g} m"
+        yield (
+            furthest,
+            f"ends {east - west:.2f} m east of the westernmost end; must be at most {LONGEST_ROW:g} m",
+        )
     for row in rows:
         for end, back in (("west", row.start - west), ("east", east - row.start - row.length)):
             if back > SET_BACK + ROUNDING:
-                yield row, f"its {end} end lies {back:.2f} m before the furthest {end} end; must be at most {SET_BACK:g} m"
+                yield (
+                    row,
+                    f"its {end} end lies {back:.2f} m before the furthest {end} end; must be at most {SET_BACK:g} m",
+                )
     ids = [row.id for row in rows]
-    yield from ((row, "the name of two rows; each needs its own") for i, row in enumerate(rows) if row.id in ids[:i])
+    yield from (
+        (row, "the name of two rows; each needs its own")
+        for i, row in enumerate(rows)
+        if row.id in ids[:i]
+    )

@@ -27,7 +27,9 @@ def read(path: str | Path, source: str) -> str:
     except FileNotFoundError:
         raise ScenarioError([Problem(source, "no such file")]) from None
     except (OSError, ValueError) as error:
-        raise ScenarioError([Problem(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")]) from None
+        raise ScenarioError(
+            [Problem(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")]
+        ) from None
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -44,10 +46,20 @@ class _Loader(yaml.SafeLoader):
     def get_event(self) -> Any:
         """Refuse, before it is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
         event = super().get_event()  # type: ignore[no-untyped-call]
-        self._depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        what = "nested too deeply" if self._depth > DEEPEST else "aliases (*name)" if isinstance(event, yaml.AliasEvent) else ""
+        self._depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(
+            event, yaml.CollectionEndEvent
+        )
+        what = (
+            "nested too deeply"
+            if self._depth > DEEPEST
+            else "aliases (*name)"
+            if isinstance(event, yaml.AliasEvent)
+            else ""
+        )
         if what := what or ("tags (!name)" if getattr(event, "tag", None) else ""):
-            raise ScenarioError([_at(event.start_mark, self.name, f"{what}: not allowed in a scenario")])
+            raise ScenarioError(
+                [_at(event.start_mark, self.name, f"{what}: not allowed in a scenario")]
+            )
         return event
 
 
@@ -59,7 +71,11 @@ for _tag, _pattern, _first in (
     ("null", r"(~|null|Null|NULL|)$", ["~", "n", "N", ""]),
     ("bool", r"(true|True|TRUE|false|False|FALSE)$", list("tTfF")),
     ("int", r"[-+]?(0|[1-9][0-9]{0,18})$", list("-+0123456789")),
-    ("float", r"[-+]?(0|[1-9][0-9]*)?(\.[0-9]+|(?<=[0-9])\.?)([eE][-+]?[0-9]+)?$", list("-+.0123456789")),
+    (
+        "float",
+        r"[-+]?(0|[1-9][0-9]*)?(\.[0-9]+|(?<=[0-9])\.?)([eE][-+]?[0-9]+)?$",
+        list("-+.0123456789"),
+    ),
     ("float", r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", list("-+.")),
 ):
     for _class in (_Loader, _Dumper):
@@ -69,7 +85,13 @@ for _tag, _pattern, _first in (
 def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
     """Return the values of a YAML text, the line of each key, and a problem for each repeated key. Raises ScenarioError."""
     if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
-        raise ScenarioError([Problem(source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000")])
+        raise ScenarioError(
+            [
+                Problem(
+                    source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000"
+                )
+            ]
+        )
     try:
         loader = _Loader(text)
         loader.name = source
@@ -79,18 +101,26 @@ def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
         return (loader.construct_document(node) if node else None), lines, repeated
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        raise ScenarioError([_at(mark, source, f"is not YAML: {error.problem or error.context}")]) from None
+        raise ScenarioError(
+            [_at(mark, source, f"is not YAML: {error.problem or error.context}")]
+        ) from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:
-        raise ScenarioError([Problem(source, f"is not YAML: {' '.join(str(error).split())}")]) from None
+        raise ScenarioError(
+            [Problem(source, f"is not YAML: {' '.join(str(error).split())}")]
+        ) from None
 
 
 def _at(mark: Any, source: str, text: str) -> Problem:
     if mark is None:
         return Problem(source, text)
-    return Problem(source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1)
+    return Problem(
+        source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1
+    )
 
 
-def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()) -> list[Problem]:
+def _walk(
+    node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()
+) -> list[Problem]:
     repeated = []
     for number, item in enumerate(node.value) if isinstance(node, yaml.SequenceNode) else ():
         lines[(*at, str(number))] = item.start_mark.line + 1
@@ -101,7 +131,15 @@ def _walk(node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...]
         path, line = (*at, key_text(key.value)), key.start_mark.line + 1
         if path in lines:
             text = f"given twice, in lines {lines[path]} and {line}; once is allowed"
-            repeated.append(Problem(source, text, dotted(path), value.value[:60] if isinstance(value, yaml.ScalarNode) else "...", line))
+            repeated.append(
+                Problem(
+                    source,
+                    text,
+                    dotted(path),
+                    value.value[:60] if isinstance(value, yaml.ScalarNode) else "...",
+                    line,
+                )
+            )
         lines[path] = line
         repeated += _walk(value, source, lines, path)
     return repeated

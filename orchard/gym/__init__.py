@@ -11,10 +11,23 @@ try:
     import gymnasium  # noqa: F401
     import pettingzoo  # noqa: F401
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(f"orchard.gym needs the extra gym: pip install 'orchard-sim[gym]' ({error})", name=error.name) from None
+    raise ModuleNotFoundError(
+        f"orchard.gym needs the extra gym: pip install 'orchard-sim[gym]' ({error})",
+        name=error.name,
+    ) from None
 
 from orchard.gym.dispatch import DispatchEnv, Dispatching, dispatch_env
 from orchard.gym.harvest import HarvestEnv, SingleEnv, parallel_env, single_env
 from orchard.gym.rewards import REWARDS, Moment
 
-__all__ = ["REWARDS", "DispatchEnv", "Dispatching", "HarvestEnv", "Moment", "SingleEnv", "dispatch_env", "parallel_env", "single_env"]
+__all__ = [
+    "REWARDS",
+    "DispatchEnv",
+    "Dispatching",
+    "HarvestEnv",
+    "Moment",
+    "SingleEnv",
+    "dispatch_env",
+    "parallel_env",
+    "single_env",
+]

@@ -39,7 +39,9 @@ class Dispatching:
 
     def __init__(self, layout: Layout) -> None:
         names = sorted(layout.names)
-        self.bins, self.carriers = ([name for name in names if name.startswith(f"{kind}_")] for kind in ("bin", "carrier"))
+        self.bins, self.carriers = (
+            [name for name in names if name.startswith(f"{kind}_")] for kind in ("bin", "carrier")
+        )
         most = np.array([1.0, MOST_LANES, LONG, LONG, LONG, FAR], dtype=np.float32)
         self.action_space = spaces.Discrete(1 + len(self.bins) * len(self.carriers))
         self.observation_space = spaces.Dict(  # in the order in which Gymnasium sorts them
@@ -48,12 +50,24 @@ class Dispatching:
             seconds=_box_up_to(np.array([LONG], np.float32)),
         )
 
-    def observation(self, now: int, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> Arrays:
+    def observation(
+        self, now: int, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]
+    ) -> Arrays:
         """Return what a policy is told, as arrays. `now`: the tick."""
         seconds = np.array([now * TIME_STEP], np.float32)
-        calls, queue = np.zeros((len(self.bins), 6), np.float32), np.zeros((len(self.carriers), 2), np.float32)
+        calls, queue = (
+            np.zeros((len(self.bins), 6), np.float32),
+            np.zeros((len(self.carriers), 2), np.float32),
+        )
         for one in bins:
-            told = 1.0, one.lane, (now - one.since) * TIME_STEP, one.seconds_to_full, one.seconds_to_reach, one.metres
+            told = (
+                1.0,
+                one.lane,
+                (now - one.since) * TIME_STEP,
+                one.seconds_to_full,
+                one.seconds_to_reach,
+                one.metres,
+            )
             calls[self.bins.index(one.name)] = told
         for carrier in carriers:
             queue[self.carriers.index(carrier.name)] = float(carrier.is_next), carrier.metres
@@ -63,19 +77,29 @@ class Dispatching:
         """Return which actions can be, (actions,) int8; 0 always can."""
         mask = np.zeros(self.action_space.n, dtype=np.int8)
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        mask[[NO_ORDER, *(self.action(Assignment(one.name, name)) for one in bins for name in free)]] = 1
+        mask[
+            [NO_ORDER, *(self.action(Assignment(one.name, name)) for one in bins for name in free)]
+        ] = 1
         return mask
 
     def action(self, order: Assignment | None) -> int:
         if order is None:
             return NO_ORDER
-        return 1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)
+        return (
+            1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)
+        )
 
     def number(self, action: Any) -> int:
         """Return an action as a number: a whole one, or an array of one. Raises ValueError for what is no action."""
         given = np.asarray(action)
-        if given.size != 1 or given.dtype.kind not in "iu" or not self.action_space.contains(int(given.item())):
-            raise ValueError(f"action {action!r}: must be a number from 0 to {self.action_space.n - 1}")
+        if (
+            given.size != 1
+            or given.dtype.kind not in "iu"
+            or not self.action_space.contains(int(given.item()))
+        ):
+            raise ValueError(
+                f"action {action!r}: must be a number from 0 to {self.action_space.n - 1}"
+            )
         return int(given.item())
 
     def order(self, action: Any) -> Assignment | None:
@@ -84,7 +108,9 @@ class Dispatching:
         bin_, carrier = divmod(number - 1, len(self.carriers))
         return None if number == NO_ORDER else Assignment(self.bins[bin_], self.carriers[carrier])
 
-    def orders(self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]) -> list[Assignment]:
+    def orders(
+        self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
+    ) -> list[Assignment]:
         """Return the orders of what has learned here: the body of a policy's `assign`. What cannot be sends none."""
         orders: list[Assignment] = []
         while (mask := self.mask(bins, carriers)).sum() > 1:
@@ -144,7 +170,9 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
     harvest: DiscreteHarvest
 
-    def __init__(self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST) -> None:
+    def __init__(
+        self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST
+    ) -> None:
         """`reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`: ticks, after which an episode is truncated,
         as it is after 600 s in which nothing moves on, because robots wait for each other or for a carrier that is never sent.
 
@@ -154,20 +182,29 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         refuse_what_is_no_episode(scenario, longest)
         self.scenario, self._reward, self._longest = scenario, named(reward, REWARDS), longest
         self._episode, self._is_over = Episode(scenario.seed, -1), True
-        self._moved = 0, 0.0  # the steps of all robots, and the tick at which one of them moved on last
+        self._moved = (
+            0,
+            0.0,
+        )  # the steps of all robots, and the tick at which one of them moved on last
         layout = lay_out(scenario)
         DiscreteHarvest(layout)  # raises ValueError
         self.dispatching = Dispatching(layout)
         self.observation_space: spaces.Space[Any] = self.dispatching.observation_space
         self.action_space: spaces.Space[Any] = self.dispatching.action_space
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Arrays, dict[str, Any]]:
         """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `HarvestEnv`."""
         super().reset(seed=plain(seed))
         if options:
-            raise ValueError(f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none")
+            raise ValueError(
+                f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none"
+            )
         episode = self._episode.after(plain(seed))
-        self.harvest = DiscreteHarvest(lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused)
+        self.harvest = DiscreteHarvest(
+            lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused
+        )
         self._episode, self._is_over, self._moved = episode, True, (0, 0.0)
         self._until_decision()
         self._is_over = False
@@ -185,9 +222,21 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._take(self.dispatching.number(action))
         self._until_decision()
         now, self._is_over = self._so_far(), self._calls.pending is None
-        reward = self._reward(Transition(now.seconds - before.seconds, now.waited - before.waited, now.delivered - before.delivered))
+        reward = self._reward(
+            Transition(
+                now.seconds - before.seconds,
+                now.waited - before.waited,
+                now.delivered - before.delivered,
+            )
+        )
         terminated = self._is_over and self.harvest.is_over
-        return self._observed(), float(reward), terminated, self._is_over and not terminated, self._info()
+        return (
+            self._observed(),
+            float(reward),
+            terminated,
+            self._is_over and not terminated,
+            self._info(),
+        )
 
     def action_masks(self) -> np.ndarray:
         """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks for it."""
@@ -201,11 +250,18 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
     def _take(self, action: int) -> None:
         decision, order = self._calls.pending, self.dispatching.order(action)
-        if decision is None or order is None or not self.dispatching.mask(decision.bins, decision.carriers)[action]:
+        if (
+            decision is None
+            or order is None
+            or not self.dispatching.mask(decision.bins, decision.carriers)[action]
+        ):
             self._calls.pending = None
             return
         self._calls.send(decision, [order])
-        decision.bins, decision.carriers = left(decision.bins, order.bin), left(decision.carriers, order.carrier)
+        decision.bins, decision.carriers = (
+            left(decision.bins, order.bin),
+            left(decision.carriers, order.carrier),
+        )
         self._calls.pending = decision if decision.is_open else None
 
     def _until_decision(self) -> None:
@@ -235,7 +291,10 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def _info(self) -> dict[str, Any]:
         mask = self.action_masks()
         scripted = (self.dispatching.action(order) for order in self._calls.scripted)
-        return {"action_mask": mask.astype(np.int8), "scripted": next((action for action in scripted if mask[action]), NO_ORDER)}
+        return {
+            "action_mask": mask.astype(np.int8),
+            "scripted": next((action for action in scripted if mask[action]), NO_ORDER),
+        }
 
 
 dispatch_env = DispatchEnv

@@ -11,7 +11,9 @@ from orchard.field.scenario import Scenario
 def refuse_what_is_no_episode(scenario: object, longest: int) -> None:
     """Raise TypeError for what is no scenario, and ValueError for an episode without a tick."""
     if not isinstance(scenario, Scenario):
-        raise TypeError(f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or load('my.yaml')")
+        raise TypeError(
+            f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or load('my.yaml')"
+        )
     if longest < 1:
         raise ValueError(f"longest = {longest}: must be at least 1 tick")
 
@@ -30,7 +32,11 @@ class Episode(NamedTuple):
     @property
     def seed(self) -> int:
         """The seed of its scenario: the one that was given, then others that are drawn from it."""
-        return self.given if self.number == 0 else int(draw(self.given, "episode", self.number)[0] * 2**53)
+        return (
+            self.given
+            if self.number == 0
+            else int(draw(self.given, "episode", self.number)[0] * 2**53)
+        )
 
     def after(self, seed: int | None) -> "Episode":
         """Return the next episode, after a reset with a seed or without one."""

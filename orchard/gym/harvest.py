@@ -68,15 +68,24 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         """
         refuse_what_is_no_episode(scenario, longest)
         if isinstance(learned, str) or not isinstance(learned, Sequence):
-            raise ValueError(f"learned = {learned!r}: must be a list of names, such as ['carrier_01']")
+            raise ValueError(
+                f"learned = {learned!r}: must be a list of names, such as ['carrier_01']"
+            )
         _refuse_what_cannot_learn(lay_out(scenario), learned)
         self.scenario, self.possible_agents = scenario, list(learned)
         self.agents: list[str] = []
-        self._reward, self._deeds, self._longest, self._is_hashed = named(reward, REWARDS), deeds, longest, is_hashed
+        self._reward, self._deeds, self._longest, self._is_hashed = (
+            named(reward, REWARDS),
+            deeds,
+            longest,
+            is_hashed,
+        )
         self._episode = Episode(scenario.seed, -1)
         self.observation_spaces = {name: arrays.observation_space(name) for name in learned}
         self.action_spaces = {name: arrays.action_space(name, deeds) for name in learned}
-        self._answers: dict[str, Action] = {}  # the actions of the agents that were asked at this tick
+        self._answers: dict[
+            str, Action
+        ] = {}  # the actions of the agents that were asked at this tick
         self._looks: dict[str, Look] = {}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -87,7 +96,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         """Return the space of what a body does."""
         return self.action_spaces[agent]
 
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Arrays], Infos]:
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Arrays], Infos]:
         """Begin an episode. Return the observations and infos of the learned bodies.
 
         `seed`: that of the scenario. Without it, the first episode has the scenario's own, and each further one a seed that is drawn from
@@ -99,12 +110,16 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         scenario = with_changes(self.scenario, **changes | {"seed": episode.seed})
         _refuse_what_cannot_learn(lay_out(scenario), self.possible_agents)
         self._episode = episode
-        self.local = Local(scenario, is_hashed=self._is_hashed, engine=Engine if self._is_hashed else Unaudited)
+        self.local = Local(
+            scenario, is_hashed=self._is_hashed, engine=Engine if self._is_hashed else Unaudited
+        )
         self.agents = list(self.possible_agents)
         self._look()
         return self._observed(), self._infos()
 
-    def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Arrays], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[dict[str, Arrays], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
         """Move on by a tick, 0.1 s. Return observations, rewards, terminations, truncations and infos of the learned bodies.
 
         Raises ResetNeeded before the first reset and after the end of an episode, ValueError for an action that cannot be: then nothing
@@ -113,14 +128,26 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         if not self.agents:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         if unknown := [str(name) for name in actions if name not in self.agents]:
-            raise ValueError(f"actions for {', '.join(unknown)}, which do not learn here; {', '.join(self.agents)} do")
-        commands = {name: arrays.command_of(name, given, self._deeds) for name, given in actions.items()}
+            raise ValueError(
+                f"actions for {', '.join(unknown)}, which do not learn here; {', '.join(self.agents)} do"
+            )
+        commands = {
+            name: arrays.command_of(name, given, self._deeds) for name, given in actions.items()
+        }
         for name, command in commands.items():
             self._command(name, command)
-        velocities = {name: commands[name].velocity if name in commands else self._looks[name].action.twist for name in self.agents}
+        velocities = {
+            name: commands[name].velocity if name in commands else self._looks[name].action.twist
+            for name in self.agents
+        }
         before, events = self._looks, self.local.act(self._answers)
         self._look()
-        rewards = {name: float(self._reward(_moment(before[name], self._looks[name], velocities[name], events))) for name in self.agents}
+        rewards = {
+            name: float(
+                self._reward(_moment(before[name], self._looks[name], velocities[name], events))
+            )
+            for name in self.agents
+        }
         over = self.local.engine.over
         too_long = not over and self.local.engine.tick >= self._longest
         ends = dict.fromkeys(self.agents, over), dict.fromkeys(self.agents, too_long)
@@ -155,19 +182,30 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
             action.memory.moving = command.velocity != STILL
 
     def _observed(self) -> dict[str, Arrays]:
-        return {name: arrays.observed(look.seen, look.fill, look.goal, look.action) for name, look in self._looks.items()}
+        return {
+            name: arrays.observed(look.seen, look.fill, look.goal, look.action)
+            for name, look in self._looks.items()
+        }
 
     def _infos(self) -> Infos:
-        infos: Infos = {name: {"scripted": np.array((look.action.twist.x, look.action.twist.yaw))} for name, look in self._looks.items()}
+        infos: Infos = {
+            name: {"scripted": np.array((look.action.twist.x, look.action.twist.yaw))}
+            for name, look in self._looks.items()
+        }
         if self._deeds:
             for name, info in infos.items():
-                info["action_mask"] = {"velocity": None, "deed": arrays.deed_mask(self.local.engine.world, name)}
+                info["action_mask"] = {
+                    "velocity": None,
+                    "deed": arrays.deed_mask(self.local.engine.world, name),
+                }
         return infos
 
 
 def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> Moment:
     filled = max(0.0, after.fill - before.fill) if _bin_of(before) == _bin_of(after) else 0.0
-    return Moment(before.seen, after.seen, before.goal, velocity, before.action.twist, filled, events)
+    return Moment(
+        before.seen, after.seen, before.goal, velocity, before.action.twist, filled, events
+    )
 
 
 def _bin_of(look: Look) -> str:
@@ -187,7 +225,9 @@ def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
     wrong = [f"{name}: " + ("given twice" if name in able else "no such body can learn") for name in learned
              if name not in able or learned.count(name) > 1]  # fmt: skip
     if wrong or not learned:
-        raise ValueError(f"learned: {'; '.join(dict.fromkeys(wrong)) or 'empty'}; there are {', '.join(able)}")
+        raise ValueError(
+            f"learned: {'; '.join(dict.fromkeys(wrong)) or 'empty'}; there are {', '.join(able)}"
+        )
 
 
 parallel_env = HarvestEnv  # PettingZoo's name for what makes an environment
@@ -208,7 +248,9 @@ class SingleEnv(gymnasium.Env[Arrays, Any]):
     def local(self) -> Local:
         return self.harvest.local
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Arrays, dict[str, Any]]:
         """Begin an episode, as `HarvestEnv.reset` does. Return observation and info."""
         super().reset(seed=plain(seed))
         observations, infos = self.harvest.reset(seed, options)
@@ -216,7 +258,9 @@ class SingleEnv(gymnasium.Env[Arrays, Any]):
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         """Move on by a tick, 0.1 s. Return observation, reward, terminated, truncated and info. Raises as `HarvestEnv.step` does."""
-        observations, rewards, terminated, truncated, infos = self.harvest.step({self.robot: action})
+        observations, rewards, terminated, truncated, infos = self.harvest.step(
+            {self.robot: action}
+        )
         name = self.robot
         return observations[name], rewards[name], terminated[name], truncated[name], infos[name]
 

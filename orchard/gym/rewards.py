@@ -15,7 +15,9 @@ class Moment(NamedTuple):
 
     before: Observation  #: what it observed before the step
     after: Observation  #: what it observes now
-    goal: tuple[float, float, float]  #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
+    goal: tuple[
+        float, float, float
+    ]  #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
     velocity: Twist  #: with which it was to move
     scripted: Twist  #: with which our agent would have moved
     filled: float  #: m of row that came into its bin
@@ -39,22 +41,41 @@ def goal(moment: Moment) -> float:
     x, y, turn = moment.goal
     before, after = moment.before, moment.after
     metres = math.hypot(x - before.x, y - before.y) - math.hypot(x - after.x, y - after.y)
-    return metres + abs(turn) - abs(math.remainder(turn - (after.pose.yaw - before.pose.yaw), math.tau)) if turn else metres
+    return (
+        metres
+        + abs(turn)
+        - abs(math.remainder(turn - (after.pose.yaw - before.pose.yaw), math.tau))
+        if turn
+        else metres
+    )
 
 
 REWARDS: Mapping[str, Reward] = {
     "imitation": imitation,
     "goal": goal,
     "picking": lambda moment: moment.filled,
-    "delivery": lambda moment: float(sum(event.what == "unloaded" for event in moment.events)),  # whichever carrier brought the bin
-    "care": lambda moment: -float(sum(event.what == "collision" and event.who == moment.after.name for event in moment.events)),
+    "delivery": lambda moment: float(
+        sum(event.what == "unloaded" for event in moment.events)
+    ),  # whichever carrier brought the bin
+    "care": lambda moment: (
+        -float(
+            sum(
+                event.what == "collision" and event.who == moment.after.name
+                for event in moment.events
+            )
+        )
+    ),
 }
 
 
-def named(reward: str | Callable[[Happened], float], rewards: Mapping[str, Callable[[Happened], float]]) -> Callable[[Happened], float]:
+def named(
+    reward: str | Callable[[Happened], float], rewards: Mapping[str, Callable[[Happened], float]]
+) -> Callable[[Happened], float]:
     """Return a reward by its name, or the function itself. Raises ValueError for an unknown name."""
     if not isinstance(reward, str):
         return reward
     if reward not in rewards:
-        raise ValueError(f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and functions of your own")
+        raise ValueError(
+            f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and functions of your own"
+        )
     return rewards[reward]

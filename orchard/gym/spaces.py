@@ -36,9 +36,18 @@ Arrays = dict[str, np.ndarray]
 Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that are left to turn
 
 
-_SIZES = {"pose": 4, "velocity": 2, "bar": 1, "fill": 1, "goal": 3, "mail": 4}  # of all but the scan
+_SIZES = {
+    "pose": 4,
+    "velocity": 2,
+    "bar": 1,
+    "fill": 1,
+    "goal": 3,
+    "mail": 4,
+}  # of all but the scan
 _ENDS = np.cumsum(list(_SIZES.values())).tolist()
-_PARTS = {key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)}
+_PARTS = {
+    key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)
+}
 
 
 def _box(*bounds: tuple[float, float]) -> spaces.Box:
@@ -56,13 +65,17 @@ def observation_space(name: str) -> spaces.Dict:
         mail=_box(one, (0.0, MOST_LANES), (-1.0, 1.0), one),
         pose=_box((-FAR, FAR), (-FAR, FAR), (-1.0, 1.0), (-1.0, 1.0)),
         scan=_box(*[(0.0, LASER_RANGE)] * kind.laser.beams),
-        velocity=_box(*[(-2.0 * most, 2.0 * most) for most in (kind.speed, kind.turn)]),  # odometry may measure more than there is
+        velocity=_box(
+            *[(-2.0 * most, 2.0 * most) for most in (kind.speed, kind.turn)]
+        ),  # odometry may measure more than there is
     )
 
 
 def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
     """Return the space of what a body does: m/s forward, rad/s. With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple."""
-    velocity = _box(*[(-most, most) for most in (KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn)])
+    velocity = _box(
+        *[(-most, most) for most in (KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn)]
+    )
     return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)}) if deeds else velocity
 
 
@@ -84,7 +97,9 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
 
 def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[str]) -> float:
     for gate in gates:
-        if (here <= gate.at <= end or end <= gate.at <= here) and any(place not in reserved for place in gate.places):
+        if (here <= gate.at <= end or end <= gate.at <= here) and any(
+            place not in reserved for place in gate.places
+        ):
             end = gate.at
     return end
 
@@ -104,7 +119,18 @@ def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arra
     cosine, sine = w * w - z * z, 2.0 * z * w
     dx, dy, left = goal[0] - seen.x, goal[1] - seen.y, goal[2]
     towards = cosine * dx + sine * dy, cosine * dy - sine * dx, left
-    told = seen.x, seen.y, cosine, sine, forward, turn, float(seen.hitch is not None), fill, *towards, *mail_of(action)
+    told = (
+        seen.x,
+        seen.y,
+        cosine,
+        sine,
+        forward,
+        turn,
+        float(seen.hitch is not None),
+        fill,
+        *towards,
+        *mail_of(action),
+    )
     numbers = np.array(told, np.float32)
     arrays = {key: numbers[part] for key, part in _PARTS.items()}
     arrays["scan"] = np.minimum(seen.scan, np.float32(LASER_RANGE))
@@ -126,11 +152,22 @@ def command_of(name: str, given: Any, deeds: bool) -> Command:
         forward, turn = map(float, _numbers(velocity, "iuf").tolist())
         number = (NOTHING, COUPLE, UNCOUPLE).index(_numbers(deed, "iu").item())
     except (TypeError, ValueError, LookupError):
-        words = "{'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}; the numbers are" if deeds else "two numbers,"
-        raise ValueError(f"{name}: action {given!r}; it must be {words} m/s forward and rad/s counter-clockwise") from None
+        words = (
+            "{'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}; the numbers are"
+            if deeds
+            else "two numbers,"
+        )
+        raise ValueError(
+            f"{name}: action {given!r}; it must be {words} m/s forward and rad/s counter-clockwise"
+        ) from None
     if not (math.isfinite(forward) and math.isfinite(turn)):
         raise ValueError(f"{name}: action {given!r}; its numbers must be finite")
-    return Command(Twist(min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn)), number)
+    return Command(
+        Twist(
+            min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn)
+        ),
+        number,
+    )
 
 
 def _numbers(given: Any, kinds: str) -> np.ndarray:
@@ -146,7 +183,11 @@ def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
     robot = world.index[name]
     if not deed_mask(world, name)[deed] or deed == NOTHING:
         return []
-    return [Uncouple()] if deed == UNCOUPLE else [Couple(world.layout.names[_bin_behind(world, robot)])]
+    return (
+        [Uncouple()]
+        if deed == UNCOUPLE
+        else [Couple(world.layout.names[_bin_behind(world, robot)])]
+    )
 
 
 def deed_mask(world: World, name: str) -> np.ndarray:
@@ -162,6 +203,10 @@ def _bin_behind(world: World, robot: int) -> int:
     behind = float(world.fixed.tows[robot])
     at = x - behind * math.cos(yaw), y - behind * math.sin(yaw)
     for i, start in enumerate(world.layout.starts):
-        if start.kind == "bin" and world.coupled[i] == NONE and math.dist(at, world.pose[i, :2].tolist()) <= COUPLING_REACH:
+        if (
+            start.kind == "bin"
+            and world.coupled[i] == NONE
+            and math.dist(at, world.pose[i, :2].tolist()) <= COUPLING_REACH
+        ):
             return i
     return NONE

@@ -25,7 +25,11 @@ CHECKED = "The harvests with {policy}, s; of three seeds the mean."
 
 def run_benchmark(chosen: BenchmarkOptions) -> int:
     """Do a benchmark, print and write what came out. Return the exit code: 1 if harvests fail, or it was stopped."""
-    with terminal.own_classes_run(), terminal.exit_on_errors(ScenarioError, StoreError, OSError), failures():
+    with (
+        terminal.own_classes_run(),
+        terminal.exit_on_errors(ScenarioError, StoreError, OSError),
+        failures(),
+    ):
         known = _known(chosen.orchard or [])
         if chosen.summary is not None:
             check_writable(chosen.summary)
@@ -45,7 +49,9 @@ def _known(names: Sequence[str]) -> dict[str, Scenario]:
     """The orchards with these names, or all."""
     known = orchards()
     if unknown := [name for name in names if name not in known]:
-        raise BadParameter(f"{unknown[0]}: no such orchard; there are {', '.join(known)}", param_hint="--orchard")
+        raise BadParameter(
+            f"{unknown[0]}: no such orchard; there are {', '.join(known)}", param_hint="--orchard"
+        )
     return {name: one for name, one in known.items() if not names or name in names}
 
 
@@ -68,12 +74,24 @@ def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkRe
 
 def _print(result: BenchmarkResult) -> None:
     best, score = next(iter(result.scores)), result.scores[result.policy]
-    others = "the best of all here" if best == result.policy else f"the best is {best} with {_percent(result.scores[best])} %"
-    terminal.print_line(f"{result.policy} has {_percent(score)} % of what is proven possible; {others}.")
+    others = (
+        "the best of all here"
+        if best == result.policy
+        else f"the best is {best} with {_percent(result.scores[best])} %"
+    )
+    terminal.print_line(
+        f"{result.policy} has {_percent(score)} % of what is proven possible; {others}."
+    )
     terminal.console.print(_scores(result))
-    if jams := [(one.orchard, count) for one in result.of(result.policy) if (count := one.seconds.count(None))]:
+    if jams := [
+        (one.orchard, count)
+        for one in result.of(result.policy)
+        if (count := one.seconds.count(None))
+    ]:
         counts = ", ".join(f"{count} of {name}" for name, count in jams)
-        terminal.print_line(f"- never finished, as robots waited for each other, or for a carrier that was not sent: {counts}")
+        terminal.print_line(
+            f"- never finished, as robots waited for each other, or for a carrier that was not sent: {counts}"
+        )
     if any(one.checked for one in result.of(result.policy)):
         terminal.console.print(_differences(result))
 
@@ -96,7 +114,9 @@ def _percent(share: float) -> str:
 
 def _differences(result: BenchmarkResult) -> Table:
     """The fast model beside the simulator."""
-    shown = terminal.table(CHECKED.format(policy=result.policy), "orchard", "fast model", "simulator", "difference, %")
+    shown = terminal.table(
+        CHECKED.format(policy=result.policy), "orchard", "fast model", "simulator", "difference, %"
+    )
     for one in result.of(result.policy):
         difference = "" if one.difference is None else f"{100.0 * one.difference:+.1f}"
         shown.add_row(one.orchard, _mean(one.seconds), _mean(one.checked), difference)

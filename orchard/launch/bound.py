@@ -19,10 +19,16 @@ def print_bound(chosen: BoundOptions) -> None:
     if chosen.summary is not None:
         check_writable(chosen.summary)
     rules = ROW_RULES if chosen.all_rules else (scenario.rows_to_pickers,)
-    found = {rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work) for rule in rules}
+    found = {
+        rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work)
+        for rule in rules
+    }
     for rule, one in found.items():
         print_line(f"{rule} rows: {_words(one)}")
-    proven, best = (min(getattr(one, name) for one in found.values()) for name in ("proven_seconds", "best_seconds"))
+    proven, best = (
+        min(getattr(one, name) for one in found.values())
+        for name in ("proven_seconds", "best_seconds")
+    )
     if chosen.all_rules:
         print_line(f"With any of these rules no harvest is shorter than {clock(proven)}.")
     if chosen.summary is not None:
@@ -30,10 +36,19 @@ def print_bound(chosen: BoundOptions) -> None:
 
 
 def _words(one: Optimum) -> str:
-    schedule = "and a schedule takes as long" if not one.gap else f"and the best schedule found takes {100 * one.gap:.1f} % longer"
+    schedule = (
+        "and a schedule takes as long"
+        if not one.gap
+        else f"and the best schedule found takes {100 * one.gap:.1f} % longer"
+    )
     return f"no harvest of these {one.bins} bins is shorter than {clock(one.proven_seconds)}, {schedule}"
 
 
-def _summary(scenario: Scenario, found: dict[str, Optimum], proven: float, best: float) -> dict[str, Any]:
+def _summary(
+    scenario: Scenario, found: dict[str, Optimum], proven: float, best: float
+) -> dict[str, Any]:
     bounds = {"proven_seconds": proven, "best_seconds": best, "gap": best / proven - 1.0}
-    return bounds | {"rows_to_pickers": {rule: asdict(one) for rule, one in found.items()}, "scenario": scenario.model_dump()}
+    return bounds | {
+        "rows_to_pickers": {rule: asdict(one) for rule, one in found.items()},
+        "scenario": scenario.model_dump(),
+    }

@@ -19,7 +19,14 @@ from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
 from orchard.launch.fork import check_end, clock, fork_of
-from orchard.launch.options import BoundOptions, ExportOptions, ForkOptions, HarvestOptions, ReplayOptions, SecureOptions
+from orchard.launch.options import (
+    BoundOptions,
+    ExportOptions,
+    ForkOptions,
+    HarvestOptions,
+    ReplayOptions,
+    SecureOptions,
+)
 from orchard.launch.request import Credentials, RunRequest, shares
 from orchard.launch.run_notes import end_left_over
 from orchard.launch.runs import Runs, alone, check_writable
@@ -39,7 +46,9 @@ Exit code: 0 if the harvest was finished or stopped, or reached its --duration; 
 REPLAY = "Let the velocities in a bag drive its robots again, in a harvest with any of its options: docs/ros2.md."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-unnamed = typer.Typer(add_completion=False, pretty_exceptions_enable=False)  # without the name of a command
+unnamed = typer.Typer(
+    add_completion=False, pretty_exceptions_enable=False
+)  # without the name of a command
 
 
 # -- a harvest
@@ -53,7 +62,9 @@ def harvest(chosen: HarvestOptions) -> None:
         raise typer.Exit(_join_run(chosen, chosen.connect, chosen.only))
     with ExitStack() as stack:
         with terminal.own_classes_run():
-            with terminal.exit_on_errors(ScenarioError, SnapshotError, BusError, OSError, ValueError):
+            with terminal.exit_on_errors(
+                ScenarioError, SnapshotError, BusError, OSError, ValueError
+            ):
                 request = _request(chosen)
                 stack.enter_context(alone(request.recording, chosen.table))
                 if request.recording is not None:
@@ -66,7 +77,9 @@ def harvest(chosen: HarvestOptions) -> None:
 harvest_with = options.with_options(HarvestOptions)(harvest)
 app.command("harvest", cls=options.Command, help=options.HELP, epilog=EPILOG)(harvest_with)
 unnamed.command(cls=options.Command, help=options.HELP, epilog=EPILOG)(harvest_with)
-app.command("replay", cls=options.Command, help=REPLAY, epilog=EPILOG)(options.with_options(ReplayOptions)(harvest))
+app.command("replay", cls=options.Command, help=REPLAY, epilog=EPILOG)(
+    options.with_options(ReplayOptions)(harvest)
+)
 
 
 FORKED = "Go on with a run from any moment, with something changed: docs/how-to.md."
@@ -91,13 +104,22 @@ def _request(chosen: HarvestOptions) -> RunRequest:
         if chosen.mode == "local" or (isinstance(chosen, ForkOptions) and chosen.stop):
             check_end(world_from(before), chosen.duration)
     else:
-        scenario = _scenario(chosen.scenario, chosen.changes) if chosen.replay is None else _replayed(chosen, chosen.replay)
+        scenario = (
+            _scenario(chosen.scenario, chosen.changes)
+            if chosen.replay is None
+            else _replayed(chosen, chosen.replay)
+        )
     check_plugins(lay_out(scenario))
     recording = runs.recording(chosen.record)
-    snapshots = runs.new_snapshots(recording) if chosen.resume is None else runs.snapshots(chosen.resume)
+    snapshots = (
+        runs.new_snapshots(recording) if chosen.resume is None else runs.snapshots(chosen.resume)
+    )
     parent = None
     if isinstance(chosen, ForkOptions):
-        parent = {"run": runs.snapshots(chosen.run, KEYFRAME).stem, "seconds": (chosen.at or 0) / TICKS_PER_SECOND}
+        parent = {
+            "run": runs.snapshots(chosen.run, KEYFRAME).stem,
+            "seconds": (chosen.at or 0) / TICKS_PER_SECOND,
+        }
     request = RunRequest(chosen, scenario, recording, snapshots, before, parent, runs.folder)
     if chosen.summary is not None:
         check_writable(chosen.summary)
@@ -105,7 +127,9 @@ def _request(chosen: HarvestOptions) -> RunRequest:
         from orchard.tables.folder import check_folder
 
         str(chosen.table).encode()  # pyarrow takes no other names
-        check_folder(chosen.table, scenario, None if before is None or chosen.resume is None else before.tick)
+        check_folder(
+            chosen.table, scenario, None if before is None or chosen.resume is None else before.tick
+        )
     if chosen.web is not None:
         check_ports(chosen.web)
     if request.recording is not None or chosen.is_live:
@@ -125,12 +149,16 @@ def _before(chosen: HarvestOptions, runs: Runs) -> Snapshot | None:
 
 
 def _scenario(path: Path | None, changes: dict[str, Any]) -> Scenario:
-    return _changed(load_or_shipped(path), {name: value for name, value in changes.items() if value is not None})
+    return _changed(
+        load_or_shipped(path), {name: value for name, value in changes.items() if value is not None}
+    )
 
 
 def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
     def typed(paths: str) -> str:
-        return ", ".join(options.named([path]) if path in given else path for path in paths.split(", "))
+        return ", ".join(
+            options.named([path]) if path in given else path for path in paths.split(", ")
+        )
 
     with terminal.as_typed(typed):
         return with_changes(scenario, **given)
@@ -145,16 +173,24 @@ def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
         scenario = _scenario(chosen.scenario, chosen.changes)
     else:
         scenario = _changed(commands.scenario, chosen.changes)
-        code = [f"{key}: {path}" for key, path in scenario.own_classes.items() if chosen.changes.get(key) != path]
+        code = [
+            f"{key}: {path}"
+            for key, path in scenario.own_classes.items()
+            if chosen.changes.get(key) != path
+        ]
         if code and not chosen.own_code:
             words = "its scenario names code, which can do whatever you can"
-            raise ValueError(f"{bag}: {words}: {printable(', '.join(code), 500)}; --own-code imports it, a SCENARIO.yaml replaces it")
+            raise ValueError(
+                f"{bag}: {words}: {printable(', '.join(code), 500)}; --own-code imports it, a SCENARIO.yaml replaces it"
+            )
     check_robots(bag, commands, lay_out(scenario).index)
     return scenario
 
 
 def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
-    if given := chosen.typed(name for name in chosen.given() if name in (*options.CHANGES, "scenario")):
+    if given := chosen.typed(
+        name for name in chosen.given() if name in (*options.CHANGES, "scenario")
+    ):
         raise ValueError(f"--resume: leave out {given}: the snapshot has its scenario")
     refused: list[str] = []
     end_left_over(runs.folder, terminal.print_error)
@@ -165,14 +201,18 @@ def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:
     terminal.print_line(f"going on with {runs.snapshots(where).stem} from {clock(found.tick)}")
     if found.lost:
         lost = ", ".join(f"{name} (tick {tick})" for name, tick in sorted(found.lost.items()))
-        terminal.print_error(f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this")
+        terminal.print_error(
+            f"no host was there for {lost}: the robots stood, and the hash is not that of a run without this"
+        )
     return found
 
 
 def _run_local(request: RunRequest) -> tuple[dict[str, Any], str]:
     from orchard.launch.local_run import run_watched
 
-    with terminal.exit_on_errors(SnapshotError):  # of an agent's memory, which only the agent can check
+    with terminal.exit_on_errors(
+        SnapshotError
+    ):  # of an agent's memory, which only the agent can check
         return run_watched(request)
 
 
@@ -180,7 +220,10 @@ def _run_processes(request: RunRequest) -> tuple[dict[str, Any] | None, str]:
     from orchard.launch.distributed import run
 
     as_json, until = request.options.progress == "json", request.options.duration
-    with terminal.exit_on_errors(BusError, OSError, ValueError), Progress(terminal.console, as_json, until) as progress:
+    with (
+        terminal.exit_on_errors(BusError, OSError, ValueError),
+        Progress(terminal.console, as_json, until) as progress,
+    ):
         return run(request, progress)
 
 
@@ -195,7 +238,9 @@ def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
 
 for command in (asking.stop, asking.reset, asking.pause, asking.resume):
     app.command(cls=options.Command)(command)
-app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})(asking.step)  # -3 is no option
+app.command(cls=options.Command, context_settings={"ignore_unknown_options": True})(
+    asking.step
+)  # -3 is no option
 
 
 # -- security
@@ -212,14 +257,24 @@ def secure(chosen: SecureOptions) -> None:
         sizes = {"rows": chosen.rows, "pickers": chosen.pickers, "carriers": chosen.carriers}
         names = agent_names(_scenario(chosen.scenario, sizes))
         hosts = host_roles(names, chosen.role or (), lambda rest: shares(rest, chosen.hosts))
-        roles = make(chosen.folder, hosts + bridge_roles(names, chosen.bridge or ()), chosen.address or (), chosen.days, chosen.anew)
+        roles = make(
+            chosen.folder,
+            hosts + bridge_roles(names, chosen.bridge or ()),
+            chosen.address or (),
+            chosen.days,
+            chosen.anew,
+        )
     for role in roles:
         terminal.print_line(f"{chosen.folder / role.name}: {', '.join(role.names) or role.duty}")
 
 
 # -- an orchard of one's own
 
-layout = typer.Typer(help="Import rows of your own, export the roads of an orchard.", add_completion=False, pretty_exceptions_enable=False)
+layout = typer.Typer(
+    help="Import rows of your own, export the roads of an orchard.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
 app.add_typer(layout, name="layout", cls=options.Group, no_args_is_help=True)
 layout.command("import", cls=options.Command)(own_orchard.write_scenario)
 layout.command("export", cls=options.Command)(own_orchard.write_map)
@@ -260,9 +315,16 @@ def benchmark(chosen: BenchmarkOptions) -> None:
 
 
 @app.command("app", cls=options.Command)
-def page(port: options.Port = 8080, host: options.Host = "127.0.0.1", runs: options.Folder = None, quiet: options.Quiet = False) -> None:
+def page(
+    port: options.Port = 8080,
+    host: options.Host = "127.0.0.1",
+    runs: options.Folder = None,
+    quiet: options.Quiet = False,
+) -> None:
     """Set up an orchard in the browser, run it, and watch it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends the process silently
+    signal.signal(
+        signal.SIGINT, signal.SIG_DFL
+    )  # Ctrl-C during the imports ends the process silently
     with terminal.needs_extra("The page", "app"):
         from orchard.app.serve import serve as serve_page
     with terminal.exit_on_errors(ValueError):
@@ -284,7 +346,11 @@ def export(chosen: ExportOptions) -> None:
     """Make a bag of ROS 2 from a recording, with all its parts: clock, transforms, odometry and velocities of the robots."""
     with terminal.needs_extra("A bag", "ros2-export"):
         from orchard_ros2.bags.command import export_bag
-    raise typer.Exit(export_bag(_recording(chosen.recording), chosen.mcap, chosen.robots or [], chosen.with_scans))
+    raise typer.Exit(
+        export_bag(
+            _recording(chosen.recording), chosen.mcap, chosen.robots or [], chosen.with_scans
+        )
+    )
 
 
 def _recording(path: Path | None) -> Path:
@@ -292,9 +358,13 @@ def _recording(path: Path | None) -> Path:
     found = path or runs.newest_recording()
     with terminal.exit_on_errors(OSError, ValueError):
         if found is None or not found.is_file():
-            raise ValueError(f"{found or runs.folder}: no recording there; a run without --record none makes one")
+            raise ValueError(
+                f"{found or runs.folder}: no recording there; a run without --record none makes one"
+            )
         if not is_recording(found):
-            raise ValueError(f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written")
+            raise ValueError(
+                f"{found}: it cannot be read: it is no recording; expected a file NAME.rrd that a run has written"
+            )
         return found
 
 
@@ -303,7 +373,9 @@ def main() -> None:
     arguments = sys.argv[1:]
     sys.path.append(os.getcwd())  # for the user's own classes
     command = app if arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS) else unnamed
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # the command may have something to stop
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # the command may have something to stop
     try:
         raise SystemExit(command(arguments, standalone_mode=False) or terminal.FINISHED)
     except TyperException as error:

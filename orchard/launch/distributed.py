@@ -18,12 +18,28 @@ from orchard.field.scenario import Scenario
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, Shares
 from orchard.launch.run_notes import announced
-from orchard.launch.supervisor import BAD_ORDER, ProcessSpec, Supervisor, Watchdog, let_go, open_viewer
+from orchard.launch.supervisor import (
+    BAD_ORDER,
+    ProcessSpec,
+    Supervisor,
+    Watchdog,
+    let_go,
+    open_viewer,
+)
 from orchard.launch.terminal import typed
 from orchard.net import endpoints
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending, read_end
-from orchard.net.endpoints import LOOPBACK, SECURE_LOOPBACK, BusError, check_security, from_elsewhere, is_public, reachable, with_port
+from orchard.net.endpoints import (
+    LOOPBACK,
+    SECURE_LOOPBACK,
+    BusError,
+    check_security,
+    from_elsewhere,
+    is_public,
+    reachable,
+    with_port,
+)
 from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message, refused_for
 from orchard.net.requests import fetch_run
@@ -40,9 +56,13 @@ STOP_SECONDS = 2.0  # that the processes may take to close their files and sessi
 LOAD_SECONDS = 20.0  # the same before the first tick: physics may still load its modules
 POLL_SECONDS = 0.02  # between two checks whether the processes have ended
 THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
-PACK_SECONDS = 60.0  # that the logger may take to pack its recording after a run has ended by itself
+PACK_SECONDS = (
+    60.0  # that the logger may take to pack its recording after a run has ended by itself
+)
 WEB_VIEWER = "web viewer"  # the name of its process
-BEGIN_SECONDS = 60.0  # that physics may take to listen after this program has started it, on a busy machine
+BEGIN_SECONDS = (
+    60.0  # that physics may take to listen after this program has started it, on a busy machine
+)
 TRY_SECONDS = 0.7  # of one attempt to connect; between two, dead processes are restarted
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
 HOW_PHYSICS_ENDED: dict[int | None, str] = {  # by exit code, without its last message
@@ -51,7 +71,9 @@ HOW_PHYSICS_ENDED: dict[int | None, str] = {  # by exit code, without its last m
 }
 RESULT = "end.msgpack"  # file: the last message of physics
 
-Connect = Callable[[str, Inbox, float, Identity | None], AbstractContextManager[Bus]]  # to an endpoint, within so many seconds
+Connect = Callable[
+    [str, Inbox, float, Identity | None], AbstractContextManager[Bus]
+]  # to an endpoint, within so many seconds
 
 
 def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
@@ -71,10 +93,16 @@ def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds
         if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
         if supervisor.clock() - begun >= THINK_SECONDS:
-            for name in [name for name in names if name in supervisor.running and supervisor.exit_code(name) is None]:
+            for name in [
+                name
+                for name in names
+                if name in supervisor.running and supervisor.exit_code(name) is None
+            ]:
                 agents = ", ".join(supervisor.running[name].program.agents)
                 its = f"; its agents: {agents}" if agents else ""
-                supervisor.say(f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force{its}")
+                supervisor.say(
+                    f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force{its}"
+                )
                 supervisor.kill(name)
 
 
@@ -84,7 +112,9 @@ def agent_names(scenario: Scenario) -> list[str]:
 
 def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
     if options.connect:
-        with client(options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")):
+        with client(
+            options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")
+        ):
             return options.connect
     endpoints.check_loopback()
     endpoint = with_port(options.listen or (SECURE_LOOPBACK if credentials.keyring else LOOPBACK))
@@ -103,12 +133,22 @@ def how_to_join(options: HarvestOptions, endpoint: str) -> str:
     return f"Other machines reach this run at {there}" if is_public(endpoint) else ""
 
 
-def start_hosts(supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials) -> None:
+def start_hosts(
+    supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials
+) -> None:
     checks, bag = credentials.options.check_agents, credentials.options.replay
     replay = None if bag is None else str(bag.resolve())
     for name, share in shares:
-        order = HostOptions(connect=endpoint, secure=credentials.folder(name), only=[*share], check_agents=checks, replay=replay)
-        supervisor.start(ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share))
+        order = HostOptions(
+            connect=endpoint,
+            secure=credentials.folder(name),
+            only=[*share],
+            check_agents=checks,
+            replay=replay,
+        )
+        supervisor.start(
+            ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share)
+        )
 
 
 class LaunchedRun:
@@ -124,7 +164,12 @@ class LaunchedRun:
         connect: Connect = client,
     ) -> None:
         """`listen`: the endpoint of the run's router. `connect`: opens a session there."""
-        self.request, self.credentials, self.supervisor, self.progress = request, credentials, supervisor, progress
+        self.request, self.credentials, self.supervisor, self.progress = (
+            request,
+            credentials,
+            supervisor,
+            progress,
+        )
         self.listen, self.endpoint, self.run_id = listen, reachable(listen), supervisor.run
         self.watchdog = Watchdog(supervisor, LOGGER)
         self._connect, self._clock = connect, supervisor.clock
@@ -133,7 +178,9 @@ class LaunchedRun:
         """Start the processes, and follow the run until they have ended. Return as `run` does."""
         request, supervisor, say = self.request, self.supervisor, self.progress.say
         options, all_names = request.options, agent_names(request.scenario)
-        shares = self.credentials.shares(select_agents(all_names, [], options.without or []), all_names)
+        shares = self.credentials.shares(
+            select_agents(all_names, [], options.without or []), all_names
+        )
         with TemporaryDirectory() as folder, announced(request, self.run_id, self.endpoint, say):
             if not are_compiled():
                 self.progress.get_ready(COMPILING)
@@ -144,15 +191,24 @@ class LaunchedRun:
                 say(join)
             summary, why = self._ended(result, [name for name, _ in shares], *self.follow(inbox))
             if request.recording is not None:  # the recording is read next, and Rerun loads slowly
-                threading.Thread(target=import_module, args=("orchard.view.reader",), daemon=True).start()
+                threading.Thread(
+                    target=import_module, args=("orchard.view.reader",), daemon=True
+                ).start()
             supervisor.terminate(WEB_VIEWER)
             if summary is None:  # the other processes do not know that the run is over
                 supervisor.stop(STOP_SECONDS)
-            _await_exits(supervisor, [PHYSICS, *(name for name, _ in shares)], inbox, STOP_SECONDS if why == "stopped" else PACK_SECONDS)
+            _await_exits(
+                supervisor,
+                [PHYSICS, *(name for name, _ in shares)],
+                inbox,
+                STOP_SECONDS if why == "stopped" else PACK_SECONDS,
+            )
             let_go(viewer, why == "stopped", say)
             return summary, why
 
-    def _ended(self, result: Path, hosts: list[str], summary: dict[str, Any] | None, why: str) -> tuple[dict[str, Any] | None, str]:
+    def _ended(
+        self, result: Path, hosts: list[str], summary: dict[str, Any] | None, why: str
+    ) -> tuple[dict[str, Any] | None, str]:
         """Let the processes end whose run is over, and write its summary. Return what physics has written.
 
         `summary`, `why`: what has been heard, which any client may send; or None and why the run cannot go on.
@@ -166,9 +222,13 @@ class LaunchedRun:
         if end is not None:
             summary, why = end.summary, end.why
         if summary is not None:
-            summary["broken_agents"] += [f"{agent}, its process died again and again" for agent in supervisor.lost_agents]
+            summary["broken_agents"] += [
+                f"{agent}, its process died again and again" for agent in supervisor.lost_agents
+            ]
             if self.request.options.summary is not None:
-                with suppress(OSError):  # `report` writes it all, but to pack the recording may take long
+                with suppress(
+                    OSError
+                ):  # `report` writes it all, but to pack the recording may take long
                     write_summary(self.request.options.summary, summary)
         return summary, why
 
@@ -196,13 +256,28 @@ class LaunchedRun:
             resume=request.resumed is not None,
         )
         again = msgspec.structs.replace(options, resume=True)
-        physics = ProcessSpec(PHYSICS, "orchard.processes.physics", options, again=True, afterwards=again, may_refuse=False, result=result)
+        physics = ProcessSpec(
+            PHYSICS,
+            "orchard.processes.physics",
+            options,
+            again=True,
+            afterwards=again,
+            may_refuse=False,
+            result=result,
+        )
         self.supervisor.start(physics)
         self._start_logger()
         if given.web is not None:
             from orchard.view.web import how_to_open
 
-            self.supervisor.start(ProcessSpec(WEB_VIEWER, "orchard.view.web", [request.uri, "--port", str(given.web)], again=True))
+            self.supervisor.start(
+                ProcessSpec(
+                    WEB_VIEWER,
+                    "orchard.view.web",
+                    [request.uri, "--port", str(given.web)],
+                    again=True,
+                )
+            )
             for line in how_to_open("Live", given.web, request.uri):
                 self.supervisor.say(line)
         return open_viewer(request.uri) if given.view else None
@@ -217,7 +292,9 @@ class LaunchedRun:
                 serve=request.data_port if is_live else None,
                 session=self.run_id,
             )
-            self.supervisor.start(ProcessSpec(LOGGER, "orchard.processes.logger", order, again=True))
+            self.supervisor.start(
+                ProcessSpec(LOGGER, "orchard.processes.logger", order, again=True)
+            )
 
     # -- its progress
 
@@ -231,7 +308,10 @@ class LaunchedRun:
                     return None, "stopped"
                 for what in ("figures", "end"):
                     bus.subscribe(keys.of(what))
-                for token in (keys.of("alive", LOGGER, self.run_id), keys.of("physics", self.run_id)):
+                for token in (
+                    keys.of("alive", LOGGER, self.run_id),
+                    keys.of("physics", self.run_id),
+                ):
                     bus.watch(token)
                 return self._listen(bus, keys)
         except BusError as error:
@@ -242,10 +322,16 @@ class LaunchedRun:
 
         After the first Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick.
         """
-        deadline, identity, asked = self._clock() + BEGIN_SECONDS, self.credentials.identity("operator"), None
+        deadline, identity, asked = (
+            self._clock() + BEGIN_SECONDS,
+            self.credentials.identity("operator"),
+            None,
+        )
         while True:
             try:
-                bus = stack.enter_context(self._connect(self.endpoint, inbox, TRY_SECONDS, identity))
+                bus = stack.enter_context(
+                    self._connect(self.endpoint, inbox, TRY_SECONDS, identity)
+                )
                 if asked is not None:
                     inbox.put(asked)
                 return bus
@@ -270,7 +356,9 @@ class LaunchedRun:
             if isinstance(item, Signal):
                 self.supervisor.terminate(PHYSICS)
                 is_loading = not begun and deadline == math.inf
-                deadline = min(deadline, self._clock() + (LOAD_SECONDS if is_loading else STOP_SECONDS))
+                deadline = min(
+                    deadline, self._clock() + (LOAD_SECONDS if is_loading else STOP_SECONDS)
+                )
             elif isinstance(item, Alive):
                 if item.key == keys.of("alive", LOGGER, self.run_id):
                     self.watchdog.hear(item.up)
@@ -286,7 +374,9 @@ class LaunchedRun:
                     refusals.note(item.key, refusal)
             elif why := self._why_over(begun):
                 return None, why
-            if (end := ending.end) and (self.supervisor.exit_code(PHYSICS) is None or self.supervisor.is_over(PHYSICS)):
+            if (end := ending.end) and (
+                self.supervisor.exit_code(PHYSICS) is None or self.supervisor.is_over(PHYSICS)
+            ):
                 return end.summary, end.why
             self.watchdog.look()
             if deadline == math.inf:  # what ends after a request to stop is not restarted
@@ -322,7 +412,9 @@ def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
 # -- agents of a run elsewhere
 
 
-def join_run(endpoint: str, only: list[str], without: list[str], credentials: Credentials, progress: Progress) -> int:
+def join_run(
+    endpoint: str, only: list[str], without: list[str], credentials: Credentials, progress: Progress
+) -> int:
     """Host these agents of a run elsewhere until it ends. Return the exit code."""
     with client(endpoint, seconds=LOOK_SECONDS, identity=credentials.only_identity()) as bus:
         all_names = fetch_run(bus, Keys()).agents

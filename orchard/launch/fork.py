@@ -55,7 +55,11 @@ class WatchedRun:
 
     def snapshot(self) -> Snapshot:
         now = self.local.snapshot()
-        now.run, now.lost, now.elsewhere = self._before.run, self._before.lost, self._before.elsewhere
+        now.run, now.lost, now.elsewhere = (
+            self._before.run,
+            self._before.lost,
+            self._before.elsewhere,
+        )
         now.figures = self._before.figures | self.figures.as_data()
         return now
 
@@ -63,7 +67,9 @@ class WatchedRun:
 def check_end(world: World, duration: float | None) -> None:
     """Raise SnapshotError if nothing ends a run without a network: robots stand, and it has no `duration`, s."""
     if duration is None and (standing := stopped(world)):
-        raise SnapshotError(f"--duration: is missing: a harvest does not end while robots stand: {', '.join(standing)}")
+        raise SnapshotError(
+            f"--duration: is missing: a harvest does not end while robots stand: {', '.join(standing)}"
+        )
 
 
 def live(until: float, job: tuple[int, Snapshot]) -> Future:
@@ -91,10 +97,15 @@ def snapshot_at(folder: Path, tick: int, say: Say) -> Snapshot:
     run = WatchedRun(forked(begun, {}))
     run.go_on(tick)
     if run.tick < tick:
-        raise SnapshotError(f"{folder}: {clock(tick)} is after the end of the run, at {clock(run.tick)}")
+        raise SnapshotError(
+            f"{folder}: {clock(tick)} is after the end of the run, at {clock(run.tick)}"
+        )
     found, later = run.snapshot(), next((one for one in known if one > tick), tick)
     run.go_on(later)
-    if begun.tick < tick < run.tick == later == (kept := newest(folder, [], until=later)).tick and run.local.engine.digest != kept.digest:
+    if (
+        begun.tick < tick < run.tick == later == (kept := newest(folder, [], until=later)).tick
+        and run.local.engine.digest != kept.digest
+    ):
         alone = f"at {clock(tick)} the fork begins with what they would have done"
         say(f"after {clock(begun.tick)} the run was not left to its own agents: {alone}")
     return found
@@ -106,7 +117,9 @@ def changes_of(chosen: ForkOptions, scenario: Scenario) -> dict[str, Any]:
     for word in chosen.settings or []:
         path, _, text = word.partition("=")
         if not path or not text:
-            raise ValueError(f"--set {word}: expected KEY=VALUE, such as carriers=+1 or picking.spread.cv=0.5")
+            raise ValueError(
+                f"--set {word}: expected KEY=VALUE, such as carriers=+1 or picking.spread.cv=0.5"
+            )
         if path in changes:
             raise ValueError(f"--set {word}: {path} is given twice; once is allowed")
         value = value_of(text.removeprefix("+"))
@@ -121,15 +134,23 @@ def _present(scenario: Scenario, path: str) -> float:
     for key in path.split("."):
         values = values.get(key) if isinstance(values, Mapping) else None
     if not isinstance(values, int | float):
-        raise ValueError(f"--set {path}: it has no number to which something can be added; expected KEY=VALUE")
+        raise ValueError(
+            f"--set {path}: it has no number to which something can be added; expected KEY=VALUE"
+        )
     return values
 
 
 def fork_of(chosen: ForkOptions, runs: Runs, say: Say) -> Snapshot:
     """Return the first moment of the fork that a user has chosen. Raises SnapshotError, ScenarioError or ValueError."""
     moment = snapshot_at(runs.snapshots(chosen.run, KEYFRAME), chosen.at or 0, say)
-    if others := [name for name in moment.elsewhere if not {name, kind_of(name)}.intersection(chosen.without or [])]:
-        say(f"clients elsewhere drove {', '.join(others)}: here the agents of the scenario do; --without leaves them to clients again")
+    if others := [
+        name
+        for name in moment.elsewhere
+        if not {name, kind_of(name)}.intersection(chosen.without or [])
+    ]:
+        say(
+            f"clients elsewhere drove {', '.join(others)}: here the agents of the scenario do; --without leaves them to clients again"
+        )
     with as_typed():
         fork = forked(moment, changes_of(chosen, check(moment.scenario)), chosen.stop or [])
     fork.run = uuid.uuid4().hex[:16]

@@ -53,7 +53,9 @@ def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
     def hurry(number: int, frame: FrameType | None) -> None:
         """End the agent in which the process is; what the program itself does ends soon."""
         if place := place_in_agent(frame):
-            thought = StillThinks(f"{local.thinking} still thinks about tick {local.engine.tick}{place}")
+            thought = StillThinks(
+                f"{local.thinking} still thinks about tick {local.engine.tick}{place}"
+            )
             if raised:
                 print_error(f"{thought}; the run is ended by force, without a result")
                 os._exit(FAILED)
@@ -68,16 +70,26 @@ def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
 
 
 def run(
-    request: RunRequest, look: Callable[[Frame], None] | None, show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
+    request: RunRequest,
+    look: Callable[[Frame], None] | None,
+    show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None],
 ) -> tuple[dict[str, Any], str]:
     """Run a harvest. Return its summary, and why it ended. `look` gets each frame, `show` the figures."""
     checks, holds = request.options.check_agents, HOLDS[request.options.holds]
     agents = _replayed(request)
-    local = Local(request.scenario, agents, checks, holds) if request.resumed is None else Local.resume(request.resumed, checks, holds)
+    local = (
+        Local(request.scenario, agents, checks, holds)
+        if request.resumed is None
+        else Local.resume(request.resumed, checks, holds)
+    )
     engine = local.engine
     executor, keyframes = ThreadPoolExecutor(max_workers=1), request.options.keyframes
-    snapshot_writer = SnapshotWriter(request.snapshots, executor, time.monotonic, keyframe_seconds=keyframes)
-    account = RunAccount(engine, request.resumed, snapshot_writer, request.options.table, time.monotonic)
+    snapshot_writer = SnapshotWriter(
+        request.snapshots, executor, time.monotonic, keyframe_seconds=keyframes
+    )
+    account = RunAccount(
+        engine, request.resumed, snapshot_writer, request.options.table, time.monotonic
+    )
     pacer, ticks = Pacer(request.options.pace, time.monotonic), last_tick(request.options.duration)
     with sole(request.snapshots), interruptible(local) as is_stopped:
         try:
@@ -109,7 +121,10 @@ def run(
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
     if request.options.replay is None:
         return None
-    from orchard_ros2.bags.replay import read_commands, replayed  # not at the top: its packages are an extra
+    from orchard_ros2.bags.replay import (
+        read_commands,
+        replayed,
+    )  # not at the top: its packages are an extra
 
     return replayed(make_agents(lay_out(request.scenario)), read_commands(request.options.replay))
 
@@ -133,7 +148,9 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
             from orchard.view.web import how_to_open, serve_web
 
             print_line("\n".join(how_to_open("Live", options.web, request.uri)))
-            stack.callback(let_go, stack.enter_context(serve_web(options.web, request.uri)), True, print_error)
+            stack.callback(
+                let_go, stack.enter_context(serve_web(options.web, request.uri)), True, print_error
+            )
         viewer = open_viewer(request.uri) if options.view else None
         with Progress(console, options.progress == "json", options.duration) as progress:
             if options.progress == "text":
@@ -151,6 +168,11 @@ def _recorder(request: RunRequest) -> "Recorder | None":
         return None
     from orchard.view.recorder import Recorder  # not at the top: Rerun takes half a second to load
 
-    recorder = Recorder(lay_out(request.scenario), request.run_id, request.recording, request.data_port if is_live else None)
+    recorder = Recorder(
+        lay_out(request.scenario),
+        request.run_id,
+        request.recording,
+        request.data_port if is_live else None,
+    )
     recorder.waiting = lambda: request.options.pace == math.inf  # what comes at once
     return recorder

@@ -13,7 +13,9 @@ from orchard.launch import options
 from orchard.launch.terminal import exit_on_errors, needs_extra, own_classes_run, print_line
 
 
-def write_scenario(file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None) -> None:
+def write_scenario(
+    file: options.GeoJson, out: options.NewScenario = None, crs: options.System = None
+) -> None:
     """Make a scenario from surveyed rows."""
     with exit_on_errors(ScenarioError, OSError), needs_extra("An import", "survey"):
         scenario = import_rows(file, crs)

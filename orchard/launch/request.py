@@ -25,7 +25,9 @@ class RunRequest:
     snapshots: Path  # the folder for snapshots
     resumed: Snapshot | None = None  # the snapshot from which the run is resumed
     forked_from: dict[str, Any] | None = None  # of a fork, the name of the run and the moment, s
-    notes: Path | None = None  # folder for the note with which `run.py stop` finds the run; None: no note
+    notes: Path | None = (
+        None  # folder for the note with which `run.py stop` finds the run; None: no note
+    )
 
     @cached_property
     def data_port(self) -> int:
@@ -61,7 +63,9 @@ class Credentials:
             return None
         roles = list(self.keyring.roles)
         if len(roles) > 1:
-            raise ValueError(f"{self.keyring.folder}: it has {len(roles)} roles; with --only choose one of them: DIR/<role>")
+            raise ValueError(
+                f"{self.keyring.folder}: it has {len(roles)} roles; with --only choose one of them: DIR/<role>"
+            )
         return self.keyring.of(roles[0])
 
     def folder(self, role: str) -> str | None:
@@ -69,7 +73,11 @@ class Credentials:
         return None if identity is None else str(identity.folder)
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
-        return list(self.keyring.hosts(names, all_names).items()) if self.keyring else shares(names, self.options.hosts)
+        return (
+            list(self.keyring.hosts(names, all_names).items())
+            if self.keyring
+            else shares(names, self.options.hosts)
+        )
 
 
 def shares(names: Sequence[str], hosts: int | None) -> Shares:

@@ -47,7 +47,9 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
 
 
 @contextmanager
-def announced(request: RunRequest, run: str, endpoint: str, say: Callable[[str], None]) -> Iterator[None]:
+def announced(
+    request: RunRequest, run: str, endpoint: str, say: Callable[[str], None]
+) -> Iterator[None]:
     """In this context `run.py stop` finds the run. Say how to stop it; with the endpoint if there is no note."""
     scenario = request.scenario
     title = f"{scenario.rows} rows, {scenario.pickers} pickers, seed {scenario.seed}, since {datetime.now():%H:%M:%S}"
@@ -68,7 +70,10 @@ def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
     """Return the active runs, sorted by id. Stale notes, whose run.py is gone, are appended to `gone`."""
     notes = []
     for path in sorted(folder.glob("*.going")):
-        with suppress(OSError, msgspec.DecodeError), path.open() as file:  # gone meanwhile, or malformed
+        with (
+            suppress(OSError, msgspec.DecodeError),
+            path.open() as file,
+        ):  # gone meanwhile, or malformed
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
                 if gone is not None:
@@ -119,7 +124,9 @@ def _end(run: str, say: Callable[[str], None]) -> bool:
     for pid in left:
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
-    while processes_of(run) and time.monotonic() < deadline + ALONE_SECONDS:  # their ports and locks are free only then
+    while (
+        processes_of(run) and time.monotonic() < deadline + ALONE_SECONDS
+    ):  # their ports and locks are free only then
         time.sleep(POLL_SECONDS)
     return True
 
@@ -130,6 +137,10 @@ def processes_of(run: str) -> list[int]:
     for path in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):  # it has just ended, or is another user's
             variables = path.read_bytes().split(b"\0")
-            if any(variable.startswith(f"{STARTED_BY}=".encode()) and variable.endswith(f" {run}".encode()) for variable in variables):
+            if any(
+                variable.startswith(f"{STARTED_BY}=".encode())
+                and variable.endswith(f" {run}".encode())
+                for variable in variables
+            ):
                 found.append(int(path.parent.name))
     return found

@@ -31,8 +31,14 @@ class Runs:
             path.parent.mkdir(parents=True, exist_ok=True)
             check_writable(path)
         except OSError as error:
-            why = str(error) if error.strerror is None else f"{path.parent}: cannot be made: {error.strerror}"
-            raise OSError(f"{why}; --record FILE.rrd records elsewhere, --record none not at all") from error
+            why = (
+                str(error)
+                if error.strerror is None
+                else f"{path.parent}: cannot be made: {error.strerror}"
+            )
+            raise OSError(
+                f"{why}; --record FILE.rrd records elsewhere, --record none not at all"
+            ) from error
         check_recording(path)
         return path
 
@@ -43,7 +49,11 @@ class Runs:
     def new_snapshots(self, recording: Path | None) -> Path:
         """Return the folder for the snapshots of a new run. It is named after its recording, if that is in the folder of runs too."""
         is_here = recording is not None and recording.resolve().parent == self.folder.resolve()
-        name = recording.stem if recording is not None and is_here else f"{'' if recording is None else recording.stem + '-'}{_new_name()}"
+        name = (
+            recording.stem
+            if recording is not None and is_here
+            else f"{'' if recording is None else recording.stem + '-'}{_new_name()}"
+        )
         return self.folder / f"{name}.snapshots"
 
     def snapshots(self, run: str, suffix: str = SNAPSHOT) -> Path:
@@ -54,9 +64,13 @@ class Runs:
                 expected = f"expected the folder, the recording or the name of a run, NAME.snapshots, NAME.rrd or NAME, or {LAST}"
                 raise SnapshotError(f"{run}: no snapshots of such a run; {expected}")
             return folder
-        last = _newest(path for path in self.folder.glob("*.snapshots") if any(path.glob(f"*{suffix}")))
+        last = _newest(
+            path for path in self.folder.glob("*.snapshots") if any(path.glob(f"*{suffix}"))
+        )
         if last is None:
-            raise SnapshotError(f"{self.folder}: no run there to resume; a run leaves its snapshots there when it is stopped")
+            raise SnapshotError(
+                f"{self.folder}: no run there to resume; a run leaves its snapshots there when it is stopped"
+            )
         return last
 
     def _named(self, run: str) -> Iterator[Path]:
@@ -64,7 +78,9 @@ class Runs:
         yield Path(run)
         name = Path(run).stem if run.endswith(".rrd") else run
         yield self.folder / f"{name}.snapshots"
-        yield from sorted(self.folder.glob(f"{glob.escape(Path(name).name)}-harvest-*.snapshots"), reverse=True)
+        yield from sorted(
+            self.folder.glob(f"{glob.escape(Path(name).name)}-harvest-*.snapshots"), reverse=True
+        )
 
 
 @contextmanager
@@ -77,7 +93,9 @@ def alone(*paths: Path | None) -> Iterator[None]:
             try:
                 fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise ValueError(f"{path}: another run writes there now; name another one, or wait until it has ended") from None
+                raise ValueError(
+                    f"{path}: another run writes there now; name another one, or wait until it has ended"
+                ) from None
             stack.callback(_remove_empty, path)
         yield
 
@@ -89,7 +107,9 @@ def _remove_empty(path: Path) -> None:
 
 def check_writable(path: Path) -> None:
     """Raise OSError if a file cannot be written. An existing file is not changed."""
-    if path.resolve().is_fifo():  # it would wait for a reader; /dev/stdout is none, whatever stdout is
+    if (
+        path.resolve().is_fifo()
+    ):  # it would wait for a reader; /dev/stdout is none, whatever stdout is
         raise OSError(f"{path}: is a named pipe; expected a file")
     new = not path.exists()
     try:

@@ -19,7 +19,17 @@ from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
 from orchard.launch.runs import check_writable
 from orchard.launch.study_options import StudyArguments, one_file
-from orchard.launch.terminal import FAILED, FINISHED, bar, console, exit_on_errors, handled, own_classes_run, print_error, print_line
+from orchard.launch.terminal import (
+    FAILED,
+    FINISHED,
+    bar,
+    console,
+    exit_on_errors,
+    handled,
+    own_classes_run,
+    print_error,
+    print_line,
+)
 from orchard.report.summary import write_summary
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
@@ -29,10 +39,15 @@ from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 
-NAMES = {"budget": "budget_seconds", "out": "store"}  # options whose fields in StudyOptions have other names
+NAMES = {
+    "budget": "budget_seconds",
+    "out": "store",
+}  # options whose fields in StudyOptions have other names
 Save = Callable[[StudyResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
-failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED)  # of runs that cannot be done or kept
+failures = partial(
+    exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED
+)  # of runs that cannot be done or kept
 
 
 def run_study(chosen: StudyArguments) -> int:
@@ -45,7 +60,11 @@ def run_study(chosen: StudyArguments) -> int:
     if not result.table and result.stopped_by == "budget":
         print_error("the budget is too short for one run: --budget")
         return FAILED
-    return FAILED if [*map(print_error, result.violations), *_unwritten(_files(chosen), result)] else FINISHED
+    return (
+        FAILED
+        if [*map(print_error, result.violations), *_unwritten(_files(chosen), result)]
+        else FINISHED
+    )
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
@@ -57,7 +76,12 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     files = [*_unwritable(chosen.files), *one_file([*chosen.files, store])]
     if store.exists() and (fault := fault_of(store, options.anew)):
         files.append(Problem(str(store), fault))
-    problems = [*chosen.problems(), *problems, *files, *(one for one in of_settings if not _may_follow(one, faults))]
+    problems = [
+        *chosen.problems(),
+        *problems,
+        *files,
+        *(one for one in of_settings if not _may_follow(one, faults)),
+    ]
     if problems or faults:
         raise ScenarioError([*problems, *faults])
     return scenario, varied
@@ -73,8 +97,16 @@ def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
 def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
     """Whether a problem of a setting may follow from a fault in the file: it names the same value, or a part."""
     wrong = [path for fault in faults for path in fault.path.split(", ")]
-    named = [] if problem.file.startswith("--vary") else [path for path in problem.path.split(", ") if path]
-    return any(not one or f"{one}.".startswith(f"{path}.") or f"{path}.".startswith(f"{one}.") for one in wrong for path in named)
+    named = (
+        []
+        if problem.file.startswith("--vary")
+        else [path for path in problem.path.split(", ") if path]
+    )
+    return any(
+        not one or f"{one}.".startswith(f"{path}.") or f"{path}.".startswith(f"{one}.")
+        for one in wrong
+        for path in named
+    )
 
 
 def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
@@ -87,18 +119,32 @@ def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
 
 
 def _options(chosen: StudyArguments) -> StudyOptions:
-    values = {NAMES.get(name, name): value for name, value in vars(chosen).items() if not isinstance(value, Problem)}
-    return StudyOptions(**{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values})
+    values = {
+        NAMES.get(name, name): value
+        for name, value in vars(chosen).items()
+        if not isinstance(value, Problem)
+    }
+    return StudyOptions(
+        **{field.name: values[field.name] for field in fields(StudyOptions) if field.name in values}
+    )
 
 
 def _files(chosen: StudyArguments) -> dict[Path, Save]:
-    wanted: dict[Path | None, Save] = {chosen.summary: lambda result, path: write_summary(path, asdict(result)), chosen.csv: save_csv}
-    wanted |= {chosen.picture: partial(_save_by, "picture"), chosen.report: partial(_save_by, "report")}
+    wanted: dict[Path | None, Save] = {
+        chosen.summary: lambda result, path: write_summary(path, asdict(result)),
+        chosen.csv: save_csv,
+    }
+    wanted |= {
+        chosen.picture: partial(_save_by, "picture"),
+        chosen.report: partial(_save_by, "report"),
+    }
     return {path: save for path, save in wanted.items() if path is not None}
 
 
 def _save_by(module: str, result: StudyResult, path: Path) -> None:
-    import_module(f"orchard.study.{module}").save(result, path)  # not at the top: matplotlib takes half a second to load
+    import_module(f"orchard.study.{module}").save(
+        result, path
+    )  # not at the top: matplotlib takes half a second to load
 
 
 def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
@@ -135,7 +181,11 @@ def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]
         task = shown.add_task("starts its workers", total=chosen.budget)
 
         def tell(partial: StudyResult) -> None:
-            shown.update(task, completed=partial.wall_seconds, description=f"{len(partial.table)} settings; {partial.answer}")
+            shown.update(
+                task,
+                completed=partial.wall_seconds,
+                description=f"{len(partial.table)} settings; {partial.answer}",
+            )
 
         yield tell
 

@@ -37,14 +37,18 @@ def _scheduler(text: str) -> str:
     except ValueError:
         is_right = False
     if not is_right:
-        raise BadParameter(f"{text}: expected an address with its port, such as tcp://192.168.1.10:8786")
+        raise BadParameter(
+            f"{text}: expected an address with its port, such as tcp://192.168.1.10:8786"
+        )
     return text
 
 
 def _confidence(text: str) -> float:
     confidence = _share(text)
     if not LEAST_CONFIDENCE <= confidence <= MOST_CONFIDENCE:
-        raise BadParameter(f"{text}: expected a share from {LEAST_CONFIDENCE:g} to {MOST_CONFIDENCE:g}, such as 0.95 or 95%")
+        raise BadParameter(
+            f"{text}: expected a share from {LEAST_CONFIDENCE:g} to {MOST_CONFIDENCE:g}, such as 0.95 or 95%"
+        )
     return confidence
 
 
@@ -52,7 +56,9 @@ def _budget(text: str) -> float:
     unit = next((unit for unit in BUDGET_UNITS if text.endswith(unit)), "")
     seconds = number(text.removesuffix(unit)) * BUDGET_UNITS.get(unit, 1.0)
     if not LEAST_BUDGET <= seconds < math.inf:
-        raise BadParameter(f"{text}: expected a time of at least {LEAST_BUDGET:g} s, such as 60s, 5min or 2h")
+        raise BadParameter(
+            f"{text}: expected a time of at least {LEAST_BUDGET:g} s, such as 60s, 5min or 2h"
+        )
     return seconds
 
 
@@ -65,7 +71,9 @@ def _store(text: str) -> Path:
     if text.endswith("/") or path.is_dir():
         raise BadParameter(f"{text}: a folder; expected a file, such as {path / 'studies.db'}")
     if not path.parent.is_dir():
-        raise BadParameter(f"{text}: there is no folder {path.parent}; expected a file in a folder that exists")
+        raise BadParameter(
+            f"{text}: there is no folder {path.parent}; expected a file in a folder that exists"
+        )
     return path
 
 
@@ -110,41 +118,65 @@ class StudyArguments:
     scenario: File = None
     vary: list[str] | None = option(QUESTION, VARY, "KEY=VALUES")
     goal: Goal | None = _choice(QUESTION, GOALS, Goal, None)
-    horizon: Horizon = _choice(QUESTION, "The long run, or one harvest with its beginning and its end.", Horizon, "long")
-    confidence: float = option(QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence))
+    horizon: Horizon = _choice(
+        QUESTION, "The long run, or one harvest with its beginning and its end.", Horizon, "long"
+    )
+    confidence: float = option(
+        QUESTION, "Confidence of the answer.", "SHARE", default="0.95", parser=_checked(_confidence)
+    )
     within: float = option(QUESTION, WITHIN, "SHARE", default="2%", parser=_checked(_share))
-    budget: float = option(QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="5min", parser=_checked(_budget))
+    budget: float = option(
+        QUESTION, "Wall time: 60s, 5min, 2h.", "TIME", default="5min", parser=_checked(_budget)
+    )
     model: Models = _choice(RUNS, MODELS, Models, "both")
-    workers: int | None = option(RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers))
+    workers: int | None = option(
+        RUNS, "Processes here. Default: one per core.", "N", parser=_checked(_workers)
+    )
     scheduler: str | None = option(RUNS, SCHEDULER, "ENDPOINT", parser=_checked(_scheduler))
     out: Path | None = option(RUNS, KEPT, "STORE", parser=_checked(_store))
     anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")
     summary: Path | None = option(FILES, "Write the whole answer to this file.", "FILE.json")
     csv: Path | None = option(FILES, "Write the table to this file.", "FILE.csv")
-    picture: Path | None = option(FILES, "Draw the table.", "FILE.svg|png", parser=_checked(picture_file))
+    picture: Path | None = option(
+        FILES, "Draw the table.", "FILE.svg|png", parser=_checked(picture_file)
+    )
     report: Path | None = option(FILES, "Write a report.", "FILE.html")
     progress: Style = "text"
 
     @property
     def files(self) -> list[Path]:
-        return [path for path in (self.summary, self.csv, self.picture, self.report) if isinstance(path, Path)]
+        return [
+            path
+            for path in (self.summary, self.csv, self.picture, self.report)
+            if isinstance(path, Path)
+        ]
 
     def problems(self) -> list[Problem]:
         """Return what is wrong with each option, whose value then means nothing, and with all together."""
-        found = [replace(value, file=named([name])) for name, value in vars(self).items() if isinstance(value, Problem)]
+        found = [
+            replace(value, file=named([name]))
+            for name, value in vars(self).items()
+            if isinstance(value, Problem)
+        ]
         if self.scheduler and self.workers:
-            found.append(Problem("--workers", "the scheduler has its own workers; leave out --workers"))
+            found.append(
+                Problem("--workers", "the scheduler has its own workers; leave out --workers")
+            )
         return found
 
 
 def one_file(written: Sequence[Path]) -> Iterator[Problem]:
     """Yield what is wrong if some of the files that a command writes are one."""
     files = [path.resolve() for path in written]
-    if same := [str(path) for path, file in zip(written, files, strict=True) if files.count(file) > 1]:
+    if same := [
+        str(path) for path, file in zip(written, files, strict=True) if files.count(file) > 1
+    ]:
         yield Problem("--summary", f"{', '.join(same)}: two of these are one file")
 
 
-Policy = Annotated[str, Argument(metavar="POLICY", help="A policy of your own, module.Class, or a built-in one.")]
+Policy = Annotated[
+    str, Argument(metavar="POLICY", help="A policy of your own, module.Class, or a built-in one.")
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +184,14 @@ class BenchmarkOptions:
     """The options of `benchmark`."""
 
     policy: Policy = ROLLING
-    orchard: list[str] | None = option(QUESTION, "Only this orchard of the twenty (repeatable).", "NAME")
-    check: bool = flag(RUNS, "--check", "Do the harvests of POLICY by the simulator too, which takes long, and show the difference.")
+    orchard: list[str] | None = option(
+        QUESTION, "Only this orchard of the twenty (repeatable).", "NAME"
+    )
+    check: bool = flag(
+        RUNS,
+        "--check",
+        "Do the harvests of POLICY by the simulator too, which takes long, and show the difference.",
+    )
     workers: int | None = option(RUNS, "Processes. Default: one per core.", "N", parser=_workers)
     out: Path | None = option(RUNS, KEPT, "STORE", parser=_store)
     anew: bool = flag(RUNS, "--anew", "Forget the runs of a store of another version.")

@@ -28,7 +28,9 @@ BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it f
 REFUSALS = 9  # quick deaths in a row, after which a process is given up that ends with this code: half a minute
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 LONGEST_LINE = 2000  # characters of what a process says
-MOST_LINES = 100  # that a process writes without its name, as C code or a traceback does, and that are shown
+MOST_LINES = (
+    100  # that a process writes without its name, as C code or a traceback does, and that are shown
+)
 QUICK_START = {  # turns off needless work of libraries at their import: a fifth of a start's processor time
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
@@ -48,8 +50,12 @@ class ProcessSpec:
     again: bool = False  # restart it when it dies
     afterwards: ProcessOptions | None = None  # the options of a restart, if they are others
     agents: Sequence[str] = ()  # the agents that it hosts
-    may_refuse: bool = True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
-    result: Path | None = None  # a file that it writes when its work is done: then it is not restarted
+    may_refuse: bool = (
+        True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
+    )
+    result: Path | None = (
+        None  # a file that it writes when its work is done: then it is not restarted
+    )
 
 
 @dataclass
@@ -66,8 +72,12 @@ class _Running:
         """Whether it has ended and is not restarted: an end that nothing has announced is a death."""
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
-        is_done = self.line.code == 0 or (self.program.result is not None and self.program.result.exists())
-        return code is not None and (not self.program.again or self.is_asked or is_done or is_refusal)
+        is_done = self.line.code == 0 or (
+            self.program.result is not None and self.program.result.exists()
+        )
+        return code is not None and (
+            not self.program.again or self.is_asked or is_done or is_refusal
+        )
 
 
 @dataclass
@@ -78,21 +88,35 @@ class Supervisor(AbstractContextManager["Supervisor"]):
     run: str = ""  # the run's id
     running: dict[str, _Running] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
-    given_up: dict[str, ProcessSpec] = field(default_factory=dict)  # name -> a process that died DEATHS times in a row
+    given_up: dict[str, ProcessSpec] = field(
+        default_factory=dict
+    )  # name -> a process that died DEATHS times in a row
 
     def __exit__(self, *_: object) -> None:
         self.stop(0.0)
 
     def start(self, program: ProcessSpec) -> None:
-        self.running[program.name] = _Running(program, *self._open(program, program.order), self.clock())
+        self.running[program.name] = _Running(
+            program, *self._open(program, program.order), self.clock()
+        )
 
-    def _open(self, program: ProcessSpec, order: Sequence[str] | ProcessOptions) -> tuple[subprocess.Popen[str], Line]:
+    def _open(
+        self, program: ProcessSpec, order: Sequence[str] | ProcessOptions
+    ) -> tuple[subprocess.Popen[str], Line]:
         """Start a process in its own process group: Ctrl-C reaches only run.py, which stops the others in order.
 
         It has no session of its own: Linux shares the processor among sessions first, which costs an eighth of the ticks.
         """
-        paths = [os.environ.get("PYTHONPATH", ""), os.getcwd()]  # modules in the user's current directory are found
-        environment = QUICK_START | QUICK_TICKS | os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        paths = [
+            os.environ.get("PYTHONPATH", ""),
+            os.getcwd(),
+        ]  # modules in the user's current directory are found
+        environment = (
+            QUICK_START
+            | QUICK_TICKS
+            | os.environ
+            | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        )
         arguments = [FROM_STDIN] if isinstance(order, ProcessOptions) else order
         command, line = [sys.executable, "-m", program.module, *arguments], Line()
         popen = subprocess.Popen(
@@ -101,7 +125,9 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         )  # fmt: skip
         line.of_process.close()
         take_turns(popen.pid)
-        if isinstance(order, ProcessOptions):  # not in a file, which may be gone when it is restarted
+        if isinstance(
+            order, ProcessOptions
+        ):  # not in a file, which may be gone when it is restarted
             line.write(msgspec.json.encode(order).decode())
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen, line
@@ -113,7 +139,9 @@ class Supervisor(AbstractContextManager["Supervisor"]):
             for line in lines:
                 unnamed += not line.startswith(name)
                 if line.startswith(name) or unnamed <= MOST_LINES:
-                    self.say(f"{program.name}: {printable(line.rstrip().removeprefix(name), LONGEST_LINE)}")
+                    self.say(
+                        f"{program.name}: {printable(line.rstrip().removeprefix(name), LONGEST_LINE)}"
+                    )
                 elif unnamed == MOST_LINES + 1:
                     self.say(f"{program.name}: more of this is left out")
 
@@ -151,11 +179,15 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         self._clear_up(running)
         running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
         if running.deaths < (REFUSALS if code == BAD_ORDER else DEATHS):
-            running.due = now + (BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0)
+            running.due = now + (
+                BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0
+            )
             self.say(f"{program.name} ended with code {code}; starting it again")
         else:
             stands = f"; these stand: {', '.join(program.agents)}" if program.agents else ""
-            self.say(f"{program.name} ended with code {code}, {running.deaths} times in a row; giving up on it{stands}")
+            self.say(
+                f"{program.name} ended with code {code}, {running.deaths} times in a row; giving up on it{stands}"
+            )
             self.given_up[program.name] = self.running.pop(program.name).program
 
     def pid(self, name: str) -> int | None:
@@ -197,7 +229,9 @@ class Supervisor(AbstractContextManager["Supervisor"]):
 
 def take_turns(pid: int) -> None:
     """Let no process that wakes up interrupt this one: 6 to 10 % more ticks, as its memory stays in the caches."""
-    with suppress(AttributeError, ProcessLookupError):  # only Linux has this policy; the process may have ended
+    with suppress(
+        AttributeError, ProcessLookupError
+    ):  # only Linux has this policy; the process may have ended
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
 
 
@@ -211,7 +245,9 @@ def open_viewer(what: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(window(what), start_new_session=True)
 
 
-def let_go(viewer: subprocess.Popen[bytes] | None, is_stopped: bool, say: Callable[[str], None]) -> None:
+def let_go(
+    viewer: subprocess.Popen[bytes] | None, is_stopped: bool, say: Callable[[str], None]
+) -> None:
     """Leave a viewer when its run is over, or end it with a run that was stopped. Say so if it has died."""
     if viewer is not None and (code := viewer.poll()):
         say(f"the viewer has ended with exit code {code}")
@@ -228,7 +264,9 @@ class Watchdog:
     def __init__(self, supervisor: Supervisor, name: str) -> None:
         self._supervisor, self._name, self._clock = supervisor, name, supervisor.clock
         self._known: int | None = None  # the id of the process that had the token last
-        self._gone: float | None = 0.0  # s, on the clock, since when the token is gone; None while it is there
+        self._gone: float | None = (
+            0.0  # s, on the clock, since when the token is gone; None while it is there
+        )
         self._is_known = True  # whether physics is there: without it all tokens are gone
 
     def hear(self, up: bool) -> None:
@@ -243,8 +281,14 @@ class Watchdog:
             self._gone = self._clock()
 
     def look(self) -> None:
-        is_frozen = self._is_known and self._gone is not None and self._clock() - self._gone >= SECONDS
-        if is_frozen and self._known is not None and self._known == self._supervisor.pid(self._name):
+        is_frozen = (
+            self._is_known and self._gone is not None and self._clock() - self._gone >= SECONDS
+        )
+        if (
+            is_frozen
+            and self._known is not None
+            and self._known == self._supervisor.pid(self._name)
+        ):
             self._known = None
             self._supervisor.kill(self._name)
 

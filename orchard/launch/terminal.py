@@ -30,7 +30,14 @@ from orchard.contract.printed import diverted, printed
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.request import RunRequest
-from orchard.report.summary import Outcome, as_table, limit_sentence, sentence, unusual_figures, write_summary
+from orchard.report.summary import (
+    Outcome,
+    as_table,
+    limit_sentence,
+    sentence,
+    unusual_figures,
+    write_summary,
+)
 from orchard.sim.snapshot import SNAPSHOT, SnapshotError, newest
 from orchard.view.files import remove_half_packed
 
@@ -54,13 +61,19 @@ class Output(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         try:
-            super().print(*(harmless(one) if isinstance(one, str) else one for one in objects), **options)
+            super().print(
+                *(harmless(one) if isinstance(one, str) else one for one in objects), **options
+            )
         except OSError as error:
             self._buffer.clear()  # Rich would print it again with the next line
             is_first, self.has_lost = not self.has_lost, True
             if is_first and self.other is not None:
                 name = "stderr" if self.stderr else "stdout"
-                self.other.print(f"{name} cannot be written: {error.strerror}; the run goes on without it", markup=False, soft_wrap=True)
+                self.other.print(
+                    f"{name} cannot be written: {error.strerror}; the run goes on without it",
+                    markup=False,
+                    soft_wrap=True,
+                )
 
     def on_broken_pipe(self) -> None:
         """Let `print` know, which has called this by Rich. Rich would end the program before it has written its files."""
@@ -88,9 +101,13 @@ def print_error(words: object) -> None:
 
 def table(caption: str | None, *heads: str) -> Table:
     """Return a table without rows: words in its first column, figures in the others."""
-    empty = Table(box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left")
+    empty = Table(
+        box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left"
+    )
     for number, head in enumerate(heads):
-        empty.add_column(escape(head), justify="right" if number else "left", no_wrap=not number, overflow="fold")
+        empty.add_column(
+            escape(head), justify="right" if number else "left", no_wrap=not number, overflow="fold"
+        )
     return empty
 
 
@@ -141,7 +158,9 @@ def as_typed(name: Callable[[str], str] = str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        raise ScenarioError([replace(one, file="command line", path=name(one.path)) for one in error.problems]) from None
+        raise ScenarioError(
+            [replace(one, file="command line", path=name(one.path)) for one in error.problems]
+        ) from None
 
 
 @contextmanager
@@ -160,7 +179,9 @@ def needs_extra(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as missing:
-        print_error(f"{what} needs the package {missing.name}: pip install 'orchard-sim[{extra}]'{otherwise}")
+        print_error(
+            f"{what} needs the package {missing.name}: pip install 'orchard-sim[{extra}]'{otherwise}"
+        )
         raise typer.Exit(BAD_INPUT) from None
 
 
@@ -203,21 +224,31 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
         result |= missing(recording, result["ticks"])
     result |= {} if request.forked_from is None else {"forked_from": request.forked_from}
     outcome = msgspec.convert(result, Outcome)
-    figures = {key: value for key, value in result.items() if key != "hash"} if request.options.verbose else unusual_figures(result)
+    figures = (
+        {key: value for key, value in result.items() if key != "hash"}
+        if request.options.verbose
+        else unusual_figures(result)
+    )
     lines = [sentence(outcome), limit_sentence(outcome), _what_to_try(request)]
     _print_result_lines(*lines, *([as_table(figures)] if figures else []))
     if slow := speed_not_kept(request, outcome):
         print_error(slow)
     troubles = [f"violated: {violation}" for violation in result["violations"]]
     troubles += [f"broken: {agent}" for agent in result["broken_agents"]]
-    troubles += [] if why in ("harvested", "duration", "stopped", "broken", "refused") else [why, *result["jam"]]
+    troubles += (
+        []
+        if why in ("harvested", "duration", "stopped", "broken", "refused")
+        else [why, *result["jam"]]
+    )
     try:
         if summary is not None:
             write_summary(summary, result)
     except OSError as error:
         troubles.insert(0, f"{summary}: not written: {error.strerror}")
     if request.options.table is not None:
-        from orchard.tables.folder import complete  # not at the top: pyarrow takes some time to load
+        from orchard.tables.folder import (
+            complete,
+        )  # not at the top: pyarrow takes some time to load
 
         troubles += complete(request.options.table, result)
     for trouble in troubles:
@@ -238,12 +269,27 @@ def _what_to_try(request: RunRequest) -> str:
     """The command that asks how many carriers are worth it, for the orchard of the run as it was typed."""
     options, scenario = request.options, request.scenario
     more = "" if options.verbose else "--verbose shows all figures"
-    if request.resumed is not None or (options.scenario is None and options.replay) or scenario.agents or not scenario.sensors.are_exact:
+    if (
+        request.resumed is not None
+        or (options.scenario is None and options.replay)
+        or scenario.agents
+        or not scenario.sensors.are_exact
+    ):
         return f"To try next: {more or typed('view')}"
-    changes = {name: value for name, value in options.changes.items() if name not in ("carriers", "seed")}
-    varied = [word for one in ("carriers", *(f"{name}={value}" for name, value in changes.items())) for word in ("--vary", one)]
-    asked = typed("study", *([options.scenario] if options.scenario else []), *(varied if changes else []))
-    return f"To try next: {asked} tells how many carriers are worth it" + (f"; {more}" if more else "")
+    changes = {
+        name: value for name, value in options.changes.items() if name not in ("carriers", "seed")
+    }
+    varied = [
+        word
+        for one in ("carriers", *(f"{name}={value}" for name, value in changes.items()))
+        for word in ("--vary", one)
+    ]
+    asked = typed(
+        "study", *([options.scenario] if options.scenario else []), *(varied if changes else [])
+    )
+    return f"To try next: {asked} tells how many carriers are worth it" + (
+        f"; {more}" if more else ""
+    )
 
 
 def speed_not_kept(request: RunRequest, outcome: Outcome) -> str:
@@ -273,7 +319,13 @@ def typed(*words: object) -> str:
 
 def _shown(path: Path) -> str:
     relative = os.path.relpath(path)
-    return str(path) if relative.startswith("..") else f"./{relative}" if relative.startswith("-") else relative  # or it is an option
+    return (
+        str(path)
+        if relative.startswith("..")
+        else f"./{relative}"
+        if relative.startswith("-")
+        else relative
+    )  # or it is an option
 
 
 WANTED = {  # pydantic's name of a fault -> what would be right
@@ -294,7 +346,11 @@ def fault_of(error: TyperException) -> str:
     if option := getattr(error, "option_name", ""):
         return f"{option}: {_of_option(error)}"
     if not isinstance(error, BadParameter):
-        return re.sub(r"^Got unexpected extra .*\((.*)\)$", r"\1: one word too many; see --help", error.format_message())
+        return re.sub(
+            r"^Got unexpected extra .*\((.*)\)$",
+            r"\1: one word too many; see --help",
+            error.format_message(),
+        )
     where = f"{hint}: " if hint.startswith("-") else ""  # an argument is named by its value
     if not isinstance(cause := error.__cause__, ValidationError):
         return f"{where}{error.message}"
@@ -302,10 +358,18 @@ def fault_of(error: TyperException) -> str:
     given = fault.get("ctx", {})
     if "error" in given:
         return f"{where}{given['error']}"
-    return f"{where}{fault['input']}: expected {WANTED.get(fault['type'], 'a number').format(**given)}"
+    return (
+        f"{where}{fault['input']}: expected {WANTED.get(fault['type'], 'a number').format(**given)}"
+    )
 
 
 def _of_option(error: TyperException) -> str:
     if not hasattr(error, "possibilities"):
-        return "it has no value" if "not take" in error.message else "a value is missing; see --help"
-    return f"no such option; did you mean {near}?" if (near := " or ".join(error.possibilities or [])) else "no such option; see --help"
+        return (
+            "it has no value" if "not take" in error.message else "a value is missing; see --help"
+        )
+    return (
+        f"no such option; did you mean {near}?"
+        if (near := " or ".join(error.possibilities or []))
+        else "no such option; see --help"
+    )

@@ -23,13 +23,22 @@ def serve(parts: Sequence[Path], port: int) -> int:
     viewer_program()
     check_ports(port)
     with serve_web(port, *map(str, parts)) as server:
-        print_line("\n".join([*how_to_open("In a browser on this machine", port, str(parts[0])), "Ctrl-C ends it."]))
+        print_line(
+            "\n".join(
+                [
+                    *how_to_open("In a browser on this machine", port, str(parts[0])),
+                    "Ctrl-C ends it.",
+                ]
+            )
+        )
         try:
             code = server.wait()
         finally:
             server.terminate()
         if code:
-            print_error(f"the web viewer has ended with exit code {code}; is the recording whole? without --web it opens in a window")
+            print_error(
+                f"the web viewer has ended with exit code {code}; is the recording whole? without --web it opens in a window"
+            )
         return code
 
 

@@ -14,7 +14,9 @@ from threading import Lock, get_ident
 from time import monotonic
 from typing import Any, NamedTuple, Protocol
 
-GET_SECONDS = 10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then
+GET_SECONDS = (
+    10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then
+)
 TIMED_OUT = "Timeout"  # the error of a get without an answer in time
 
 
@@ -150,7 +152,9 @@ class Bus(Protocol):
     inbox: Inbox
     endpoint: str  #: of the router
     id: str  #: of the session
-    executor: Executor  #: runs one job after the other beside the caller, such as the writing of a file
+    executor: (
+        Executor  #: runs one job after the other beside the caller, such as the writing of a file
+    )
 
     # -- time
 

@@ -24,7 +24,9 @@ class Ending:
         self._said: End | None = None
         self._said_at = -math.inf  # s, on the clock
         self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
-        self._tokens: set[str] = set()  # of physics: two if the router has not noticed yet that the link of a dead one is closed
+        self._tokens: set[str] = (
+            set()
+        )  # of physics: two if the router has not noticed yet that the link of a dead one is closed
 
     def hear(self, end: End) -> None:
         self._said, self._said_at = end, self._clock()

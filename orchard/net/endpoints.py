@@ -7,7 +7,10 @@ from contextlib import suppress
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
 LOOPBACK_SECONDS = 5.0  # that a connection to this machine may take
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
-OUTSIDE = {"0.0.0.0": "192.0.2.1", "[::]": "2001:db8::1"}  # all addresses -> one that is on no machine (RFC 5737, 3849)
+OUTSIDE = {
+    "0.0.0.0": "192.0.2.1",
+    "[::]": "2001:db8::1",
+}  # all addresses -> one that is on no machine (RFC 5737, 3849)
 IN_USE = "cannot listen there; the port is in use, or the address is not of this machine"
 
 
@@ -18,9 +21,13 @@ class BusError(Exception):
 def check_security(endpoint: str, is_secured: bool) -> None:
     """Raise BusError if the protocol of an endpoint does not fit a secured or an open run."""
     if is_secured and not endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: not secure; with --secure use an endpoint such as tls/127.0.0.1:7447")
+        raise BusError(
+            f"{endpoint}: not secure; with --secure use an endpoint such as tls/127.0.0.1:7447"
+        )
     if not is_secured and endpoint.startswith("tls/"):
-        raise BusError(f"{endpoint}: tls needs certificates; --secure DIR names their directory, and `orchard secure DIR` creates them")
+        raise BusError(
+            f"{endpoint}: tls needs certificates; --secure DIR names their directory, and `orchard secure DIR` creates them"
+        )
 
 
 def is_public(endpoint: str) -> bool:
@@ -55,11 +62,16 @@ def check_free(endpoint: str) -> None:
 def check_loopback() -> None:
     """Raise BusError if this machine cannot connect to itself, as in a namespace without a loopback."""
     try:
-        with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname(), LOOPBACK_SECONDS):
+        with (
+            socket.create_server(("127.0.0.1", 0)) as server,
+            socket.create_connection(server.getsockname(), LOOPBACK_SECONDS),
+        ):
             pass
     except OSError as error:
         why = f"127.0.0.1: processes of this machine cannot reach each other there: {error.strerror or error}"
-        raise BusError(f"{why}; `ip link set lo up` makes it work, and --mode local does without") from error
+        raise BusError(
+            f"{why}; `ip link set lo up` makes it work, and --mode local does without"
+        ) from error
 
 
 def reachable(endpoint: str) -> str:

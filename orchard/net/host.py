@@ -23,10 +23,25 @@ from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_mes
 from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, fetch_run, publish_refusals
 from orchard.wire.codec import report_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import RESET, BinStatus, End, Join, Joined, Left, Letter, Lost, Recall, Recalled, Report, Velocities
+from orchard.wire.messages import (
+    RESET,
+    BinStatus,
+    End,
+    Join,
+    Joined,
+    Left,
+    Letter,
+    Lost,
+    Recall,
+    Recalled,
+    Report,
+    Velocities,
+)
 
 log = logging.getLogger("orchard")
-GONE_SECONDS = 20.0  # how long a host waits for physics that is gone: physics or its router is started again
+GONE_SECONDS = (
+    20.0  # how long a host waits for physics that is gone: physics or its router is started again
+)
 WARN_SECONDS = 1.0  # after which a host says that physics is gone; at the end of a run its `end` arrives sooner
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
@@ -65,7 +80,11 @@ class AgentRunner:
             self.memory = None if memory is None else unpack(memory, self._agent.Memory)
         except MISTAKES as error:
             reraise_ctrl_c(error)
-            log.warning("%s starts without a memory; its last one is not of its class: %s", self.name, printable(str(error)))
+            log.warning(
+                "%s starts without a memory; its last one is not of its class: %s",
+                self.name,
+                printable(str(error)),
+            )
 
     def act(self, seen: Observation, mail: Mail) -> Action:
         action = self._agent.tick(seen, mail, self.memory)
@@ -87,7 +106,9 @@ class StateBoard:
 
     def update(self, seen: Observation) -> None:
         """Store the state of an observed bin. Publish it if `full` or `coupled_to` has changed."""
-        state = BinStatus(self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else "")
+        state = BinStatus(
+            self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else ""
+        )
         old, self._states[seen.name] = self._states.get(seen.name), state
         if old is None or (old.full, old.coupled_to) != (state.full, state.coupled_to):
             self._bus.publish(self._keys.of("state", seen.name), pack(state))
@@ -108,10 +129,26 @@ class Host:
     """A session that hosts agents, until the end of the run. `patience`: how long it waits for physics that is gone, s."""
 
     def __init__(
-        self, bus: Bus, keys: Keys, run: str, mode: str, layout: Layout, agents: Mapping[str, Agent], patience: float = GONE_SECONDS
+        self,
+        bus: Bus,
+        keys: Keys,
+        run: str,
+        mode: str,
+        layout: Layout,
+        agents: Mapping[str, Agent],
+        patience: float = GONE_SECONDS,
     ) -> None:
-        self.bus, self.keys, self.run_id, self._patience, self._scenario = bus, keys, run, patience, layout.scenario
-        self.runners = {name: AgentRunner(name, guarded(layout, name, agent)) for name, agent in sorted(agents.items())}
+        self.bus, self.keys, self.run_id, self._patience, self._scenario = (
+            bus,
+            keys,
+            run,
+            patience,
+            layout.scenario,
+        )
+        self.runners = {
+            name: AgentRunner(name, guarded(layout, name, agent))
+            for name, agent in sorted(agents.items())
+        }
         self.bodies = [name for name in self.runners if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.latest = LatestObservations(run, self.runners, self.bodies)
@@ -140,11 +177,19 @@ class Host:
 
     def join(self) -> None:
         """Join the run: physics waits for the agents from the present tick on. Raises HostEnded if physics refuses them, or was reset."""
-        if check(fetch_run(self.bus, self.keys, self.handle).scenario, "the scenario that physics sent") != self._scenario:
+        if (
+            check(
+                fetch_run(self.bus, self.keys, self.handle).scenario,
+                "the scenario that physics sent",
+            )
+            != self._scenario
+        ):
             raise HostEnded(0, RESET)  # physics has died before it could keep a reset
         joined = self._joined()
         if joined.refused:
-            raise HostEnded(2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items())))
+            raise HostEnded(
+                2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items()))
+            )
         self.mailbox.join(joined.tick)
         self.latest.forget()
         for name, runner in self.runners.items():
@@ -161,8 +206,20 @@ class Host:
         return joined
 
     def _query(self, what: str, request: bytes, type_: type[M]) -> M:
-        key, understand = self.keys.of(what, session=self.bus.id), lambda payload: read_message(payload, type_, self.run_id)
-        return ask(self.bus, key, request, understand, ANSWER_SECONDS, self.handle, self.refusals, self._check_gone)
+        key, understand = (
+            self.keys.of(what, session=self.bus.id),
+            lambda payload: read_message(payload, type_, self.run_id),
+        )
+        return ask(
+            self.bus,
+            key,
+            request,
+            understand,
+            ANSWER_SECONDS,
+            self.handle,
+            self.refusals,
+            self._check_gone,
+        )
 
     # -- one tick
 
@@ -182,10 +239,18 @@ class Host:
         if not self.mailbox.is_settled(tick, self.latest.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), DOUBT_SECONDS)
         mail, seen = self._mail(tick), self.latest.observations
-        digests = {name: digest_of(heard) for name, heard in mail.items()}  # before the agents can change their mail
-        actions = {name: self._act(name, observed, mail.get(name) or Mail()) for name, observed in seen.items()}
+        digests = {
+            name: digest_of(heard) for name, heard in mail.items()
+        }  # before the agents can change their mail
+        actions = {
+            name: self._act(name, observed, mail.get(name) or Mail())
+            for name, observed in seen.items()
+        }
         self.thinking = ""
-        reports = {name: report_of(action, digests.get(name, b""), self.runners[name].news()) for name, action in actions.items()}
+        reports = {
+            name: report_of(action, digests.get(name, b""), self.runners[name].news())
+            for name, action in actions.items()
+        }
         for message in self._packed(tick, reports):
             self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
         self._send_rest(seen, actions)
@@ -225,7 +290,11 @@ class Host:
         if len(packed) <= MAX_PAYLOAD or len(names) == 1:
             return [packed]
         halves = names[: len(names) // 2], names[len(names) // 2 :]
-        return [message for half in halves for message in self._packed(tick, {name: reports[name] for name in half})]
+        return [
+            message
+            for half in halves
+            for message in self._packed(tick, {name: reports[name] for name in half})
+        ]
 
     # -- what arrives
 
@@ -235,7 +304,9 @@ class Host:
             self._handle_next(0.0)
         deadline = self.bus.clock() + seconds
         while not ready() and (left := deadline - self.bus.clock()) > 0.0:
-            check_at = self._ending.gone_at + (self._patience if self._has_warned else min(self._patience, WARN_SECONDS))
+            check_at = self._ending.gone_at + (
+                self._patience if self._has_warned else min(self._patience, WARN_SECONDS)
+            )
             self._handle_next(min(left, check_at - self.bus.clock()))
 
     def _handle_next(self, seconds: float) -> None:

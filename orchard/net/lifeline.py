@@ -16,7 +16,9 @@ from threading import Thread, Timer
 
 STARTED_BY = "ORCHARD_STARTED_BY"  # environment variable: run.py's process id, and the run's id
 CONFIRM_SECONDS = 1.0  # after a signal, in which run.py may ask too: as when a machine is shut down
-ALONE_SECONDS = 10.0  # that a process may take to end when run.py, which would end it by force, is gone
+ALONE_SECONDS = (
+    10.0  # that a process may take to end when run.py, which would end it by force, is gone
+)
 
 
 class Line:

@@ -34,7 +34,9 @@ class LatestObservations:
         self.tick = -1  # -1: no tick has arrived
         self.due: list[str] = []  # the agents that are asked at this tick
         self.asked: list[AskedOf] = []  # the requests that they hear
-        self.observations: dict[str, Observation] = {}  # of these agents; one without a body gets only the tick
+        self.observations: dict[
+            str, Observation
+        ] = {}  # of these agents; one without a body gets only the tick
 
     def seen(self, payload: bytes) -> None:
         """Take a `Seen` message, unless it repeats the newest tick. Raises Refused."""
@@ -85,9 +87,15 @@ class Mailbox:
         self._run, self._names = run, frozenset(names)
         self.last = -1  # the last tick that was delivered
         self._joined = 0
-        self._recalled: deque[int] = deque(maxlen=2)  # ticks whose requests were heard from the copies of physics
-        self._waiting: dict[tuple[str, str, int, int], _ReceivedRequest] = {}  # (recipient, sender, tick, number) ->
-        self._asked: dict[int, list[SentRequest]] = {}  # tick -> the requests of that tick, in their order
+        self._recalled: deque[int] = deque(
+            maxlen=2
+        )  # ticks whose requests were heard from the copies of physics
+        self._waiting: dict[
+            tuple[str, str, int, int], _ReceivedRequest
+        ] = {}  # (recipient, sender, tick, number) ->
+        self._asked: dict[
+            int, list[SentRequest]
+        ] = {}  # tick -> the requests of that tick, in their order
 
     def join(self, tick: int) -> None:
         """Continue at a tick that is not the next, and forget all mail (rule 1)."""
@@ -113,7 +121,9 @@ class Mailbox:
             raise Refused("too many", f"{MOST_WAITING} requests wait")
         if key in self._waiting:  # a repeated request
             self._waiting[key].question.drop()
-        self._waiting[key] = _ReceivedRequest(Heard(letter.sender, letter.tick, letter.number, letter.body), question)
+        self._waiting[key] = _ReceivedRequest(
+            Heard(letter.sender, letter.tick, letter.number, letter.body), question
+        )
         question.reply(pack(Received(self._run, letter.tick)))
 
     def recall(self, tick: int) -> None:
@@ -125,7 +135,10 @@ class Mailbox:
         if self._names and letter.sender not in self._names:
             raise Refused("no such agent", letter.sender)
         if not self._is_timely(letter.tick) and letter.tick not in self._recalled:
-            raise Refused("past tick" if letter.tick < self.last else "future tick", f"a request of {letter.tick} at tick {self.last}")
+            raise Refused(
+                "past tick" if letter.tick < self.last else "future tick",
+                f"a request of {letter.tick} at tick {self.last}",
+            )
         return letter
 
     def replied(self, asked: SentRequest, payload: bytes) -> None:
@@ -133,7 +146,11 @@ class Mailbox:
         message: Received | Answered = read_message(payload, Received | Answered, self._run)  # type: ignore[arg-type]
         if isinstance(message, Received) and message.tick == asked.tick:
             asked.received = True
-        elif isinstance(message, Answered) and asked.received and self._answers_in_time(message.tick, asked.tick):
+        elif (
+            isinstance(message, Answered)
+            and asked.received
+            and self._answers_in_time(message.tick, asked.tick)
+        ):
             asked.answered, asked.answer = True, message.body
         else:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
@@ -149,17 +166,25 @@ class Mailbox:
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Rule 2: all gets of two ticks ago are final, all requests of the last tick are here. A host that has just joined recalls."""
-        return self._is_new(tick) or (self._has(tick, asked_of) and all(asked.final for asked in self._asked.get(tick - 2, ())))
+        return self._is_new(tick) or (
+            self._has(tick, asked_of)
+            and all(asked.final for asked in self._asked.get(tick - 2, ()))
+        )
 
     def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
         """Whether mail may be missing: the host has just joined, a request has not come, or a get ended unanswered."""
-        return self._is_new(tick) or not (self._has(tick, asked_of) and all(asked.answered for asked in self._asked.get(tick - 2, ())))
+        return self._is_new(tick) or not (
+            self._has(tick, asked_of)
+            and all(asked.answered for asked in self._asked.get(tick - 2, ()))
+        )
 
     def _is_new(self, tick: int) -> bool:
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        return all((to, sender, tick - 1, number) in self._waiting for to, sender, number in asked_of)
+        return all(
+            (to, sender, tick - 1, number) in self._waiting for to, sender, number in asked_of
+        )
 
     def deliver(self, tick: int) -> dict[str, Mail]:
         """Return name -> the requests of the last tick and the answers given in it (rule 3), of agents with mail."""
@@ -171,7 +196,9 @@ class Mailbox:
         for heard in mail.values():
             heard.requests = in_hearing_order(heard.requests)
         for asked in self._take_settled(tick):
-            mail.setdefault(asked.sender, Mail()).replies.append(Reply(asked.to, asked.number, asked.request, asked.answer))
+            mail.setdefault(asked.sender, Mail()).replies.append(
+                Reply(asked.to, asked.number, asked.request, asked.answer)
+            )
         self.last = tick
         return mail
 
@@ -194,7 +221,10 @@ class Mailbox:
                 waiting.body = body
         if not action.requests:
             return []
-        asked = [SentRequest(name, self.last, number, to, request) for number, (to, request) in enumerate(action.requests)]
+        asked = [
+            SentRequest(name, self.last, number, to, request)
+            for number, (to, request) in enumerate(action.requests)
+        ]
         self._asked.setdefault(self.last, []).extend(asked)
         return asked
 
@@ -228,8 +258,17 @@ class RealtimeMailbox(Mailbox):
         return True
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        known = [a for asked in self._asked.values() for a in asked if a.final or tick - a.tick > STALE_TICKS]
-        self._asked = {t: left for t, asked in self._asked.items() if (left := [a for a in asked if a not in known])}
+        known = [
+            a
+            for asked in self._asked.values()
+            for a in asked
+            if a.final or tick - a.tick > STALE_TICKS
+        ]
+        self._asked = {
+            t: left
+            for t, asked in self._asked.items()
+            if (left := [a for a in asked if a not in known])
+        }
         return known
 
 

@@ -27,19 +27,29 @@ def option(metavar: str, description: str, **words: str) -> Meta:
 class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The options of every process."""
 
-    secure: Annotated[str | None, option("DIR", "directory of the role; endpoints are tls/..., and rights depend on the role")] = None
+    secure: Annotated[
+        str | None,
+        option(
+            "DIR", "directory of the role; endpoints are tls/..., and rights depend on the role"
+        ),
+    ] = None
 
 
 class RouterOptions(ProcessOptions, frozen=True, kw_only=True):
     """Route messages between the processes of an orchard."""
 
-    listen: Annotated[str | None, option("ENDPOINT", "default: tcp/127.0.0.1:7447; with --secure tls/127.0.0.1:7447")] = None
+    listen: Annotated[
+        str | None,
+        option("ENDPOINT", "default: tcp/127.0.0.1:7447; with --secure tls/127.0.0.1:7447"),
+    ] = None
 
 
 class ClientOptions(ProcessOptions, frozen=True, kw_only=True):
     """The options of a process of one run that is no router."""
 
-    connect: Annotated[str, option("ENDPOINT", "endpoint of physics or a router, such as tcp/127.0.0.1:7447")]
+    connect: Annotated[
+        str, option("ENDPOINT", "endpoint of physics or a router, such as tcp/127.0.0.1:7447")
+    ]
     prefix: Annotated[str, option("PREFIX", "first part of every key")] = PREFIX
 
 
@@ -48,19 +58,34 @@ class HostOptions(ClientOptions, frozen=True, kw_only=True):
 
     only: Annotated[list[str], option("KIND|NAME", "host these (repeatable)")] = []
     without: Annotated[list[str], option("KIND|NAME", "host all but these (repeatable)")] = []
-    share: Annotated[str, option("I/N", "of these, host the I-th (from 0) and every N-th after it")] = "0/1"
-    patience: Annotated[Positive, option("SECONDS", "time that physics may be gone, above 0")] = GONE_SECONDS
+    share: Annotated[
+        str, option("I/N", "of these, host the I-th (from 0) and every N-th after it")
+    ] = "0/1"
+    patience: Annotated[Positive, option("SECONDS", "time that physics may be gone, above 0")] = (
+        GONE_SECONDS
+    )
     check_agents: Annotated[bool, option("", "check that own agents are repeatable")] = False
-    agents: Annotated[str, option("MODULE:FUNCTION", "factory: (layout, names) -> {name: agent}")] = FACTORY
-    replay: Annotated[str | None, option("FILE.mcap", "a bag whose velocities drive its robots")] = None
+    agents: Annotated[
+        str, option("MODULE:FUNCTION", "factory: (layout, names) -> {name: agent}")
+    ] = FACTORY
+    replay: Annotated[
+        str | None, option("FILE.mcap", "a bag whose velocities drive its robots")
+    ] = None
 
 
 class LoggerOptions(ClientOptions, frozen=True, kw_only=True):
     """Record a run for Rerun."""
 
-    record: Annotated[str | None, option("FILE.rrd", "write a recording, or a further part of one of the same run")] = None
-    serve: Annotated[int | None, option("PORT", "serve live viewers on this port of 127.0.0.1")] = None
-    session: Annotated[str, option("ID", "session id in the liveliness token: letters and digits")] = ""
+    record: Annotated[
+        str | None,
+        option("FILE.rrd", "write a recording, or a further part of one of the same run"),
+    ] = None
+    serve: Annotated[int | None, option("PORT", "serve live viewers on this port of 127.0.0.1")] = (
+        None
+    )
+    session: Annotated[
+        str, option("ID", "session id in the liveliness token: letters and digits")
+    ] = ""
 
 
 class CommandLine(argparse.ArgumentParser):
@@ -75,7 +100,9 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
     words = sys.argv[1:] if argv is None else argv
     if [*words] == [FROM_STDIN]:
         return msgspec.json.decode(sys.stdin.readline(), type=kind)
-    parser = CommandLine(prog=f"python -m {module}", description=kind.__doc__, argument_default=argparse.SUPPRESS)
+    parser = CommandLine(
+        prog=f"python -m {module}", description=kind.__doc__, argument_default=argparse.SUPPRESS
+    )
     required = {field.name for field in msgspec.structs.fields(kind) if field.required}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         if get_origin(hint) is Annotated:
@@ -94,7 +121,9 @@ def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
         try:
             return msgspec.convert(text, hint, strict=False)
         except msgspec.ValidationError:
-            raise argparse.ArgumentTypeError(f"{text}: expected {note.extra['metavar']}: {note.description}") from None
+            raise argparse.ArgumentTypeError(
+                f"{text}: expected {note.extra['metavar']}: {note.description}"
+            ) from None
 
     if "nargs" in note.extra:
         parser.add_argument(name, help=note.description, **note.extra)

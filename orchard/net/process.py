@@ -20,7 +20,11 @@ LONG_SECONDS = 3.0  # after which an agent is too slow
 
 
 def run_process(
-    name: str, kind: type[Options], argv: Sequence[str] | None, body: Callable[[Inbox, Options], int], *mistakes: type[Exception]
+    name: str,
+    kind: type[Options],
+    argv: Sequence[str] | None,
+    body: Callable[[Inbox, Options], int],
+    *mistakes: type[Exception],
 ) -> int:
     """Run the body of a process, and return its exit code: 2 for `mistakes`, which a user can correct and which are logged.
 
@@ -49,7 +53,9 @@ def run_process(
 
 def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
     """Log each agent that spends `seconds` on one tick, once. The agents tick in the calling thread."""
-    threading.Thread(target=_watch, args=(host, threading.get_ident(), seconds), daemon=True).start()
+    threading.Thread(
+        target=_watch, args=(host, threading.get_ident(), seconds), daemon=True
+    ).start()
 
 
 def _watch(host: Host, thread: int, seconds: float) -> None:
@@ -59,10 +65,20 @@ def _watch(host: Host, thread: int, seconds: float) -> None:
         now = name, tick = host.thinking, host.latest.tick
         if name and now == before and name not in logged:
             logged.add(name)
-            log.error("%s still thinks about tick %d%s; %s", name, tick, place_in_agent(sys._current_frames()[thread]), _effect(host))
+            log.error(
+                "%s still thinks about tick %d%s; %s",
+                name,
+                tick,
+                place_in_agent(sys._current_frames()[thread]),
+                _effect(host),
+            )
         before = now
 
 
 def _effect(host: Host) -> str:
     others = ", ".join(name for name in host.runners if name != host.thinking)
-    return f"until it answers, these agents of its process stand: {others}" if others else "its robot stands until it answers"
+    return (
+        f"until it answers, these agents of its process stand: {others}"
+        if others
+        else "its robot stands until it answers"
+    )

@@ -100,12 +100,19 @@ class RefusalTotals(Refusals):
         try:
             known = msgspec.convert(before or {}, KnownRefusals)
         except ValueError as error:
-            raise SnapshotError(f"the counts of refused messages in the snapshot are malformed: {error}") from error
+            raise SnapshotError(
+                f"the counts of refused messages in the snapshot are malformed: {error}"
+            ) from error
         self.counts.update(known.counts)
-        self.there: dict[str, Mapping[Reason, int]] = dict(known.there)  # session -> its counts so far
+        self.there: dict[str, Mapping[Reason, int]] = dict(
+            known.there
+        )  # session -> its counts so far
 
     def as_data(self) -> dict[str, Any]:
-        return {"counts": dict(self.counts), "there": {session: dict(counts) for session, counts in self.there.items()}}
+        return {
+            "counts": dict(self.counts),
+            "there": {session: dict(counts) for session, counts in self.there.items()},
+        }
 
     def hear(self, session: str, counts: Mapping[Reason, int]) -> None:
         """Replace the counts of a session. Raises Refused if there are too many sessions."""

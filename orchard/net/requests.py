@@ -13,8 +13,12 @@ from orchard.wire.messages import RefusedThere, RunInfo, read
 
 M = TypeVar("M")
 
-ANSWER_SECONDS = 120.0  # how long physics may take to reply to a session that joins: it may be compiling
-FETCH_SECONDS = 3.0  # after which the question for the run is repeated: it may be lost during a reset
+ANSWER_SECONDS = (
+    120.0  # how long physics may take to reply to a session that joins: it may be compiling
+)
+FETCH_SECONDS = (
+    3.0  # after which the question for the run is repeated: it may be lost during a reset
+)
 LOOK_SECONDS = 1.0  # between two checks whether physics is gone, while nothing arrives
 AGAIN_SECONDS = 0.1  # between two tries, while no reply comes
 TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
@@ -23,7 +27,9 @@ TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
 def publish_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None:
     """Publish the session's counts of refused messages if they have changed. Physics adds them up."""
     if refusals.is_news():
-        bus.publish(keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts))))
+        bus.publish(
+            keys.of("refused", session=bus.id), pack(RefusedThere(run, dict(refusals.counts)))
+        )
 
 
 def ask(
@@ -55,14 +61,19 @@ def ask(
                     errors.append(printable(reply.error))
             except (Refused, ValueError) as error:
                 if refusals is not None:
-                    refusals.note(key, error if isinstance(error, Refused) else Refused("malformed", str(error)))
+                    refusals.note(
+                        key,
+                        error if isinstance(error, Refused) else Refused("malformed", str(error)),
+                    )
         if errors:
             raise BusError(f"{key}: {errors[0]}")
         bus.sleep(AGAIN_SECONDS)
     raise BusError(f"{key}: no reply; is the physics process running, with the same prefix?")
 
 
-def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwhile: Callable[[], None]) -> Iterator[Replied]:
+def _replies_to(
+    bus: Bus, ticket: object, handle: Callable[[Item], None], meanwhile: Callable[[], None]
+) -> Iterator[Replied]:
     while True:
         meanwhile()
         item = bus.inbox.take(LOOK_SECONDS)
@@ -74,6 +85,16 @@ def _replies_to(bus: Bus, ticket: object, handle: Callable[[Item], None], meanwh
             handle(item)
 
 
-def fetch_run(bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None, tries: int = TRIES) -> RunInfo:
+def fetch_run(
+    bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None, tries: int = TRIES
+) -> RunInfo:
     """Return the run that physics simulates at this router. Raises BusError if there is none."""
-    return ask(bus, keys.of("scenario"), b"", lambda reply: read(reply, RunInfo), FETCH_SECONDS, handle, tries=tries)
+    return ask(
+        bus,
+        keys.of("scenario"),
+        b"",
+        lambda reply: read(reply, RunInfo),
+        FETCH_SECONDS,
+        handle,
+        tries=tries,
+    )

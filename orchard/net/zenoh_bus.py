@@ -15,7 +15,15 @@ import zenoh
 from zenoh.handlers import Callback
 
 from orchard.net.bus import GET_SECONDS, Alive, Bus, Final, Inbox, Item, Query, Replied, Sample
-from orchard.net.endpoints import IN_USE, LOOPBACK, NO_ENDPOINT, BusError, check_security, is_public, with_port
+from orchard.net.endpoints import (
+    IN_USE,
+    LOOPBACK,
+    NO_ENDPOINT,
+    BusError,
+    check_security,
+    is_public,
+    with_port,
+)
 from orchard.security.identity import Identity, why_no_trust
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
 
@@ -46,7 +54,9 @@ def _errors_ignored(what: str) -> Iterator[None]:
 
 class ZenohQuery(Query):
     def __init__(self, query: zenoh.Query) -> None:
-        self.key = str(query.key_expr)  # the client's, which may have wildcards, not the queryable's
+        self.key = str(
+            query.key_expr
+        )  # the client's, which may have wildcards, not the queryable's
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
         self._query = query
 
@@ -75,7 +85,9 @@ class ZenohBus(Bus):
         self._session = session
         self.executor = ThreadPoolExecutor(max_workers=1)
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._listeners: dict[str, zenoh.Publisher] = {}  # publishers that only check for subscribers
+        self._listeners: dict[
+            str, zenoh.Publisher
+        ] = {}  # publishers that only check for subscribers
         self._kept: list[Any] = []  # declarations, which end when they are no longer referenced
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
@@ -90,7 +102,9 @@ class ZenohBus(Bus):
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
         if key not in self._publishers:
             control = zenoh.CongestionControl.DROP if newest_wins else zenoh.CongestionControl.BLOCK
-            self._publishers[key] = self._session.declare_publisher(key, congestion_control=control, allowed_destination=_OTHERS)
+            self._publishers[key] = self._session.declare_publisher(
+                key, congestion_control=control, allowed_destination=_OTHERS
+            )
         with _errors_ignored(key):
             self._publishers[key].put(payload)
 
@@ -101,12 +115,16 @@ class ZenohBus(Bus):
 
     def is_heard(self, keys: str) -> bool:
         if keys not in self._listeners:
-            self._listeners[keys] = self._session.declare_publisher(keys, allowed_destination=_OTHERS)
+            self._listeners[keys] = self._session.declare_publisher(
+                keys, allowed_destination=_OTHERS
+            )
         return bool(self._listeners[keys].matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub is wrong
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         put = self.inbox.put
-        handler: Callback[zenoh.Reply] = Callback(lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False)
+        handler: Callback[zenoh.Reply] = Callback(
+            lambda reply: put(_replied(ticket, reply)), lambda: put(Final(ticket)), indirect=False
+        )
         try:
             self._session.get(key, handler, payload=payload, timeout=seconds, **_ASKING)
         except zenoh.ZError as error:
@@ -122,7 +140,9 @@ class ZenohBus(Bus):
         self._kept.append(self._session.declare_queryable(key, self._into(ZenohQuery)))
 
     def watch(self, tokens: str) -> None:
-        self._kept.append(self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True))
+        self._kept.append(
+            self._session.liveliness().declare_subscriber(tokens, self._into(_alive), history=True)
+        )
 
     def declare_alive(self, token: str) -> None:
         self._tokens[token] = self._session.liveliness().declare_token(token)
@@ -147,7 +167,11 @@ def _alive(sample: zenoh.Sample) -> Alive:
 def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
     if reply.ok is not None:
         return Replied(ticket, reply.ok.payload.to_bytes(), "")
-    return Replied(ticket, b"", reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reply")
+    return Replied(
+        ticket,
+        b"",
+        reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reply",
+    )
 
 
 # -- sessions
@@ -155,7 +179,9 @@ def _replied(ticket: Any, reply: zenoh.Reply) -> Replied:
 OpenBus = AbstractContextManager[Bus]
 
 
-def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None) -> OpenBus:
+def router(
+    endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None
+) -> OpenBus:
     """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those of its rules.
 
     For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot listen.
@@ -166,13 +192,20 @@ def router(endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Ident
     return _opened("router", endpoint, inbox, 0.0, identity)
 
 
-def client(endpoint: str, inbox: Inbox | None = None, seconds: float = CONNECT_SECONDS, identity: Identity | None = None) -> OpenBus:
+def client(
+    endpoint: str,
+    inbox: Inbox | None = None,
+    seconds: float = CONNECT_SECONDS,
+    identity: Identity | None = None,
+) -> OpenBus:
     """Open a client session, and close it at the end. Raises BusError without a router in `seconds`."""
     return _opened("client", endpoint, inbox, seconds, identity)
 
 
 @contextmanager
-def _opened(mode: str, endpoint: str, inbox: Inbox | None, seconds: float, identity: Identity | None) -> Iterator[Bus]:
+def _opened(
+    mode: str, endpoint: str, inbox: Inbox | None, seconds: float, identity: Identity | None
+) -> Iterator[Bus]:
     check_security(endpoint, identity is not None)
     try:
         session = zenoh.open(_config(mode, endpoint, seconds, identity))
@@ -187,7 +220,9 @@ def _opened(mode: str, endpoint: str, inbox: Inbox | None, seconds: float, ident
             log.warning("the session with %s did not close: %s", endpoint, error)
 
 
-def _explain(mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str) -> str:
+def _explain(
+    mode: str, endpoint: str, seconds: float, identity: Identity | None, error: str
+) -> str:
     if "must be of the form" in error:
         return f"{endpoint}: {NO_ENDPOINT}"
     if mode == "router":
@@ -205,14 +240,30 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
         "transport/link/tx/lease": LEASE_MS,
     }
     if mode == "router":
-        settings |= {"listen/endpoints": [endpoint], "listen/timeout_ms": int(LISTEN_SECONDS * 1000), "listen/exit_on_failure": True}
-        settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = FULL_QUEUE_US
+        settings |= {
+            "listen/endpoints": [endpoint],
+            "listen/timeout_ms": int(LISTEN_SECONDS * 1000),
+            "listen/exit_on_failure": True,
+        }
+        settings["transport/link/tx/queue/congestion_control/block/wait_before_close"] = (
+            FULL_QUEUE_US
+        )
         settings["transport/unicast/accept_pending"] = MOST_SILENT
     else:
-        settings |= {"connect/endpoints": [endpoint], "connect/timeout_ms": int(seconds * 1000), "connect/exit_on_failure": True}
-        settings["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
+        settings |= {
+            "connect/endpoints": [endpoint],
+            "connect/timeout_ms": int(seconds * 1000),
+            "connect/exit_on_failure": True,
+        }
+        settings["connect/retry"] = {
+            "period_init_ms": 100,
+            "period_max_ms": 500,
+            "period_increase_factor": 1.5,
+        }
     if identity is not None:
-        settings |= _tls_settings(identity) | ({"access_control": identity.rules()} if mode == "router" else {})
+        settings |= _tls_settings(identity) | (
+            {"access_control": identity.rules()} if mode == "router" else {}
+        )
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -220,8 +271,17 @@ def _config(mode: str, endpoint: str, seconds: float, identity: Identity | None)
 
 
 def _tls_settings(identity: Identity) -> dict[str, Any]:
-    tls: dict[str, Any] = {"root_ca_certificate": str(identity.folder / AUTHORITY), "enable_mtls": True, "verify_name_on_connect": True}
+    tls: dict[str, Any] = {
+        "root_ca_certificate": str(identity.folder / AUTHORITY),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+    }
     for side in ("listen", "connect"):
-        tls |= {f"{side}_certificate": str(identity.folder / CERTIFICATE), f"{side}_private_key": str(identity.folder / KEY)}
+        tls |= {
+            f"{side}_certificate": str(identity.folder / CERTIFICATE),
+            f"{side}_private_key": str(identity.folder / KEY),
+        }
     tls["close_link_on_expiration"] = True
-    return {"id": identity.role.session} | {f"transport/link/tls/{key}": value for key, value in tls.items()}
+    return {"id": identity.role.session} | {
+        f"transport/link/tls/{key}": value for key, value in tls.items()
+    }

@@ -60,15 +60,23 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     schedule = Schedule(jobs, layout.scenario.carrier_count)
     least = schedule.least
     if not free_roads:
-        least = round(optimum(layout, FIRST * work, free_roads=True).proven_seconds / TIME_STEP)  # sooner proven, and true of both
+        least = round(
+            optimum(layout, FIRST * work, free_roads=True).proven_seconds / TIME_STEP
+        )  # sooner proven, and true of both
         schedule.share_roads()
         schedule.model.add(schedule.end >= least)
     solvers = [_solved(schedule.model, FIRST * work)]
-    if not solvers[0].response_proto.solution or solvers[0].best_objective_bound < solvers[0].objective_value:
+    if (
+        not solvers[0].response_proto.solution
+        or solvers[0].best_objective_bound < solvers[0].objective_value
+    ):
         schedule.hint(solvers[0])
         solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
     proven = max(least, *(one.best_objective_bound for one in solvers))
-    best = min((one.objective_value for one in solvers if one.response_proto.solution), default=schedule.horizon)  # one job after the other
+    best = min(
+        (one.objective_value for one in solvers if one.response_proto.solution),
+        default=schedule.horizon,
+    )  # one job after the other
     return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs))
 
 
@@ -86,7 +94,10 @@ def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
     solver = CpSolver()
     for name, value in (SEARCH | search).items():
         setattr(solver.parameters, name, value)
-    solver.parameters.max_deterministic_time, solver.parameters.max_time_in_seconds = work, PATIENCE * work
+    solver.parameters.max_deterministic_time, solver.parameters.max_time_in_seconds = (
+        work,
+        PATIENCE * work,
+    )
     solver.solve(model)
     return solver
 
@@ -97,7 +108,9 @@ class Schedule:
     def __init__(self, jobs: Sequence[TimedJob], carriers: int) -> None:
         self.jobs, self.carriers, self.model = jobs, carriers, CpModel()
         self.times = list[IntVar]()
-        self.horizon = sum(job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs)
+        self.horizon = sum(
+            job.ready + job.approach + job.to_bay + job.to_head + job.going_on for job in jobs
+        )
         self.stops = [self._time(earliest) for earliest in self._earliest()]
         self.bays = [self._time() for _ in jobs]
         self.end = self._time(self.least)
@@ -120,7 +133,11 @@ class Schedule:
 
     def _before(self, number: int) -> int | None:
         """The job of the same picker before a job."""
-        return number - 1 if number and self.jobs[number - 1].picker == self.jobs[number].picker else None
+        return (
+            number - 1
+            if number and self.jobs[number - 1].picker == self.jobs[number].picker
+            else None
+        )
 
     def _went_on(self, number: int) -> LinearExprT:
         """When the picker of a job went on before."""
@@ -140,32 +157,50 @@ class Schedule:
     def least(self) -> int:
         """What needs no search: the end of the last job if each is done as early as can be, and of all if no carrier ever waits. No carrier
         begins before its first job can, nor works on when the harvest is over, but for its place in the queue."""
-        last = max(stop + job.to_bay + job.to_rest for stop, job in zip(self._earliest(), self.jobs, strict=True))
+        last = max(
+            stop + job.to_bay + job.to_rest
+            for stop, job in zip(self._earliest(), self.jobs, strict=True)
+        )
         if len(self.jobs) < self.carriers:
             return last
-        first = sorted(stop - job.approach for stop, job in zip(self._earliest(), self.jobs, strict=True))[: self.carriers]
+        first = sorted(
+            stop - job.approach for stop, job in zip(self._earliest(), self.jobs, strict=True)
+        )[: self.carriers]
         busy = sum(first) + sum(job.approach + job.to_bay + job.to_head for job in self.jobs)
-        return max(last, -(-busy // self.carriers) - max(job.to_head - job.to_rest for job in self.jobs))
+        return max(
+            last, -(-busy // self.carriers) - max(job.to_head - job.to_rest for job in self.jobs)
+        )
 
     def _share_carriers(self) -> None:
         """Let no more jobs be done at a time than there are carriers."""
         rounds = [job.approach + job.to_bay + job.to_head for job in self.jobs]
         begun = [stop - job.approach for stop, job in zip(self.stops, self.jobs, strict=True)]
-        intervals = [self.model.new_fixed_size_interval_var(*one, "") for one in zip(begun, rounds, strict=True)]
+        intervals = [
+            self.model.new_fixed_size_interval_var(*one, "")
+            for one in zip(begun, rounds, strict=True)
+        ]
         self.model.add_cumulative(intervals, [1] * len(intervals), self.carriers)
 
     def share_roads(self) -> None:
         """Let each place of the roads, and the bay, belong to one robot at a time."""
         occupied: dict[str, list[IntervalVar]] = {}
         for number, job in enumerate(self.jobs):
-            for uses, begins in ((job.crossings, self._went_on(number) + job.ready), (job.way, job.approach)):
+            for uses, begins in (
+                (job.crossings, self._went_on(number) + job.ready),
+                (job.way, job.approach),
+            ):
                 times = [self._time() for _ in uses]
                 for at, use in zip(times, uses, strict=True):
                     self._place_in_order(number, at, use, begins)
-                    occupied.setdefault(use.place, []).append(self.model.new_fixed_size_interval_var(at, use.ticks, ""))
+                    occupied.setdefault(use.place, []).append(
+                        self.model.new_fixed_size_interval_var(at, use.ticks, "")
+                    )
                 for at, use, later, other in zip(times, uses, times[1:], uses[1:], strict=False):
                     self.model.add(later >= at + ticks(other.at - use.at))
-        occupied["bay"] = [self.model.new_fixed_size_interval_var(bay, Unload.ticks + HEADWAY, "") for bay in self.bays]
+        occupied["bay"] = [
+            self.model.new_fixed_size_interval_var(bay, Unload.ticks + HEADWAY, "")
+            for bay in self.bays
+        ]
         for place in occupied.values():
             self.model.add_no_overlap(place)
 

@@ -29,7 +29,10 @@ from orchard.wire.messages import Bundle, End, Events, Letters, Lost, Picture
 MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
 MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
 ENOUGH = 100  # bundles, of ten ticks or fewer, for which the logger does not wait longer
-LOOK_SECONDS, LIVE_SECONDS = 0.5, 0.05  # between two looks at what has come quietly; for a file, and while viewers are served
+LOOK_SECONDS, LIVE_SECONDS = (
+    0.5,
+    0.05,
+)  # between two looks at what has come quietly; for a file, and while viewers are served
 
 log = logging.getLogger("orchard")
 
@@ -70,7 +73,9 @@ class FrameQueue:
             return self._waiting.popleft() if self._waiting else None
 
 
-def open_recording(layout: Layout, run: str, file: Path | None, port: int | None) -> tuple[Recorder, int | None]:
+def open_recording(
+    layout: Layout, run: str, file: Path | None, port: int | None
+) -> tuple[Recorder, int | None]:
     """Begin a recording, or a further part of one. Return also the last tick of the earlier parts; None without."""
     last: int | None = None
     said: Mapping[str, Mapping[str, Colour]] = {}
@@ -93,7 +98,13 @@ def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | No
                 recording.gap(last, first, "the logger was away")
             for event in (late := [event for event in frame.events if event.tick < frame.tick - 1]):
                 recording.tell(event)
-            recording.tick(replace(frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]) if late else frame)
+            recording.tick(
+                replace(
+                    frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]
+                )
+                if late
+                else frame
+            )
             last = frame.tick
     finally:
         file = recording.close()
@@ -106,12 +117,29 @@ def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | No
 class Logger:
     """Receives one run's frames, events and messages, and passes them to the writer."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, queue: FrameQueue, look: float = LOOK_SECONDS) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        run: str,
+        layout: Layout,
+        queue: FrameQueue,
+        look: float = LOOK_SECONDS,
+    ) -> None:
         """`look`: s between two looks at the bundles that have come."""
-        self._look, self.bus, self.keys, self.run_id, self.layout, self.queue = look, bus, keys, run, layout, queue
+        self._look, self.bus, self.keys, self.run_id, self.layout, self.queue = (
+            look,
+            bus,
+            keys,
+            run,
+            layout,
+            queue,
+        )
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
-        self._gone_until = bus.clock() + GONE_SECONDS  # s, on the bus's clock, when physics counts as ended; inf while it is alive
+        self._gone_until = (
+            bus.clock() + GONE_SECONDS
+        )  # s, on the bus's clock, when physics counts as ended; inf while it is alive
         self._ending = Ending(bus.clock)
         self._tick: int | None = None  # of the newest frame that was passed on
 
@@ -134,7 +162,10 @@ class Logger:
             self.queue.close()
         part = writing.result()
         if self.queue.left_out:
-            log.warning("%d frames came faster than they could be recorded, and are left out", self.queue.left_out)
+            log.warning(
+                "%d frames came faster than they could be recorded, and are left out",
+                self.queue.left_out,
+            )
         return code, part
 
     def _handle(self, item: Item) -> None:
@@ -157,7 +188,10 @@ class Logger:
                 self._unpack(read_message(sample.payload, Bundle, self.run_id))
             case ["lost"]:
                 lost = read_message(sample.payload, Lost, self.run_id)
-                self._note(Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands") for name in lost.names)
+                self._note(
+                    Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands")
+                    for name in lost.names
+                )
             case ["end"]:
                 self._ending.hear(read_message(sample.payload, End, self.run_id))
             case _:
@@ -166,7 +200,9 @@ class Logger:
     def _unpack(self, bundle: Bundle) -> None:
         """Take each picture after the events and letters of its step, which are of the tick before."""
         told = [*bundle.events, *bundle.letters, *bundle.pictures]
-        for message in sorted(told, key=lambda message: message.tick - isinstance(message, Picture)):
+        for message in sorted(
+            told, key=lambda message: message.tick - isinstance(message, Picture)
+        ):
             match message:
                 case Picture():
                     with refused_for("malformed"):
@@ -188,12 +224,18 @@ class Logger:
             self.queue.put(frame)
 
 
-def record(bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str) -> tuple[int, Path | None]:
+def record(
+    bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str
+) -> tuple[int, Path | None]:
     """Record a run into a file, and serve viewers on a port. Return as `Logger.run` does."""
     run = fetch_run(bus, keys, end_if_asked)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    logger = Logger(bus, keys, run.run, layout, FrameQueue(), LOOK_SECONDS if port is None else LIVE_SECONDS)
+    logger = Logger(
+        bus, keys, run.run, layout, FrameQueue(), LOOK_SECONDS if port is None else LIVE_SECONDS
+    )
     logger.listen()  # so what comes while earlier parts are read is not lost
     recorder, last = open_recording(layout, run.run, file, port)
-    bus.declare_alive(keys.of("alive", LOGGER, session or bus.id))  # the first tick waits for it, and a whole frame comes
+    bus.declare_alive(
+        keys.of("alive", LOGGER, session or bus.id)
+    )  # the first tick waits for it, and a whole frame comes
     return logger.run(bus.executor.submit(write, logger.queue, recorder, last))

@@ -26,7 +26,9 @@ from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario, with_changes
 
-TRAIN = 3.3 + 0.8  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
+TRAIN = (
+    3.3 + 0.8
+)  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means, or a multiple: after two, each row is left at the same ends again
 FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
 PROOF = 0.1  # of the solver's work: at most about half a second
@@ -37,15 +39,21 @@ class Bounds:
 
     def __init__(self, layout: Layout) -> None:
         scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
-        of_each = [_of_a_bin(route, early, block) for block in layout.blocks.values()]  # the means: as if each delivered as many bins
+        of_each = [
+            _of_a_bin(route, early, block) for block in layout.blocks.values()
+        ]  # the means: as if each delivered as many bins
         picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
         self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
         self.row_end_seconds = row_end  # of t_x, what a bin costs because it fills inside a row: exchanged there it would cost nothing
-        self.wait_seconds = wait  # w, from the full bin to an empty one, if a carrier is free at once
+        self.wait_seconds = (
+            wait  # w, from the full bin to an empty one, if a carrier is free at once
+        )
         self.bin_seconds = picking + crossing + wait  # of a picker's time
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
-        self.bay_seconds = Unload.ticks * TIME_STEP + TRAIN  # t_bay, for which one carrier occupies the bay
+        self.bay_seconds = (
+            Unload.ticks * TIME_STEP + TRAIN
+        )  # t_bay, for which one carrier occupies the bay
         self.terms = {
             "pickers": sum(1.0 / sum(seconds[:3]) for seconds in of_each),  # each at its own rate
             "carriers": scenario.carrier_count / (cycle + charging),
@@ -78,32 +86,61 @@ def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
     while not passes[-1].is_full:
         passes.pop()
     bins = sum(one.is_full for one in passes)
-    each = [_seconds(route, early, one, after) for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)]
+    each = [
+        _seconds(route, early, one, after)
+        for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)
+    ]
     return [sum(seconds) / bins for seconds in zip(*each, strict=True)]
 
 
-def _seconds(route: OneWay, early: bool, one: Pass, after: Pass) -> tuple[float, float, float, float, float, float]:
+def _seconds(
+    route: OneWay, early: bool, one: Pass, after: Pass
+) -> tuple[float, float, float, float, float, float]:
     """The same times of one pass through a row."""
     layout, side, lane = route.layout, route.sides[one.end], route.layout.lane(one.row)
-    start = Pose(lane.west if side is route.east else lane.east, lane.y, HEADINGS[side.heading("EAST")])
+    start = Pose(
+        lane.west if side is route.east else lane.east, lane.y, HEADINGS[side.heading("EAST")]
+    )
     way = [*timed_steps(route.pick(one, came_over=False) + route.go_on(one, after), start)]
     driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
     all_of_it = way[-1].ends - driving
     row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it - _handling(way)
     if not one.leaves_bin:
         return picking, all_of_it, 0.0, 0.0, row_end, 0.0
-    job, approach = [*timed_steps(route.fetch(1, one.row, side, "", ""), route.queue.place(0))], way_to(route, one.row, side)[1]
+    job, approach = (
+        [*timed_steps(route.fetch(1, one.row, side, "", ""), route.queue.place(0))],
+        way_to(route, one.row, side)[1],
+    )
     leaving = next(moment.ends for moment in way if isinstance(moment.step, LeaveBin)) - driving
     coming_out = begin_of(FetchEmpty, way) - driving - leaving
     # an early carrier leaves when the picker drives into the row, or later, and holds before the lane's place until the picker has come out
-    entering = abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x) / CRUISE
-    coming, stop = approach - (entering + picking + leaving if early else 0.0), begin_of(Deliver, job)
-    hold = next((at for moment in job for place, at in moment.needs if place == side.place("D", one.row)), stop)
+    entering = (
+        abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x) / CRUISE
+    )
+    coming, stop = (
+        approach - (entering + picking + leaving if early else 0.0),
+        begin_of(Deliver, job),
+    )
+    hold = next(
+        (at for moment in job for place, at in moment.needs if place == side.place("D", one.row)),
+        stop,
+    )
     wait = max(coming, coming_out + stop - hold) + HANDOVER
-    driven = sum(moment.ends - moment.begins for moment in job if isinstance(moment.step, DriveTo) and not moment.step.queueing)
-    battery, repairs = layout.scenario.carrying.battery, layout.scenario.carrying.failure.share * driven
+    driven = sum(
+        moment.ends - moment.begins
+        for moment in job
+        if isinstance(moment.step, DriveTo) and not moment.step.queueing
+    )
+    battery, repairs = (
+        layout.scenario.carrying.battery,
+        layout.scenario.carrying.failure.share * driven,
+    )
     cycle, stands = job[-1].ends + repairs, _handling(job) + repairs
-    charging = battery.hours_to_charge * (cycle - stands + battery.standing * stands) / (battery.hours or inf)
+    charging = (
+        battery.hours_to_charge
+        * (cycle - stands + battery.standing * stands)
+        / (battery.hours or inf)
+    )
     return picking, all_of_it - coming_out, wait, cycle, row_end, charging
 
 
@@ -114,7 +151,12 @@ def _handling(plan: Sequence[TimedStep]) -> float:
 
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
     """Return a scenario without people, animals, tractor and errors of sensors, and with other changes."""
-    nothing = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "tractor": False, "sensors": {}}
+    nothing = {
+        "people": {"workers": 0, "visitors": 0},
+        "animals": {"dogs": 0, "cats": 0},
+        "tractor": False,
+        "sensors": {},
+    }
     return Scenario(**scenario.model_dump() | nothing | changes)
 
 
@@ -123,24 +165,32 @@ def schedule_seconds(layout: Layout) -> float:
     scenario, route = layout.scenario, route_of(layout)
     dispatch = scenario.dispatch if scenario.dispatch in POLICIES else NEAREST
     way = route.QUEUE if route.Steps else scenario.route
-    ideal = lay_out(undisturbed(scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=way))
+    ideal = lay_out(
+        undisturbed(scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=way)
+    )
     stood = {"picker": 0.0, "carrier": 0.0}
     for robot in DiscreteHarvest(ideal, free_roads=True).run().robots.values():
         stood[kind_of(robot.name)] = max(stood[kind_of(robot.name)], robot.stood * TIME_STEP)
-    others = min(ideal.scenario.carrier_count, ideal.queue.places) - 1  # before the last carrier, which stops behind them in its line
+    others = (
+        min(ideal.scenario.carrier_count, ideal.queue.places) - 1
+    )  # before the last carrier, which stops behind them in its line
     return max(stood["picker"], stood["carrier"] - others * PITCH)
 
 
 def proven_seconds(layout: Layout) -> float | None:
     """Return what is proven of the shortest time of the harvest without traffic, s; None if the extra `optimum` is missing, and for agents,
     steps and some routes of the user's own."""
-    return _proven(lay_out(undisturbed(layout.scenario, dispatch=NEAREST)))  # the same for each policy
+    return _proven(
+        lay_out(undisturbed(layout.scenario, dispatch=NEAREST))
+    )  # the same for each policy
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _proven(layout: Layout) -> float | None:
     try:
-        from orchard.optimum.schedule import optimum  # not at the top: it is an extra, and takes half a second to load
+        from orchard.optimum.schedule import (
+            optimum,
+        )  # not at the top: it is an extra, and takes half a second to load
     except ModuleNotFoundError:
         return None
     try:
@@ -157,15 +207,32 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     a proof `schedule` is the first two.
     """
     scenario = layout.scenario
-    if scenario.agents or scenario.agents_without_body or scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
+    if (
+        scenario.agents
+        or scenario.agents_without_body
+        or scenario.dispatch not in POLICIES
+        or scenario.route not in ROUTES
+    ):
         return {}
     alone, proven = undisturbed(scenario), proven_seconds(layout)
     endless = with_changes(alone, **{"carrying.battery.hours": None})
     # on free roads a carrier may stop before its picker is out of its way, and be faster than is proven
     schedule = max(schedule_seconds(lay_out(endless)), proven or 0.0)
-    own = seconds if alone == scenario else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
-    uncharged = own if endless == alone else min(own, DiscreteHarvest(lay_out(endless)).run().seconds)
-    parts = {"schedule": schedule} if proven is None else {"optimum": proven, "dispatch": schedule - proven}
-    parts |= {"traffic": uncharged - schedule} | ({} if endless == alone else {"charging": own - uncharged})
+    own = (
+        seconds
+        if alone == scenario
+        else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
+    )
+    uncharged = (
+        own if endless == alone else min(own, DiscreteHarvest(lay_out(endless)).run().seconds)
+    )
+    parts = (
+        {"schedule": schedule}
+        if proven is None
+        else {"optimum": proven, "dispatch": schedule - proven}
+    )
+    parts |= {"traffic": uncharged - schedule} | (
+        {} if endless == alone else {"charging": own - uncharged}
+    )
     parts |= {"people_and_animals": seconds - own}
     return {name: round(part, 1) for name, part in parts.items()}

@@ -24,20 +24,30 @@ JAM_METRES = 300.0  # a carrier drives one step home past all rows, at 1 m/s or 
 class HarvestFigures:
     """The figures of a run, updated at each tick. All of it is plain data."""
 
-    waits: list[float] = field(default_factory=list)  # s from a picker's full bin to its next empty one
-    waiting_since: dict[str, int] = field(default_factory=dict)  # picker -> tick at which its bin was full
+    waits: list[float] = field(
+        default_factory=list
+    )  # s from a picker's full bin to its next empty one
+    waiting_since: dict[str, int] = field(
+        default_factory=dict
+    )  # picker -> tick at which its bin was full
     carrier_ticks: int = 0  # of all carriers
     busy_ticks: int = 0  # of these, outside the queue
     charging_ticks: int = 0  # of all carriers
     flat_ticks: int = 0
     weeds_flattened: int = 0
-    broken: dict[str, int] = field(default_factory=dict)  # agent -> tick at which it first was broken
+    broken: dict[str, int] = field(
+        default_factory=dict
+    )  # agent -> tick at which it first was broken
     orders_refused: int = 0  # decisions of the dispatch policy that could not be
-    steps: dict[str, int] = field(default_factory=dict)  # picker or carrier -> steps of its plan that it has finished
+    steps: dict[str, int] = field(
+        default_factory=dict
+    )  # picker or carrier -> steps of its plan that it has finished
     progress: float = 0.0  # metres picked and steps of work done
     progress_tick: int = 0  # tick at which it last grew, or a robot was stopped
 
-    def update(self, world: World, events: list[Event], answers: Mapping[str, Action | None]) -> None:
+    def update(
+        self, world: World, events: list[Event], answers: Mapping[str, Action | None]
+    ) -> None:
         """Account for the tick that has just ended. `answers`: of the agents that were asked."""
         for event in events:
             self._count(event)
@@ -49,7 +59,9 @@ class HarvestFigures:
                 self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.carrier_ticks += len(world.fixed.carriers)
-        self.busy_ticks += sum(not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist())
+        self.busy_ticks += sum(
+            not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist()
+        )
         charging = 0
         if world.layout.first_charging:
             charging = int(np.count_nonzero(world.plugged))
@@ -70,7 +82,9 @@ class HarvestFigures:
     def jammed(self, world: World) -> bool:
         """Whether no robot has picked a metre or finished a step for ten minutes, longer beyond 300 m, in which none was stopped."""
         metres = world.layout.top - world.layout.bottom
-        return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS * max(1.0, metres / JAM_METRES)
+        return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS * max(
+            1.0, metres / JAM_METRES
+        )
 
 
 def orders_refused(answers: Mapping[str, Action | None]) -> int:
@@ -82,13 +96,22 @@ def orders_refused(answers: Mapping[str, Action | None]) -> int:
 def who_waits(actions: Mapping[str, Action]) -> list[str]:
     """Return a line for each robot that waits, or has failed: what it does, and what it waits for."""
     robots = [(name, action) for name, action in sorted(actions.items()) if kind_of(name) in ROBOTS]
-    waits = {name: f" waits for {action.waits_for}" if action.waits_for else "" for name, action in robots}
-    return [f"{name} ({action.doing}){waits[name]}" for name, action in robots if waits[name] or action.state == "failed"]
+    waits = {
+        name: f" waits for {action.waits_for}" if action.waits_for else ""
+        for name, action in robots
+    }
+    return [
+        f"{name} ({action.doing}){waits[name]}"
+        for name, action in robots
+        if waits[name] or action.state == "failed"
+    ]
 
 
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
     """Return the number of collisions that bodies of these kinds began: as many as there are events."""
-    return sum(int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds)
+    return sum(
+        int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds
+    )
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
@@ -124,12 +147,16 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "row_end_seconds": bounds.row_end_seconds,
         "row_end_share": bounds.row_end_share,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
-        "carrier_utilisation": figures.busy_ticks / figures.carrier_ticks if figures.carrier_ticks else 0.0,
+        "carrier_utilisation": figures.busy_ticks / figures.carrier_ticks
+        if figures.carrier_ticks
+        else 0.0,
         "charging_seconds": round(figures.charging_ticks * TIME_STEP, 1),
         "flat_seconds": round(figures.flat_ticks * TIME_STEP, 1),
         "orders_refused": figures.orders_refused,
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
-        "distance_metres": {kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"},
+        "distance_metres": {
+            kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"
+        },
     }
 
 
@@ -139,7 +166,9 @@ WAITING = [STATES.index(state) for state in WAITING_STATES]
 
 # s since the start; bins; s of all pickers together; s of all carriers together, outside the queue
 SAMPLED = ("seconds", "bins_delivered", "pickers_waited_seconds", "carriers_busy_seconds")
-Sample = tuple[float, int, float, float]  # totals since the start of the run, in the order of SAMPLED
+Sample = tuple[
+    float, int, float, float
+]  # totals since the start of the run, in the order of SAMPLED
 
 
 @dataclass
@@ -160,17 +189,33 @@ class History:
     def until(self, now: Sample) -> dict[str, list[float]]:
         """Return all samples and that of now, for the summary: name -> values."""
         samples = [*self.samples, now] if [now] != self.samples[-1:] else self.samples
-        return {name: list(values) for name, values in zip(SAMPLED, zip(*samples, strict=True), strict=True)}
+        return {
+            name: list(values)
+            for name, values in zip(SAMPLED, zip(*samples, strict=True), strict=True)
+        }
 
 
 def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
     """Return the totals up to this tick. `busy_ticks`: of all carriers outside the queue."""
-    waiting = sum(ticks[state] for name, ticks in states.counts.ticks.items() if kind_of(name) == "picker" for state in WAITING)
-    return round(world.tick * TIME_STEP, 1), world.delivered, round(waiting * TIME_STEP, 1), round(busy_ticks * TIME_STEP, 1)
+    waiting = sum(
+        ticks[state]
+        for name, ticks in states.counts.ticks.items()
+        if kind_of(name) == "picker"
+        for state in WAITING
+    )
+    return (
+        round(world.tick * TIME_STEP, 1),
+        world.delivered,
+        round(waiting * TIME_STEP, 1),
+        round(busy_ticks * TIME_STEP, 1),
+    )
 
 
 def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> list[float]:
     """Return what share of its time a robot spent so, 0 to 1, between samples. `robots`: how many there are together."""
     times, spent = [0.0, *history["seconds"]], [0.0, *history[name]]
     steps = zip(times, times[1:], spent, spent[1:], strict=False)
-    return [(after - before) / (robots * (until - since)) if until > since else 0.0 for since, until, before, after in steps]
+    return [
+        (after - before) / (robots * (until - since)) if until > since else 0.0
+        for since, until, before, after in steps
+    ]

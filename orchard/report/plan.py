@@ -19,7 +19,9 @@ PIXELS = 12  # for a metre
 class Drawing:
     """Ground and roads as SVG elements, in metres, y north. `west`, `south`, `east`, `north`: the part that is seen."""
 
-    def __init__(self, layout: Layout, west: float, south: float, east: float, north: float) -> None:
+    def __init__(
+        self, layout: Layout, west: float, south: float, east: float, north: float
+    ) -> None:
         self.west, self.north = west, north
         self.width, self.height = (east - west) * PIXELS, (north - south) * PIXELS
         self.elements: list[str] = []
@@ -32,12 +34,25 @@ class Drawing:
     def y(self, y: float) -> float:
         return round((self.north - y) * PIXELS, 2)
 
-    def box(self, x: float, y: float, half_x: float, half_y: float, style: str, title: str = "", yaw: float = 0.0) -> None:
+    def box(
+        self,
+        x: float,
+        y: float,
+        half_x: float,
+        half_y: float,
+        style: str,
+        title: str = "",
+        yaw: float = 0.0,
+    ) -> None:
         """Draw a rectangle about its centre, m, turned by `yaw`, rad."""
         label = f"<title>{html.escape(title)}</title>" if title else ""
         size = f'width="{round(2 * half_x * PIXELS, 2)}" height="{round(2 * half_y * PIXELS, 2)}"'
-        turn = f' transform="rotate({-math.degrees(yaw):.1f} {self.x(x)} {self.y(y)})"' if yaw else ""
-        self.elements.append(f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size}{turn} style="{style}">{label}</rect>')
+        turn = (
+            f' transform="rotate({-math.degrees(yaw):.1f} {self.x(x)} {self.y(y)})"' if yaw else ""
+        )
+        self.elements.append(
+            f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size}{turn} style="{style}">{label}</rect>'
+        )
 
     def line(self, points: list[tuple[float, float]], style: str) -> None:
         path = " ".join(f"{self.x(x)},{self.y(y)}" for x, y in points)
@@ -58,7 +73,9 @@ def orchard_plan(layout: Layout) -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts."""
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 1)
     for start in layout.starts:
-        drawing.box(start.pose.x, start.pose.y, *_half_sizes(start.kind), _paint(start.kind), start.name)
+        drawing.box(
+            start.pose.x, start.pose.y, *_half_sizes(start.kind), _paint(start.kind), start.name
+        )
     return drawing.svg()
 
 
@@ -66,15 +83,35 @@ def present_plan(world: World) -> str:
     """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
     layout = world.layout
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
-    for lane, (west, east, *inside), total in zip(layout.lanes, world.row_ends.tolist(), world.row_picked.tolist(), strict=True):
+    for lane, (west, east, *inside), total in zip(
+        layout.lanes, world.row_ends.tolist(), world.row_picked.tolist(), strict=True
+    ):
         words = f"row {lane.number}: {total:.1f} m picked"
-        parts = (0.0, west), (lane.length - east, lane.length), (lane.length - inside[1], max(inside[0], lane.length - inside[1]))
+        parts = (
+            (0.0, west),
+            (lane.length - east, lane.length),
+            (lane.length - inside[1], max(inside[0], lane.length - inside[1])),
+        )
         for begin, end in parts:
-            drawing.box(lane.west + (begin + end) / 2, lane.y, (end - begin) / 2, 1.0, f"fill:{COLOURS['picked']};opacity:0.8", words)
+            drawing.box(
+                lane.west + (begin + end) / 2,
+                lane.y,
+                (end - begin) / 2,
+                1.0,
+                f"fill:{COLOURS['picked']};opacity:0.8",
+                words,
+            )
     for name, i in layout.index.items():
         if world.alive[i]:
-            _present_body(drawing, name, Pose(*world.pose[i].tolist()), float(world.fill[i]) / layout.metres_per_bin)
-    picked = f"{world.row_picked.sum():.0f} of {layout.mean_length * len(layout.lanes):.0f} m picked"
+            _present_body(
+                drawing,
+                name,
+                Pose(*world.pose[i].tolist()),
+                float(world.fill[i]) / layout.metres_per_bin,
+            )
+    picked = (
+        f"{world.row_picked.sum():.0f} of {layout.mean_length * len(layout.lanes):.0f} m picked"
+    )
     told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
     drawing.label(X_WEST, layout.top + 1.7, told, 2.4)
     return drawing.svg()
@@ -94,17 +131,27 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
     pale = f";fill-opacity:{0.15 + 0.85 * share:.2f}" if kind == "bin" else ""
     drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)
     if kind in ("picker", "carrier"):
-        x, y = (-1.2, 1.3) if nearest_heading(pose.yaw) in ("EAST", "WEST") else (1.2, -0.6)  # beside it, not on its bin
+        x, y = (
+            (-1.2, 1.3) if nearest_heading(pose.yaw) in ("EAST", "WEST") else (1.2, -0.6)
+        )  # beside it, not on its bin
         drawing.label(pose.x + x, pose.y + y, f"{kind[0].upper()}{number_of(name)}", 1.8)
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:
     middle, half = (layout.top + layout.bottom) / 2, (layout.top - layout.bottom) / 2
     width = layout.east - X_WEST
-    drawing.box(X_WEST + width / 2, middle, width / 2, half, f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}")
+    drawing.box(
+        X_WEST + width / 2,
+        middle,
+        width / 2,
+        half,
+        f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}",
+    )
     for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (layout.bay, COLOURS["bay"])):
         x, y = (rect.west + rect.east) / 2, (rect.south + rect.north) / 2
-        drawing.box(x, y, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, f"fill:{colour}")
+        drawing.box(
+            x, y, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, f"fill:{colour}"
+        )
     for lane in layout.lanes:
         across = (lane.east + lane.west) / 2
         drawing.box(across, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
@@ -121,10 +168,20 @@ def _roads(drawing: Drawing, layout: Layout) -> None:
     for road in route.roads():
         colour = COLOURS.get(road.name, OTHER_ROAD)
         if road.width:
-            drawing.line(road.points, f"stroke:{colour};stroke-width:{road.width * PIXELS};opacity:0.18")
-        drawing.line(road.points, f"stroke:{colour};stroke-width:2{'' if road.width else ';stroke-dasharray:4'}")
+            drawing.line(
+                road.points, f"stroke:{colour};stroke-width:{road.width * PIXELS};opacity:0.18"
+            )
+        drawing.line(
+            road.points,
+            f"stroke:{colour};stroke-width:2{'' if road.width else ';stroke-dasharray:4'}",
+        )
     for y in layout.queue.lines:
         colour = COLOURS["charging" if y in layout.charging_lines else "D"]
-        drawing.line([(layout.queue.area.west, y), (layout.queue.area.east, y)], f"stroke:{colour};stroke-width:1;stroke-dasharray:6")
+        drawing.line(
+            [(layout.queue.area.west, y), (layout.queue.area.east, y)],
+            f"stroke:{colour};stroke-width:1;stroke-dasharray:6",
+        )
     for name, x, y in route.holds():
-        drawing.line([(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3")
+        drawing.line(
+            [(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3"
+        )

@@ -29,7 +29,13 @@ class Progress:
     def __init__(self, console: Console, as_json: bool = False, until: float | None = None) -> None:
         """`as_json`: lines are objects {"progress": {...}}. `until`: simulated time at which the run ends, s."""
         self.console, self._as_json, self._until = console, as_json, until
-        live = Live(console=console, refresh_per_second=4, transient=True, redirect_stdout=False, redirect_stderr=False)
+        live = Live(
+            console=console,
+            refresh_per_second=4,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
         self._live = live if console.is_terminal and not as_json else None
         self._printed = 0.0  # s, monotonic time of the last plain line
         self._seen: dict[str, None] = {}  # names of all robots shown so far, in order
@@ -60,24 +66,37 @@ class Progress:
             else:
                 self.say(words)
 
-    def show(self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]) -> None:
+    def show(
+        self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]
+    ) -> None:
         """Update the table, or print a line if the last one is LINE_SECONDS old. `waits_for`: robot -> agent or thing."""
         self._has_begun.set()
         known = headline_of(figures)
         if self._live:
             self._seen |= dict.fromkeys(doing)
-            table = robots(dict.fromkeys(self._seen, SILENT) | dict(doing), waits_for, self.console.width, self.console.height)
+            table = robots(
+                dict.fromkeys(self._seen, SILENT) | dict(doing),
+                waits_for,
+                self.console.width,
+                self.console.height,
+            )
             self._live.update(Group(Text(known.line(self._until), style="bold"), table))
         elif time.monotonic() - self._printed >= LINE_SECONDS:
             self._printed = time.monotonic()
-            self.say(msgspec.json.encode({"progress": known}).decode() if self._as_json else known.line(self._until))
+            self.say(
+                msgspec.json.encode({"progress": known}).decode()
+                if self._as_json
+                else known.line(self._until)
+            )
 
     def say(self, words: str) -> None:
         """Print a line that stays on the console."""
         self.console.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
-def robots(doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, height: int) -> Table:
+def robots(
+    doing: Mapping[str, str], waits_for: Mapping[str, str], width: int, height: int
+) -> Table:
     """Return a table of what each robot does, for a console of `width` x `height` characters.
 
     Bins only follow other robots: they are left out if one column is too short for all. The last line says how many robots have no room.
@@ -103,4 +122,7 @@ def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> 
     """One robot: its short name, as columns are narrow, what it does, and what it waits for."""
     waits = waits_for.get(name)
     words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]
-    return Text.assemble((f"{short_name(name)} ", "bold"), (words, "red" if doing[name] in STANDS else "yellow" if waits else ""))
+    return Text.assemble(
+        (f"{short_name(name)} ", "bold"),
+        (words, "red" if doing[name] in STANDS else "yellow" if waits else ""),
+    )

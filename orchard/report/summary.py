@@ -47,7 +47,9 @@ UNUSUAL = (
     "recording_gaps",
 )  # shown if they are not zero
 NAMED = 3  # broken agents that a line of progress names
-OF_NONE = {"lost_seconds": "known of a complete harvest only, of built-in classes, not stopped, not forked with changes"}  # if it is empty
+OF_NONE = {
+    "lost_seconds": "known of a complete harvest only, of built-in classes, not stopped, not forked with changes"
+}  # if it is empty
 NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
 
 
@@ -64,7 +66,9 @@ class Headline(msgspec.Struct, kw_only=True):
     bins_delivered: int
     schedule_sim_seconds: float
     carrier_utilisation: float
-    state_seconds: dict[str, dict[str, float]]  # kind of robot -> state -> s, all robots of the kind together
+    state_seconds: dict[
+        str, dict[str, float]
+    ]  # kind of robot -> state -> s, all robots of the kind together
     broken_agents: list[str] = []  # each with the tick since which it is
 
     @property
@@ -76,23 +80,36 @@ class Headline(msgspec.Struct, kw_only=True):
     @property
     def fraction(self) -> float:
         """Progress from 0 to 1: half for metres picked, half for bins delivered."""
-        return (self.metres_picked / (self.rows * self.row_length) + self.bins_delivered / self.bins) / 2
+        return (
+            self.metres_picked / (self.rows * self.row_length) + self.bins_delivered / self.bins
+        ) / 2
 
     def seconds_left(self, until: float | None = None) -> float:
         """Return the estimated rest of the harvest, s of wall time. `until`: simulated time at which the run ends, s."""
-        rest = max(self.schedule_sim_seconds - self.sim_seconds, (1.0 - self.fraction) * self.schedule_sim_seconds)
+        rest = max(
+            self.schedule_sim_seconds - self.sim_seconds,
+            (1.0 - self.fraction) * self.schedule_sim_seconds,
+        )
         rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
         return rest / self.times_real_time if self.times_real_time else math.inf
 
     def line(self, until: float | None = None) -> str:
         """Return the headline as a line of at most 80 characters, and the broken agents. `until`: as in `seconds_left`."""
-        left, picked = self.seconds_left(until), share_picked(self.metres_picked, self.rows * self.row_length)
+        left, picked = (
+            self.seconds_left(until),
+            share_picked(self.metres_picked, self.rows * self.row_length),
+        )
         ends = [f"{clock(left)} left"] if left < math.inf else []
         if self.broken_agents:
-            names, more = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]], len(self.broken_agents) - NAMED
+            names, more = (
+                [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]],
+                len(self.broken_agents) - NAMED,
+            )
             ends.append(f"broken: {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
         so_far = f"{picked:>5} picked  {self.bins_delivered}/{self.bins} bins"
-        return "  ".join([f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time", so_far, *ends])
+        return "  ".join(
+            [f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time", so_far, *ends]
+        )
 
 
 def headline_of(figures: Mapping[str, Any]) -> Headline:
@@ -140,7 +157,11 @@ def as_table(summary: dict[str, Any]) -> Table:
 def _words(key: str, value: Any) -> str:
     unit = f" {UNITS[key]}" if key in UNITS else ""
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit if value else OF_NONE.get(key, "none")
+        return (
+            ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit
+            if value
+            else OF_NONE.get(key, "none")
+        )
     if key == "recording_gaps" and value:
         return ", ".join(f"{since} to {until}" for since, until in value) + unit
     if isinstance(value, list):
@@ -163,7 +184,10 @@ ENDS = {  # other words come from the processes of the run
 
 def sentence(outcome: Outcome) -> str:
     """Return the first sentence of a summary: the result. Times are simulated, since the start, also of a resumed run."""
-    faults = [_count(outcome.violations, "violation"), _count(outcome.broken_agents, "broken agent")]
+    faults = [
+        _count(outcome.violations, "violation"),
+        _count(outcome.broken_agents, "broken agent"),
+    ]
     rows = f"{outcome.rows_picked} of {outcome.rows} rows"
     whole = f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an hour"
     told = whole if outcome.finished else _unfinished(outcome)
@@ -180,8 +204,12 @@ LOSSES = {  # parts of `lost_seconds` beside what a harvest takes at least, in w
 
 def limit_sentence(outcome: Outcome) -> str:
     """Return the second sentence: what limits the rate; if known, how far the harvest is from the optimum, and to what most was lost."""
-    limited_by = outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
-    told = [f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"]
+    limited_by = (
+        outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
+    )
+    told = [
+        f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"
+    ]
     if proven := outcome.lost_seconds.get("optimum"):
         told.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
     lost = max(LOSSES, key=lambda part: outcome.lost_seconds.get(part, 0.0))
@@ -199,11 +227,31 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Return the figures that matter most, in words: name, value with its unit, and a note on its meaning."""
     limit, schedule = summary["limit_bins_per_hour"], clock(summary["schedule_sim_seconds"])
     return [
-        ("Bins an hour", f"{summary['bins_per_hour']:.1f}", f"at most {limit:.1f} in a long harvest without traffic"),
-        ("Time", clock(summary["sim_seconds"]), f"simulated; the whole harvest takes {schedule} without traffic"),
-        ("Bins", f"{summary['bins_delivered']} of {summary['bins']}", f"delivered; {summary['rows_picked']} rows picked"),
-        ("Pickers wait", f"{summary['picker_waiting_seconds']:.0f} s", "from a full bin to an empty one, mean"),
-        ("Carriers at work", f"{100.0 * summary['carrier_utilisation']:.0f} %", UNITS["carrier_utilisation"]),
+        (
+            "Bins an hour",
+            f"{summary['bins_per_hour']:.1f}",
+            f"at most {limit:.1f} in a long harvest without traffic",
+        ),
+        (
+            "Time",
+            clock(summary["sim_seconds"]),
+            f"simulated; the whole harvest takes {schedule} without traffic",
+        ),
+        (
+            "Bins",
+            f"{summary['bins_delivered']} of {summary['bins']}",
+            f"delivered; {summary['rows_picked']} rows picked",
+        ),
+        (
+            "Pickers wait",
+            f"{summary['picker_waiting_seconds']:.0f} s",
+            "from a full bin to an empty one, mean",
+        ),
+        (
+            "Carriers at work",
+            f"{100.0 * summary['carrier_utilisation']:.0f} %",
+            UNITS["carrier_utilisation"],
+        ),
         ("Collisions", str(summary["collisions"]), "of robots"),
     ]
 
@@ -211,7 +259,11 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
 def clock(seconds: float) -> str:
     """Return a time in words: 15:56 min, 2:33:39 h."""
     minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02d} min" if minutes < 60 else f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h"
+    return (
+        f"{minutes}:{rest:02d} min"
+        if minutes < 60
+        else f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h"
+    )
 
 
 def share_picked(metres: float, all_metres: float) -> str:

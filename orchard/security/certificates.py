@@ -21,7 +21,9 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, Role
 
 T = TypeVar("T")
-EARLIER = timedelta(hours=1)  # a certificate is valid before it is made: another machine's clock may be behind
+EARLIER = timedelta(
+    hours=1
+)  # a certificate is valid before it is made: another machine's clock may be behind
 PEM = serialization.Encoding.PEM
 SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
@@ -40,30 +42,55 @@ class Authority:
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(_name(name), _name(name), key, datetime.now(UTC) + timedelta(days=days))
         draft = draft.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        never = ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement")
-        only = x509.KeyUsage(**dict.fromkeys(never, False), key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False)
+        never = (
+            "digital_signature",
+            "content_commitment",
+            "key_encipherment",
+            "data_encipherment",
+            "key_agreement",
+        )
+        only = x509.KeyUsage(
+            **dict.fromkeys(never, False),
+            key_cert_sign=True,
+            crl_sign=True,
+            encipher_only=False,
+            decipher_only=False,
+        )
         return cls(draft.add_extension(only, critical=True).sign(key, hashes.SHA256()), key)
 
     def write(self, folder: Path) -> None:
         _write(folder, self.certificate, self.key)
 
-    def vouch(self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None) -> None:
+    def vouch(
+        self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None
+    ) -> None:
         """Write a role's certificate, its key and the authority's certificate, valid `until` then, else as long as that.
 
         Only a role with `addresses` can accept connections. Raises ValueError for an address that is malformed.
         """
         key = ec.generate_private_key(ec.SECP256R1())
-        draft = _draft(_name(role.name, role.digest), self.certificate.subject, key, until or self.certificate.not_valid_after_utc)
-        draft = draft.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        draft = _draft(
+            _name(role.name, role.digest),
+            self.certificate.subject,
+            key,
+            until or self.certificate.not_valid_after_utc,
+        )
+        draft = draft.add_extension(
+            x509.BasicConstraints(ca=False, path_length=None), critical=True
+        )
         names = [address(text) for text in addresses]
-        draft = draft.add_extension(x509.ExtendedKeyUsage([SERVES, CALLS] if names else [CALLS]), critical=False)
+        draft = draft.add_extension(
+            x509.ExtendedKeyUsage([SERVES, CALLS] if names else [CALLS]), critical=False
+        )
         if names:
             draft = draft.add_extension(x509.SubjectAlternativeName(names), critical=False)
         _write(folder, draft.sign(self.key, hashes.SHA256()), key)
         (folder / AUTHORITY).write_bytes(self.certificate.public_bytes(PEM))
 
 
-def _draft(subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, until: datetime) -> x509.CertificateBuilder:
+def _draft(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, until: datetime
+) -> x509.CertificateBuilder:
     begin = min(datetime.now(UTC), until) - EARLIER
     draft = x509.CertificateBuilder(issuer, subject, key.public_key(), x509.random_serial_number())
     return draft.not_valid_before(begin).not_valid_after(until)
@@ -84,8 +111,12 @@ def address(text: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
-        if not text or not all(part and part.replace("-", "").isalnum() and part.isascii() for part in text.split(".")):
-            raise ValueError(f"{text}: neither an address nor the name of a machine; examples: 192.168.1.10, shed.local") from None
+        if not text or not all(
+            part and part.replace("-", "").isalnum() and part.isascii() for part in text.split(".")
+        ):
+            raise ValueError(
+                f"{text}: neither an address nor the name of a machine; examples: 192.168.1.10, shed.local"
+            ) from None
         return x509.DNSName(text)
 
 
@@ -104,23 +135,37 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
 def check(folder: Path, role: Role) -> None:
     """Raise ValueError if a file of the role is missing, another's, not of this authority, or not valid now."""
     files = folder / CERTIFICATE, folder / AUTHORITY
-    certificate, authority = (_read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files)
+    certificate, authority = (
+        _read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files
+    )
     if (name := _in(certificate.subject, NameOID.COMMON_NAME)) != role.name:
-        raise ValueError(f"{folder / CERTIFICATE}: this is the certificate of {name}, not of {role.name}")
+        raise ValueError(
+            f"{folder / CERTIFICATE}: this is the certificate of {name}, not of {role.name}"
+        )
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature):
-        raise ValueError(f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one directory?") from None
-    key = _read(folder / KEY, lambda data: serialization.load_pem_private_key(data, None), "not a private key without a password")
+        raise ValueError(
+            f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one directory?"
+        ) from None
+    key = _read(
+        folder / KEY,
+        lambda data: serialization.load_pem_private_key(data, None),
+        "not a private key without a password",
+    )
     if key.public_key() != certificate.public_key():
         raise ValueError(f"{folder / KEY}: not the key of the certificate beside it")
     if _in(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
         change = f"role.json has changed (duty {role.duty}, names {', '.join(role.names)})"
-        raise ValueError(f"{folder}: {change}, and a router does not grant that; `orchard secure --anew` makes new roles")
+        raise ValueError(
+            f"{folder}: {change}, and a router does not grant that; `orchard secure --anew` makes new roles"
+        )
     for one in (certificate, authority):
         if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
             span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
-            raise ValueError(f"{folder}: its certificate is valid {span}, not now; `orchard secure --anew` makes new ones")
+            raise ValueError(
+                f"{folder}: its certificate is valid {span}, not now; `orchard secure --anew` makes new ones"
+            )
 
 
 def _read(path: Path, load: Callable[[bytes], T], fault: str) -> T:

@@ -25,7 +25,9 @@ SIMULATION = "simulation"  # what a bridge may control, beside robots
 HOME = "authority"  # the authority's own directory
 LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
 SECONDS = 3.0  # time that the other side has for each step, when a process finds out why it cannot connect
-_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")  # as long as an agent's name, and as a name in a certificate
+_NAME = re.compile(
+    r"[a-z][a-z0-9_-]{0,63}"
+)  # as long as an agent's name, and as a name in a certificate
 
 
 @dataclass(frozen=True)
@@ -46,22 +48,37 @@ class Identity:
     def rules(self) -> Any:
         """Return what a router lets through, as Zenoh's access_control. Raises ValueError if it may not listen."""
         if not (self.folder / ACCESS).is_file():
-            raise ValueError(f"{self.folder}: the role {self.role.name} may not listen; only physics and router may")
+            raise ValueError(
+                f"{self.folder}: the role {self.role.name} may not listen; only physics and router may"
+            )
         path = self.folder / ACCESS
         try:
             rules = json.loads(path.read_text())
-            denies = rules["enabled"] is True and rules["default_permission"] == "deny" and bool(rules["subjects"])
+            denies = (
+                rules["enabled"] is True
+                and rules["default_permission"] == "deny"
+                and bool(rules["subjects"])
+            )
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{path}: not as `orchard secure` wrote it: {type(error).__name__}: {error}") from error
+            raise ValueError(
+                f"{path}: not as `orchard secure` wrote it: {type(error).__name__}: {error}"
+            ) from error
         if not denies:
-            raise ValueError(f"{path}: these rules let all sessions do all things; `orchard secure --anew` makes new ones")
+            raise ValueError(
+                f"{path}: these rules let all sessions do all things; `orchard secure --anew` makes new ones"
+            )
         return rules
 
 
 @cache
 def _check_mode(key: Path, mode: int) -> None:
     if mode & 0o077:
-        log.warning("%s: other users can read this private key (mode %03o), and so take the role; run: chmod 600 %s", key, mode, key)
+        log.warning(
+            "%s: other users can read this private key (mode %03o), and so take the role; run: chmod 600 %s",
+            key,
+            mode,
+            key,
+        )
 
 
 def identity_in(folder: str | None, prefix: str) -> Identity | None:
@@ -69,7 +86,9 @@ def identity_in(folder: str | None, prefix: str) -> Identity | None:
     if folder is None:
         return None
     if prefix != PREFIX:
-        raise ValueError(f"prefix {prefix}: the rules of a secured run are for {PREFIX}, the default")
+        raise ValueError(
+            f"prefix {prefix}: the rules of a secured run are for {PREFIX}, the default"
+        )
     return Identity.load(Path(folder))
 
 
@@ -78,7 +97,9 @@ def certificates() -> ModuleType:
     try:
         return importlib.import_module("orchard.security.certificates")
     except ImportError as error:
-        raise ValueError(f"{error.name} is missing; certificates need it: pip install 'orchard-sim[secure]'") from error
+        raise ValueError(
+            f"{error.name} is missing; certificates need it: pip install 'orchard-sim[secure]'"
+        ) from error
 
 
 def role_in(folder: Path) -> Role:
@@ -89,7 +110,9 @@ def role_in(folder: Path) -> Role:
         return Role(data["name"], data["duty"], tuple(data["names"]))
     except FileNotFoundError:
         makes = "`orchard secure DIR` makes them, as DIR/<role>"
-        raise ValueError(f"{folder}: not the directory of a role: no {ROLE} in it; {makes}") from None
+        raise ValueError(
+            f"{folder}: not the directory of a role: no {ROLE} in it; {makes}"
+        ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: not as `orchard secure` wrote it: {error}") from error
 
@@ -114,7 +137,9 @@ class Keyring:
     def of(self, name: str) -> Identity:
         """Return the identity of a role. Raises ValueError if there is no such role, or its files are not valid."""
         if name not in self.roles:
-            raise ValueError(f"{self.folder}: the role {name} is not in it; it has {', '.join(self.roles)}")
+            raise ValueError(
+                f"{self.folder}: the role {name} is not in it; it has {', '.join(self.roles)}"
+            )
         return Identity.load(self.roles[name])
 
     def hosts(self, names: Iterable[str], agents: Iterable[str]) -> dict[str, list[str]]:
@@ -123,7 +148,11 @@ class Keyring:
         Raises ValueError if an agent has no role, or if `names` has only some of a role's agents.
         """
         wanted, there = set(names), set(agents)
-        hosts = {name: sorted(set(role_in(folder).names) & there) for name, folder in self.roles.items() if role_in(folder).duty == "host"}
+        hosts = {
+            name: sorted(set(role_in(folder).names) & there)
+            for name, folder in self.roles.items()
+            if role_in(folder).duty == "host"
+        }
         hosts = {name: its for name, its in hosts.items() if wanted & set(its)}
         for name, its in hosts.items():
             if not wanted >= set(its):
@@ -132,7 +161,9 @@ class Keyring:
                     f"`orchard secure --role NAME={','.join(sorted(set(its) - wanted))}` gives the others a role of their own"
                 )
         if left := sorted(wanted.difference(*hosts.values())):
-            raise ValueError(f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `orchard secure --help`")
+            raise ValueError(
+                f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `orchard secure --help`"
+            )
         return hosts
 
 
@@ -145,9 +176,14 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
     trust.load_cert_chain(folder / CERTIFICATE, folder / KEY)
     host = host.strip("[]")
     try:
-        with socket.create_connection((host, int(port)), SECONDS) as plain, trust.wrap_socket(plain, server_hostname=host) as secured:
+        with (
+            socket.create_connection((host, int(port)), SECONDS) as plain,
+            trust.wrap_socket(plain, server_hostname=host) as secured,
+        ):
             try:
-                secured.recv(1)  # the other side reports on this side's certificate only after the handshake
+                secured.recv(
+                    1
+                )  # the other side reports on this side's certificate only after the handshake
             except TimeoutError:
                 return "the session is refused, although the certificates are valid; does another process use this role already?"
     except ssl.SSLCertVerificationError as error:
@@ -160,7 +196,9 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
     return ""
 
 
-def make(folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False) -> list[Role]:
+def make(
+    folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False
+) -> list[Role]:
     """Write the authority and all roles, valid for `days` days. Return the roles. `clients`: hosts and bridges.
 
     Raises ValueError for a malformed name or address, for a directory with other files, and for one with an authority unless `anew`.
@@ -177,7 +215,9 @@ def make(folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: 
     for role in roles:
         serves = role.duty in ("physics", "router")
         authority.vouch(role, folder / role.name, (*LOCAL, *addresses) if serves else ())
-        (folder / role.name / ROLE).write_text(json.dumps(asdict(role) | {"session": role.session}, indent=1))
+        (folder / role.name / ROLE).write_text(
+            json.dumps(asdict(role) | {"session": role.session}, indent=1)
+        )
         if serves:
             (folder / role.name / ACCESS).write_text(rules)
     return roles
@@ -196,12 +236,19 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
         roles.append(Role(name, "host", tuple(select_agents(names, words.split(","), []))))
     taken = {name for role in roles for name in role.names}
     rest = [name for name in names if name not in taken]
-    return roles + [Role(title.replace(" ", "_"), "host", tuple(share)) for title, share in shares(rest) if share]
+    return roles + [
+        Role(title.replace(" ", "_"), "host", tuple(share))
+        for title, share in shares(rest)
+        if share
+    ]
 
 
 def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
     """Return a role for each wish NAME[=KIND|AGENT|simulation,...]: what it may drive. Raises ValueError."""
-    return [_bridge_role(names, name, words.split(",") if words else []) for name, _, words in (wish.partition("=") for wish in wishes)]
+    return [
+        _bridge_role(names, name, words.split(",") if words else [])
+        for name, _, words in (wish.partition("=") for wish in wishes)
+    ]
 
 
 def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
@@ -213,11 +260,18 @@ def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
 def _check_names(roles: Sequence[Role]) -> None:
     for role in roles:
         if not _NAME.fullmatch(role.name):
-            raise ValueError(f"{role.name}: not a name for a role; use up to 64 letters a to z, digits, _ and -, with a letter first")
+            raise ValueError(
+                f"{role.name}: not a name for a role; use up to 64 letters a to z, digits, _ and -, with a letter first"
+            )
         if role.name == HOME:
-            raise ValueError(f"{HOME}: not a name for a role; the directory of this name is for the authority's own key")
+            raise ValueError(
+                f"{HOME}: not a name for a role; the directory of this name is for the authority's own key"
+            )
     _refuse_repeats([role.name for role in roles], "is the name of two roles")
-    _refuse_repeats([name for role in roles if role.duty == "host" for name in role.names], "is in two roles; an agent has one host")
+    _refuse_repeats(
+        [name for role in roles if role.duty == "host" for name in role.names],
+        "is in two roles; an agent has one host",
+    )
 
 
 def _refuse_repeats(words: Sequence[str], why: str) -> None:
@@ -228,11 +282,19 @@ def _refuse_repeats(words: Sequence[str], why: str) -> None:
 
 def _make_room(folder: Path, anew: bool) -> None:
     """Make an empty directory that only its owner can read. With `anew`, remove what an earlier call made there."""
-    made = [path for path in folder.glob("*/") if (path / ROLE).is_file() or (path.name == HOME and (path / CERTIFICATE).is_file())]
+    made = [
+        path
+        for path in folder.glob("*/")
+        if (path / ROLE).is_file() or (path.name == HOME and (path / CERTIFICATE).is_file())
+    ]
     if made and not anew:
-        raise ValueError(f"{folder}: it has an authority already; --anew replaces it, and makes the old certificates invalid")
+        raise ValueError(
+            f"{folder}: it has an authority already; --anew replaces it, and makes the old certificates invalid"
+        )
     if folder.exists() and not set(folder.iterdir()) <= set(made):
-        raise ValueError(f"{folder}: it has other files; expected a directory that is empty or does not exist yet")
+        raise ValueError(
+            f"{folder}: it has other files; expected a directory that is empty or does not exist yet"
+        )
     for path in made:
         shutil.rmtree(path)
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -15,7 +15,16 @@ from orchard.wire.keys import LIVELINESS, LOGGER, PHYSICS, QUERY, TABLE, Keys
 
 CERTIFICATE, KEY, AUTHORITY = "certificate.pem", "key.pem", "authority.pem"  # a role's files
 
-Duty = Literal["physics", "router", "host", "logger", "operator", "emergency-operator", "bridge", "operating-bridge"]
+Duty = Literal[
+    "physics",
+    "router",
+    "host",
+    "logger",
+    "operator",
+    "emergency-operator",
+    "bridge",
+    "operating-bridge",
+]
 
 # -- roles
 
@@ -26,12 +35,16 @@ class Role:
 
     name: str
     duty: Duty
-    names: tuple[str, ...] = ()  # in its liveliness tokens: a host's agents; the robots that a bridge may drive
+    names: tuple[
+        str, ...
+    ] = ()  # in its liveliness tokens: a host's agents; the robots that a bridge may drive
 
     @property
     def session(self) -> str:
         """The id of its Zenoh session, which some keys contain: hexadecimal, the same in every run."""
-        return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]  # Zenoh allows no leading 0
+        return (
+            "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]
+        )  # Zenoh allows no leading 0
 
     @property
     def digest(self) -> str:
@@ -39,7 +52,9 @@ class Role:
         return hashlib.sha256(" ".join((self.name, self.duty, *self.names)).encode()).hexdigest()
 
 
-EMERGENCY_OPERATOR = "emergency-operator"  # a role of its own, because run.py already uses the operator's
+EMERGENCY_OPERATOR = (
+    "emergency-operator"  # a role of its own, because run.py already uses the operator's
+)
 SERVANTS = (
     Role(PHYSICS, "physics", (PHYSICS,)),
     Role("router", "router"),
@@ -77,7 +92,9 @@ class Right(NamedTuple):
 
 
 _RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
-    ("velocity",): Right((OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)),
+    ("velocity",): Right(
+        (OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)
+    ),
     ("advice",): Right((OWN_HOST, *OWN_BRIDGES), (THE_PHYSICS,)),
     ("velocities", "left", "join"): Right((OWN_HOST,), (THE_PHYSICS,)),
     ("pose", "odometry", "scan"): Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
@@ -95,7 +112,9 @@ _RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
     ("layout",): Right(AUDIENCE, (THE_PHYSICS,)),
     ("stop",): Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     ("simulation_state",): Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),
-    ("set_simulation_state", "step_simulation"): Right((OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)),
+    ("set_simulation_state", "step_simulation"): Right(
+        (OPERATOR, EMERGENCY, OPERATING_BRIDGE), (THE_PHYSICS,)
+    ),
     ("reset_simulation",): Right((OPERATOR, OPERATING_BRIDGE), (THE_PHYSICS,)),
     ("alive",): Right((OWN_HOST, LOGGER_ITSELF), ALL),
     ("physics",): Right((THE_PHYSICS,), ALL),
@@ -116,26 +135,51 @@ _LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")  # or a publisher
 _PUTS = (_Passage("ingress", "put"), _LEARNS_SUBSCRIBERS)
 _SUBSCRIBES = (_Passage("ingress", "declare_subscriber"), _Passage("egress", "put"))
 _ASKS = (_Passage("ingress", "query"), _Passage("egress", "reply"))
-_ANSWERS = (_Passage("ingress", "declare_queryable"), _Passage("egress", "query"), _Passage("ingress", "reply"))
+_ANSWERS = (
+    _Passage("ingress", "declare_queryable"),
+    _Passage("egress", "query"),
+    _Passage("ingress", "reply"),
+)
 _LIVES = (_Passage("ingress", "liveliness_token"),)
-_WATCHES = (_Passage("ingress", "declare_liveliness_subscriber"), _Passage("egress", "liveliness_token"))
+_WATCHES = (
+    _Passage("ingress", "declare_liveliness_subscriber"),
+    _Passage("egress", "liveliness_token"),
+)
 
 
 def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
     """Return Zenoh's `access_control` for the router of these roles: rights by certificate and session id."""
     rules, subjects, policies = [], [], []
     for role in roles:
-        its = [_rule(role.name, passage, [*dict.fromkeys(exprs)]) for passage, exprs in _allowed(role, keys).items() if exprs]
+        its = [
+            _rule(role.name, passage, [*dict.fromkeys(exprs)])
+            for passage, exprs in _allowed(role, keys).items()
+            if exprs
+        ]
         if its:
             rules += its
-            subjects.append({"id": role.name, "cert_common_names": [role.name], "zids": [role.session]})
+            subjects.append(
+                {"id": role.name, "cert_common_names": [role.name], "zids": [role.session]}
+            )
             policies.append({"rules": [rule["id"] for rule in its], "subjects": [role.name]})
-    return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
 
 
 def _rule(role: str, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
     flow, message = passage
-    return {"id": f"{role} {flow} {message}", "permission": "allow", "flows": [flow], "messages": [message], "key_exprs": exprs}
+    return {
+        "id": f"{role} {flow} {message}",
+        "permission": "allow",
+        "flows": [flow],
+        "messages": [message],
+        "key_exprs": exprs,
+    }
 
 
 def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
@@ -145,7 +189,11 @@ def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
             for party in parties:
                 if party.duty == role.duty:
                     for passage in passages:
-                        allowed[passage] += _exprs(what, party, role, keys) if passage != _LEARNS_SUBSCRIBERS else [keys.of(what)]
+                        allowed[passage] += (
+                            _exprs(what, party, role, keys)
+                            if passage != _LEARNS_SUBSCRIBERS
+                            else [keys.of(what)]
+                        )
     return allowed
 
 
@@ -161,6 +209,10 @@ def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
 def _exprs(what: str, party: Party, role: Role, keys: Keys) -> list[str]:
     if not party.own:
         return [keys.of(what)]
-    session = role.session if role.duty == "host" or what != "alive" else "*"  # the logger's may name the run
-    names = [name for name in role.names if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template]
+    session = (
+        role.session if role.duty == "host" or what != "alive" else "*"
+    )  # the logger's may name the run
+    names = [
+        name for name in role.names if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template
+    ]
     return [keys.of(what, name, session) for name in names]

@@ -20,7 +20,12 @@ class RunAccount:
     """The figures, frames, tables and snapshots of one run."""
 
     def __init__(
-        self, engine: Engine, before: Snapshot | None, snapshot_writer: SnapshotWriter, table: str | Path | None, clock: Callable[[], float]
+        self,
+        engine: Engine,
+        before: Snapshot | None,
+        snapshot_writer: SnapshotWriter,
+        table: str | Path | None,
+        clock: Callable[[], float],
     ) -> None:
         """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written."""
         self._engine, self.frame_builder = engine, FrameBuilder(engine)
@@ -53,9 +58,27 @@ class RunAccount:
             return "harvested"
         return "duration" if self._engine.tick >= ticks else self.figures.fault
 
-    def summary(self, why: str, mode: str, hosts: int, refused: Mapping[str, int], answers: Mapping[str, Any]) -> dict[str, Any]:
+    def summary(
+        self,
+        why: str,
+        mode: str,
+        hosts: int,
+        refused: Mapping[str, int],
+        answers: Mapping[str, Any],
+    ) -> dict[str, Any]:
         """`hosts`: number of agent processes; `refused`: reason -> number of messages; `answers`: figures of them."""
         engine = self._engine
-        begin = {"hash": engine.hash, "mode": mode, "hosts": hosts, **self.figures.summary(), **answers}
-        end = {"finished": engine.over, "ended": why, "violations": engine.violations(), "jam": self.figures.jam}
+        begin = {
+            "hash": engine.hash,
+            "mode": mode,
+            "hosts": hosts,
+            **self.figures.summary(),
+            **answers,
+        }
+        end = {
+            "finished": engine.over,
+            "ended": why,
+            "violations": engine.violations(),
+            "jam": self.figures.jam,
+        }
         return {**begin, "messages_refused": dict(refused), **end}

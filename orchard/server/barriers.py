@@ -67,9 +67,13 @@ class LockstepBarrier(Barrier):
     mode = "lockstep"
     watchdog = 0.0  # s of wall time that a velocity drives at least: none, for ticks alone count
     newest_wins = False  # each tick must reach each agent
-    releases_at_once = False  # a session that is gone may come back, or be replaced, until the deadline
+    releases_at_once = (
+        False  # a session that is gone may come back, or be replaced, until the deadline
+    )
 
-    def __init__(self, roster: Roster, clock: Callable[[], float], patience: float = PATIENCE) -> None:
+    def __init__(
+        self, roster: Roster, clock: Callable[[], float], patience: float = PATIENCE
+    ) -> None:
         super().__init__(roster, clock)
         self._patience = patience
         self.deadline = math.inf  # on the clock: the time to wait for missing answers
@@ -178,15 +182,29 @@ class RealtimeBarrier(Barrier):
     def actions(self) -> dict[str, Action]:
         """Return the actions to apply, in the order of names; each deed is in them once."""
         owned = sorted(self._roster.owners)
-        self._tardy = {name for name in owned if name not in self._newest or self._newest[name].tick != self.tick}
+        self._tardy = {
+            name
+            for name in owned
+            if name not in self._newest or self._newest[name].tick != self.tick
+        }
         self._missed += len(self._tardy)
         self.reports, self._fresh = self._fresh, {}
         puts, is_over = sorted(self._newest.items()), self._recent.is_over
-        return {name: self._action(name, put) for name, put in puts if not is_over(put.tick, put.at, self.tick)}
+        return {
+            name: self._action(name, put)
+            for name, put in puts
+            if not is_over(put.tick, put.at, self.tick)
+        }
 
     def _action(self, name: str, put: TimedReport) -> Action:
-        action = self.reports[name] if name in self.reports else replace(put.report, deeds=[], requests=[], answers=[])
-        if put.report.once and self._moved.get(name, -1) >= put.tick:  # it has moved since the pose that this answers
+        action = (
+            self.reports[name]
+            if name in self.reports
+            else replace(put.report, deeds=[], requests=[], answers=[])
+        )
+        if (
+            put.report.once and self._moved.get(name, -1) >= put.tick
+        ):  # it has moved since the pose that this answers
             action = replace(action, twist=STILL)
         if action.twist != STILL:
             self._moved[name] = self.tick
@@ -194,7 +212,11 @@ class RealtimeBarrier(Barrier):
 
     def figures(self) -> dict[str, Any]:
         delays = {f"p{share}": self._delays.below(share) for share in (50, 99)}
-        return {"ticks_late": self._late, "velocities_missed": self._missed, "answer_milliseconds": delays}
+        return {
+            "ticks_late": self._late,
+            "velocities_missed": self._missed,
+            "answer_milliseconds": delays,
+        }
 
 
 class Delays:
@@ -221,4 +243,10 @@ def _with_unused(before: Report | None, report: Report) -> Report:
         return report
     memory = before.memory if report.memory is None else report.memory
     requests, answers = [*before.requests, *report.requests], [*before.answers, *report.answers]
-    return replace(report, memory=memory, deeds=all_deeds(before.deeds, report.deeds), requests=requests, answers=answers)
+    return replace(
+        report,
+        memory=memory,
+        deeds=all_deeds(before.deeds, report.deeds),
+        requests=requests,
+        answers=answers,
+    )

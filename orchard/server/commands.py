@@ -21,7 +21,9 @@ class RecentTicks:
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         self.clock, self.newest, self._seconds = clock, 0, seconds
-        self._begun: deque[tuple[int, float]] = deque([(0, clock())])  # (tick, time of its publication, s)
+        self._begun: deque[tuple[int, float]] = deque(
+            [(0, clock())]
+        )  # (tick, time of its publication, s)
 
     def begin(self, tick: int) -> None:
         self.newest = tick
@@ -44,7 +46,9 @@ class UnownedCommands:
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         """`seconds`: of wall time that a velocity drives at least; 0 in lockstep."""
         self._recent = RecentTicks(clock, seconds)
-        self._puts: dict[str, tuple[int, Twist, float]] = {}  # name -> tick, velocity, time of arrival, s
+        self._puts: dict[
+            str, tuple[int, Twist, float]
+        ] = {}  # name -> tick, velocity, time of arrival, s
         self._deeds: dict[str, list[Deed]] = {}  # deeds that no step has used
 
     def begin(self, tick: int) -> None:
@@ -65,8 +69,14 @@ class UnownedCommands:
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions to apply at a tick, by name; each deed is in them once."""
         deeds, self._deeds = self._deeds, {}
-        self._puts = {name: put for name, put in self._puts.items() if not self._recent.is_over(put[0], put[2], tick)}
-        return {name: Action(twist, deeds.get(name, [])) for name, (_, twist, _) in self._puts.items()}
+        self._puts = {
+            name: put
+            for name, put in self._puts.items()
+            if not self._recent.is_over(put[0], put[2], tick)
+        }
+        return {
+            name: Action(twist, deeds.get(name, [])) for name, (_, twist, _) in self._puts.items()
+        }
 
 
 class Advised:
@@ -81,12 +91,25 @@ class Advised:
         refuse_other_tick(advice.tick, max(last, tick - WATCHDOG_TICKS + 1), tick)
         self._newest[name] = advice
 
-    def actions(self, tick: int, own: Mapping[str, Action], newest: Mapping[str, Action]) -> dict[str, Action]:
+    def actions(
+        self, tick: int, own: Mapping[str, Action], newest: Mapping[str, Action]
+    ) -> dict[str, Action]:
         """Return the action of each advised robot: its `own`, else its `newest`, with another velocity."""
-        self._newest = {name: advice for name, advice in self._newest.items() if tick - advice.tick < WATCHDOG_TICKS}
-        quiet = {name: replace(newest[name], deeds=[], requests=[], answers=[]) for name in self._newest if name in newest}
+        self._newest = {
+            name: advice
+            for name, advice in self._newest.items()
+            if tick - advice.tick < WATCHDOG_TICKS
+        }
+        quiet = {
+            name: replace(newest[name], deeds=[], requests=[], answers=[])
+            for name in self._newest
+            if name in newest
+        }
         known = {**quiet, **own}
-        return {name: replace(known.get(name) or Action(), twist=twist_of(advice), hold=None) for name, advice in self._newest.items()}
+        return {
+            name: replace(known.get(name) or Action(), twist=twist_of(advice), hold=None)
+            for name, advice in self._newest.items()
+        }
 
 
 def all_deeds(before: list[Deed], now: list[Deed]) -> list[Deed]:

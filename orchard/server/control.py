@@ -20,7 +20,9 @@ class RunClock:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._left: float = math.inf  # steps that are done before the run is paused
-        self._since: float | None = None  # s, on `clock`: the begin of the pause; None while the run plays
+        self._since: float | None = (
+            None  # s, on `clock`: the begin of the pause; None while the run plays
+        )
         self._paused = 0.0  # s in all pauses that are over
 
     def __call__(self) -> float:
@@ -72,7 +74,13 @@ class Pacer:
 class SimulationControl:
     """Whether a run plays. Every change of the state is published."""
 
-    def __init__(self, clock: RunClock, send: Callable[[SimulationState], None], run: str, tick: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        clock: RunClock,
+        send: Callable[[SimulationState], None],
+        run: str,
+        tick: Callable[[], int],
+    ) -> None:
         """`clock`: that of the run, which a pause stops. `tick`: returns the tick of the run."""
         self.clock = clock
         self._send, self._run, self._tick = send, run, tick
@@ -82,7 +90,9 @@ class SimulationControl:
 
     @property
     def state(self) -> SimulationState:
-        running: StateOfSimulation = "paused" if self.clock.is_paused else "playing" if self._begun else "stopped"
+        running: StateOfSimulation = (
+            "paused" if self.clock.is_paused else "playing" if self._begun else "stopped"
+        )
         return SimulationState(self._run, self._tick(), "quitting" if self._ended else running)
 
     def begin(self) -> None:

@@ -34,7 +34,9 @@ class Drivers:
         self._engine, self._publisher = engine, publisher
         self.roster, self.answers, self.recovery_log = roster, answers, recovery_log
         self.unowned, self.advised = UnownedCommands(clock, answers.watchdog), Advised()
-        self.lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it
+        self.lost: dict[
+            str, int
+        ] = {}  # agent -> the first tick for which lockstep has not waited for it
         self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
         self._seen: Observations | None = None
 
@@ -77,8 +79,12 @@ class Drivers:
     def give_up(self) -> None:
         """Stop waiting for the missing answers. A session of which none has answered this tick loses all its agents."""
         missing = self.answers.give_up()
-        silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]  # another session may have taken over from it
-        self.release(missing | {name for name, owner in self.roster.owners.items() if owner in silent})
+        silent = [
+            owner for owner, names in self.due.items() if missing.issuperset(names)
+        ]  # another session may have taken over from it
+        self.release(
+            missing | {name for name, owner in self.roster.owners.items() if owner in silent}
+        )
 
     def miss(self, names: Collection[str]) -> None:
         if not self.answers.releases_at_once:
@@ -110,7 +116,9 @@ class Drivers:
 
     def _show(self, seen: Observations, due: Mapping[str, Sequence[str]]) -> None:
         self._publisher.show(seen, due, self.recovery_log.asked(seen.tick - 1) if due else [])
-        self._publisher.publish_tick(seen, {"truth": self._engine.truth, "odometry": self._engine.odometry})
+        self._publisher.publish_tick(
+            seen, {"truth": self._engine.truth, "odometry": self._engine.odometry}
+        )
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions for the step from this tick. Memories and letters are kept for sessions that join later."""
@@ -131,7 +139,11 @@ class Drivers:
 
     def _refuse_sideways(self, name: str, twist: Twist) -> None:
         layout = self._engine.layout
-        if twist.y and name in layout.index and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways:
+        if (
+            twist.y
+            and name in layout.index
+            and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways
+        ):
             raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
 
     def drive(self, name: str, velocity: Velocity) -> None:

@@ -11,7 +11,14 @@ from orchard.contract.events import Event
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import END, TIME_STEP
 from orchard.report.bounds import lost_seconds
-from orchard.report.metrics import HarvestFigures, History, harvest_figures, orders_refused, sample_of, who_waits
+from orchard.report.metrics import (
+    HarvestFigures,
+    History,
+    harvest_figures,
+    orders_refused,
+    sample_of,
+    who_waits,
+)
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
@@ -25,13 +32,17 @@ FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 class RunFigures:
     """Counts the figures of one run, for observers and for the summary."""
 
-    def __init__(self, engine: Engine, clock: Callable[[], float], before: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, engine: Engine, clock: Callable[[], float], before: Mapping[str, Any] | None = None
+    ) -> None:
         """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError."""
         self._engine, self._world, self._clock = engine, engine.world, clock
         self._pickers = [name for name in engine.layout.index if kind_of(name) == "picker"]
         before = before or {}
         try:
-            self._figures = msgspec.convert(before.get("harvest", {"progress_tick": engine.tick}), HarvestFigures)
+            self._figures = msgspec.convert(
+                before.get("harvest", {"progress_tick": engine.tick}), HarvestFigures
+            )
             self._history = msgspec.convert(before.get("history", {}), History)
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
             self._is_changed = msgspec.convert(before.get("is_changed", False), bool)  # by a fork
@@ -40,8 +51,15 @@ class RunFigures:
         self._begun = self._reported = self._clock()
 
     def as_data(self) -> dict[str, Any]:
-        counted = {"harvest": msgspec.to_builtins(self._figures), "history": msgspec.to_builtins(self._history)}
-        return counted | {"wall_seconds": self._wall(), "is_changed": self._is_changed} | self._engine.figures_as_data()
+        counted = {
+            "harvest": msgspec.to_builtins(self._figures),
+            "history": msgspec.to_builtins(self._history),
+        }
+        return (
+            counted
+            | {"wall_seconds": self._wall(), "is_changed": self._is_changed}
+            | self._engine.figures_as_data()
+        )
 
     def _wall(self) -> float:
         return self._wall_before + self._clock() - self._begun
@@ -58,13 +76,17 @@ class RunFigures:
         """Which robot waits for what, one line each, if there was no progress for ten simulated minutes; else empty."""
         if not self._figures.jammed(self._world):
             return []
-        return who_waits(as_shown(self._world, self._engine.actions)) or ["no robot waits for another"]
+        return who_waits(as_shown(self._world, self._engine.actions)) or [
+            "no robot waits for another"
+        ]
 
     @property
     def fault(self) -> str:
         """Why the run must end before the harvest: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
         ends = self._world.layout.scenario.dispatch_errors == END
-        if ends and (self._figures.orders_refused or orders_refused(self._engine.answers)):  # the last step may not be counted yet
+        if ends and (
+            self._figures.orders_refused or orders_refused(self._engine.answers)
+        ):  # the last step may not be counted yet
             return "refused"
         if self._are_pickers_broken():
             return "broken"
@@ -83,25 +105,48 @@ class RunFigures:
         times = self._world.tick * TIME_STEP / wall if wall else 0.0
         speed = {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
         asked = {"asked_share": self._engine.asked_share}
-        return harvest_figures(self._world, self._figures) | self._engine.states.figures() | asked | speed
+        return (
+            harvest_figures(self._world, self._figures)
+            | self._engine.states.figures()
+            | asked
+            | speed
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
-        is_own = not self._is_changed and not any(self._engine.states.counts.stopped.values())  # the scenario alone has led to it
-        lost = lost_seconds(self._world.layout, self._world.seconds) if self._engine.over and is_own else {}
+        is_own = not self._is_changed and not any(
+            self._engine.states.counts.stopped.values()
+        )  # the scenario alone has led to it
+        lost = (
+            lost_seconds(self._world.layout, self._world.seconds)
+            if self._engine.over and is_own
+            else {}
+        )
         now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)
         scenario = self._world.layout.scenario.model_dump()
         figures = self.figures()
-        least = {"schedule_sim_seconds": max(figures["schedule_sim_seconds"], lost.get("optimum", 0.0))}  # no schedule is shorter
-        return figures | least | {"lost_seconds": lost, "scenario": scenario, "history": self._history.until(now)}
+        least = {
+            "schedule_sim_seconds": max(figures["schedule_sim_seconds"], lost.get("optimum", 0.0))
+        }  # no schedule is shorter
+        return (
+            figures
+            | least
+            | {"lost_seconds": lost, "scenario": scenario, "history": self._history.until(now)}
+        )
 
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
         """Return the figures so far, and what each robot does. `refused`: reason -> number of refused messages."""
         actions = as_shown(self._world, self._engine.actions)
-        doing = {name: action.doing or state_of(action) for name, action in actions.items() if action.doing or action.state}
+        doing = {
+            name: action.doing or state_of(action)
+            for name, action in actions.items()
+            if action.doing or action.state
+        }
         states = {name: state_of(actions[name]) for name in doing}
         waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}
-        return messages.Figures(run, self._world.tick, self.figures(), doing, waits, refused, states)
+        return messages.Figures(
+            run, self._world.tick, self.figures(), doing, waits, refused, states
+        )
 
     def is_due(self) -> bool:
         """Whether FIGURES_SECONDS have passed since this last returned True."""

@@ -12,7 +12,13 @@ from orchard.field.problems import printable
 from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
 from orchard.net.endpoints import BusError
-from orchard.net.refusals import Refused, read_message, refuse_other_run, refuse_other_tick, refused_for
+from orchard.net.refusals import (
+    Refused,
+    read_message,
+    refuse_other_run,
+    refuse_other_tick,
+    refused_for,
+)
 from orchard.server.run import Run, RunEnded, RunReset
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
@@ -31,12 +37,16 @@ class Queries:
         self._keys, self._run = keys, run
         self.replies = {
             "scenario": self._scenario,
-            "layout": lambda query: query.reply(pack(orchard_of(run.id, run.engine.tick, run.engine.layout))),
+            "layout": lambda query: query.reply(
+                pack(orchard_of(run.id, run.engine.tick, run.engine.layout))
+            ),
             "recall": self._recall,
             "stop": self._stop,
             "simulation_state": lambda query: query.reply(pack(run.control.state)),
             "set_simulation_state": self._set_simulation_state,
-            "step_simulation": lambda query: run.control.step(query, read_message(query.payload, wire.StepSimulation, run.id).steps),
+            "step_simulation": lambda query: run.control.step(
+                query, read_message(query.payload, wire.StepSimulation, run.id).steps
+            ),
             "reset_simulation": self._reset_simulation,
         }
 
@@ -63,7 +73,17 @@ class Queries:
     def _scenario(self, query: Query) -> None:
         engine, drivers = self._run.engine, self._run.drivers
         scenario = engine.layout.scenario.model_dump()
-        query.reply(pack(wire.RunInfo(self._run.id, engine.tick, drivers.answers.mode, list(drivers.roster.names), scenario)))
+        query.reply(
+            pack(
+                wire.RunInfo(
+                    self._run.id,
+                    engine.tick,
+                    drivers.answers.mode,
+                    list(drivers.roster.names),
+                    scenario,
+                )
+            )
+        )
 
     def _join(self, session: str, query: Query) -> None:
         join = read_message(query.payload, wire.Join, self._run.id)
@@ -78,7 +98,13 @@ class Queries:
     def _recall(self, query: Query) -> None:
         recall, tick = read_message(query.payload, wire.Recall, self._run.id), self._run.engine.tick
         refuse_other_tick(recall.tick, tick, tick)
-        query.reply(pack(wire.Recalled(self._run.id, tick, sorted(self._run.drivers.recovery_log.letters.items()))))
+        query.reply(
+            pack(
+                wire.Recalled(
+                    self._run.id, tick, sorted(self._run.drivers.recovery_log.letters.items())
+                )
+            )
+        )
 
     def _stop(self, query: Query) -> None:
         """Stop or reset robots; nothing overrides a stop. The reply says whether it is in a snapshot."""
@@ -91,7 +117,10 @@ class Queries:
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _set_simulation_state(self, query: Query) -> None:
-        wanted, control = read_message(query.payload, wire.SetSimulationState, self._run.id), self._run.control
+        wanted, control = (
+            read_message(query.payload, wire.SetSimulationState, self._run.id),
+            self._run.control,
+        )
         control.set(wanted.state)
         query.reply(pack(control.state))
         query.drop()
@@ -102,13 +131,21 @@ class Queries:
         run = self._run
         wanted = read_message(query.payload, wire.ResetSimulation, run.id)
         if run.drivers.roster.has_logger:
-            raise Refused("recorded", "the recording would hold two runs; start the run without one (--record none)")
-        scenario = run.engine.layout.scenario.model_dump() | ({} if wanted.seed is None else {"seed": wanted.seed})
+            raise Refused(
+                "recorded",
+                "the recording would hold two runs; start the run without one (--record none)",
+            )
+        scenario = run.engine.layout.scenario.model_dump() | (
+            {} if wanted.seed is None else {"seed": wanted.seed}
+        )
         with refused_for("malformed"):
             check(scenario, "the scenario")
         run.report()
         if run.account.snapshot_writer.folder is not None and not run.keep_at_once():
-            raise Refused("not kept", "no snapshot can be written, and the death of physics would undo the reset; is the disk full?")
+            raise Refused(
+                "not kept",
+                "no snapshot can be written, and the death of physics would undo the reset; is the disk full?",
+            )
         query.reply(pack(run.control.state))
         query.drop()
         raise RunReset(scenario)
@@ -120,9 +157,13 @@ class Inbound:
     def __init__(self, bus: Bus, keys: Keys, run: Run) -> None:
         self._bus, self._keys, self._run = bus, keys, run
         self._queries = Queries(keys, run)
-        self._told: set[tuple[str, wire.Reason]] = set()  # the refusals that were published in this second
+        self._told: set[tuple[str, wire.Reason]] = (
+            set()
+        )  # the refusals that were published in this second
         self._told_since = -math.inf  # s, on the clock of the bus
-        self._newer_from = math.inf  # s, on the clock of the bus: a run that appears after that is newer
+        self._newer_from = (
+            math.inf
+        )  # s, on the clock of the bus: a run that appears after that is newer
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables. The liveliness token comes last: it shows that physics is ready."""
@@ -165,7 +206,14 @@ class Inbound:
             self._told.add((key, refusal.reason))
             parts = self._keys.parts(key)
             session = parts[1] if parts[0] == "hosts" and len(parts) == 3 else refusal.session
-            shown = wire.Refusal(self._run.id, self._run.engine.tick, printable(key), refusal.reason, refusal.detail, printable(session))
+            shown = wire.Refusal(
+                self._run.id,
+                self._run.engine.tick,
+                printable(key),
+                refusal.reason,
+                refusal.detail,
+                printable(session),
+            )
             self._bus.publish(self._keys.of("refusals"), pack(shown), newest_wins=True)
 
     def take_after_end(self, seconds: float) -> Item | None:
@@ -229,9 +277,16 @@ class Inbound:
         """Record a token. Raises BusError if another run uses this router and prefix: the newer run ends itself."""
         match self._keys.parts(alive.key):
             case ["alive", "physics", run, _]:
-                if alive.up and run != self._run.id and not self._run.has_begun and self._bus.clock() < self._newer_from:
+                if (
+                    alive.up
+                    and run != self._run.id
+                    and not self._run.has_begun
+                    and self._bus.clock() < self._newer_from
+                ):
                     where = f"with prefix {self._keys.prefix}; choose another router or prefix"
-                    raise BusError(f"{self._bus.endpoint}: run {printable(run)} is active there, {where}")
+                    raise BusError(
+                        f"{self._bus.endpoint}: run {printable(run)} is active there, {where}"
+                    )
             case _:
                 name, owner = self._owner_of(alive.key)
                 if name == LOGGER and alive.up:
@@ -240,7 +295,9 @@ class Inbound:
 
     def _owner_of(self, token: str) -> tuple[str, str]:
         match self._keys.parts(token):
-            case ["alive", name, session] if name in self._run.drivers.roster.names or name == LOGGER:
+            case ["alive", name, session] if (
+                name in self._run.drivers.roster.names or name == LOGGER
+            ):
                 return name, _session(session)
         raise Refused("no such agent")
 

@@ -29,16 +29,27 @@ END_SECONDS = 0.2  # after which the end is told again to those that have not le
 class RunLoop:
     """The loop of one run, from the first join to the last message."""
 
-    def __init__(self, bus: Bus, keys: Keys, engine: Engine, options: RunOptions, before: Snapshot | None = None) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        engine: Engine,
+        options: RunOptions,
+        before: Snapshot | None = None,
+    ) -> None:
         """`before`: the snapshot from which the engine was resumed."""
         self.bus, self._engine, self.options = bus, engine, options
         self.run = Run(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
-        self._owned_before = before.owned if before and engine.tick > 0 else None  # before the first tick not all had come
+        self._owned_before = (
+            before.owned if before and engine.tick > 0 else None
+        )  # before the first tick not all had come
         self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
-        self.again: RunOptions | None = None  # the options with which the run begins again after its end; None: it does not
+        self.again: RunOptions | None = (
+            None  # the options with which the run begins again after its end; None: it does not
+        )
 
     def play(self, get_ready: Callable[[], None]) -> End:
         """Run all ticks, and publish the end. Return it. `get_ready`: called before the first tick."""
@@ -52,8 +63,16 @@ class RunLoop:
             while not (why := self.run.account.why_over(ticks)):
                 self._tick()
         except RunReset as ended:
-            why, listen = str(ended), self.options.listen if self.options.connect else self.bus.endpoint
-            news = {"scenario": ended.scenario, "run": self.run.id, "resume": False, "paused": self._clock.is_paused}
+            why, listen = (
+                str(ended),
+                self.options.listen if self.options.connect else self.bus.endpoint,
+            )
+            news = {
+                "scenario": ended.scenario,
+                "run": self.run.id,
+                "resume": False,
+                "paused": self._clock.is_paused,
+            }
             self.again = msgspec.structs.replace(self.options, listen=listen, **news)
         except RunEnded as ended:
             why = str(ended)
@@ -80,16 +99,25 @@ class RunLoop:
         names = [name for name in names if name not in self.options.absent]
         patience = math.inf if self._owned_before is None else self.options.patience
         end, fewest = self.bus.clock() + patience, len(names)
-        while (missing := [name for name in names if not self._drivers.drives(name)]) and (left := end - self.bus.clock()) > 0.0:
+        while (missing := [name for name in names if not self._drivers.drives(name)]) and (
+            left := end - self.bus.clock()
+        ) > 0.0:
             if len(missing) < fewest:
                 end, fewest = self.bus.clock() + patience, len(missing)
             elif not self.arrivals.take(min(left, WARN_SECONDS)):
                 log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
         if missing:
-            log.warning("no host has come back with %s: no longer waited for; the hash changes", ", ".join(missing))
+            log.warning(
+                "no host has come back with %s: no longer waited for; the hash changes",
+                ", ".join(missing),
+            )
             self._drivers.miss(missing)
         deadline = self.bus.clock() + LOGGER_SECONDS
-        while self.options.recorded and not self._drivers.roster.has_logger and (left := deadline - self.bus.clock()) > 0.0:
+        while (
+            self.options.recorded
+            and not self._drivers.roster.has_logger
+            and (left := deadline - self.bus.clock()) > 0.0
+        ):
             self.arrivals.take(left)
 
     def _tick(self) -> None:
@@ -110,15 +138,30 @@ class RunLoop:
     def _await_answers(self) -> None:
         """Wait until all answers are in, or their time is over. Send the tick again to silent sessions."""
         self._stand_by()
-        drivers, answers, again = self._drivers, self._drivers.answers, self._clock() + AGAIN_SECONDS
+        drivers, answers, again = (
+            self._drivers,
+            self._drivers.answers,
+            self._clock() + AGAIN_SECONDS,
+        )
         warn_at = self._clock() + WARN_SECONDS if answers.deadline < math.inf else math.inf
         while answers.missing:
-            until, enough = min(answers.deadline, again), 1 if len(self.bus.inbox) else len(drivers.silent())
+            until, enough = (
+                min(answers.deadline, again),
+                1 if len(self.bus.inbox) else len(drivers.silent()),
+            )
             self.arrivals.take(max(0.0, until - self._clock()), enough)
             now = self._clock()
             if now >= warn_at:
-                warn_at, words = math.inf, "no answer to tick %d yet from %s: waiting for up to %.0f s more"
-                log.warning(words, self._engine.tick, ", ".join(sorted(answers.missing)), max(0.0, answers.deadline - now))
+                warn_at, words = (
+                    math.inf,
+                    "no answer to tick %d yet from %s: waiting for up to %.0f s more",
+                )
+                log.warning(
+                    words,
+                    self._engine.tick,
+                    ", ".join(sorted(answers.missing)),
+                    max(0.0, answers.deadline - now),
+                )
             if now >= answers.deadline:
                 drivers.give_up()
             elif now >= again:

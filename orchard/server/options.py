@@ -26,35 +26,75 @@ def last_tick(duration: float | None) -> float:
 class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     """Simulate the world of an orchard."""
 
-    scenario: Annotated[dict[str, Any] | str, option("SCENARIO.yaml", "default: the built-in scenario", nargs="?")] = {}  # or its file
+    scenario: Annotated[
+        dict[str, Any] | str, option("SCENARIO.yaml", "default: the built-in scenario", nargs="?")
+    ] = {}  # or its file
     listen: Annotated[str | None, option("ENDPOINT", "default: a free port of 127.0.0.1")] = None
-    connect: Annotated[str | None, option("ENDPOINT", "endpoint of another router, instead of listening")] = None
+    connect: Annotated[
+        str | None, option("ENDPOINT", "endpoint of another router, instead of listening")
+    ] = None
     prefix: Annotated[str, option("PREFIX", "first part of every key")] = PREFIX
     run: Annotated[str, option("ID", "id of the run; default: a new one")] = ""
-    mode: Annotated[Mode, option("lockstep|realtime", "wait for all agents, or for none")] = "lockstep"
-    speed: Annotated[Positive | None, option("X", "simulated seconds per second; default: as fast as possible, in realtime 1")] = None
-    duration: Annotated[Duration | None, option("SECONDS", "simulated seconds, above 0, after which the run ends")] = None
-    patience: Annotated[Positive, option("SECONDS", "wall time, above 0, that an agent may take to answer")] = PATIENCE
-    absent: Annotated[list[str], option("KIND|NAME", "the first tick does not wait for these agents (repeatable)")] = []
-    without: Annotated[list[str], option("KIND|NAME", "clients elsewhere drive these agents, which forks say (repeatable)")] = []
+    mode: Annotated[Mode, option("lockstep|realtime", "wait for all agents, or for none")] = (
+        "lockstep"
+    )
+    speed: Annotated[
+        Positive | None,
+        option("X", "simulated seconds per second; default: as fast as possible, in realtime 1"),
+    ] = None
+    duration: Annotated[
+        Duration | None, option("SECONDS", "simulated seconds, above 0, after which the run ends")
+    ] = None
+    patience: Annotated[
+        Positive, option("SECONDS", "wall time, above 0, that an agent may take to answer")
+    ] = PATIENCE
+    absent: Annotated[
+        list[str], option("KIND|NAME", "the first tick does not wait for these agents (repeatable)")
+    ] = []
+    without: Annotated[
+        list[str],
+        option("KIND|NAME", "clients elsewhere drive these agents, which forks say (repeatable)"),
+    ] = []
     recorded: Annotated[bool, option("", "the first tick waits for a logger, at most 10 s")] = False
     snapshots: Annotated[str | None, option("DIR", "folder for snapshots of the run")] = None
-    snapshot_every: Annotated[Positive, option("SECONDS", "wall time, above 0, between two snapshots; default: 2")] = SNAPSHOT_SECONDS
-    keyframes: Annotated[Positive, option("SECONDS", "simulated time, above 0, between two keyframes; default: 60")] = KEYFRAME_SECONDS
-    table: Annotated[str | None, option("DIR", "folder for tables of the run; those of the same run there go on")] = None
-    result: Annotated[str | None, option("FILE", "file for the end of the run, whose message may be lost on the network")] = None
-    resume: Annotated[bool, option("", "continue from the newest snapshot in the folder, if there is one")] = False
-    paused: Annotated[bool, option("", "the first tick waits until a client lets the run play, or does steps")] = False
-    holds: Annotated[Holds, option("on|ignored|checked", "ask agents that hold, and check them; in realtime all are asked")] = "on"
+    snapshot_every: Annotated[
+        Positive, option("SECONDS", "wall time, above 0, between two snapshots; default: 2")
+    ] = SNAPSHOT_SECONDS
+    keyframes: Annotated[
+        Positive, option("SECONDS", "simulated time, above 0, between two keyframes; default: 60")
+    ] = KEYFRAME_SECONDS
+    table: Annotated[
+        str | None, option("DIR", "folder for tables of the run; those of the same run there go on")
+    ] = None
+    result: Annotated[
+        str | None,
+        option("FILE", "file for the end of the run, whose message may be lost on the network"),
+    ] = None
+    resume: Annotated[
+        bool, option("", "continue from the newest snapshot in the folder, if there is one")
+    ] = False
+    paused: Annotated[
+        bool, option("", "the first tick waits until a client lets the run play, or does steps")
+    ] = False
+    holds: Annotated[
+        Holds,
+        option(
+            "on|ignored|checked", "ask agents that hold, and check them; in realtime all are asked"
+        ),
+    ] = "on"
 
     def __post_init__(self) -> None:
         if self.listen and self.connect:
-            raise ValueError("a run either listens or uses another router: give --listen or --connect")
+            raise ValueError(
+                "a run either listens or uses another router: give --listen or --connect"
+            )
 
     @property
     def pace(self) -> float:
         """Simulated seconds per second of wall time."""
-        return self.speed if self.speed is not None else 1.0 if self.mode == "realtime" else math.inf
+        return (
+            self.speed if self.speed is not None else 1.0 if self.mode == "realtime" else math.inf
+        )
 
     @property
     def snapshot_folder(self) -> Path | None:

@@ -12,7 +12,19 @@ from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.net.bus import Bus
 from orchard.wire.codec import odometry_of, scan_of, seen_of
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Angular, AskedOf, Bundle, Clock, Linear, Lost, Message, Report, Stamp, SubMessage, Velocity
+from orchard.wire.messages import (
+    Angular,
+    AskedOf,
+    Bundle,
+    Clock,
+    Linear,
+    Lost,
+    Message,
+    Report,
+    Stamp,
+    SubMessage,
+    Velocity,
+)
 
 log = logging.getLogger("orchard")
 
@@ -23,23 +35,41 @@ BUNDLE_TICKS, BUNDLE_SECONDS = 10, 0.05  # of a bundle at most, on the clock of 
 class Publisher:
     """Publishes the messages of physics."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False) -> None:
+    def __init__(
+        self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False
+    ) -> None:
         """`newest_wins`: publish what belongs to a tick without waiting; a slow subscriber misses some."""
-        self._bus, self._keys, self.run, self._layout, self._newest_wins = bus, keys, run, layout, newest_wins
-        self._heard: dict[str, bool] = {}  # keys -> whether a session subscribes, as of the last check
+        self._bus, self._keys, self.run, self._layout, self._newest_wins = (
+            bus,
+            keys,
+            run,
+            layout,
+            newest_wins,
+        )
+        self._heard: dict[
+            str, bool
+        ] = {}  # keys -> whether a session subscribes, as of the last check
         self._recheck_at = 0.0  # s, on the clock of the bus
-        self._bundle: dict[str, list[Any]] = {"events": [], "letters": [], "picture": []}  # what is told, and not sent yet
+        self._bundle: dict[str, list[Any]] = {
+            "events": [],
+            "letters": [],
+            "picture": [],
+        }  # what is told, and not sent yet
         self._bundled_at = 0.0  # s, on the clock of the bus, when it was last sent
 
     # -- a tick
 
-    def show(self, seen: Observations, due: Mapping[str, Sequence[str]], asked: Sequence[AskedOf]) -> None:
+    def show(
+        self, seen: Observations, due: Mapping[str, Sequence[str]], asked: Sequence[AskedOf]
+    ) -> None:
         """Send each session in `due` what its agents observe that are asked; and the requests in `asked` to them."""
         for owner, names in due.items():
             heard = [of for of in asked if of.to in names]
             self._put(self._keys.of("seen", session=owner), seen_of(self.run, seen, names, heard))
 
-    def publish_tick(self, seen: Observations, others: Mapping[str, Callable[[], Observations]]) -> None:
+    def publish_tick(
+        self, seen: Observations, others: Mapping[str, Callable[[], Observations]]
+    ) -> None:
         """Publish poses, scans, the views in `others` (`truth`, `odometry`), and the clock: each if a session subscribes to it."""
         if self._bus.clock() >= self._recheck_at:
             self.refresh_subscribers()
@@ -50,7 +80,10 @@ class Publisher:
                     self._put_single(what, view, body, name)
         if self.is_heard("clock"):
             sec, ticks = divmod(seen.tick, TICKS_PER_SECOND)
-            self._put(self._keys.of("clock"), Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))))
+            self._put(
+                self._keys.of("clock"),
+                Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))),
+            )
 
     def retire(self, owners: Iterable[str]) -> None:
         """Remove the publishers of sessions that do not own an agent any more."""
@@ -62,12 +95,33 @@ class Publisher:
         if self._is_heard(key) and what != "scan":
             self._put(key, odometry_of(self.run, seen[name]))
         elif self._is_heard(key):
-            self._put(key, scan_of(self.run, seen[name], KINDS[self._layout.starts[body].kind].laser, KINDS["bin"].laser))
+            self._put(
+                key,
+                scan_of(
+                    self.run,
+                    seen[name],
+                    KINDS[self._layout.starts[body].kind].laser,
+                    KINDS["bin"].laser,
+                ),
+            )
 
     def publish_velocity(self, name: str, owner: str, tick: int, report: Report) -> None:
         if self._is_heard(key := self._keys.of("velocity", name)):
             x, y, turn = report.twist
-            self._bus.publish(key, pack(Velocity(self.run, tick, Linear(x, y), Angular(turn), owner, report.once, report.deeds)))
+            self._bus.publish(
+                key,
+                pack(
+                    Velocity(
+                        self.run,
+                        tick,
+                        Linear(x, y),
+                        Angular(turn),
+                        owner,
+                        report.once,
+                        report.deeds,
+                    )
+                ),
+            )
 
     def _put(self, key: str, message: SubMessage) -> None:
         self._bus.publish(key, pack(message), self._newest_wins)
@@ -75,7 +129,9 @@ class Publisher:
     def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:
         self.send_bundle(tick)
         for owner, names in released.items():
-            log.warning("no answer to tick %d from %s: no longer waited for", tick, ", ".join(names))
+            log.warning(
+                "no answer to tick %d from %s: no longer waited for", tick, ", ".join(names)
+            )
             self.publish("lost", Lost(self.run, tick, names, owner))
 
     # -- what observers get
@@ -91,7 +147,10 @@ class Publisher:
                 self._bundle[what].append(told)
 
     def is_bundle_due(self) -> bool:
-        return len(self._bundle["picture"]) >= BUNDLE_TICKS or self._bus.clock() >= self._bundled_at + BUNDLE_SECONDS
+        return (
+            len(self._bundle["picture"]) >= BUNDLE_TICKS
+            or self._bus.clock() >= self._bundled_at + BUNDLE_SECONDS
+        )
 
     def send_bundle(self, tick: int) -> None:
         """Send what waits to be sent, before all that a logger must hear after it."""

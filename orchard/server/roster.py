@@ -17,7 +17,9 @@ class Roster:
         self.names = tuple(names)
         self.owners: dict[str, str] = {}  # name -> session id
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
-        self._last_owners: dict[str, str] = {}  # name -> session id, also of one whose agents are released
+        self._last_owners: dict[
+            str, str
+        ] = {}  # name -> session id, also of one whose agents are released
         self._leaving: set[str] = set()  # owners that have said that they leave
 
     def token(self, name: str, owner: str, up: bool) -> None:
@@ -66,24 +68,40 @@ Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> its lette
 class RecoveryLog:
     """The newest memory of each agent, and the letters of the last two ticks; physics does not interpret them."""
 
-    def __init__(self, memories: Mapping[str, bytes | None] | None = None, letters: Letters = ()) -> None:
+    def __init__(
+        self, memories: Mapping[str, bytes | None] | None = None, letters: Letters = ()
+    ) -> None:
         self.memories = dict(memories or {})
         self.letters: dict[int, dict[str, Written]] = dict(letters)  # tick -> sender -> its letters
 
     def keep(self, tick: int, reports: Mapping[str, Report]) -> None:
         """Store the memories and letters in the reports of the tick that was stepped last."""
-        self.memories |= {name: report.memory for name, report in reports.items() if report.memory is not None}
-        spoken = {name: report for name, report in reports.items() if report.requests or report.answers}
-        written = {name: Written(report.requests, report.answers) for name, report in spoken.items()}
+        self.memories |= {
+            name: report.memory for name, report in reports.items() if report.memory is not None
+        }
+        spoken = {
+            name: report for name, report in reports.items() if report.requests or report.answers
+        }
+        written = {
+            name: Written(report.requests, report.answers) for name, report in spoken.items()
+        }
         self.letters = {at: letters for at, letters in self.letters.items() if at >= tick - 1}
         if written:
             self.letters[tick] = written
 
     def hearing(self, tick: int) -> set[str]:
         """Return the agents that hear mail at a tick: requests of the last tick, and replies to those before."""
-        asked = {to for letters in self.letters.get(tick - 1, {}).values() for to, _ in letters.requests}
-        return asked | {name for name, letters in self.letters.get(tick - 2, {}).items() if letters.requests}
+        asked = {
+            to for letters in self.letters.get(tick - 1, {}).values() for to, _ in letters.requests
+        }
+        return asked | {
+            name for name, letters in self.letters.get(tick - 2, {}).items() if letters.requests
+        }
 
     def asked(self, tick: int) -> list[AskedOf]:
         written = self.letters.get(tick, {}).items()
-        return [AskedOf(to, sender, number) for sender, letters in written for number, (to, _) in enumerate(letters.requests)]
+        return [
+            AskedOf(to, sender, number)
+            for sender, letters in written
+            for number, (to, _) in enumerate(letters.requests)
+        ]

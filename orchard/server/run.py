@@ -39,23 +39,49 @@ class RunReset(RunEnded):
 class Run:
     """The parts of one run, its steps and their reports. `RunLoop` decides when each step is done."""
 
-    def __init__(self, bus: Bus, keys: Keys, engine: Engine, options: RunOptions, before: Snapshot | None = None) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        engine: Engine,
+        options: RunOptions,
+        before: Snapshot | None = None,
+    ) -> None:
         self.engine = engine
-        self._elsewhere = select_agents(engine.layout.agents, options.without, []) if options.without else []
-        self._owned_before = before.owned if before else []  # the agents that had a session; some may not come back
+        self._elsewhere = (
+            select_agents(engine.layout.agents, options.without, []) if options.without else []
+        )
+        self._owned_before = (
+            before.owned if before else []
+        )  # the agents that had a session; some may not come back
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
         self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
-        roster, recovery_log = Roster(engine.layout.agents), RecoveryLog(before.memories, before.letters) if before else RecoveryLog()
+        roster, recovery_log = (
+            Roster(engine.layout.agents),
+            RecoveryLog(before.memories, before.letters) if before else RecoveryLog(),
+        )
         is_paced = options.mode == "realtime"
         clock = RunClock(bus.clock)
         if options.paused:
             clock.pause()
-        answers = RealtimeBarrier(roster, TIME_STEP / options.pace, clock) if is_paced else LockstepBarrier(roster, clock, options.patience)
+        answers = (
+            RealtimeBarrier(roster, TIME_STEP / options.pace, clock)
+            if is_paced
+            else LockstepBarrier(roster, clock, options.patience)
+        )
         self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
-        self.control = SimulationControl(clock, partial(self.publisher.publish, "simulation_state"), self.id, lambda: engine.tick)
+        self.control = SimulationControl(
+            clock, partial(self.publisher.publish, "simulation_state"), self.id, lambda: engine.tick
+        )
         self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
         self.drivers.lost |= before.lost if before else {}
-        snapshot_writer = SnapshotWriter(options.snapshot_folder, bus.executor, bus.clock, options.snapshot_every, options.keyframes)
+        snapshot_writer = SnapshotWriter(
+            options.snapshot_folder,
+            bus.executor,
+            bus.clock,
+            options.snapshot_every,
+            options.keyframes,
+        )
         self.account = RunAccount(engine, before, snapshot_writer, options.table, clock)
         self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
 
@@ -87,14 +113,18 @@ class Run:
             self.publisher.tell("events", lambda: Events(self.id, tick, events))
         if letters:
             self.publisher.tell("letters", lambda: Letters(self.id, tick, letters))
-        self.publisher.tell("picture", lambda: picture_of(self.id, self.account.frame_builder.frame(events)))
+        self.publisher.tell(
+            "picture", lambda: picture_of(self.id, self.account.frame_builder.frame(events))
+        )
         if self.publisher.is_bundle_due():
             self.publisher.send_bundle(tick)
         if self.account.figures.is_due():
             self._publish_figures()
 
     def _publish_figures(self) -> None:
-        self.publisher.publish("figures", self.account.figures.message(self.id, self.refusal_totals.total()))
+        self.publisher.publish(
+            "figures", self.account.figures.message(self.id, self.refusal_totals.total())
+        )
 
     def keep_at_once(self) -> bool:
         self.keep()
@@ -107,9 +137,14 @@ class Run:
         engine, recovery_log = self.engine, self.drivers.recovery_log
         scenario = engine.layout.scenario.model_dump()
         owned = sorted(self.drivers.roster.owners) if self.has_begun else self._owned_before
-        letters, figures = sorted(recovery_log.letters.items()), self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
+        letters, figures = (
+            sorted(recovery_log.letters.items()),
+            self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()},
+        )
         memories, rest = recovery_log.memories, (figures, owned, self.drivers.lost, self._elsewhere)
-        self.account.keep(Snapshot(self.id, scenario, engine.as_data(), engine.digest, memories, letters, *rest))
+        self.account.keep(
+            Snapshot(self.id, scenario, engine.as_data(), engine.digest, memories, letters, *rest)
+        )
 
     def end(self, why: str) -> End:
         engine, answers = self.engine, self.drivers.answers

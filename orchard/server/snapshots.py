@@ -35,7 +35,9 @@ def sole(folder: Path | None) -> Iterator[None]:
             try:
                 fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise SnapshotError(f"{folder}: the run of these snapshots is still active; stop it first") from error
+                raise SnapshotError(
+                    f"{folder}: the run of these snapshots is still active; stop it first"
+                ) from error
         yield
 
 
@@ -63,7 +65,9 @@ class SnapshotWriter:
 
     def is_due(self, tick: int) -> bool:
         is_idle = self._writing is None or self._writing.done()
-        return self.folder is not None and (tick % self._keyframe_ticks == 0 or (is_idle and self._clock() >= self._due))
+        return self.folder is not None and (
+            tick % self._keyframe_ticks == 0 or (is_idle and self._clock() >= self._due)
+        )
 
     def keep(self, snapshot: Snapshot) -> None:
         """Write a snapshot after the one that is being written. It replaces an older one that still waits, but no keyframe."""
@@ -74,7 +78,9 @@ class SnapshotWriter:
         name, content = as_file(snapshot)
         self._is_keyframe = snapshot.tick % self._keyframe_ticks == 0
         names = [name, name.replace(SNAPSHOT, KEYFRAME)] if self._is_keyframe else [name]
-        self._writing = self._executor.submit(self._store, names, content, self.folder, snapshot.run)
+        self._writing = self._executor.submit(
+            self._store, names, content, self.folder, snapshot.run
+        )
         self._due = self._clock() + self._seconds
 
     def _store(self, names: list[str], content: bytes, folder: Path, run: str) -> bool:
@@ -84,7 +90,11 @@ class SnapshotWriter:
         except OSError as error:
             if not self._failed:
                 why = error.strerror or error
-                log.error("a snapshot could not be written in %s: %s; without one the run cannot be resumed", folder, why)
+                log.error(
+                    "a snapshot could not be written in %s: %s; without one the run cannot be resumed",
+                    folder,
+                    why,
+                )
             self._failed = True
             return False
         return True
@@ -117,5 +127,7 @@ def last(folder: Path, run: str = "") -> Snapshot | None:
     for why in refused:
         log.warning("not used: %s", why)
     if refused and found is None:
-        log.warning("%s: no usable snapshot; the run begins anew, and no robot is stopped any more", folder)
+        log.warning(
+            "%s: no usable snapshot; the run begins anew, and no robot is stopped any more", folder
+        )
     return found

@@ -15,10 +15,16 @@ from orchard.sim.world import World
 
 HOUR = 3600.0  # s
 TOP_UP = 0.95  # charge below which a carrier that waits in a charging line is given a charger: a full one that stands there needs none yet
-NEWS: tuple[What, ...] = ("charging", "charged", "flat")  # events after which a carrier may act otherwise
+NEWS: tuple[What, ...] = (
+    "charging",
+    "charged",
+    "flat",
+)  # events after which a carrier may act otherwise
 
 
-def without_flat(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> tuple[np.ndarray, list[tuple[int, Deed]]]:
+def without_flat(
+    world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]
+) -> tuple[np.ndarray, list[tuple[int, Deed]]]:
     """Return what bodies want, velocities (n, 3) and deeds, without those of which the battery is flat."""
     flat = world.charge <= 0.0
     if not flat.any():
@@ -34,11 +40,23 @@ def advance(world: World) -> list[Event]:
     has = _with_chargers(world, stands, before)
     (x, y, _), area = world.pose[carriers].T, world.layout.queue.area
     is_off = stands & (x >= area.west) & (x <= area.east) & (y >= area.south) & (y <= area.north)
-    use = np.select([is_off, stands], [0.0, battery.standing], 1.0) * (-TIME_STEP / HOUR / (battery.hours or np.inf))
-    after = np.clip(before + np.where(has & stands, TIME_STEP / HOUR / battery.hours_to_charge, use), 0.0, 1.0)
+    use = np.select([is_off, stands], [0.0, battery.standing], 1.0) * (
+        -TIME_STEP / HOUR / (battery.hours or np.inf)
+    )
+    after = np.clip(
+        before + np.where(has & stands, TIME_STEP / HOUR / battery.hours_to_charge, use), 0.0, 1.0
+    )
     world.charge[carriers], world.plugged[carriers] = after, has & (after < 1.0)
-    happened = (("charging", has & ~had), ("charged", has & (after >= 1.0)), ("flat", (after <= 0.0) & (before > 0.0)))
-    return [Event(world.tick, what, world.layout.names[carriers[k]]) for what, which in happened for k in which.nonzero()[0].tolist()]
+    happened = (
+        ("charging", has & ~had),
+        ("charged", has & (after >= 1.0)),
+        ("flat", (after <= 0.0) & (before > 0.0)),
+    )
+    return [
+        Event(world.tick, what, world.layout.names[carriers[k]])
+        for what, which in happened
+        for k in which.nonzero()[0].tolist()
+    ]
 
 
 def _with_chargers(world: World, stands: np.ndarray, charge: np.ndarray) -> np.ndarray:

@@ -25,7 +25,11 @@ def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) ->
     A stopped picker may still say from where it picks later: that moves nothing, and it says so once.
     wanted (n, 3): the wanted twists for this step.
     """
-    return [_do_one(world, wanted, i, deed) for i, deed in deeds if not world.stopped[i] or isinstance(deed, PickFrom)]
+    return [
+        _do_one(world, wanted, i, deed)
+        for i, deed in deeds
+        if not world.stopped[i] or isinstance(deed, PickFrom)
+    ]
 
 
 def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
@@ -44,7 +48,9 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
                 return Event(world.tick, "picks from", name, "", f"x = {deed.x:.2f} m")
     except DeedRefused as reason:
         other = printable(deed.bin) if isinstance(deed, Couple) else ""
-        return Event(world.tick, "deed refused", name, other, f"{type(deed).__name__.lower()}: {reason}")
+        return Event(
+            world.tick, "deed refused", name, other, f"{type(deed).__name__.lower()}: {reason}"
+        )
     raise TypeError(f"not a deed: {deed!r}")
 
 
@@ -66,7 +72,10 @@ def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
     pose, other = Pose(*world.pose[robot].tolist()), Pose(*world.pose[bin_].tolist())
     ahead, left = to_frame(pose, other.x, other.y)
     ahead += float(world.fixed.tows[robot])
-    _refuse_if(ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH, "the bin is not at the coupling point")
+    _refuse_if(
+        ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH,
+        "the bin is not at the coupling point",
+    )
     askew = angle_between(pose.yaw, other.yaw)
     askew -= repeatable.QUARTER * round(askew / repeatable.QUARTER)
     _refuse_if(abs(askew) > COUPLING_ANGLE, "the bin is not square to it")
@@ -86,7 +95,11 @@ def _flatten(world: World, weed: int) -> str:
     _refuse_if(not world.alive[weed], "it is flat")
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    near = [i for i, box in enumerate(boxes) if gap(boxes[weed], box) <= WEED_REACH and world.twist[i].any()]
+    near = [
+        i
+        for i, box in enumerate(boxes)
+        if gap(boxes[weed], box) <= WEED_REACH and world.twist[i].any()
+    ]
     _refuse_if(not near, "nothing moves within 1 m")
     world.alive[weed] = False
     return world.layout.names[near[0]]

@@ -48,24 +48,34 @@ class Engine:
         """
         self.world, self.layout, self.is_hashed = world, world.layout, is_hashed
         self._scanner, self.sensors = Scanner(world), Sensors(world)
-        self.scans = Scans(np.zeros(0, dtype=np.float32), [0])  # at the last observed tick, m, float32, one array for each body
+        self.scans = Scans(
+            np.zeros(0, dtype=np.float32), [0]
+        )  # at the last observed tick, m, float32, one array for each body
         self.actions: dict[str, Action] = {}  # the newest action of each agent that drives or holds
-        self.answers: dict[str, Action | None] = {}  # of the agents that were asked at the last tick; None: it gave no action
+        self.answers: dict[
+            str, Action | None
+        ] = {}  # of the agents that were asked at the last tick; None: it gave no action
         before = before or {}
         self.lookahead = holds(world, self._scanner.begin, before.get("asked"))
         self._invariants = Invariants(world, before.get("invariants"))
         self._states = StateTimes(world, before.get("states"))
         self._digest = digest
         self._stepped: Stepped | None = None  # a step that is not accounted for yet
-        self._news = msgspec.convert(before.get("news", []), list[Event])  # events of stops and resets, which the next step returns
+        self._news = msgspec.convert(
+            before.get("news", []), list[Event]
+        )  # events of stops and resets, which the next step returns
 
     @classmethod
-    def begin(cls, scenario: Scenario, holds: type[Lookahead] = Lookahead, is_hashed: bool = True) -> "Engine":
+    def begin(
+        cls, scenario: Scenario, holds: type[Lookahead] = Lookahead, is_hashed: bool = True
+    ) -> "Engine":
         """Return an orchard at tick 0."""
         return cls(World(lay_out(scenario)), holds=holds, is_hashed=is_hashed)
 
     @classmethod
-    def resume(cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead, is_hashed: bool = True) -> "Engine":
+    def resume(
+        cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead, is_hashed: bool = True
+    ) -> "Engine":
         """Return the orchard of a snapshot. Raises SnapshotError if the snapshot is inconsistent."""
         with fitting(snapshot):
             return cls(world_from(snapshot), snapshot.digest, snapshot.figures, holds, is_hashed)
@@ -76,16 +86,28 @@ class Engine:
         rehearsal.observe()
         rehearsal.due(())
         weeds = [name for name in self.layout.names if kind_of(name) == "weed"]
-        rehearsal.advance({name: Action(deeds=[Flatten()]) for name in weeds[:1]} | {self.layout.names[0]: Action(hold=Hold(1))}, {})
+        rehearsal.advance(
+            {name: Action(deeds=[Flatten()]) for name in weeds[:1]}
+            | {self.layout.names[0]: Action(hold=Hold(1))},
+            {},
+        )
         rehearsal.violations()
 
     def figures_as_data(self) -> dict[str, Any]:
         """Return the state besides the world and the hash as plain data, for a snapshot's figures."""
-        figures = {"invariants": self.invariants.known, "states": self.states.counts, "news": self._news, "asked": self.lookahead.asked}
+        figures = {
+            "invariants": self.invariants.known,
+            "states": self.states.counts,
+            "news": self._news,
+            "asked": self.lookahead.asked,
+        }
         return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
     def as_data(self) -> dict[str, Any]:
-        return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in self.world.state.items()}
+        return {
+            name: value.tobytes() if isinstance(value, np.ndarray) else value
+            for name, value in self.world.state.items()
+        }
 
     @property
     def invariants(self) -> Invariants:
@@ -145,7 +167,9 @@ class Engine:
         """End the holds of these agents: they are asked at the next tick, and without an action their bodies stand."""
         self.lookahead.wake(names)
 
-    def advance(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
+    def advance(
+        self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]
+    ) -> list[Event]:
         """Do one step of 0.1 s with these actions, and return its events. `mail_digests`: agent -> digest of what it heard."""
         events = self.step(actions, mail_digests)
         self.account()
@@ -155,11 +179,22 @@ class Engine:
         """Do what `advance` does, without accounting for the step."""
         self.account()
         self.answers = self.lookahead.hold(self.world, self.scans.ranges, actions)
-        self.actions = {name: action for name, action in (self.actions | self.answers).items() if action is not None}
-        events, self._news = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)), []
+        self.actions = {
+            name: action
+            for name, action in (self.actions | self.answers).items()
+            if action is not None
+        }
+        events, self._news = (
+            self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)),
+            [],
+        )
         self.sensors.advance()
         self.lookahead.wake(event.who for event in events if event.what in batteries.NEWS)
-        heard = {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)} if mail_digests else {}
+        heard = (
+            {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)}
+            if mail_digests
+            else {}
+        )
         self._stepped = self.scans.ranges, heard, events  # mail to unknown names is left out
         return events
 
@@ -174,7 +209,11 @@ class Engine:
 
     def violations(self) -> list[str]:
         """Return a sentence for each invariant that the run has broken, and each agent that holds wrongly. Call it at the end of a run."""
-        return [*self.invariants.end(self.world, self.over), *self.states.faults(self.world), *self.lookahead.wrong]
+        return [
+            *self.invariants.end(self.world, self.over),
+            *self.states.faults(self.world),
+            *self.lookahead.wrong,
+        ]
 
     def stop(self, words: Sequence[str] = ()) -> list[str]:
         """Stop the robots with these names or kinds, or all, until they are reset. Return those that were not stopped before.
@@ -195,7 +234,11 @@ class Engine:
 
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
         """In body order."""
-        doers = sorted(self.layout.index[name] for name, action in actions.items() if action.deeds and name in self.layout.index)
+        doers = sorted(
+            self.layout.index[name]
+            for name, action in actions.items()
+            if action.deeds and name in self.layout.index
+        )
         return [(i, deed) for i in doers for deed in actions[self.layout.names[i]].deeds]
 
 
@@ -209,13 +252,29 @@ class Unaudited(Engine):
 _LITTLE = {kind: np.dtype(kind).newbyteorder("<") for kind in "dflq?"}
 
 
-def next_digest(before: bytes, world: World, ranges: np.ndarray, mail_digests: Mapping[str, bytes]) -> bytes:
+def next_digest(
+    before: bytes, world: World, ranges: np.ndarray, mail_digests: Mapping[str, bytes]
+) -> bytes:
     """Return SHA-256 over all state and the digest before. `ranges`: all scans (float32); `mail_digests`: agent -> what it heard."""
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
     charge = (world.charge, world.plugged) if world.layout.first_charging else ()
-    for array in (world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges, *charge):
-        sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)  # the same on every machine
+    for array in (
+        world.pose,
+        world.coupled,
+        world.fill,
+        world.row_picked,
+        world.alive,
+        ranges,
+        *charge,
+    ):
+        sha.update(
+            np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data
+        )  # the same on every machine
     for name in sorted(mail_digests):
-        sha.update(b"%d %d " % (len(name.encode()), len(mail_digests[name])) + name.encode() + mail_digests[name])
+        sha.update(
+            b"%d %d " % (len(name.encode()), len(mail_digests[name]))
+            + name.encode()
+            + mail_digests[name]
+        )
     return sha.digest()

@@ -40,7 +40,9 @@ class Invariants:
         self._rows = world.row_ends.tolist()
         self._coupled: list[int] = []
         self._shares = world.fixed.row_share.tolist()
-        self._tolerance = 2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))  # m: full rows and bins are rounded up
+        self._tolerance = (
+            2.0 * FULL_WITHIN * (len(self._rows) + len(world.layout.names))
+        )  # m: full rows and bins are rounded up
         self._tolerance *= max(self._shares)
 
     @property
@@ -88,13 +90,26 @@ class Invariants:
             yield from _row_faults(self._rows, rows, world.fixed.row_length.tolist())
             self._rows = rows
         if min(fills) < 0.0 or max(fills) > length:
-            wrong = [(name, fill) for name, fill in zip(world.layout.names, fills, strict=True) if not 0.0 <= fill <= length]
-            yield from ((f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m") for name, fill in wrong)
-        picked, kept = sum(map(mul, world.row_picked.tolist(), self._shares)), sum(fills) + world.delivered_metres
+            wrong = [
+                (name, fill)
+                for name, fill in zip(world.layout.names, fills, strict=True)
+                if not 0.0 <= fill <= length
+            ]
+            yield from (
+                (f"fill {name}", f"{name} holds {fill:g} m; a bin holds 0 to {length:g} m")
+                for name, fill in wrong
+            )
+        picked, kept = (
+            sum(map(mul, world.row_picked.tolist(), self._shares)),
+            sum(fills) + world.delivered_metres,
+        )
         if abs(picked - kept) > self._tolerance:
             yield "metres", f"{picked:.3f} m are picked, but {kept:.3f} m are in bins or delivered"
         if world.delivered != self.known.delivered:
-            yield "delivered", f"{world.delivered} bins count as delivered, but {self.known.delivered} were unloaded"
+            yield (
+                "delivered",
+                f"{world.delivered} bins count as delivered, but {self.known.delivered} were unloaded",
+            )
 
     # -- each call ends in one exchange
 
@@ -103,27 +118,43 @@ class Invariants:
         match event.what:
             case "row picked":
                 if event.detail in known.rows:
-                    yield f"picked {event.detail}", f"{event.detail} was picked a second time, by {body}"
+                    yield (
+                        f"picked {event.detail}",
+                        f"{event.detail} was picked a second time, by {body}",
+                    )
                 known.rows.append(event.detail)
             case "bin full":
                 if body in known.calls:
-                    yield f"call {body}", f"{body} is full again, but was not unloaded since it was last full"
+                    yield (
+                        f"call {body}",
+                        f"{body} is full again, but was not unloaded since it was last full",
+                    )
                 known.calls[body], known.lacking[other] = "", body
             case "coupled" if other in known.calls and kind_of(body) == "carrier":
                 if known.calls[other]:
-                    yield f"call {other}", f"{other} was taken twice for one call: by {known.calls[other]}, and then by {body}"
+                    yield (
+                        f"call {other}",
+                        f"{other} was taken twice for one call: by {known.calls[other]}, and then by {body}",
+                    )
                 known.calls[other] = body
             case "coupled" if known.lacking.get(body, other) != other:
                 del known.lacking[body]
             case "unloaded":
                 carrier, known.delivered = known.calls.pop(body, None), known.delivered + 1
                 if carrier != other:
-                    taken = "it had not been full" if carrier is None else f"{carrier or 'no carrier'} had taken it"
+                    taken = (
+                        "it had not been full"
+                        if carrier is None
+                        else f"{carrier or 'no carrier'} had taken it"
+                    )
                     yield f"call {body}", f"{body} was unloaded on {other}, but {taken}"
 
     def _open_calls(self) -> Iterator[tuple[str, str]]:
         for bin_ in self.known.calls:
-            yield f"call {bin_}", f"the harvest is over, but {bin_}'s call did not end in an exchange"
+            yield (
+                f"call {bin_}",
+                f"the harvest is over, but {bin_}'s call did not end in an exchange",
+            )
         for picker, bin_ in self.known.lacking.items():
             yield f"call {bin_}", f"the harvest is over, but {picker} got no empty bin for {bin_}"
 
@@ -133,15 +164,25 @@ def _known_of(world: World) -> Known:
     others = {i: "" if world.coupled[i] == NONE else names[int(world.coupled[i])] for i in full}
     calls = {names[i]: other if kind_of(other) == "carrier" else "" for i, other in others.items()}
     lacking = {other: names[i] for i, other in others.items() if kind_of(other) == "picker"}
-    return Known(world.delivered, [f"row {r + 1}" for r in world.rows_done.nonzero()[0].tolist()], calls, lacking)
+    return Known(
+        world.delivered,
+        [f"row {r + 1}" for r in world.rows_done.nonzero()[0].tolist()],
+        calls,
+        lacking,
+    )
 
 
-def _row_faults(before: list[list[float]], rows: list[list[float]], lengths: list[float]) -> Iterator[tuple[str, str]]:
+def _row_faults(
+    before: list[list[float]], rows: list[list[float]], lengths: list[float]
+) -> Iterator[tuple[str, str]]:
     """`before`, `rows`: what is picked of each row from its west end, and from its east end, m, and up to where inside."""
     for r, (old, new, length) in enumerate(zip(before, rows, lengths, strict=True)):
         if not (old[0] <= new[0] and old[1] <= new[1] and sum(new[:2]) <= length + FULL_WITHIN):
             was, now = sum(old[:2]), sum(new[:2])
-            yield f"row {r + 1}", f"row {r + 1} was picked for {was:g} m, and now for {now:g} m; this may only grow, to {length:g} m"
+            yield (
+                f"row {r + 1}",
+                f"row {r + 1} was picked for {was:g} m, and now for {now:g} m; this may only grow, to {length:g} m",
+            )
 
 
 # -- bins = at pickers + on carriers + standing + unloading
@@ -153,14 +194,23 @@ def _misplaced_bins(world: World) -> Iterator[tuple[str, str]]:
     for i, j in enumerate(coupled):
         if i not in on and j != NONE:
             if j not in on or kind_of(names[i]) not in ("picker", "carrier"):
-                yield f"bar {names[i]}", f"{names[i]} is coupled to {_name(names, j)}; a coupling needs a picker or carrier and a bin"
+                yield (
+                    f"bar {names[i]}",
+                    f"{names[i]} is coupled to {_name(names, j)}; a coupling needs a picker or carrier and a bin",
+                )
             else:
                 on[j].append(names[i])
     for bin_, robots in on.items():
         own = coupled[bin_]
         if robots != ([] if own == NONE else [_name(names, own)]):
-            itself, theirs = "by itself" if own == NONE else f"on {_name(names, own)}", " and ".join(robots) or "no robot"
-            yield f"place {names[bin_]}", f"{names[bin_]} is not at one place: it is {itself}, and coupled to {theirs}"
+            itself, theirs = (
+                "by itself" if own == NONE else f"on {_name(names, own)}",
+                " and ".join(robots) or "no robot",
+            )
+            yield (
+                f"place {names[bin_]}",
+                f"{names[bin_]} is not at one place: it is {itself}, and coupled to {theirs}",
+            )
         elif bay[bin_] and (own == NONE or kind_of(names[own]) != "carrier"):
             yield f"place {names[bin_]}", f"{names[bin_]} is being unloaded, but is on no carrier"
 
@@ -177,7 +227,10 @@ def overlapping_bodies(world: World) -> Iterator[tuple[str, str]]:
     fixed, names = world.fixed, world.layout.names
     walls = fixed.walls, fixed.wall_frame, fixed.wall_begin, fixed.wall_members
     for i, k in overlaps(world.pose, fixed.shapes, fixed.solid, *walls).tolist():
-        other, (x, y, _) = names[k] if k < len(names) else "a fence, trunk or post", world.pose[i].tolist()
+        other, (x, y, _) = (
+            names[k] if k < len(names) else "a fence, trunk or post",
+            world.pose[i].tolist(),
+        )
         yield f"inside {names[i]} {other}", f"{names[i]} overlaps {other}, at ({x:.2f}, {y:.2f})"
 
 
@@ -188,4 +241,7 @@ def _moving_though_stopped(world: World) -> Iterator[tuple[str, str]]:
         if world.twist[i].any():
             yield f"stopped {names[i]}", f"{names[i]} moves, but is stopped"
         if other != NONE and not world.stopped[other]:
-            yield f"stopped by half {names[i]}", f"{names[i]} is stopped, but {names[other]}, which is coupled to it, is not"
+            yield (
+                f"stopped by half {names[i]}",
+                f"{names[i]} is stopped, but {names[other]}, which is coupled to it, is not",
+            )

@@ -22,7 +22,13 @@ from orchard.sim.world import NONE, World
 
 log = logging.getLogger("orchard")
 
-PROMISED = "twist", "doing", "state", "waits_for", "steps_done"  # what an agent that holds would give again
+PROMISED = (
+    "twist",
+    "doing",
+    "state",
+    "waits_for",
+    "steps_done",
+)  # what an agent that holds would give again
 MOST_SPANS = 1024  # different zones that are kept
 _BEAMS = max(kind.laser.beams for kind in KINDS.values())
 
@@ -34,19 +40,38 @@ class Lookahead:
 
     def __init__(self, world: World, begin: np.ndarray, asked: Any = None) -> None:
         """`begin`: (n + 1,) the index of each body's first range among those of all bodies. `asked`: `asked` of a run that is resumed."""
-        self.asked = 0 if asked is None else msgspec.convert(asked, Tick)  # agents asked, added up over all ticks
+        self.asked = (
+            0 if asked is None else msgspec.convert(asked, Tick)
+        )  # agents asked, added up over all ticks
         n, layout = len(world.layout.names), world.layout
         self._agents, self._layout, self._begin = layout.agents, layout, begin
         self._lasers: list[Laser] = [KINDS[start.kind].laser for start in layout.starts]
         self.wanted = np.zeros((n, 3))  # the velocity of each body's last action
-        self._until = np.zeros(n, dtype=np.int64)  # tick at which it is asked again; 0: it does not hold
-        self._bodiless = {name: 0 for name in layout.agents if name not in layout.index}  # the same for agents without a body
+        self._until = np.zeros(
+            n, dtype=np.int64
+        )  # tick at which it is asked again; 0: it does not hold
+        self._bodiless = {
+            name: 0 for name in layout.agents if name not in layout.index
+        }  # the same for agents without a body
         self._partner, self._partner_twist = np.full(n, NONE, dtype=np.int64), np.zeros((n, 3))
-        self._was_full, self._was_occupied = np.zeros(n, dtype=bool), np.zeros((n, MOST_ZONES), dtype=bool)
-        self._watched, self._still = (np.full((n, MOST_ZONES), NONE, dtype=np.int64) for _ in range(2))
-        self._freer_within, self._was_left_freer = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=bool)
-        self._spans, self._numbers = np.zeros((MOST_SPANS, 2, _BEAMS)), dict[tuple[Laser, Zone], int]()
-        self._before = np.frombuffer(bytes(4 * int(begin[-1])), "<f4")  # the ranges of the tick before; read-only, as all ranges
+        self._was_full, self._was_occupied = (
+            np.zeros(n, dtype=bool),
+            np.zeros((n, MOST_ZONES), dtype=bool),
+        )
+        self._watched, self._still = (
+            np.full((n, MOST_ZONES), NONE, dtype=np.int64) for _ in range(2)
+        )
+        self._freer_within, self._was_left_freer = (
+            np.zeros(n, dtype=np.float32),
+            np.zeros(n, dtype=bool),
+        )
+        self._spans, self._numbers = (
+            np.zeros((MOST_SPANS, 2, _BEAMS)),
+            dict[tuple[Laser, Zone], int](),
+        )
+        self._before = np.frombuffer(
+            bytes(4 * int(begin[-1])), "<f4"
+        )  # the ranges of the tick before; read-only, as all ranges
         self._due: list[str] = list(self._agents)  # the agents that are asked at this tick
 
     def due(self, world: World, ranges: np.ndarray, mail: Collection[str]) -> list[str]:
@@ -59,7 +84,9 @@ class Lookahead:
         self._before = ranges
         self.wake(mail)
         names, bodies = self._agents, (self._until == 0).nonzero()[0].tolist()
-        self._due = [names[i] for i in bodies] + [name for name, until in self._bodiless.items() if until <= world.tick]
+        self._due = [names[i] for i in bodies] + [
+            name for name, until in self._bodiless.items() if until <= world.tick
+        ]
         self.asked += len(self._due)
         return self._due
 
@@ -71,7 +98,9 @@ class Lookahead:
             elif name in self._bodiless:
                 self._bodiless[name] = 0
 
-    def hold(self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]) -> dict[str, Action | None]:
+    def hold(
+        self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]
+    ) -> dict[str, Action | None]:
         """Take the actions of this tick: `wanted` gets their velocities. A body that holds keeps its velocity; any other gets 0.
 
         Return the answers of the agents that were asked: name -> its action, or None if it gave none.
@@ -82,7 +111,9 @@ class Lookahead:
         for name, action in actions.items():
             if (i := index.get(name)) is None:
                 if name in self._bodiless:
-                    self._bodiless[name] = 0 if action.hold is None else min(action.hold.until, world.tick + MOST_HOLD)
+                    self._bodiless[name] = (
+                        0 if action.hold is None else min(action.hold.until, world.tick + MOST_HOLD)
+                    )
                 continue
             self.wanted[i] = action.twist
             self._until[i] = 0
@@ -143,10 +174,17 @@ class CheckedHolds(Lookahead):
         super().wake(names)
         self._due = [*self._due, *(name for name in names if name not in self._due)]
 
-    def hold(self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]) -> dict[str, Action | None]:
+    def hold(
+        self, world: World, ranges: np.ndarray, actions: Mapping[str, Action]
+    ) -> dict[str, Action | None]:
         due = set(self._due)
         for name, action in actions.items():
-            if name not in due and name in self._last and (wrong := _broken_promise(self._last[name], action)) and name not in self._told:
+            if (
+                name not in due
+                and name in self._last
+                and (wrong := _broken_promise(self._last[name], action))
+                and name not in self._told
+            ):
                 self._told.add(name)
                 self.wrong.append(f"{name} holds wrongly, tick {world.tick}: {wrong}")
                 log.error("%s", self.wrong[-1])
@@ -155,9 +193,15 @@ class CheckedHolds(Lookahead):
         return super().hold(world, ranges, asked)
 
 
-HOLDS: dict[Holds, type[Lookahead]] = {"on": Lookahead, "ignored": IgnoredHolds, "checked": CheckedHolds}
+HOLDS: dict[Holds, type[Lookahead]] = {
+    "on": Lookahead,
+    "ignored": IgnoredHolds,
+    "checked": CheckedHolds,
+}
 
 
 def _broken_promise(held: Action, action: Action) -> str:
     status = {name: getattr(held, name) for name in PROMISED}
-    return difference(replace(action, deeds=[], requests=[], answers=[], **status), action, "its answer")
+    return difference(
+        replace(action, deeds=[], requests=[], answers=[], **status), action, "its answer"
+    )

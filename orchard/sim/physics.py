@@ -23,10 +23,28 @@ UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 FACING = 1e-6  # rad
 PAST_HEAD = 2.0  # m past the queue: a carrier that something drove there, and that another one keeps there, still waits in it
 
-_CHANGING = "twist", "pose", "stopped", "coupled", "fill", "distance", "collisions", "refused", "blocked", "row_ends", "pick_from"
+_CHANGING = (
+    "twist",
+    "pose",
+    "stopped",
+    "coupled",
+    "fill",
+    "distance",
+    "collisions",
+    "refused",
+    "blocked",
+    "row_ends",
+    "pick_from",
+)
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
-_PLACES = [*_CHANGING, *(f"fixed.{name}" for name in _CONSTANT), *(f"space.{name}" for name in Space._fields)]  # in the world
-_ARGUMENTS = attrgetter(*in_order(advance, {place.rpartition(".")[2]: place for place in _PLACES}, skip=1))  # of the kernel `advance`
+_PLACES = [
+    *_CHANGING,
+    *(f"fixed.{name}" for name in _CONSTANT),
+    *(f"space.{name}" for name in Space._fields),
+]  # in the world
+_ARGUMENTS = attrgetter(
+    *in_order(advance, {place.rpartition(".")[2]: place for place in _PLACES}, skip=1)
+)  # of the kernel `advance`
 
 
 def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
@@ -39,7 +57,11 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
     events = do_deeds(world, np.where(world.stopped[:, None], 0.0, twists), deeds) if deeds else []
     events = _left_part_full(world, events) + events
     if advance(twists, *_ARGUMENTS(world)):
-        events += [_collision(world, i, obstacle) for i, obstacle in enumerate(world.space.met.tolist()) if obstacle != NONE]
+        events += [
+            _collision(world, i, obstacle)
+            for i, obstacle in enumerate(world.space.met.tolist())
+            if obstacle != NONE
+        ]
         events += _picked(world, world.space.picked_from)
         events += _unload(world)
     if world.layout.first_charging:
@@ -59,10 +81,20 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
 
 def _left_part_full(world: World, events: list[Event]) -> list[Event]:
     """The events for bins that a picker has left though they are not full: the last ones of a harvest."""
-    left = [(event, world.index[event.whom]) for event in events if event.what == "uncoupled" and kind_of(event.who) == "picker"]
+    left = [
+        (event, world.index[event.whom])
+        for event in events
+        if event.what == "uncoupled" and kind_of(event.who) == "picker"
+    ]
     row_y = world.fixed.row_y
     return [
-        Event(world.tick, "bin full", event.whom, event.who, _held(world, bin_, int(np.argmin(np.abs(row_y - world.pose[bin_, 1])))))
+        Event(
+            world.tick,
+            "bin full",
+            event.whom,
+            event.who,
+            _held(world, bin_, int(np.argmin(np.abs(row_y - world.pose[bin_, 1])))),
+        )
         for event, bin_ in left
         if world.fixed.bin_least <= world.fill[bin_] < world.fixed.bin_full
     ]
@@ -77,7 +109,9 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
         if world.rows_done[r]:
             events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
         if world.fill[bin_] >= world.fixed.bin_full:
-            events.append(Event(world.tick, "bin full", names[bin_], names[i], _held(world, bin_, r)))
+            events.append(
+                Event(world.tick, "bin full", names[bin_], names[i], _held(world, bin_, r))
+            )
     return events
 
 
@@ -102,7 +136,15 @@ def _unload(world: World) -> list[Event]:
     world.bay_ticks[bin_] = 0
     world.delivered += 1
     names = world.layout.names
-    return [Event(world.tick, "unloaded", names[bin_], names[int(world.coupled[bin_])], f"bin number {world.delivered}")]
+    return [
+        Event(
+            world.tick,
+            "unloaded",
+            names[bin_],
+            names[int(world.coupled[bin_])],
+            f"bin number {world.delivered}",
+        )
+    ]
 
 
 def _rests_in_bay(world: World, bin_: int) -> bool:
@@ -110,7 +152,9 @@ def _rests_in_bay(world: World, bin_: int) -> bool:
     if carrier == NONE or world.layout.starts[carrier].kind != "carrier":
         return False
     x, y, _ = world.pose[bin_].tolist()
-    return world.layout.bay.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
+    return (
+        world.layout.bay.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
+    )
 
 
 # -- queries
@@ -123,12 +167,23 @@ def is_at_rest(world: World, i: int) -> bool:
 def harvest_is_over(world: World) -> bool:
     if False in world.rows_done.tolist() or max(world.fill.tolist()) >= world.fixed.bin_least:
         return False
-    robots = [(i, start.kind) for i, start in enumerate(world.layout.starts) if start.kind in ("carrier", "picker")]
-    return all(is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i)) for i, kind in robots)
+    robots = [
+        (i, start.kind)
+        for i, start in enumerate(world.layout.starts)
+        if start.kind in ("carrier", "picker")
+    ]
+    return all(
+        is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i))
+        for i, kind in robots
+    )
 
 
 def _waits_in_queue(world: World, carrier: int) -> bool:
     x, y, yaw = world.pose[carrier].tolist()
     area = world.layout.queue.area
     is_there = area._replace(east=area.east + PAST_HEAD).contains(x, y)
-    return is_there and abs(angle_between(yaw, EAST)) <= FACING and bool(world.coupled[carrier] != NONE)
+    return (
+        is_there
+        and abs(angle_between(yaw, EAST)) <= FACING
+        and bool(world.coupled[carrier] != NONE)
+    )

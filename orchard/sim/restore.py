@@ -24,7 +24,9 @@ def fitting(snapshot: Snapshot) -> Iterator[None]:
         yield
     except (ScenarioError, KeyError, ValueError, TypeError, OverflowError) as error:
         words = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise SnapshotError(f"the snapshot of tick {snapshot.world.get('tick')} is inconsistent: {words}") from error
+        raise SnapshotError(
+            f"the snapshot of tick {snapshot.world.get('tick')} is inconsistent: {words}"
+        ) from error
 
 
 def world_from(snapshot: Snapshot) -> World:
@@ -75,7 +77,9 @@ def _faults(world: World) -> Iterator[str]:
         "refused": (world.refused, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():
-        if not (np.greater_equal(value, least) & np.less_equal(value, most)).all():  # refuses NaN too
+        if not (
+            np.greater_equal(value, least) & np.less_equal(value, most)
+        ).all():  # refuses NaN too
             yield f"{name}: must be from {least:g} to {np.max(most):g}"
     if not _are_pairs(world):
         yield "coupled: must be pairs of a robot that tows and a bin"
@@ -85,4 +89,9 @@ def _are_pairs(world: World) -> bool:
     kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
     pairs = [(i, j) for i, j in enumerate(coupled) if j != NONE]
     tow = {(robot, "bin") for robot in HAULERS}
-    return all(0 <= j < len(coupled) and coupled[j] == i and {(kinds[i], kinds[j]), (kinds[j], kinds[i])} & tow for i, j in pairs)
+    return all(
+        0 <= j < len(coupled)
+        and coupled[j] == i
+        and {(kinds[i], kinds[j]), (kinds[j], kinds[i])} & tow
+        for i, j in pairs
+    )

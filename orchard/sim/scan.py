@@ -55,7 +55,10 @@ class Scanner:
         self._constant = in_order(cast_all, constant, skip=4)
         self.begin, self._begin = begin, begin.tolist()
         self._noise = layout.scenario.laser.noise
-        keys = (hashlib.blake2b(f"{layout.scenario.seed}/laser/{name}".encode(), digest_size=8).digest() for name in layout.names)
+        keys = (
+            hashlib.blake2b(f"{layout.scenario.seed}/laser/{name}".encode(), digest_size=8).digest()
+            for name in layout.names
+        )
         self._keys = np.frombuffer(b"".join(keys), "<u8").astype(np.uint64)
 
     def scan(self, world: World) -> Scans:
@@ -74,9 +77,14 @@ class Scanner:
 @cache
 def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """The beams' cosines and sines, (2, beams), and the fractional beam index at each step of the diamond, (4 STEPS + 2,)."""
-    beams = np.array([repeatable.sin_cos(laser.first + k * laser.increment)[::-1] for k in range(laser.beams)]).T.copy()
+    beams = np.array(
+        [repeatable.sin_cos(laser.first + k * laser.increment)[::-1] for k in range(laser.beams)]
+    ).T.copy()
     quarter, share = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
-    angles = [q * repeatable.QUARTER + repeatable.atan2(s, 1.0 - s) for q, s in zip(quarter.tolist(), share.tolist(), strict=True)]
+    angles = [
+        q * repeatable.QUARTER + repeatable.atan2(s, 1.0 - s)
+        for q, s in zip(quarter.tolist(), share.tolist(), strict=True)
+    ]
     return beams, np.array(angles) / laser.increment
 
 
@@ -84,19 +92,36 @@ def observe(world: World, scans: Scans) -> Observations:
     """Return the observations of all bodies now, in body order; scans: as `Scanner.scan` returns them."""
     names = world.layout.names
     states = np.empty((len(names), STATE))
-    states[:, :2], states[:, 2:4], states[:, 4:] = world.pose[:, :2], quaternions(world.pose), world.twist
+    states[:, :2], states[:, 2:4], states[:, 4:] = (
+        world.pose[:, :2],
+        quaternions(world.pose),
+        world.twist,
+    )
     fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
     full = {names[i] for i in world.full.nonzero()[0].tolist()}
     carriers = world.fixed.carriers.tolist() if world.layout.first_charging else []
     charges = {names[i]: float(world.charge[i]) for i in carriers}
-    return Observations(world.tick, world.layout.index, states, scans, Hitches(world, states, scans), fills, full, charges=charges)
+    return Observations(
+        world.tick,
+        world.layout.index,
+        states,
+        scans,
+        Hitches(world, states, scans),
+        fills,
+        full,
+        charges=charges,
+    )
 
 
 class Hitches(Mapping[str, Hitch]):
     """Coupled body -> the body at the other end of the bar, with its scan if it is towed; each is made when it is asked for."""
 
     def __init__(self, world: World, states: np.ndarray, scans: Scans) -> None:
-        self._layout, self._tows, self._coupled = world.layout, world.fixed.tows, world.coupled.copy()
+        self._layout, self._tows, self._coupled = (
+            world.layout,
+            world.fixed.tows,
+            world.coupled.copy(),
+        )
         self._states, self._scans = states, scans
         self._errors: Mapping[str, np.ndarray] = {}
 
@@ -114,7 +139,14 @@ class Hitches(Mapping[str, Hitch]):
         x, y, z, w, vx, vy, turn = self._states[other].tolist()
         if name in self._errors:
             x, y = x + self._errors[name].item(0), y + self._errors[name].item(1)
-        return Hitch(self._layout.names[other], x, y, (z, w), Twist(vx, vy, turn), self._scans[other] if self._tows[i] > 0.0 else None)
+        return Hitch(
+            self._layout.names[other],
+            x,
+            y,
+            (z, w),
+            Twist(vx, vy, turn),
+            self._scans[other] if self._tows[i] > 0.0 else None,
+        )
 
     def __iter__(self) -> Iterator[str]:
         return (self._layout.names[i] for i in np.flatnonzero(self._coupled != NONE).tolist())

@@ -40,15 +40,34 @@ class Sensors:
     def __init__(self, world: World) -> None:
         scenario = world.layout.scenario
         gnss, odometry = scenario.sensors.gnss, scenario.sensors.odometry
-        self._world, self._seed, self._gnss, self._robots = world, scenario.seed, gnss, robots_of(world.layout)
+        self._world, self._seed, self._gnss, self._robots = (
+            world,
+            scenario.seed,
+            gnss,
+            robots_of(world.layout),
+        )
         self._kept = exp(-TIME_STEP / gnss.bias_time)  # of the slow error, from tick to tick
-        self._fresh = gnss.bias * math.sqrt(1.0 - self._kept * self._kept)  # m, the deviation of what is added to it
-        errors = {i: normals(self._seed, f"odometry of {name}", 0) for name, i in self._robots.items()}
-        self._share = {i: 1.0 + odometry.distance * far for i, (far, _) in errors.items()}  # measured metres per metre
-        self._bend = {i: odometry.heading * askew for i, (_, askew) in errors.items()}  # rad per metre
-        self._drifts, accuracy = odometry.distance > 0.0 or odometry.heading > 0.0, math.sqrt(gnss.white**2 + gnss.bias**2)
+        self._fresh = gnss.bias * math.sqrt(
+            1.0 - self._kept * self._kept
+        )  # m, the deviation of what is added to it
+        errors = {
+            i: normals(self._seed, f"odometry of {name}", 0) for name, i in self._robots.items()
+        }
+        self._share = {
+            i: 1.0 + odometry.distance * far for i, (far, _) in errors.items()
+        }  # measured metres per metre
+        self._bend = {
+            i: odometry.heading * askew for i, (_, askew) in errors.items()
+        }  # rad per metre
+        self._drifts, accuracy = (
+            odometry.distance > 0.0 or odometry.heading > 0.0,
+            math.sqrt(gnss.white**2 + gnss.bias**2),
+        )
         self._accuracies = dict.fromkeys(self._robots, accuracy) if accuracy else {}
-        for name, i in self._robots.items():  # a slow error is as probable at first as at any other time
+        for (
+            name,
+            i,
+        ) in self._robots.items():  # a slow error is as probable at first as at any other time
             if not world.bias[i].any():  # at tick 0, or added by a fork
                 world.bias[i] = np.multiply(gnss.bias, normals(self._seed, f"bias of {name}", 0))
 
@@ -56,12 +75,17 @@ class Sensors:
         """Go on by one tick, after each step of the world."""
         world, tick = self._world, self._world.tick
         for name, i in self._robots.items() if self._gnss.bias else ():
-            world.bias[i] = self._kept * world.bias[i] + np.multiply(self._fresh, normals(self._seed, f"bias of {name}", tick))
+            world.bias[i] = self._kept * world.bias[i] + np.multiply(
+                self._fresh, normals(self._seed, f"bias of {name}", tick)
+            )
         for i in self._robots.values() if self._drifts else ():
             ahead, _, turn = self._motion(i)
             x, y, yaw = world.reckoned[i].tolist()
             half = Pose(x, y, yaw + 0.5 * turn * TIME_STEP)
-            world.reckoned[i] = *from_frame(half, ahead * TIME_STEP, 0.0), wrap(yaw + turn * TIME_STEP)
+            world.reckoned[i] = (
+                *from_frame(half, ahead * TIME_STEP, 0.0),
+                wrap(yaw + turn * TIME_STEP),
+            )
 
     def measured(self, truth: Observations) -> Observations:
         """Return what the bodies observe, for what they would observe without errors."""
@@ -71,7 +95,12 @@ class Sensors:
         for i, error in errors.items():
             states[i, X_Y] += error
         shifts = {name: errors[i] for name, i in self._robots.items() if i in errors}
-        return replace(truth, states=states, hitches=cast(Hitches, truth.hitches).shifted(shifts), accuracies=self._accuracies)
+        return replace(
+            truth,
+            states=states,
+            hitches=cast(Hitches, truth.hitches).shifted(shifts),
+            accuracies=self._accuracies,
+        )
 
     def reckoned(self, truth: Observations) -> Observations:
         """Return the observations of odometry alone, for those without errors. They know of no body at the other end of the bar."""
@@ -97,7 +126,9 @@ class Sensors:
     def _errors(self, tick: int) -> dict[int, np.ndarray]:
         white, bias = self._gnss.white, self._world.bias
         return {
-            i: bias[i] + np.multiply(white, normals(self._seed, f"gnss of {name}", tick)) if white else bias[i]
+            i: bias[i] + np.multiply(white, normals(self._seed, f"gnss of {name}", tick))
+            if white
+            else bias[i]
             for name, i in self._robots.items()
             if self._accuracies
         }

@@ -19,7 +19,11 @@ VERSION = 9
 HEAD = b"orchard snapshot %d\n"
 LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
 KEPT = 2  # files: the newest two
-STEM, SNAPSHOT, KEYFRAME = "tick-%09d", ".snapshot", ".keyframe"  # keyframes stay: from each of them a run can be forked
+STEM, SNAPSHOT, KEYFRAME = (
+    "tick-%09d",
+    ".snapshot",
+    ".keyframe",
+)  # keyframes stay: from each of them a run can be forked
 RUN = "run"  # file: the id of the run that writes its snapshots into the folder
 
 
@@ -35,10 +39,14 @@ class Snapshot(msgspec.Struct):
     world: dict[str, Any]  # field of World -> a number, or an array's bytes
     digest: Annotated[bytes, Meta(min_length=32, max_length=32)]  # the run's hash so far
     memories: dict[str, bytes | None]  # name -> the agent's memory as msgpack
-    letters: list[tuple[int, dict[str, Written]]]  # (tick, sender -> its letters) of the last two ticks
+    letters: list[
+        tuple[int, dict[str, Written]]
+    ]  # (tick, sender -> its letters) of the last two ticks
     figures: dict[str, Any]  # the run's figures so far
     owned: list[str] = []  # the agents that a session owned
-    lost: dict[str, int] = {}  # agent -> the first tick for which lockstep has not waited for it: from there on the hash is another
+    lost: dict[
+        str, int
+    ] = {}  # agent -> the first tick for which lockstep has not waited for it: from there on the hash is another
     elsewhere: list[str] = []  # the agents that were left to clients elsewhere
 
     @property
@@ -63,7 +71,10 @@ def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
         others = [old for old in folder.glob("tick-*") if old != path]
         write_whole(folder / RUN, run.encode())
     write_whole(path, content)
-    for old in [*(others or _outdated(path)), *folder.glob("*.new")]:  # the latter of a process that was killed while it wrote
+    for old in [
+        *(others or _outdated(path)),
+        *folder.glob("*.new"),
+    ]:  # the latter of a process that was killed while it wrote
         old.unlink(missing_ok=True)
     return path
 
@@ -71,9 +82,15 @@ def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
 def _outdated(path: Path) -> list[Path]:
     """Return the files that a new one outdates: all but the KEPT last ones, or no keyframe; all, if the run has begun, or begun again."""
     written = _newest_first(path.parent, path.suffix)
-    written.sort(key=lambda old: old.lstat().st_mtime_ns, reverse=True)  # the highest tick may be damaged
-    others = [old for old in written if old != path]  # a clock that was set back must not remove this one
-    return others if path.stem == STEM % 0 else [] if path.suffix == KEYFRAME else others[KEPT - 1 :]
+    written.sort(
+        key=lambda old: old.lstat().st_mtime_ns, reverse=True
+    )  # the highest tick may be damaged
+    others = [
+        old for old in written if old != path
+    ]  # a clock that was set back must not remove this one
+    return (
+        others if path.stem == STEM % 0 else [] if path.suffix == KEYFRAME else others[KEPT - 1 :]
+    )
 
 
 def read(path: Path) -> Snapshot:
@@ -122,12 +139,18 @@ def newest(
     `until`: the newest one up to this tick, which may be a keyframe.
     """
     expected = run or run_of(folder)
-    known = _newest_first(folder, SNAPSHOT) if until is None else _newest_first(folder, KEYFRAME, SNAPSHOT)
+    known = (
+        _newest_first(folder, SNAPSHOT)
+        if until is None
+        else _newest_first(folder, KEYFRAME, SNAPSHOT)
+    )
     for path in known if until is None else [path for path in known if path.stem <= STEM % until]:
         try:
             found = read(path)
             if found.run != expected:
-                raise SnapshotError(f"of another run, {found.run}; expected {expected or f'a file {RUN} there with its id'}")
+                raise SnapshotError(
+                    f"of another run, {found.run}; expected {expected or f'a file {RUN} there with its id'}"
+                )
             examine(found)
         except SnapshotError as error:
             refused.append(f"{path}: {error}")
@@ -143,4 +166,6 @@ def ticks_of(folder: Path) -> list[int]:
 
 
 def _newest_first(folder: Path, *suffixes: str) -> list[Path]:
-    return sorted((path for suffix in suffixes for path in folder.glob(f"tick-*{suffix}")), reverse=True)
+    return sorted(
+        (path for suffix in suffixes for path in folder.glob(f"tick-*{suffix}")), reverse=True
+    )

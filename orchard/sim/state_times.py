@@ -30,14 +30,20 @@ class StateTimes:
         new = StateCounts(world.tick, {name: [0] * len(STATES) for name in robots})
         known = new if data is None else msgspec.convert(data, StateCounts)
         stopped = {name: known.stopped.get(name, 0) for name in robots}
-        self._known = StateCounts(known.since, {name: known.ticks[name] for name in robots}, stopped)
+        self._known = StateCounts(
+            known.since, {name: known.ticks[name] for name in robots}, stopped
+        )
         if any(len(ticks) != len(STATES) for ticks in self._known.ticks.values()):
             raise ValueError(f"states: each robot must have {len(STATES)} numbers")
         self._body = {name: world.layout.index[name] for name in robots}
         self._now = dict.fromkeys(robots, _NUMBER["resting"])  # robot -> the number of its state
         self._latched = bytes(len(world.stopped))  # whether each body is stopped
-        self._tick = known.since + max((sum(ticks) for ticks in self._known.ticks.values()), default=0)  # at which the last update ended
-        self._from = dict.fromkeys(robots, self._tick)  # robot -> the tick up to which its ticks are counted
+        self._tick = known.since + max(
+            (sum(ticks) for ticks in self._known.ticks.values()), default=0
+        )  # at which the last update ended
+        self._from = dict.fromkeys(
+            robots, self._tick
+        )  # robot -> the tick up to which its ticks are counted
 
     @property
     def counts(self) -> StateCounts:
@@ -70,16 +76,32 @@ class StateTimes:
         """Return a sentence for each robot if its states do not add up to the run."""
         run = world.tick - self._known.since
         sums = [(name, sum(ticks)) for name, ticks in self.counts.ticks.items()]
-        return [f"tick {world.tick}: {name}'s states add up to {ticks} ticks, the run to {run}" for name, ticks in sums if ticks != run]
+        return [
+            f"tick {world.tick}: {name}'s states add up to {ticks} ticks, the run to {run}"
+            for name, ticks in sums
+            if ticks != run
+        ]
 
     def figures(self) -> dict[str, Any]:
         """Return figures for the summary, s: the time of each kind in each state, all robots together, and of each robot under a stop."""
         kinds, counts = dict[str, dict[str, float]](), self.counts
         for kind in ROBOTS:
             of_kind = [ticks for name, ticks in counts.ticks.items() if kind_of(name) == kind]
-            spent = {state: _seconds(sum(ticks[number] for ticks in of_kind)) for state, number in _NUMBER.items()}
-            kinds |= {kind: {state: seconds for state, seconds in spent.items() if seconds}} if of_kind else {}
-        return {"state_seconds": kinds, "stopped_seconds": {name: _seconds(ticks) for name, ticks in counts.stopped.items() if ticks}}
+            spent = {
+                state: _seconds(sum(ticks[number] for ticks in of_kind))
+                for state, number in _NUMBER.items()
+            }
+            kinds |= (
+                {kind: {state: seconds for state, seconds in spent.items() if seconds}}
+                if of_kind
+                else {}
+            )
+        return {
+            "state_seconds": kinds,
+            "stopped_seconds": {
+                name: _seconds(ticks) for name, ticks in counts.stopped.items() if ticks
+            },
+        }
 
 
 def _seconds(ticks: int) -> float:

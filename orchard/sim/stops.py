@@ -32,6 +32,12 @@ def latch(world: World, words: Sequence[str], stop: bool) -> list[str]:
 def as_shown(world: World, actions: Mapping[str, Action]) -> Mapping[str, Action]:
     """Return the actions as they are shown to people: obstacles by name, and a stopped robot as stopped, whatever its agent returned."""
     hindered = {name: action for name, action in actions.items() if action.waits_for in PLACES}
-    named = {name: replace(action, waits_for=with_names(world, name, action.waits_for)) for name, action in hindered.items()}
-    halted = {name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="") for name in stopped(world)}
+    named = {
+        name: replace(action, waits_for=with_names(world, name, action.waits_for))
+        for name, action in hindered.items()
+    }
+    halted = {
+        name: replace(actions.get(name) or Action(), doing=STOPPED, state="stopped", waits_for="")
+        for name in stopped(world)
+    }
     return {**actions, **named, **halted}

@@ -24,7 +24,9 @@ class Fixed(NamedTuple):
 
     speed: np.ndarray  # (n,) m/s
     turn: np.ndarray  # (n,) rad/s
-    tows: np.ndarray  # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing
+    tows: (
+        np.ndarray
+    )  # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing
     solid: np.ndarray  # (n,) bool
     sideways: np.ndarray  # (n,) bool: bins, which move only while they are coupled
     shapes: np.ndarray  # (n, 7) boxes: half sizes and radius; `place` writes the other columns
@@ -40,7 +42,9 @@ class Fixed(NamedTuple):
     wall_frame: np.ndarray  # the Grid of the walls that a body in each cell could touch
     wall_begin: np.ndarray
     wall_members: np.ndarray
-    body_frame: np.ndarray  # of a Grid of bodies: two that could touch within a step are in neighbouring cells
+    body_frame: (
+        np.ndarray
+    )  # of a Grid of bodies: two that could touch within a step are in neighbouring cells
     walls_in_sight: Grid  # the Grid of the walls that a laser in each cell could reach
     carriers: np.ndarray  # int64: their indices
 
@@ -61,15 +65,27 @@ class Space(NamedTuple):
 def _space_of(fixed: Fixed) -> Space:
     n, pickers = len(fixed.shapes), len(fixed.pickers)
     numbers = np.empty(n, dtype=np.int64), np.empty(pickers, dtype=np.int64)
-    return Space(fixed.shapes.copy(), *space_for(n, fixed.body_frame), *numbers, np.empty(pickers), np.empty(n, dtype=bool))
+    return Space(
+        fixed.shapes.copy(),
+        *space_for(n, fixed.body_frame),
+        *numbers,
+        np.empty(pickers),
+        np.empty(n, dtype=bool),
+    )
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def fixed_of(layout: Layout) -> Fixed:
     kinds = [KINDS[start.kind] for start in layout.starts]
     halves = np.array([(kind.length / 2, kind.width / 2) for kind in kinds]).reshape(-1, 2)
-    shapes, speed = boxes_of(np.zeros_like(halves), halves), np.array([kind.speed for kind in kinds], dtype=np.float64)
-    radius, step = float(shapes[:, RADIUS].max(initial=0.0)), float(speed.max(initial=0.0)) * TIME_STEP
+    shapes, speed = (
+        boxes_of(np.zeros_like(halves), halves),
+        np.array([kind.speed for kind in kinds], dtype=np.float64),
+    )
+    radius, step = (
+        float(shapes[:, RADIUS].max(initial=0.0)),
+        float(speed.max(initial=0.0)) * TIME_STEP,
+    )
     walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
     return Fixed(
         speed,
@@ -78,10 +94,17 @@ def fixed_of(layout: Layout) -> Fixed:
         np.array([kind.solid for kind in kinds], dtype=bool),
         np.array([kind.sideways for kind in kinds], dtype=bool),
         shapes,
-        np.array([i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64),
+        np.array(
+            [i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64
+        ),
         layout.metres_per_bin,
         FULL_WITHIN if layout.scenario.bin_metres else layout.metres_per_bin,
-        np.array([1.0 if layout.scenario.bin_metres else layout.row_length / lane.length for lane in layout.lanes]),
+        np.array(
+            [
+                1.0 if layout.scenario.bin_metres else layout.row_length / lane.length
+                for lane in layout.lanes
+            ]
+        ),
         np.array([lane.west for lane in layout.lanes]),
         np.array([lane.length for lane in layout.lanes]),
         np.array([lane.y for lane in layout.lanes]),
@@ -90,7 +113,9 @@ def fixed_of(layout: Layout) -> Fixed:
         *_grid(walls.tobytes(), radius),
         frame_of(walls, max(CELL, 2.0 * (radius + step))),
         _grid(walls.tobytes(), LASER_RANGE),
-        np.array([i for i, start in enumerate(layout.starts) if start.kind == "carrier"], dtype=np.int64),
+        np.array(
+            [i for i, start in enumerate(layout.starts) if start.kind == "carrier"], dtype=np.int64
+        ),
     )
 
 
@@ -109,25 +134,43 @@ class World:
         self.layout, self.fixed = layout, fixed_of(layout)
         self.space = _space_of(self.fixed)
         self.tick = 0
-        self.pose = np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(n, 3)  # x, y, yaw
-        self.twist = np.zeros((n, 3))  # forward, left, yaw rate of the last step; 0 if the step was refused
-        self.coupled = np.full(n, NONE, dtype=np.int64)  # index of the body at the other end of the bar, or NONE
+        self.pose = np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(
+            n, 3
+        )  # x, y, yaw
+        self.twist = np.zeros(
+            (n, 3)
+        )  # forward, left, yaw rate of the last step; 0 if the step was refused
+        self.coupled = np.full(
+            n, NONE, dtype=np.int64
+        )  # index of the body at the other end of the bar, or NONE
         self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to what fills it
         self.alive = np.ones(n, dtype=bool)  # False for a flattened weed
-        self.row_ends = np.zeros((rows, 4))  # metres picked from the row's west end, from its east end; and, while a pass picks a part
+        self.row_ends = np.zeros(
+            (rows, 4)
+        )  # metres picked from the row's west end, from its east end; and, while a pass picks a part
         # inside: as far as that is picked, from the west end, from the east end, else 0
         self.pick_from = np.full(n, ANYWHERE)  # x before which this picker picks nothing, m
-        self.bay_ticks = np.zeros(n, dtype=np.int64)  # of bins, ticks at rest in the bay since it last moved
+        self.bay_ticks = np.zeros(
+            n, dtype=np.int64
+        )  # of bins, ticks at rest in the bay since it last moved
         self.delivered, self.delivered_metres = 0, 0.0  # bins unloaded, and what was in them
         self.distance = np.zeros(n)  # metres driven
-        self.collisions = np.zeros(n, dtype=np.int64)  # that this body began; a collision lasts while its steps meet an obstacle
+        self.collisions = np.zeros(
+            n, dtype=np.int64
+        )  # that this body began; a collision lasts while its steps meet an obstacle
         self.refused = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
-        self.blocked = np.zeros(n, dtype=bool)  # in a collision: the last step met an obstacle, and was refused
+        self.blocked = np.zeros(
+            n, dtype=bool
+        )  # in a collision: the last step met an obstacle, and was refused
         self.stopped = np.zeros(n, dtype=bool)  # latched by an emergency stop; see stops.py
         self.charge = np.ones(n)  # of carriers' batteries, 0 flat to 1 full; see batteries.py
         self.plugged = np.zeros(n, dtype=bool)  # has a charger
-        self.bias = np.zeros((n, 2))  # m: the slow error of each receiver in x and y; see sensors.py
-        self.reckoned = self.pose.copy()  # the poses of odometry alone, kept if it has errors; see sensors.py
+        self.bias = np.zeros(
+            (n, 2)
+        )  # m: the slow error of each receiver in x and y; see sensors.py
+        self.reckoned = (
+            self.pose.copy()
+        )  # the poses of odometry alone, kept if it has errors; see sensors.py
         for robot in layout.starts:
             if robot.bin:
                 i, j = self.index[robot.name], self.index[robot.bin]
@@ -142,7 +185,14 @@ class World:
     def full(self) -> np.ndarray:
         """Which bodies are bins to be delivered, (n,) bool: full ones, and those that a picker has left part full."""
         full = np.empty(len(self.fill), dtype=bool)
-        full_bins(self.fill, self.coupled, self.fixed.pickers, self.fixed.bin_full, self.fixed.bin_least, full)
+        full_bins(
+            self.fill,
+            self.coupled,
+            self.fixed.pickers,
+            self.fixed.bin_full,
+            self.fixed.bin_least,
+            full,
+        )
         return full
 
     @property
@@ -163,4 +213,8 @@ class World:
 
     @property
     def state(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in ("layout", "fixed", "space")}
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if name not in ("layout", "fixed", "space")
+        }

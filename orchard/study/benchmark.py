@@ -30,7 +30,10 @@ SEEDS = 3  # of each orchard in which something is random
 def orchards() -> dict[str, Scenario]:
     """Return the orchards by name, in their order."""
     values, _, _ = values_of(files("orchard.study").joinpath(ORCHARDS).read_text("utf-8"), ORCHARDS)
-    return {name: check(values["all"] | one, f"{ORCHARDS}: {name}") for name, one in values["orchards"].items()}
+    return {
+        name: check(values["all"] | one, f"{ORCHARDS}: {name}")
+        for name, one in values["orchards"].items()
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +49,17 @@ class Harvests:
     @property
     def score(self) -> float:
         """The share that the proven time is of a harvest's, 0 to 1, mean."""
-        return fmean(proven / seconds if seconds else 0.0 for proven, seconds in zip(self.proven, self.seconds, strict=True))
+        return fmean(
+            proven / seconds if seconds else 0.0
+            for proven, seconds in zip(self.proven, self.seconds, strict=True)
+        )
 
     @property
     def difference(self) -> float | None:
         """By how much the fast model's harvests are longer than the simulator's, as a share of these; None if that is not known."""
-        fast, full = ([seconds for seconds in found if seconds] for found in (self.seconds, self.checked))
+        fast, full = (
+            [seconds for seconds in found if seconds] for found in (self.seconds, self.checked)
+        )
         return sum(fast) / sum(full) - 1.0 if len(fast) == len(full) == len(self.proven) else None
 
 
@@ -84,24 +92,42 @@ class Benchmark:
     ) -> None:
         """`known`: orchards by name. `is_checked`: the simulator does the harvests of this policy too. `tell` hears which share of all is
         done. Raises ScenarioError for a policy that cannot be used."""
-        self.policy, self.known, self.workers, self.tell, self.is_stopped = policy, known, workers, tell, is_stopped
-        self.cells = [(name, each) for each in dict.fromkeys([policy, *DISPATCH_POLICIES]) for name in known]
-        self.settings = [Setting({}, with_changes(known[name], dispatch=each)) for name, each in self.cells]
+        self.policy, self.known, self.workers, self.tell, self.is_stopped = (
+            policy,
+            known,
+            workers,
+            tell,
+            is_stopped,
+        )
+        self.cells = [
+            (name, each) for each in dict.fromkeys([policy, *DISPATCH_POLICIES]) for name in known
+        ]
+        self.settings = [
+            Setting({}, with_changes(known[name], dispatch=each)) for name, each in self.cells
+        ]
         self.own = range(len(known))  # the settings of `policy`
         for i in self.own:
             check_plugins(lay_out(self.settings[i].scenario))
         self.checked = self.own if is_checked else ()
-        self.bounds = {name: self.cells.index((name, one.dispatch)) for name, one in known.items()}  # the same with each policy
-        self.drawn = [self.bounds[name] for name, one in known.items() if one.work_is_drawn]  # each seed has a bound of its own
+        self.bounds = {
+            name: self.cells.index((name, one.dispatch)) for name, one in known.items()
+        }  # the same with each policy
+        self.drawn = [
+            self.bounds[name] for name, one in known.items() if one.work_is_drawn
+        ]  # each seed has a bound of its own
         counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
         bounds = len(known) + (SEEDS - 1) * len(self.drawn)
         self.wanted = bounds + sum(counts) + sum(counts[i] for i in self.checked)
-        self.runs = Replications(self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped)
+        self.runs = Replications(
+            self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped
+        )
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped. Raises WorkersError, RunFailed or StoreFailed."""
         do = partial(self.runs.do, until=inf)
-        is_known = do(range(len(self.settings)), "fast", SEEDS) and do(self.bounds.values(), "proven", 1)
+        is_known = do(range(len(self.settings)), "fast", SEEDS) and do(
+            self.bounds.values(), "proven", 1
+        )
         is_whole = is_known and do(self.drawn, "proven", SEEDS) and do(self.checked, "full", SEEDS)
         return self._result() if is_whole else None
 
@@ -110,18 +136,44 @@ class Benchmark:
         self.tell(len(self.runs.records) / self.wanted)
 
     def _result(self) -> BenchmarkResult:
-        harvests = [self._harvests(i, orchard, policy) for i, (orchard, policy) in enumerate(self.cells)]
-        of_policies = {one.policy: [other.score for other in harvests if other.policy == one.policy] for one in harvests}
-        scores = sorted(((policy, fmean(scores)) for policy, scores in of_policies.items()), key=lambda item: -item[1])
-        return BenchmarkResult(policy=self.policy, scores=dict(scores), harvests=harvests, notes=self._notes(), version=software())
+        harvests = [
+            self._harvests(i, orchard, policy) for i, (orchard, policy) in enumerate(self.cells)
+        ]
+        of_policies = {
+            one.policy: [other.score for other in harvests if other.policy == one.policy]
+            for one in harvests
+        }
+        scores = sorted(
+            ((policy, fmean(scores)) for policy, scores in of_policies.items()),
+            key=lambda item: -item[1],
+        )
+        return BenchmarkResult(
+            policy=self.policy,
+            scores=dict(scores),
+            harvests=harvests,
+            notes=self._notes(),
+            version=software(),
+        )
 
     def _harvests(self, i: int, orchard: str, policy: str) -> Harvests:
-        seconds, checked = self._seconds(i, "fast"), self._seconds(i, "full") if i in self.checked else []
+        seconds, checked = (
+            self._seconds(i, "fast"),
+            self._seconds(i, "full") if i in self.checked else [],
+        )
         proven = [record.sim_seconds for record in self.runs.known(self.bounds[orchard], "proven")]
-        return Harvests(orchard=orchard, policy=policy, proven=(proven * len(seconds))[: len(seconds)], seconds=seconds, checked=checked)
+        return Harvests(
+            orchard=orchard,
+            policy=policy,
+            proven=(proven * len(seconds))[: len(seconds)],
+            seconds=seconds,
+            checked=checked,
+        )
 
     def _seconds(self, i: int, model: Model) -> list[float | None]:
-        return [None if record.ended == "jammed" else record.sim_seconds for record in self.runs.known(i, model)]
+        return [
+            None if record.ended == "jammed" else record.sim_seconds
+            for record in self.runs.known(i, model)
+        ]
 
     def _notes(self) -> list[str]:
         found = {self.cells[i][0]: self.runs.known(i, "full") for i in self.checked}

@@ -15,7 +15,13 @@ from scipy import special  # not stats, which takes a second to load
 
 from orchard.study.result import Interval, Standing
 
-LOOKS = (5, 10, 20, 40, 80)  # replications of each setting, after which a study asks whether it can answer
+LOOKS = (
+    5,
+    10,
+    20,
+    40,
+    80,
+)  # replications of each setting, after which a study asks whether it can answer
 
 
 def interval(values: Sequence[float], confidence: float) -> Interval:
@@ -47,12 +53,18 @@ class Comparison:
     @property
     def best(self) -> int:
         """The answer: of those that are as good as the best mean, one with the fewest robots."""
-        return min((i for i, lead in self.ahead.items() if lead < self.within), key=lambda i: (self.robots[i], self.ahead[i]))
+        return min(
+            (i for i, lead in self.ahead.items() if lead < self.within),
+            key=lambda i: (self.robots[i], self.ahead[i]),
+        )
 
     @property
     def runner_up(self) -> list[int]:
         """The setting that is next to the answer, if there is one."""
-        return sorted(self.ahead.keys() - {self.best}, key=lambda i: (abs(self.ahead[i] - self.ahead[self.best]), i))[:1]
+        return sorted(
+            self.ahead.keys() - {self.best},
+            key=lambda i: (abs(self.ahead[i] - self.ahead[self.best]), i),
+        )[:1]
 
     def standing(self, i: int) -> Standing:
         lead = self.leads[i]
@@ -65,7 +77,11 @@ class Comparison:
     @property
     def undecided(self) -> list[int]:
         """The settings that more runs may show to be the answer, the likeliest first."""
-        unknown = [i for i, lead in self.leads.items() if self.standing(i) == "unknown" and (lead is None or self._is_open(i, lead))]
+        unknown = [
+            i
+            for i, lead in self.leads.items()
+            if self.standing(i) == "unknown" and (lead is None or self._is_open(i, lead))
+        ]
         return sorted(unknown, key=lambda i: self.ahead[i])
 
     def _is_open(self, i: int, lead: Interval) -> bool:
@@ -75,7 +91,14 @@ class Comparison:
     def replications_needed(self) -> int | None:
         """Return the look at which what is undecided will be decided, if the runs so far tell; None: later than the last one."""
         looks = [look for look in LOOKS if look > self.count]
-        return next((look for look in looks if all(self._decides(self.leads[i], look) for i in self.undecided)), None)
+        return next(
+            (
+                look
+                for look in looks
+                if all(self._decides(self.leads[i], look) for i in self.undecided)
+            ),
+            None,
+        )
 
     def _decides(self, lead: Interval | None, look: int) -> bool:
         """Whether so many replications tell a lead from what is worth it, or each alone knows it to half of that."""
@@ -104,8 +127,14 @@ def compare(
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
     for i, values in samples.items():
-        differences = sign * np.subtract(samples[top], values) / (abs(float(np.mean(values))) or 1.0)  # 0: costs, without prices
+        differences = (
+            sign * np.subtract(samples[top], values) / (abs(float(np.mean(values))) or 1.0)
+        )  # 0: costs, without prices
         is_sure = i == top or {i, top} <= set(without_chance) or 2.0 ** (1 - len(values)) <= error
         ahead[i] = float(np.mean(differences))
-        leads[i] = interval(differences.tolist(), 1.0 - error) if is_sure or np.ptp(differences) > 0.0 else None
+        leads[i] = (
+            interval(differences.tolist(), 1.0 - error)
+            if is_sure or np.ptp(differences) > 0.0
+            else None
+        )
     return Comparison(len(samples[top]), within, confidence, error, robots, ahead, leads)

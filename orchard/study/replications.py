@@ -27,7 +27,9 @@ class Replications:
     heard: Callable[[], None]  # called after each run
     is_stopped: Callable[[], bool]
     records: dict[str, RunRecord] = field(default_factory=dict)
-    _planned: dict[tuple[int, Model], list[PlannedRun]] = field(default_factory=dict)  # setting and model -> its runs by seed
+    _planned: dict[tuple[int, Model], list[PlannedRun]] = field(
+        default_factory=dict
+    )  # setting and model -> its runs by seed
 
     # -- doing runs
 
@@ -37,8 +39,13 @@ class Replications:
         A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done."""
         runs = self._plan(settings, model, count)
         self.records |= self.store.known(key for key in runs if key not in self.records)
-        left = sorted((run for key, run in runs.items() if key not in self.records), key=lambda run: run.scenario.seed)
-        for _, record in self.workers.do(partial(do, until=until), left, lambda: self.goes_on(until)):
+        left = sorted(
+            (run for key, run in runs.items() if key not in self.records),
+            key=lambda run: run.scenario.seed,
+        )
+        for _, record in self.workers.do(
+            partial(do, until=until), left, lambda: self.goes_on(until)
+        ):
             if record is not None:
                 self._keep(record)
         return all(key in self.records for key in runs)
@@ -55,7 +62,9 @@ class Replications:
 
     def _keep(self, record: RunRecord) -> None:
         if record.version != software():
-            raise WorkersError(f"a worker has version {record.version}, and this is {software()}: install the same there")
+            raise WorkersError(
+                f"a worker has version {record.version}, and this is {software()}: install the same there"
+            )
         self.records[record.key] = record
         self.store.keep(record)
         self.heard()
@@ -92,7 +101,9 @@ CHECKS = 5  # replications by the full model of each of the best two
 LEAST_CHECKS = 3  # fewer are told
 
 
-def confirmed(replications: Replications, two: Sequence[int], confidence: float, until: float) -> tuple[dict[int, Check], list[str]]:
+def confirmed(
+    replications: Replications, two: Sequence[int], confidence: float, until: float
+) -> tuple[dict[int, Check], list[str]]:
     """Have the full model harvest two settings, on the seeds of the fast model, as far as the time allows. Return the checks, and notes."""
     replications.do(two, "full", CHECKS, until)
     checks = {i: _check(replications, i, confidence) for i in two if replications.known(i, "full")}
@@ -103,20 +114,42 @@ def _check(replications: Replications, i: int, confidence: float) -> Check:
     full, fast = replications.known(i, "full"), replications.known(i, "fast")
     rates = [record.bins_per_hour for record in full if record.ended != "jammed"]
     beside = fast if replications.settings[i].is_random else fast * len(full)
-    pairs = [(one, other) for one, other in zip(full, beside, strict=False) if one.ended != "jammed"]
+    pairs = [
+        (one, other) for one, other in zip(full, beside, strict=False) if one.ended != "jammed"
+    ]
     found = interval(rates, confidence) if rates else Interval(mean=0.0, low=0.0, high=0.0)
-    difference = sum(one.bins_per_hour for one, _ in pairs) / sum(other.bins_per_hour for _, other in pairs) - 1.0 if pairs else 0.0
-    return Check(bins_per_hour=found, difference=difference, replications=len(full), jammed=len(full) - len(rates))
+    difference = (
+        sum(one.bins_per_hour for one, _ in pairs) / sum(other.bins_per_hour for _, other in pairs)
+        - 1.0
+        if pairs
+        else 0.0
+    )
+    return Check(
+        bins_per_hour=found,
+        difference=difference,
+        replications=len(full),
+        jammed=len(full) - len(rates),
+    )
 
 
 def _notes(setting: Setting, check: Check | None) -> list[str]:
     words, wanted = setting.words or "the scenario", CHECKS if setting.is_random else 1
     if check is None:
-        return [f"the budget did not allow a run of {words} by the simulator: the fast model alone answers"]
+        return [
+            f"the budget did not allow a run of {words} by the simulator: the fast model alone answers"
+        ]
     notes = []
     if check.replications < wanted:
-        least = f"; {LEAST_CHECKS} are the least for a sound check" if check.replications < min(LEAST_CHECKS, wanted) else ""
-        notes.append(f"the budget allowed {check.replications} of {wanted} runs of {words} by the simulator{least}")
+        least = (
+            f"; {LEAST_CHECKS} are the least for a sound check"
+            if check.replications < min(LEAST_CHECKS, wanted)
+            else ""
+        )
+        notes.append(
+            f"the budget allowed {check.replications} of {wanted} runs of {words} by the simulator{least}"
+        )
     if check.jammed:
-        notes.append(f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and none in the fast model")
+        notes.append(
+            f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and none in the fast model"
+        )
     return notes

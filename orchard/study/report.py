@@ -15,7 +15,10 @@ from orchard.study.result import StudyResult
 from orchard.study.table import legend, words
 from orchard.study.words import GOALS, key_words, value_words
 
-HORIZONS = {"harvest": "one harvest, with its beginning and its end", "long": "a long harvest, without its beginning and its end"}
+HORIZONS = {
+    "harvest": "one harvest, with its beginning and its end",
+    "long": "a long harvest, without its beginning and its end",
+}
 ENDS = {
     "certain": "the best setting was certain",
     "budget": "the time that it was given was used",
@@ -32,7 +35,12 @@ def save(result: StudyResult, path: Path) -> None:
 def document(result: StudyResult) -> str:
     """Return the report: answer, picture, table, how it was made, and the scenario. All words are escaped."""
     heads, lines = words(result)
-    environment = Environment(loader=PackageLoader("orchard.study", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment = Environment(
+        loader=PackageLoader("orchard.study", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
     template = environment.get_template("report.html")
     return template.render(
         answer=result.answer,
@@ -48,8 +56,13 @@ def document(result: StudyResult) -> str:
 
 
 def _made(result: StudyResult) -> dict[str, Any]:
-    varied = {f"{key_words(key)} tried": ", ".join(value_words(value, key) for value in values) for key, values in result.varied.items()}
-    runs = sum(row.replications + (row.check.replications if row.check else 0) for row in result.table)
+    varied = {
+        f"{key_words(key)} tried": ", ".join(value_words(value, key) for value in values)
+        for key, values in result.varied.items()
+    }
+    runs = sum(
+        row.replications + (row.check.replications if row.check else 0) for row in result.table
+    )
     return varied | {
         "goal": GOALS[result.goal],
         "horizon": HORIZONS[result.horizon],
@@ -63,8 +76,18 @@ def _made(result: StudyResult) -> dict[str, Any]:
 
 def command(result: StudyResult) -> str:
     """Return the command that does the study again, for the scenario in a file of this name."""
-    told = {key: ",".join(one if isinstance(one, str) else json.dumps(one) for one in values) for key, values in result.varied.items()}
+    told = {
+        key: ",".join(one if isinstance(one, str) else json.dumps(one) for one in values)
+        for key, values in result.varied.items()
+    }
     varied = [f"--vary {shlex.quote(f'{key}={values}')}" for key, values in told.items()]
-    options = [f"--goal {result.goal}", f"--horizon {result.horizon}", f"--confidence {result.confidence}", f"--within {result.within}"]
-    models = ["--model full"] if {row.model for row in result.table} == {"full"} else []  # as it must be for agents of the user's own
+    options = [
+        f"--goal {result.goal}",
+        f"--horizon {result.horizon}",
+        f"--confidence {result.confidence}",
+        f"--within {result.within}",
+    ]
+    models = (
+        ["--model full"] if {row.model for row in result.table} == {"full"} else []
+    )  # as it must be for agents of the user's own
     return " ".join(["orchard study scenario.yaml", *varied, *options, *models])

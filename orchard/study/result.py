@@ -3,7 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Model = Literal["fast", "full", "proven"]  # the last one in benchmarks: what is proven of the shortest harvest
+Model = Literal[
+    "fast", "full", "proven"
+]  # the last one in benchmarks: what is proven of the shortest harvest
 Models = Literal["fast", "full", "both"]
 Horizon = Literal["harvest", "long"]
 StoppedBy = Literal["certain", "budget", "seeds", "stopped"]
@@ -25,7 +27,9 @@ class Check:
     """What the full model (the simulator) says of a setting, on common seeds with the fast model."""
 
     bins_per_hour: Interval
-    difference: float  # full over fast, on these seeds, as a share of the fast model's mean: 0.01 is 1 %
+    difference: (
+        float  # full over fast, on these seeds, as a share of the fast model's mean: 0.01 is 1 %
+    )
     replications: int
     jammed: int
 
@@ -43,12 +47,20 @@ class Row:
     cost_per_bin: Interval | None  # None too if the scenario has no prices
     picker_waiting_seconds: float  # from a full bin to an empty one, mean
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
-    bound_bins_per_hour: float  # what this policy and route allow without traffic: orchard.report.bounds
+    bound_bins_per_hour: (
+        float  # what this policy and route allow without traffic: orchard.report.bounds
+    )
     bottleneck: str
-    standing: Standing  # best: the answer. The others beside the best mean; unknown: the runs do not tell
-    lead: Interval | None  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
+    standing: (
+        Standing  # best: the answer. The others beside the best mean; unknown: the runs do not tell
+    )
+    lead: (
+        Interval | None
+    )  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
     check: Check | None = None
-    proven_seconds: float | None = None  # no harvest without traffic is shorter; None: it is not about harvests, or nothing is proven
+    proven_seconds: float | None = (
+        None  # no harvest without traffic is shorter; None: it is not about harvests, or nothing is proven
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +69,9 @@ class StudyResult:
 
     answer: str  # two sentences
     orchard: str  # what of it does not vary, in words
-    best: dict[str, Any] | None  # of the settings that are as good as the best mean, that with the fewest robots; None: all jammed
+    best: (
+        dict[str, Any] | None
+    )  # of the settings that are as good as the best mean, that with the fewest robots; None: all jammed
     table: list[Row]
     goal: Goal
     horizon: Horizon
@@ -68,9 +82,15 @@ class StudyResult:
     wall_seconds: float
     stopped_by: StoppedBy  # why no more replications were made
     undecided: list[dict[str, Any]]  # settings that more runs may show to be the answer
-    seconds_needed: float | None  # about how much longer that takes; None: longer than a study goes on, or nothing is undecided
-    beyond: dict[str, Any]  # values that were not tried, and may be better, because the best is the last one that was
-    notes: list[str]  # what the budget did not allow, what jammed, where fast and full model disagree
+    seconds_needed: (
+        float | None
+    )  # about how much longer that takes; None: longer than a study goes on, or nothing is undecided
+    beyond: dict[
+        str, Any
+    ]  # values that were not tried, and may be better, because the best is the last one that was
+    notes: list[
+        str
+    ]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs
 

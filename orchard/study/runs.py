@@ -21,7 +21,14 @@ import orchard
 from orchard.agents.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
 from orchard.field.layout import lay_out
-from orchard.field.plugins import MISTAKES, is_own, load_plugin, place_of_error, reraise_ctrl_c, text_of
+from orchard.field.plugins import (
+    MISTAKES,
+    is_own,
+    load_plugin,
+    place_of_error,
+    reraise_ctrl_c,
+    text_of,
+)
 from orchard.field.scenario import END, Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
@@ -33,8 +40,19 @@ Amount = Annotated[float, Meta(ge=0.0, lt=1e12)]
 WORK = 2.0  # of the solver for a bound: at most some 8 s
 Ended = Literal["harvested", "jammed", "violated"]
 
-DECIDING = ("agents", "contract", "discrete", "field", "optimum", "report", "sim")  # packages that, with two files, decide what a run gives
-NOT_DECIDING = ("seed", "prices")  # keys of the scenario: the seed has a column of its own, and prices change no run
+DECIDING = (
+    "agents",
+    "contract",
+    "discrete",
+    "field",
+    "optimum",
+    "report",
+    "sim",
+)  # packages that, with two files, decide what a run gives
+NOT_DECIDING = (
+    "seed",
+    "prices",
+)  # keys of the scenario: the seed has a column of its own, and prices change no run
 
 
 @dataclass(frozen=True)
@@ -53,7 +71,14 @@ class PlannedRun:
     @cached_property
     def key(self) -> str:
         """The digest of all that decides what the run gives: scenario, seed, model, horizon, software, own classes."""
-        return digest(self.scenario_digest, self.scenario.seed, self.model, self.horizon, software(), self.own_source)
+        return digest(
+            self.scenario_digest,
+            self.scenario.seed,
+            self.model,
+            self.horizon,
+            software(),
+            self.own_source,
+        )
 
     @cached_property
     def own_source(self) -> str:
@@ -72,7 +97,11 @@ class PlannedRun:
         if self.model == "proven":
             outcome: RunResult | None = _proven(self.scenario)
         else:
-            outcome = _full(self.scenario, until) if self.model == "full" else _fast(self.scenario, self.horizon)
+            outcome = (
+                _full(self.scenario, until)
+                if self.model == "full"
+                else _fast(self.scenario, self.horizon)
+            )
         if outcome is None:
             return None
         return RunRecord(
@@ -98,7 +127,9 @@ class RunResult:
     bins_per_hour: Amount = 0.0
     picker_waiting_seconds: Amount = 0.0
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-    bound_bins_per_hour: Annotated[float, Meta(ge=LEAST_RATE, lt=1e12)]  # by `bottleneck`, without traffic
+    bound_bins_per_hour: Annotated[
+        float, Meta(ge=LEAST_RATE, lt=1e12)
+    ]  # by `bottleneck`, without traffic
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
@@ -122,7 +153,9 @@ class RunRecord(RunResult):
     def __post_init__(self) -> None:
         if self.ended != "jammed" and self.bins_per_hour < LEAST_RATE:
             raise ValueError(f"bins_per_hour = {self.bins_per_hour} of a run that has not jammed")
-        if self.key != digest(self.scenario, self.seed, self.model, self.horizon, self.version, self.own_source):
+        if self.key != digest(
+            self.scenario, self.seed, self.model, self.horizon, self.version, self.own_source
+        ):
             raise ValueError("these are not the values of the run with its key")
 
 
@@ -139,7 +172,9 @@ def do(run: PlannedRun, until: float) -> RunRecord | None:
         raise RunFailed(f"{which}: {fault}") from None
     except MISTAKES as error:  # SystemExit too: it would end the study, and say nothing
         reraise_ctrl_c(error)
-        raise RunFailed(f"{which}: {type(error).__name__}: {text_of(error)}{place_of_error(error)}") from None
+        raise RunFailed(
+            f"{which}: {type(error).__name__}: {text_of(error)}{place_of_error(error)}"
+        ) from None
 
 
 def digest(*parts: object) -> str:
@@ -151,7 +186,11 @@ def digest(*parts: object) -> str:
 def software() -> str:
     """Return the version of this software, with a digest of the files that decide what a run gives: "0.1.0+1f3a9c2b"."""
     root = Path(inspect.getfile(orchard)).parent
-    files = [root / "local.py", Path(__file__), *(path for package in DECIDING for path in sorted((root / package).rglob("*.py")))]
+    files = [
+        root / "local.py",
+        Path(__file__),
+        *(path for package in DECIDING for path in sorted((root / package).rglob("*.py"))),
+    ]
     content = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
     release = "clone"  # not installed, as `run.py` allows
     with suppress(PackageNotFoundError):
@@ -166,7 +205,10 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     """A harvest, or a long run, by the discrete-event model."""
     layout = lay_out(scenario)
     bounds = Bounds(layout)
-    known: dict[str, Any] = {"bound_bins_per_hour": bounds.bins_per_hour, "bottleneck": bounds.bottleneck}
+    known: dict[str, Any] = {
+        "bound_bins_per_hour": bounds.bins_per_hour,
+        "bottleneck": bounds.bottleneck,
+    }
     try:
         found = long_run(layout) if horizon == "long" else DiscreteHarvest(layout).run().figures()
     except Jam as jam:
@@ -176,7 +218,9 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
 
 def _proven(scenario: Scenario) -> RunResult:
     """What is proven of the shortest harvest, as if it were one."""
-    from orchard.optimum.schedule import optimum  # not at the top: it is an extra, and takes half a second to load
+    from orchard.optimum.schedule import (
+        optimum,
+    )  # not at the top: it is an extra, and takes half a second to load
 
     layout = lay_out(scenario)
     found, bounds = optimum(layout, WORK), Bounds(layout)
@@ -194,12 +238,22 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
     """A harvest by the simulator, without a hash; None if the clock is at `until` before it ends."""
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
     engine, ends = local.engine, scenario.dispatch_errors == END
-    while not engine.over and not figures.jammed(engine.world) and not (ends and figures.orders_refused):
+    while (
+        not engine.over
+        and not figures.jammed(engine.world)
+        and not (ends and figures.orders_refused)
+    ):
         figures.update(engine.world, local.tick(), local.answers)
         if time.time() > until:
             return None
     found, violations = harvest_figures(engine.world, figures), engine.violations()
-    names = "sim_seconds", "bins_per_hour", "picker_waiting_seconds", "carrier_utilisation", "bottleneck"
+    names = (
+        "sim_seconds",
+        "bins_per_hour",
+        "picker_waiting_seconds",
+        "carrier_utilisation",
+        "bottleneck",
+    )
     return RunResult(
         **{name: found[name] for name in names},
         bins=found["bins_delivered"],
@@ -211,7 +265,11 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
 
 
 def _faults(found: dict[str, Any]) -> list[str]:
-    refused = [f"refused decisions of the dispatch policy: {found['orders_refused']}"] if found["orders_refused"] else []
+    refused = (
+        [f"refused decisions of the dispatch policy: {found['orders_refused']}"]
+        if found["orders_refused"]
+        else []
+    )
     return [*refused, *(f"{agent} was broken" for agent in found["broken_agents"])]
 
 
@@ -225,13 +283,17 @@ def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
         load_plugin(key if key in Scenario.model_fields else f"agents.{key}", path)
     files: dict[str, bytes] = {}
     left = [path.replace(":", ".").rpartition(".")[0] for _, path in classes]
-    packages = {module.partition(".")[0] for module in left}  # one that is installed as a library is the user's too
+    packages = {
+        module.partition(".")[0] for module in left
+    }  # one that is installed as a library is the user's too
     while left:
         name = left.pop()
         file = _file(name, packages)
         if file is not None and name not in files:
             files[name] = file.read_bytes()
-            left += _imported(files[name], name if file.stem == "__init__" else name.rpartition(".")[0])
+            left += _imported(
+                files[name], name if file.stem == "__init__" else name.rpartition(".")[0]
+            )
     return tuple(files[name] for name in sorted(files))
 
 
@@ -242,7 +304,11 @@ def _file(name: str, packages: set[str]) -> Path | None:
         top = find_spec(whole)
         if top is not None and (whole in packages or top.origin is None or is_own(top.origin)):
             found = find_spec(name)
-            return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
+            return (
+                Path(found.origin)
+                if found and found.origin and found.origin.endswith(".py")
+                else None
+            )
     return None
 
 
@@ -252,7 +318,9 @@ def _imported(source: bytes, package: str) -> Iterator[str]:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            with suppress(ImportError):  # of no package: such an import fails, and the module may do without
+            with suppress(
+                ImportError
+            ):  # of no package: such an import fails, and the module may do without
                 whole = resolve_name("." * node.level + (node.module or ""), package)
                 names += [whole, *(f"{whole}.{alias.name}" for alias in node.names)]
     return (part for name in names for part in accumulate(name.split("."), "{}.{}".format))

@@ -38,7 +38,10 @@ class Setting:
     @cached_property
     def words(self) -> str:
         """The setting as a user would type it: "carriers=9, dispatch=predictive"."""
-        return ", ".join(f"{key}={value if isinstance(value, str) else show(value)}" for key, value in self.values.items())
+        return ", ".join(
+            f"{key}={value if isinstance(value, str) else show(value)}"
+            for key, value in self.values.items()
+        )
 
     @property
     def is_random(self) -> bool:
@@ -46,7 +49,12 @@ class Setting:
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
         guests += scenario.own_classes.values()  # they may draw by the seed
-        return scenario.work_is_drawn or any(guests) or scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
+        return (
+            scenario.work_is_drawn
+            or any(guests)
+            or scenario.laser.noise > 0.0
+            or not scenario.sensors.are_exact
+        )
 
     @property
     def has_prices(self) -> bool:
@@ -57,8 +65,12 @@ class Setting:
         scenario, prices = self.scenario, self.scenario.prices
         if not self.has_prices:
             return None
-        robots = scenario.pickers * (prices.picker_per_hour or 0.0) + scenario.carrier_count * (prices.carrier_per_hour or 0.0)
-        return (robots + (prices.overhead_per_hour or 0.0)) / bins_per_hour + (prices.per_bin or 0.0)
+        robots = scenario.pickers * (prices.picker_per_hour or 0.0) + scenario.carrier_count * (
+            prices.carrier_per_hour or 0.0
+        )
+        return (robots + (prices.overhead_per_hour or 0.0)) / bins_per_hour + (
+            prices.per_bin or 0.0
+        )
 
 
 def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
@@ -70,9 +82,17 @@ def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
         key = key.strip()
         values = [] if word.strip() == CARRIERS else _values(text)
         if not key or isinstance(values, str):
-            problems.append(Problem(f"--vary {word}", values if key and isinstance(values, str) else FORM))
+            problems.append(
+                Problem(f"--vary {word}", values if key and isinstance(values, str) else FORM)
+            )
         elif key in varied:
-            problems.append(Problem(f"--vary {word}", "this key varies already; give all its values in one --vary", key))
+            problems.append(
+                Problem(
+                    f"--vary {word}",
+                    "this key varies already; give all its values in one --vary",
+                    key,
+                )
+            )
         else:
             varied[key] = values
     return varied, problems
@@ -98,7 +118,11 @@ def _values(text: str) -> list[Any] | str:
         if len(range(first, last + 1, step)) > MOST_SETTINGS:
             return f"{part}: more than {MOST_SETTINGS:,} values"
         found += range(first, last + 1, step)
-    twice = [value for i, value in enumerate(found) if value in found[:i]] if len(found) <= MOST_SETTINGS else []
+    twice = (
+        [value for i, value in enumerate(found) if value in found[:i]]
+        if len(found) <= MOST_SETTINGS
+        else []
+    )
     return f"{twice[0]}: given twice" if twice else found
 
 
@@ -110,7 +134,9 @@ def value_of(text: str) -> Any:
         return text
 
 
-def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tuple[list[Setting], list[Problem]]:
+def settings_of(
+    scenario: Scenario, varied: Mapping[str, Sequence[Any]]
+) -> tuple[list[Setting], list[Problem]]:
     """Return each combination of the values that is a scenario, in order, and what is wrong with the others."""
     if found := _unusable(varied):
         return [], found
@@ -126,10 +152,14 @@ def settings_of(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> tupl
                 key = problem.path, problem.text
                 problems.setdefault(key, _placed(problem, setting, varied))
                 of_key = values_of.setdefault(key, [])
-                is_more = problem.value not in of_key if problem.path in varied else not of_key  # else one setting is named
+                is_more = (
+                    problem.value not in of_key if problem.path in varied else not of_key
+                )  # else one setting is named
                 if is_more and not problem.text.startswith("unknown key"):
                     of_key.append(problem.value)
-    return settings, [replace(problem, value=_together(values_of[key])) for key, problem in problems.items()]
+    return settings, [
+        replace(problem, value=_together(values_of[key])) for key, problem in problems.items()
+    ]
 
 
 def _together(values: Sequence[str]) -> str:
@@ -140,36 +170,58 @@ def _together(values: Sequence[str]) -> str:
 def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
     count, problems = prod(len(values) for values in varied.values()), []
     if not 0 < count <= MOST_SETTINGS:
-        text = "no values" if not count else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
+        text = (
+            "no values"
+            if not count
+            else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
+        )
         problems.append(Problem(_option(varied, ", ".join(varied)), text))
     if SEED in varied:
-        problems.append(Problem(_option(varied, SEED), "each replication has its own seed; vary other keys", SEED))
+        problems.append(
+            Problem(
+                _option(varied, SEED), "each replication has its own seed; vary other keys", SEED
+            )
+        )
     return problems
 
 
-def _placed(problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]) -> Problem:
+def _placed(
+    problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]
+) -> Problem:
     """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting."""
-    source = _option(varied, problem.path) if problem.path in varied else f"the setting {Setting(setting, Scenario()).words}"
+    source = (
+        _option(varied, problem.path)
+        if problem.path in varied
+        else f"the setting {Setting(setting, Scenario()).words}"
+    )
     return Problem(source, problem.text, problem.path, problem.value)
 
 
 def _option(varied: Mapping[str, Sequence[Any]], keys: str) -> str:
     values = list(varied.get(keys, []))
-    if len(values) > 2 and all(type(value) is int for value in values) and values == list(range(values[0], values[-1] + 1)):
+    if (
+        len(values) > 2
+        and all(type(value) is int for value in values)
+        and values == list(range(values[0], values[-1] + 1))
+    ):
         return f"--vary {keys}={values[0]}..{values[-1]}"
     return f"--vary {keys}" + (f"={','.join(map(str, values))}" if values else "")
 
 
 # -- the numbers of carriers that a study tries if it is told none: first those about the bound's, then more until the answer lies inside
 
-ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType({CARRIERS: ()})  # what varies if a study is told nothing
+ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType(
+    {CARRIERS: ()}
+)  # what varies if a study is told nothing
 FEWER, MORE = 0.5, 1.5  # times the number in question, between which numbers are tried
 STEPS = 4  # in which they come up to that number; those next to the answer follow
 
 
 def most_carriers(scenario: Scenario) -> int:
     """Return for how many carriers the orchard has room."""
-    return bisect_left(range(1, MOST_CARRIERS + 1), True, key=lambda number: not _has_room(scenario, number))
+    return bisect_left(
+        range(1, MOST_CARRIERS + 1), True, key=lambda number: not _has_room(scenario, number)
+    )
 
 
 def _has_room(scenario: Scenario, carriers: int) -> bool:
@@ -187,7 +239,10 @@ def is_open(varied: Mapping[str, Sequence[Any]]) -> bool:
 
 def numbered(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     """Return what varies, with the numbers of carriers with which an open study begins."""
-    return {key: list(values) or (first_numbers(scenario) if key == CARRIERS else []) for key, values in varied.items()}
+    return {
+        key: list(values) or (first_numbers(scenario) if key == CARRIERS else [])
+        for key, values in varied.items()
+    }
 
 
 def first_numbers(scenario: Scenario) -> list[int]:

@@ -32,14 +32,18 @@ class Store:
     def __init__(self, path: Path, anew: bool = False) -> None:
         """Open a store, or make it. `anew`: forget the runs of a store of another version. Raises StoreError."""
         self.path = path
-        self.damaged: dict[str, str] = {}  # key of a run that was asked for, and cannot be what a run gave -> why
+        self.damaged: dict[
+            str, str
+        ] = {}  # key of a run that was asked for, and cannot be what a run gave -> why
         try:
             self._prepare(anew)
             self._database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             self._database.execute("PRAGMA journal_mode = WAL")
             self._database.text_factory = _text
         except (OSError, sqlite3.Error) as error:
-            raise StoreError(f"{path}: cannot be used as a store: {getattr(error, 'strerror', None) or error}") from None
+            raise StoreError(
+                f"{path}: cannot be used as a store: {getattr(error, 'strerror', None) or error}"
+            ) from None
 
     def _prepare(self, anew: bool) -> None:
         """Make the file if there is none, or one of another version that may be forgotten."""
@@ -60,7 +64,9 @@ class Store:
     def _made(self) -> Path:
         """Write an empty store under another name, to be put in its place: no study sees half of one."""
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
-        columns = ", ".join(f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS)
+        columns = ", ".join(
+            f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS
+        )
         with closing(sqlite3.connect(half, isolation_level=None)) as database:
             database.execute(f"PRAGMA application_id = {APPLICATION}")
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
@@ -80,7 +86,9 @@ class Store:
         found: dict[str, RunRecord] = {}
         for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
             some = wanted[begin : begin + 500]
-            rows = self._do("SELECT {} FROM runs WHERE key IN ({})", some, "the runs in it cannot be read")
+            rows = self._do(
+                "SELECT {} FROM runs WHERE key IN ({})", some, "the runs in it cannot be read"
+            )
             for values in (dict(zip(COLUMNS, row, strict=True)) for row in rows):
                 try:
                     found[values["key"]] = msgspec.convert(values, RunRecord)
@@ -90,11 +98,17 @@ class Store:
 
     def keep(self, record: RunRecord) -> None:
         """Keep a run, in place of one with its key, which was damaged or the same. Raises StoreFailed."""
-        self._do("INSERT OR REPLACE INTO runs ({}) VALUES ({})", [getattr(record, name) for name in COLUMNS], "a run cannot be kept")
+        self._do(
+            "INSERT OR REPLACE INTO runs ({}) VALUES ({})",
+            [getattr(record, name) for name in COLUMNS],
+            "a run cannot be kept",
+        )
 
     def _do(self, statement: str, values: list[Any], fault: str) -> list[tuple[Any, ...]]:
         try:
-            return self._database.execute(statement.format(", ".join(COLUMNS), ", ".join("?" * len(values))), values).fetchall()
+            return self._database.execute(
+                statement.format(", ".join(COLUMNS), ", ".join("?" * len(values))), values
+            ).fetchall()
         except sqlite3.Error as error:
             raise StoreFailed(f"{self.path}: {fault}: {error}") from None
 
@@ -117,7 +131,9 @@ def _text(content: bytes) -> str | bytes:
 
 def _version(path: Path) -> str | None:
     try:
-        with closing(sqlite3.connect(f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+        with closing(
+            sqlite3.connect(f"{regular(path).absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        ) as database:
             if database.execute("PRAGMA application_id").fetchone() != (APPLICATION,):
                 return None
             found = database.execute("SELECT version FROM software").fetchone()

@@ -16,9 +16,28 @@ from orchard.folders import runs_folder
 from orchard.report.bounds import Bounds, proven_seconds
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 from orchard.study.replications import Replications, confirmed
-from orchard.study.result import Check, Goal, Horizon, Model, Models, Row, Standing, StoppedBy, StudyResult
+from orchard.study.result import (
+    Check,
+    Goal,
+    Horizon,
+    Model,
+    Models,
+    Row,
+    Standing,
+    StoppedBy,
+    StudyResult,
+)
 from orchard.study.runs import RunRecord, software
-from orchard.study.settings import ALL_IT_TAKES, CARRIERS, Setting, is_open, more_numbers, most_carriers, numbered, settings_of
+from orchard.study.settings import (
+    ALL_IT_TAKES,
+    CARRIERS,
+    Setting,
+    is_open,
+    more_numbers,
+    most_carriers,
+    numbered,
+    settings_of,
+)
 from orchard.study.store import Store
 from orchard.study.words import answer, counted, orchard_words
 from orchard.study.workers import Workers, processes, scheduled
@@ -26,7 +45,9 @@ from orchard.study.workers import Workers, processes, scheduled
 TOLD = 0.5  # s between two partial results
 FAST_SHARE = 0.5  # of the budget, which the fast model may use if the full one is to confirm
 STORE = "studies.db"
-SHARES = frozenset({"rows", "pickers", "rows_to_pickers"})  # keys on which it depends how much each picker has to pick
+SHARES = frozenset(
+    {"rows", "pickers", "rows_to_pickers"}
+)  # keys on which it depends how much each picker has to pick
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +61,9 @@ class StudyOptions:
     budget_seconds: float = 300.0
     model: Models = "both"
     workers: int | None = None  # processes here; None: one per core
-    scheduler: str | None = None  # address of a dask.distributed scheduler, which gets the runs instead
+    scheduler: str | None = (
+        None  # address of a dask.distributed scheduler, which gets the runs instead
+    )
     store: Path | None = None  # None: studies.db in the folder of runs
     anew: bool = False  # forget what a store of another version holds
 
@@ -71,37 +94,63 @@ def study(
     started = scheduled(options.scheduler) if options.scheduler else processes(options.workers)
     with Store(options.store_file, options.anew) as store, started as workers:
         numbers = numbered(scenario, varied)
-        return _Study(scenario, numbers, settings, options, is_open(varied), store, workers, tell, is_stopped).run()
+        return _Study(
+            scenario, numbers, settings, options, is_open(varied), store, workers, tell, is_stopped
+        ).run()
 
 
-def checked_settings(scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions) -> tuple[list[Setting], list[Problem]]:
+def checked_settings(
+    scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions
+) -> tuple[list[Setting], list[Problem]]:
     """Return the settings of a study, and all that is wrong with them, with what options ask, and with own classes."""
     settings, problems = settings_of(scenario, numbered(scenario, varied))
     asked = settings or [Setting({}, scenario)]
-    return settings, [*problems, *_option_problems(asked, options), *_plugin_problems(asked, options.model)]
+    return settings, [
+        *problems,
+        *_option_problems(asked, options),
+        *_plugin_problems(asked, options.model),
+    ]
 
 
 def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list[Problem]:
-    model, is_long, is_fast = f"--model {options.model}", options.horizon == "long", options.model != "full"
-    own = sorted({name for one in settings for name in (*one.scenario.agents, *one.scenario.agents_without_body)})
+    model, is_long, is_fast = (
+        f"--model {options.model}",
+        options.horizon == "long",
+        options.model != "full",
+    )
+    own = sorted(
+        {
+            name
+            for one in settings
+            for name in (*one.scenario.agents, *one.scenario.agents_without_body)
+        }
+    )
     prices = "needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin"
     agents = f"only the full model knows agents of your own ({', '.join(own)}); choose --model full"
     sensors = "only the full model knows errors of sensors; choose --model full"
     no_end = "a long run has no end; choose --horizon harvest, or another goal"
     no_long_run = "only the fast model can tell the long run; choose --horizon harvest"
     found = {
-        Problem("--goal cost_per_bin", prices, "prices"): options.goal == "cost_per_bin" and not all(one.has_prices for one in settings),
+        Problem("--goal cost_per_bin", prices, "prices"): options.goal == "cost_per_bin"
+        and not all(one.has_prices for one in settings),
         Problem("--goal harvest_seconds", no_end): is_long and options.goal == "harvest_seconds",
         Problem(model, no_long_run): is_long and not is_fast,
         Problem(model, agents, "agents"): is_fast and bool(own),
-        Problem(model, sensors, "sensors"): is_fast and not all(one.scenario.sensors.are_exact for one in settings),
+        Problem(model, sensors, "sensors"): is_fast
+        and not all(one.scenario.sensors.are_exact for one in settings),
     }
     return [problem for problem, is_there in found.items() if is_there]
 
 
 def _plugin_problems(settings: Sequence[Setting], model: Models) -> list[Problem]:
-    with_own = {tuple(classes.items()): setting for setting in settings if (classes := setting.scenario.own_classes)}
-    return [problem for setting in with_own.values() for problem in _plugin_problems_of(setting, model)]
+    with_own = {
+        tuple(classes.items()): setting
+        for setting in settings
+        if (classes := setting.scenario.own_classes)
+    }
+    return [
+        problem for setting in with_own.values() for problem in _plugin_problems_of(setting, model)
+    ]
 
 
 def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
@@ -112,7 +161,11 @@ def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
     except ScenarioError as error:
         return [replace(problem, file=setting.words or problem.file) for problem in error.problems]
     text = f"only the full model knows steps of your own ({', '.join(steps)}); choose --model full"
-    return [Problem(f"--model {model}", text, "route", setting.scenario.route)] if steps and model != "full" else []
+    return (
+        [Problem(f"--model {model}", text, "route", setting.scenario.route)]
+        if steps and model != "full"
+        else []
+    )
 
 
 @dataclass
@@ -131,12 +184,24 @@ class _Study:
 
     def __post_init__(self) -> None:
         options, self.begun, self.told = self.options, time.time(), 0.0
-        self.goal = options.goal or ("cost_per_bin" if all(one.has_prices for one in self.settings) else "bins_per_hour")
+        self.goal = options.goal or (
+            "cost_per_bin" if all(one.has_prices for one in self.settings) else "bins_per_hour"
+        )
         self.model: Model = "full" if options.model == "full" else "fast"
-        self.runs = Replications(self.settings, self.goal, options.horizon, self.store, self.workers, self._hear, self.is_stopped)
+        self.runs = Replications(
+            self.settings,
+            self.goal,
+            options.horizon,
+            self.store,
+            self.workers,
+            self._hear,
+            self.is_stopped,
+        )
         self.most = most_carriers(self.scenario) if self.is_open else 0
         self.checks: dict[int, Check] = {}
-        self.proven: dict[int, float | None] = {}  # setting -> what is proven of its shortest harvest, s
+        self.proven: dict[
+            int, float | None
+        ] = {}  # setting -> what is proven of its shortest harvest, s
         self.notes: list[str] = []
         self.stopped_by: StoppedBy = "budget"
 
@@ -146,7 +211,9 @@ class _Study:
         self.stopped_by = self._replicate_until(self._share(FAST_SHARE if confirms else 1.0))
         if confirms and (found := self._found()) and not self.runs.is_stopped():
             two = [found.best, *found.runner_up]
-            self.checks, self.notes = confirmed(self.runs, two, self.options.confidence, self._share(1.0))
+            self.checks, self.notes = confirmed(
+                self.runs, two, self.options.confidence, self._share(1.0)
+            )
         if self.options.horizon == "harvest" and (found := self._found()):
             self._prove([found.best, *found.leads])
         return self._result()
@@ -155,7 +222,11 @@ class _Study:
         """Prove how short their harvests could be, of the first one even if the budget is used up; of none whose rows the seed changes."""
         for i in settings:
             is_time = not self.proven or time.time() < self._share(1.0)
-            if is_time and not self.runs.is_stopped() and not self.settings[i].scenario.work_is_drawn:
+            if (
+                is_time
+                and not self.runs.is_stopped()
+                and not self.settings[i].scenario.work_is_drawn
+            ):
                 self.proven[i] = proven_seconds(lay_out(self.settings[i].scenario))
 
     def _share(self, share: float) -> float:
@@ -187,7 +258,11 @@ class _Study:
 
     @property
     def jammed(self) -> list[int]:
-        return [i for i in range(len(self.settings)) if any(record.ended == "jammed" for record in self.runs.known(i, self.model))]
+        return [
+            i
+            for i in range(len(self.settings))
+            if any(record.ended == "jammed" for record in self.runs.known(i, self.model))
+        ]
 
     def _alive(self) -> list[int]:
         jammed = self.jammed
@@ -196,8 +271,14 @@ class _Study:
     def _add_numbers(self) -> bool:
         """Add numbers of carriers if the answer so far needs them. Return whether it does."""
         found, tried = self._found(), self.varied[CARRIERS]
-        more = more_numbers(tried, self.settings[found.best].scenario.carrier_count, self.most) if found else []
-        self.settings += settings_of(self.scenario, self.varied | {CARRIERS: more})[0] if more else []
+        more = (
+            more_numbers(tried, self.settings[found.best].scenario.carrier_count, self.most)
+            if found
+            else []
+        )
+        self.settings += (
+            settings_of(self.scenario, self.varied | {CARRIERS: more})[0] if more else []
+        )
         self.varied[CARRIERS] = sorted([*tried, *more])
         return bool(more)
 
@@ -205,8 +286,13 @@ class _Study:
         """Whether the rate of a setting that is alone is not narrow enough."""
         if len(self.settings) > 1 or not self.settings[found.best].is_random:
             return False
-        one = interval(self.runs.sample(found.best, self.model, found.count), self.options.confidence)
-        return found.count < LOOKS[0] or not 0.0 < one.high - one.mean <= self.options.within * one.mean
+        one = interval(
+            self.runs.sample(found.best, self.model, found.count), self.options.confidence
+        )
+        return (
+            found.count < LOOKS[0]
+            or not 0.0 < one.high - one.mean <= self.options.within * one.mean
+        )
 
     # -- what they tell
 
@@ -216,10 +302,15 @@ class _Study:
         if not shown:
             return None
         without_chance = [i for i in shown if not self.settings[i].is_random]
-        count = min((len(self.runs.known(i, self.model)) for i in shown if i not in without_chance), default=1)
+        count = min(
+            (len(self.runs.known(i, self.model)) for i in shown if i not in without_chance),
+            default=1,
+        )
         samples = {i: self.runs.sample(i, self.model, count) for i in shown}
         is_max, robots = self.goal == "bins_per_hour", {i: self._robots(i) for i in shown}
-        return compare(samples, robots, is_max, self.options.confidence, self.options.within, without_chance)
+        return compare(
+            samples, robots, is_max, self.options.confidence, self.options.within, without_chance
+        )
 
     def _robots(self, i: int) -> int:
         """How many robots a setting has, of which few are good; 0 if their cost is in the goal."""
@@ -256,13 +347,17 @@ class _Study:
                 *self._damaged(),
             ],
             version=software(),
-            violations=sorted({line for record in records for line in record.violations.splitlines()}),
+            violations=sorted(
+                {line for record in records for line in record.violations.splitlines()}
+            ),
         )
         return replace(result, answer=answer(result))
 
     def _place(self, i: int) -> tuple[int, ...]:
         """Where a setting stands in the table: in the order of the values."""
-        return tuple(values.index(self.settings[i].values[key]) for key, values in self.varied.items())
+        return tuple(
+            values.index(self.settings[i].values[key]) for key, values in self.varied.items()
+        )
 
     def _row(self, i: int, found: Comparison | None) -> Row:
         records = self.runs.known(i, self.model)
@@ -270,21 +365,44 @@ class _Study:
             return row_of(self.settings[i], records, self.options.confidence)
         stands: Standing = "best" if i == found.best else found.standing(i)
         row = row_of(self.settings[i], records[: found.count], self.options.confidence)
-        return replace(row, standing=stands, lead=found.leads[i], check=self.checks.get(i), proven_seconds=self.proven.get(i))
+        return replace(
+            row,
+            standing=stands,
+            lead=found.leads[i],
+            check=self.checks.get(i),
+            proven_seconds=self.proven.get(i),
+        )
 
     def _seconds_needed(self, found: Comparison) -> float | None:
         needed = found.replications_needed() if found.undecided else None
-        return None if needed is None else self.runs.seconds_for(self._alive(), self.model, needed - found.count)
+        return (
+            None
+            if needed is None
+            else self.runs.seconds_for(self._alive(), self.model, needed - found.count)
+        )
 
     def _beyond(self, best: Setting) -> dict[str, Any]:
         """The next value after the last one that was tried of a key, if the best has that, and it is possible."""
         beyond = {}
         for key, values in self.varied.items():
-            numbers = sorted(value for value in values if isinstance(value, int | float) and not isinstance(value, bool))
-            steps = {numbers[-1]: 1, numbers[0]: -1} if len(numbers) == len(values) > (1 if key == CARRIERS else 2) else {}
+            numbers = sorted(
+                value
+                for value in values
+                if isinstance(value, int | float) and not isinstance(value, bool)
+            )
+            steps = (
+                {numbers[-1]: 1, numbers[0]: -1}
+                if len(numbers) == len(values) > (1 if key == CARRIERS else 2)
+                else {}
+            )
             if steps and (step := steps.get(best.values[key])):  # a section is no key of a map
-                following = best.values[key] + step * min(after - before for before, after in pairwise(numbers))
-                if not settings_of(self.scenario, {one: [value] for one, value in (best.values | {key: following}).items()})[1]:
+                following = best.values[key] + step * min(
+                    after - before for before, after in pairwise(numbers)
+                )
+                if not settings_of(
+                    self.scenario,
+                    {one: [value] for one, value in (best.values | {key: following}).items()},
+                )[1]:
                     beyond[key] = following
         return beyond
 
@@ -293,33 +411,64 @@ class _Study:
     def _about(self, shown: Sequence[int]) -> list[str]:
         notes = []
         if not any(setting.is_random for setting in self.settings):
-            notes.append("nothing in these settings is random, so one run of each stands for all seeds")
+            notes.append(
+                "nothing in these settings is random, so one run of each stands for all seeds"
+            )
         if missing := [i for i in range(len(self.settings)) if i not in shown]:
-            why = "the study was stopped before" if self.stopped_by == "stopped" else "there was no time for"
-            notes.append(f"{why} a run of {counted('settings', len(missing))}, {self._words(missing)}: not in the table")
+            why = (
+                "the study was stopped before"
+                if self.stopped_by == "stopped"
+                else "there was no time for"
+            )
+            notes.append(
+                f"{why} a run of {counted('settings', len(missing))}, {self._words(missing)}: not in the table"
+            )
         for i in self.jammed:
-            faults = [*filter(None, (record.faults for record in self.runs.known(i, self.model))), "some robots wait for ever"]
-            notes.append(f"{self.settings[i].words or 'the scenario'} jams: {faults[0].splitlines()[0]}")
-        return [*notes, *self._unequal(shown), *self._faults(i for i in shown if i not in self.jammed)]
+            faults = [
+                *filter(None, (record.faults for record in self.runs.known(i, self.model))),
+                "some robots wait for ever",
+            ]
+            notes.append(
+                f"{self.settings[i].words or 'the scenario'} jams: {faults[0].splitlines()[0]}"
+            )
+        return [
+            *notes,
+            *self._unequal(shown),
+            *self._faults(i for i in shown if i not in self.jammed),
+        ]
 
     def _unequal(self, shown: Sequence[int]) -> list[str]:
         """That the long run, in which each picker has rows for ever, does not see unequal shares of the rows, if these vary."""
         is_seen = self.options.horizon == "harvest" or SHARES.isdisjoint(self.varied)
-        if is_seen or not any(_is_unequal(lay_out(self.settings[i].scenario), self.options.within) for i in shown):
+        if is_seen or not any(
+            _is_unequal(lay_out(self.settings[i].scenario), self.options.within) for i in shown
+        ):
             return []
-        return ["some pickers get more rows than others, and only one harvest waits for the last one: --horizon harvest"]
+        return [
+            "some pickers get more rows than others, and only one harvest waits for the last one: --horizon harvest"
+        ]
 
     def _no_room(self, found: Comparison | None) -> list[str]:
         """That the answer is the last number for another reason than that more gain nothing."""
-        is_last = self.is_open and found is not None and self.settings[found.best].scenario.carrier_count == self.most
-        return [f"the orchard has room for {counted('carriers', self.most)}, no more"] if is_last else []
+        is_last = (
+            self.is_open
+            and found is not None
+            and self.settings[found.best].scenario.carrier_count == self.most
+        )
+        return (
+            [f"the orchard has room for {counted('carriers', self.most)}, no more"]
+            if is_last
+            else []
+        )
 
     def _row_ends(self, found: Comparison | None) -> list[str]:
         """What the drives to the ends of rows cost with the best setting."""
         if found is None or self.settings[found.best].scenario.bin_metres is None:
             return []
         share = Bounds(lay_out(self.settings[found.best].scenario)).row_end_share
-        return [f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging bins inside rows could gain no more"]
+        return [
+            f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging bins inside rows could gain no more"
+        ]
 
     def _part_full(self, found: Comparison | None) -> list[str]:
         """That the bins of one harvest have less fruit than as many full ones, with the best setting."""
@@ -340,7 +489,9 @@ class _Study:
             records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
             if faulty := [record for record in records if record.faults]:
                 first = f"seed {faulty[0].seed}: {faulty[0].faults.splitlines()[0]}"
-                notes.append(f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)} runs had faults; {first}")
+                notes.append(
+                    f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)} runs had faults; {first}"
+                )
         return notes
 
     def _damaged(self) -> list[str]:
@@ -348,15 +499,21 @@ class _Study:
         if not store.damaged:
             return []
         first = next(iter(store.damaged.values()))
-        return [f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}: they are done again"]
+        return [
+            f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}: they are done again"
+        ]
 
     def _words(self, settings: Sequence[int], most: int = 5) -> str:
-        return "; ".join(self.settings[i].words for i in settings[:most]) + (" and others" if len(settings) > most else "")
+        return "; ".join(self.settings[i].words for i in settings[:most]) + (
+            " and others" if len(settings) > most else ""
+        )
 
 
 def _is_unequal(layout: Layout, within: float) -> bool:
     """Whether a picker has more to pick than the mean, by what counts."""
-    metres = [sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()]
+    metres = [
+        sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()
+    ]
     return max(metres) * len(metres) > (1.0 + within) * sum(metres)
 
 

@@ -35,35 +35,78 @@ MEANING = (
 OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and how far above it this one is."
 CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
-ONLY_IF_KNOWN = ("a bin", "optimum, s", "checked")  # columns that are left out if they have nothing in any row
+ONLY_IF_KNOWN = (
+    "a bin",
+    "optimum, s",
+    "checked",
+)  # columns that are left out if they have nothing in any row
 OF_JAMMED = ("bins/h", "bound", "limit", "checked")  # known if runs jammed
-WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")  # where the terminal is narrow
+WRAPPED = (
+    "bins/h",
+    "harvest, s",
+    "a bin",
+    "behind, %",
+    "bound",
+    "optimum, s",
+    "checked",
+)  # where the terminal is narrow
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
     """Return the heads of the columns, and the lines, with marks in the first cells. `legend` explains them."""
-    known = {head: [_cell(head, row) for row in result.table] for head in COLUMNS if head not in _unasked(result)}
-    shown = {head: cells for head, cells in known.items() if head not in ONLY_IF_KNOWN or set(cells) != {NONE}}
-    columns = {key_words(key): [value_words(row.setting[key], key) for row in result.table] for key in result.compared} | shown
+    known = {
+        head: [_cell(head, row) for row in result.table]
+        for head in COLUMNS
+        if head not in _unasked(result)
+    }
+    shown = {
+        head: cells
+        for head, cells in known.items()
+        if head not in ONLY_IF_KNOWN or set(cells) != {NONE}
+    }
+    columns = {
+        key_words(key): [value_words(row.setting[key], key) for row in result.table]
+        for key in result.compared
+    } | shown
     lines = zip(*columns.values(), result.table, strict=True)
-    return list(columns), [[f"{first} {MARKS[row.standing]}".rstrip(), *rest] for first, *rest, row in lines]
+    return list(columns), [
+        [f"{first} {MARKS[row.standing]}".rstrip(), *rest] for first, *rest, row in lines
+    ]
 
 
 def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
     count = max((row.replications for row in result.table), default=0)
-    runs, model = f"{count} run{'s' if count != 1 else ''}", MODELS[result.table[0].model if result.table else "fast"]
+    runs, model = (
+        f"{count} run{'s' if count != 1 else ''}",
+        MODELS[result.table[0].model if result.table else "fast"],
+    )
     optimum = OPTIMUM if any(row.proven_seconds for row in result.table) else ""
     checked = CHECKED if any(row.check for row in result.table) else ""
-    return MEANING.format(within=100.0 * result.within, confidence=100.0 * result.confidence, runs=runs, model=model) + optimum + checked
+    return (
+        MEANING.format(
+            within=100.0 * result.within,
+            confidence=100.0 * result.confidence,
+            runs=runs,
+            model=model,
+        )
+        + optimum
+        + checked
+    )
 
 
 def as_table(result: StudyResult) -> Table:
     """Return the table for a terminal of 80 characters and more; some cells wrap where it is narrow."""
     heads, lines = words(result)
-    table = Table(box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left")
+    table = Table(
+        box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left"
+    )
     for head in heads:
-        table.add_column(head.replace(", ", "\n"), no_wrap=head in COLUMNS and head not in WRAPPED, overflow="fold")
+        table.add_column(
+            head.replace(", ", "\n"),
+            no_wrap=head in COLUMNS and head not in WRAPPED,
+            overflow="fold",
+        )
     for line, row in zip(lines, result.table, strict=True):
         table.add_row(*map(escape, line), style="bold" if row.setting == result.best else "")
     return table
@@ -76,12 +119,18 @@ def _unasked(result: StudyResult) -> list[str]:
 
 
 def _cell(head: str, row: Row) -> str:
-    return NONE if row.bins_per_hour is None and head not in OF_JAMMED else COLUMNS[head](row) or NONE
+    return (
+        NONE if row.bins_per_hour is None and head not in OF_JAMMED else COLUMNS[head](row) or NONE
+    )
 
 
 def _lead(lead: Interval | None) -> str:
     """How far behind the best a setting is, in percent, to a tenth."""
-    return f"{100.0 * lead.mean:.1f} ±{100.0 * (lead.high - lead.mean):.1f}" if lead is not None and lead.mean else ""
+    return (
+        f"{100.0 * lead.mean:.1f} ±{100.0 * (lead.high - lead.mean):.1f}"
+        if lead is not None and lead.mean
+        else ""
+    )
 
 
 def _interval(interval: Interval | None) -> str:
@@ -89,7 +138,11 @@ def _interval(interval: Interval | None) -> str:
 
 
 def _share_of_bound(row: Row) -> str:
-    return "" if row.bins_per_hour is None else f" ({100.0 * row.bins_per_hour.mean / row.bound_bins_per_hour:.0f}%)"
+    return (
+        ""
+        if row.bins_per_hour is None
+        else f" ({100.0 * row.bins_per_hour.mean / row.bound_bins_per_hour:.0f}%)"
+    )
 
 
 def _optimum(row: Row) -> str:

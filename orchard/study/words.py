@@ -12,11 +12,29 @@ from orchard.report.summary import above_optimum
 from orchard.study.comparing import LOOKS
 from orchard.study.result import Goal, Interval, Row, StudyResult
 
-GOALS = {"bins_per_hour": "most bins an hour", "cost_per_bin": "least cost of a bin", "harvest_seconds": "shortest harvest"}
-COUNTED = ("rows", "pickers", "carriers", "people.workers", "people.visitors", "animals.dogs", "animals.cats", "weeds")  # numbers of things
+GOALS = {
+    "bins_per_hour": "most bins an hour",
+    "cost_per_bin": "least cost of a bin",
+    "harvest_seconds": "shortest harvest",
+}
+COUNTED = (
+    "rows",
+    "pickers",
+    "carriers",
+    "people.workers",
+    "people.visitors",
+    "animals.dogs",
+    "animals.cats",
+    "weeds",
+)  # numbers of things
 ROBOTS = ("pickers", "carriers")  # numbers of which few are good
 # keys whose value says enough
-SAID = {"dispatch": "with {}", "rows_to_pickers": "with {} rows", "order_in_row": "{} in rows", "route": "on {}"}
+SAID = {
+    "dispatch": "with {}",
+    "rows_to_pickers": "with {} rows",
+    "order_in_row": "{} in rows",
+    "route": "on {}",
+}
 SAME = 1e-9  # of the mean: an interval narrower than that is rounding
 TWO_DIGITS = 2.0  # a spread that begins with a 1 keeps two digits, all others one
 
@@ -25,7 +43,11 @@ def setting_words(setting: Mapping[str, Any]) -> str:
     """Return a setting in words: '9 carriers with predictive on two-way, picking speed 0.03'."""
     counts = ", ".join(counted(key, setting[key]) for key in COUNTED if key in setting)
     choices = [words.format(setting[key]) for key, words in SAID.items() if key in setting]
-    named = [f"{key_words(key)} {value_words(value, key)}" for key, value in setting.items() if key not in (*COUNTED, *SAID)]
+    named = [
+        f"{key_words(key)} {value_words(value, key)}"
+        for key, value in setting.items()
+        if key not in (*COUNTED, *SAID)
+    ]
     first = " ".join(filter(None, [counts, *choices])).removeprefix("with ").removeprefix("on ")
     return ", ".join(filter(None, [first, *named])) or "this scenario"
 
@@ -33,7 +55,13 @@ def setting_words(setting: Mapping[str, Any]) -> str:
 def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers, one-way, predictive dispatch'."""
     rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
-    length = ", as surveyed" if scenario.survey else "" if "row_length" in varied else f" of {scenario.row_length:g} m"
+    length = (
+        ", as surveyed"
+        if scenario.survey
+        else ""
+        if "row_length" in varied
+        else f" of {scenario.row_length:g} m"
+    )
     each, varies = scenario.bin_metres, not {"metres_per_bin", "bins_per_row"}.isdisjoint(varied)
     bins = "" if varies else f", a bin every {each:.3g} m" if each else ", one bin a row"
     rate = scenario.picking_rate
@@ -44,7 +72,9 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
         "route": scenario.route,
         "dispatch": f"{scenario.dispatch} dispatch",
     }
-    return ", ".join([rows + length + bins, *(said for key, said in words.items() if key not in varied)])
+    return ", ".join(
+        [rows + length + bins, *(said for key, said in words.items() if key not in varied)]
+    )
 
 
 def counted(key: str, number: object) -> str:
@@ -68,14 +98,24 @@ def _description(key: str) -> str:
     model: Any = Scenario
     words = ""
     for name in key.split("."):
-        field = model.model_fields.get(name) if isinstance(model, type) and issubclass(model, BaseModel) else None
+        field = (
+            model.model_fields.get(name)
+            if isinstance(model, type) and issubclass(model, BaseModel)
+            else None
+        )
         model, words = (field.annotation, field.description or "") if field else (None, "")
     return words
 
 
 def value_words(value: object, key: str = "") -> str:
     """Return a value of a setting: '0.03', 'predictive', and for none what the key's description says: 'never'."""
-    return none_words(_description(key)) if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return (
+        none_words(_description(key))
+        if value is None
+        else f"{value:g}"
+        if isinstance(value, float)
+        else str(value)
+    )
 
 
 def none_words(description: str) -> str:
@@ -101,7 +141,11 @@ def interval_words(interval: Interval | None, sign: str = " ± ") -> str:
     return number_words(interval.mean, half) + sign + number_words(half, half)
 
 
-UNITS: dict[Goal, str] = {"bins_per_hour": "bins an hour", "cost_per_bin": "a bin", "harvest_seconds": "s for the harvest"}
+UNITS: dict[Goal, str] = {
+    "bins_per_hour": "bins an hour",
+    "cost_per_bin": "a bin",
+    "harvest_seconds": "s for the harvest",
+}
 MOST_NAMED = 3  # settings that the answer names; of more it says how many
 
 
@@ -110,12 +154,25 @@ def answer(result: StudyResult) -> str:
     if not result.table:
         return "No setting has been run yet."
     if (best := result.best_row) is None:
-        what = setting_words(result.table[0].setting) if len(result.table) == 1 else f"All {len(result.table)} settings"
+        what = (
+            setting_words(result.table[0].setting)
+            if len(result.table) == 1
+            else f"All {len(result.table)} settings"
+        )
         return f"{what} jammed: some robots waited for ever."
     further = [value > best.setting[key] for key, value in result.beyond.items()]
-    is_range = further and result.beyond.keys() == {*ROBOTS} & best.setting.keys() and not result.undecided
+    is_range = (
+        further and result.beyond.keys() == {*ROBOTS} & best.setting.keys() and not result.undecided
+    )
     shown = f"{('At least ' if any(further) else 'At most ') if is_range else ''}{setting_words(best.setting)}"
-    parts = [f"{shown}: {_figures(best, result)}", _optimum(best), _end(result), _alike(result), _undecided(result), _checked(best, result)]
+    parts = [
+        f"{shown}: {_figures(best, result)}",
+        _optimum(best),
+        _end(result),
+        _alike(result),
+        _undecided(result),
+        _checked(best, result),
+    ]
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
     return f"{'; '.join(filter(None, parts))}. {orchard}."
@@ -125,8 +182,16 @@ def _figures(best: Row, result: StudyResult) -> str:
     """Bins an hour and cost; before them the figure of another goal, with its interval."""
     names: list[Goal] = ["bins_per_hour", "cost_per_bin"]
     order = [result.goal, *(name for name in names if name != result.goal)]
-    first, *rest = [(figure, UNITS[name]) for name in order if (figure := getattr(best, name)) is not None]
-    run = "" if best.replications > 1 else " in the one run so far" if result.stopped_by in ("budget", "stopped") else ""
+    first, *rest = [
+        (figure, UNITS[name]) for name in order if (figure := getattr(best, name)) is not None
+    ]
+    run = (
+        ""
+        if best.replications > 1
+        else " in the one run so far"
+        if result.stopped_by in ("budget", "stopped")
+        else ""
+    )
     long_run = " in the long run" if result.horizon == "long" else ""
     others = [f"{number_words(one.mean)} {unit}" for one, unit in rest]
     return ", ".join([f"{interval_words(first[0])} {first[1]}", *others]) + long_run + run
@@ -157,13 +222,19 @@ def _alike(result: StudyResult) -> str:
     values = [one[key] for one in equal]
     if key in ROBOTS and result.goal != "cost_per_bin" and None not in (result.best[key], *values):
         following = min(values)
-        more = "one more gains" if following == result.best[key] + 1 else f"{value_words(following)} gain"
+        more = (
+            "one more gains"
+            if following == result.best[key] + 1
+            else f"{value_words(following)} gain"
+        )
         return f"{more} less than {within}"
     return f"{_listed(list(map(value_words, values)))} {'is' if len(values) == 1 else 'are'} within {within} of it"
 
 
 def _undecided(result: StudyResult) -> str:
-    others = [one for one in result.undecided if one != result.best] or [row.setting for row in result.table if row.standing == "equal"]
+    others = [one for one in result.undecided if one != result.best] or [
+        row.setting for row in result.table if row.standing == "equal"
+    ]
     if not result.undecided or result.best is None or not others:
         return ""
     key = _only_difference([result.best, *others])
@@ -196,10 +267,16 @@ def _checked(best: Row, result: StudyResult) -> str:
     if best.check is None:
         return ""
     check, share = best.check, abs(best.check.difference)
-    jams = f", and {check.jammed} of {check.replications} of its runs jammed" if check.jammed else ""
+    jams = (
+        f", and {check.jammed} of {check.replications} of its runs jammed" if check.jammed else ""
+    )
     if check.jammed == check.replications:
         return "in the simulator it jams"
-    than = "the same" if share < 0.0005 else f"{100.0 * share:.1f} % {'more' if check.difference > 0 else 'less'}"
+    than = (
+        "the same"
+        if share < 0.0005
+        else f"{100.0 * share:.1f} % {'more' if check.difference > 0 else 'less'}"
+    )
     return f"the simulator says {interval_words(check.bins_per_hour)}, {than}{jams}{_overtaken(best, result)}"
 
 
@@ -207,7 +284,11 @@ def _overtaken(best: Row, result: StudyResult) -> str:
     """The setting that is certainly better in the simulator, if it is about bins or time; '' if there is none."""
     if best.check is None or result.goal == "cost_per_bin":
         return ""
-    rates = [(row.check.bins_per_hour, row.setting) for row in result.table if row.check is not None]
+    rates = [
+        (row.check.bins_per_hour, row.setting) for row in result.table if row.check is not None
+    ]
     first, setting = max(rates, key=lambda one: one[0].mean)
     is_ahead = first.low > best.check.bins_per_hour.high * (1.0 + result.within)
-    return f", and prefers {setting_words(setting)} with {interval_words(first)}" if is_ahead else ""
+    return (
+        f", and prefers {setting_words(setting)} with {interval_words(first)}" if is_ahead else ""
+    )

@@ -7,7 +7,15 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
@@ -38,7 +46,9 @@ class Workers:
         self.count, self._start = count, start
         self.executor = start()
 
-    def do(self, work: Callable[[Item], Result], items: Sequence[Item], goes_on: Callable[[], bool]) -> Iterator[tuple[Item, Result]]:
+    def do(
+        self, work: Callable[[Item], Result], items: Sequence[Item], goes_on: Callable[[], bool]
+    ) -> Iterator[tuple[Item, Result]]:
         """Yield each item with `work(item)`, in any order, as long as `goes_on`. Raises WorkersError or the work's error."""
         left, deaths = dict(enumerate(items)), 0
         while left and goes_on():
@@ -53,7 +63,9 @@ class Workers:
             except BrokenExecutor:
                 deaths += 1
                 if deaths == MOST_DEATHS:
-                    raise WorkersError(f"{deaths} times a worker died, and did nothing: is the memory full?") from None
+                    raise WorkersError(
+                        f"{deaths} times a worker died, and did nothing: is the memory full?"
+                    ) from None
                 self.executor.shutdown()
                 self.executor = self._start()
             finally:
@@ -129,21 +141,35 @@ def scheduled(address: str) -> Iterator[Workers]:
     try:
         client = dask.Client(address, timeout=CONNECTING)
     except (OSError, ValueError) as error:
-        raise WorkersError(f"{address}: no scheduler of dask.distributed answers: {error}") from None
+        raise WorkersError(
+            f"{address}: no scheduler of dask.distributed answers: {error}"
+        ) from None
     with client:
         if trouble := _trouble(client, address):
             raise WorkersError(f"{address}: {trouble}")
         try:
-            yield Workers(partial(client.get_executor, pure=False), len(client.scheduler_info()["workers"]))
+            yield Workers(
+                partial(client.get_executor, pure=False), len(client.scheduler_info()["workers"])
+            )
         except dask.KilledWorker as error:
             raise WorkersError(f"{address}: {error}") from None
         except CancelledError:
-            raise WorkersError(f"{address}: the scheduler is gone, or it has cancelled the work") from None
+            raise WorkersError(
+                f"{address}: the scheduler is gone, or it has cancelled the work"
+            ) from None
 
 
 def _trouble(client: Any, address: str) -> str:
     if not client.scheduler_info()["workers"]:
         return f"this scheduler has no workers; start some: dask worker {address}"
     asked, clocks, now = time.time(), client.run(time.time, on_error="ignore"), time.time()
-    wrong = [f"{worker} by {clock - now:+.0f} s" for worker, clock in clocks.items() if not asked - APART < clock < now + APART]
-    return f"clocks of workers differ from that of this machine: {', '.join(wrong)}; set them, as by NTP" if wrong else ""
+    wrong = [
+        f"{worker} by {clock - now:+.0f} s"
+        for worker, clock in clocks.items()
+        if not asked - APART < clock < now + APART
+    ]
+    return (
+        f"clocks of workers differ from that of this machine: {', '.join(wrong)}; set them, as by NTP"
+        if wrong
+        else ""
+    )

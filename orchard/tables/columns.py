@@ -28,14 +28,26 @@ def _schema(*columns: pa.Field) -> pa.Schema:
 
 
 BODIES = _schema(
-    _tick("tick", "end of the step: the pose is of this tick, velocities and state are of the step that ends then"),
+    _tick(
+        "tick",
+        "end of the step: the pose is of this tick, velocities and state are of the step that ends then",
+    ),
     _text("name", "the body"),
     _column("x", NUMBER, "m", MAP),
     _column("y", NUMBER, "m", MAP),
     _column("yaw", NUMBER, "rad", "counter-clockwise from east"),
-    _column("measured_x", NUMBER, "m", "as the agent observes it at this tick; null: it observes x"),
-    _column("measured_y", NUMBER, "m", "as the agent observes it at this tick; null: it observes y"),
-    _column("odometry_x", NUMBER, "m", "by odometry alone, in the body's frame odom; null: its odometry has no errors, or it has none"),
+    _column(
+        "measured_x", NUMBER, "m", "as the agent observes it at this tick; null: it observes x"
+    ),
+    _column(
+        "measured_y", NUMBER, "m", "as the agent observes it at this tick; null: it observes y"
+    ),
+    _column(
+        "odometry_x",
+        NUMBER,
+        "m",
+        "by odometry alone, in the body's frame odom; null: its odometry has no errors, or it has none",
+    ),
     _column("odometry_y", NUMBER, "m", "by odometry alone, as odometry_x"),
     _column("odometry_yaw", NUMBER, "rad", "by odometry alone, as odometry_x"),
     _column("linear_x", NUMBER, "m/s", "velocity in the step, forward; 0 if the step was refused"),

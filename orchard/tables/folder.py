@@ -98,7 +98,9 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise OSError(f"{folder}: tables cannot be written there: {error.strerror}{instead}") from error
+        raise OSError(
+            f"{folder}: tables cannot be written there: {error.strerror}{instead}"
+        ) from error
 
 
 def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> None:
@@ -116,7 +118,9 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
             f"{there} are of a run that ended at tick {last}, and this one goes on at tick {tick}: its rows would be lost{instead}"
         )
     if last < tick:
-        raise ValueError(f"{there} end at tick {last}, and the run goes on at tick {tick}: rows would be missing{instead}")
+        raise ValueError(
+            f"{there} end at tick {last}, and the run goes on at tick {tick}: rows would be missing{instead}"
+        )
 
 
 def last_tick(folder: Path) -> int:
@@ -132,14 +136,23 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
         write_table(path_of(folder, "summary"), as_table(summary))
         last = last_tick(folder)
     except (OSError, pa.ArrowException) as error:
-        return [f"{folder}: the tables cannot be written or read: {getattr(error, 'strerror', None) or error}"]
-    return [] if last == summary["ticks"] else [f"{folder}: the tables end at tick {last}, and the run at tick {summary['ticks']}"]
+        return [
+            f"{folder}: the tables cannot be written or read: {getattr(error, 'strerror', None) or error}"
+        ]
+    return (
+        []
+        if last == summary["ticks"]
+        else [f"{folder}: the tables end at tick {last}, and the run at tick {summary['ticks']}"]
+    )
 
 
 def as_table(summary: Mapping[str, Any]) -> pa.Table:
     """Return a summary as one row: a map has a column for each value, lists but `history` are JSON."""
     columns = dict(_columns(summary))
-    fields = [pa.field(name, array.type, metadata={"unit": UNITS.get(name.split(".")[0], "")}) for name, array in columns.items()]
+    fields = [
+        pa.field(name, array.type, metadata={"unit": UNITS.get(name.split(".")[0], "")})
+        for name, array in columns.items()
+    ]
     metadata = {SCENARIO: msgspec.json.encode(summary["scenario"]).decode()}
     return pa.table(list(columns.values()), pa.schema(fields, metadata))
 

@@ -10,15 +10,35 @@ from orchard.view.columns import TIMELINE
 from orchard.view.names import FOCUS
 from orchard.view.scenery import PLAN_CAMERA, plan_size
 
-PIN_FAR, PIN_NEAR, PIN_ON_THE_PLAN = 0.6, 0.4, -5.0  # radius of a pin, m; a negative number is in screen points
+PIN_FAR, PIN_NEAR, PIN_ON_THE_PLAN = (
+    0.6,
+    0.4,
+    -5.0,
+)  # radius of a pin, m; a negative number is in screen points
 HEADROOM = 1.6  # end of a plot's axis, in highest possible values: the legend lies above the curves
 FEW = 8  # robots: up to this number, all histories fit without scrolling
 TITLE, AXIS = 0.7, 0.6  # heights of a history's title and time axis, as fractions of a robot's line
 
 IN_SPACE = ["world/**", "canopy/**", "scans/**", "pins/**", "talk/**"]
-BELOW_CROWNS = ["world/**", "scans/**", "pins/**", "talk/**", "focus", "canopy/wires", "canopy/crowns", "canopy/shade"]
-BESIDE = (-12.5, -4.0, 7.0)  # m from the focus to its camera, which looks along the rows, between the trees
-PICKERS, OTHERS = ["world/pickers/**"], [f"world/{kind}s/**" for kind in VEHICLES if kind != "picker"]
+BELOW_CROWNS = [
+    "world/**",
+    "scans/**",
+    "pins/**",
+    "talk/**",
+    "focus",
+    "canopy/wires",
+    "canopy/crowns",
+    "canopy/shade",
+]
+BESIDE = (
+    -12.5,
+    -4.0,
+    7.0,
+)  # m from the focus to its camera, which looks along the rows, between the trees
+PICKERS, OTHERS = (
+    ["world/pickers/**"],
+    [f"world/{kind}s/**" for kind in VEHICLES if kind != "picker"],
+)
 ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
@@ -30,17 +50,28 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
         left = rrb.Vertical(spaces, histories, row_shares=[10, 10])
         pictures: rrb.Container = rrb.Horizontal(left, plan, column_shares=[12, 10])
     else:
-        pictures = rrb.Vertical(spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[11, 10])
-    plots = _plot("Bins", "metrics/bins", layout.bins), _plot("Robots", "metrics/robots", max(pickers, carriers))
+        pictures = rrb.Vertical(
+            spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[11, 10]
+        )
+    plots = (
+        _plot("Bins", "metrics/bins", layout.bins),
+        _plot("Robots", "metrics/robots", max(pickers, carriers)),
+    )
     figures = rrb.Vertical(*plots, _events(), row_shares=[3, 3, 4])
-    views = rrb.Horizontal(rrb.Vertical(pictures, _legend(), row_shares=[15, 1]), figures, column_shares=[11, 4])
+    views = rrb.Horizontal(
+        rrb.Vertical(pictures, _legend(), row_shares=[15, 1]), figures, column_shares=[11, 4]
+    )
     return _of(views, rrb.PanelState.Collapsed)
 
 
 def for_page(layout: Layout) -> rrb.Blueprint:
     """Return a small blueprint for a page that draws figures itself: 3-D views and plan, side by side if it is high."""
     both, hidden = (_spaces(layout), _plan()), rrb.PanelState.Hidden
-    views = rrb.Horizontal(*both, column_shares=[12, 10]) if _is_high(layout) else rrb.Vertical(*both, row_shares=[12, 10])
+    views = (
+        rrb.Horizontal(*both, column_shares=[12, 10])
+        if _is_high(layout)
+        else rrb.Vertical(*both, row_shares=[12, 10])
+    )
     return _of(views, hidden, rrb.TopPanel(state=hidden))
 
 
@@ -63,8 +94,14 @@ def _is_high(layout: Layout) -> bool:
 
 def _histories(pickers: int, others: int) -> rrb.Container:
     if pickers + others > FEW:
-        return rrb.Tabs(_history("What the pickers do", PICKERS), _history("What carriers and tractor do", OTHERS))
-    both = _history("What the robots do", PICKERS), _history("Carriers and tractor", OTHERS, titlebar=False)
+        return rrb.Tabs(
+            _history("What the pickers do", PICKERS),
+            _history("What carriers and tractor do", OTHERS),
+        )
+    both = (
+        _history("What the robots do", PICKERS),
+        _history("Carriers and tractor", OTHERS, titlebar=False),
+    )
     return rrb.Vertical(*both, row_shares=[TITLE + AXIS + pickers, AXIS + others])
 
 
@@ -85,13 +122,22 @@ def _legend() -> rrb.Spatial2DView:
 def _spaces(layout: Layout) -> rrb.Tabs:
     y = layout.lane(1).y
     inside = _eye((ROW_WEST - 5.5, y - 1.2, 2.2), (ROW_WEST + 14.0, y + 0.4, 1.0))
-    return rrb.Tabs(at_work(layout), _space("Orchard", IN_SPACE, _outside(layout)), _space("Under the pergola", IN_SPACE, inside))
+    return rrb.Tabs(
+        at_work(layout),
+        _space("Orchard", IN_SPACE, _outside(layout)),
+        _space("Under the pergola", IN_SPACE, inside),
+    )
 
 
 def at_work(layout: Layout) -> rrb.Spatial3DView:
     """Return the view with a camera that goes along with the focus."""
     x, y = BESIDE[0] + ROW_WEST, BESIDE[1] + layout.lane(1).y
-    return _space("At work", BELOW_CROWNS, _eye((x, y, BESIDE[2]), (ROW_WEST, layout.lane(1).y, 1.0), follow=FOCUS), PIN_NEAR)
+    return _space(
+        "At work",
+        BELOW_CROWNS,
+        _eye((x, y, BESIDE[2]), (ROW_WEST, layout.lane(1).y, 1.0), follow=FOCUS),
+        PIN_NEAR,
+    )
 
 
 def _outside(layout: Layout) -> rrb.EyeControls3D:
@@ -101,11 +147,23 @@ def _outside(layout: Layout) -> rrb.EyeControls3D:
     return _eye((44.5, south - 7.0, 8.0 + 0.05 * (layout.top - south)), (13.0, south + 12.0, -3.0))
 
 
-def _eye(position: tuple[float, float, float], target: tuple[float, float, float], follow: str | None = None) -> rrb.EyeControls3D:
-    return rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, 0, 1), tracking_entity=follow)
+def _eye(
+    position: tuple[float, float, float],
+    target: tuple[float, float, float],
+    follow: str | None = None,
+) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=position,
+        look_target=target,
+        eye_up=(0, 0, 1),
+        tracking_entity=follow,
+    )
 
 
-def _space(name: str, contents: list[str], eye: rrb.EyeControls3D, pin: float = PIN_FAR) -> rrb.Spatial3DView:
+def _space(
+    name: str, contents: list[str], eye: rrb.EyeControls3D, pin: float = PIN_FAR
+) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         name=name,
         origin="/",
@@ -119,16 +177,28 @@ def _space(name: str, contents: list[str], eye: rrb.EyeControls3D, pin: float = 
 
 def _of_pins(radius: float) -> list[rr.Points3D]:
     """Return what holds for pins that say nothing else: a robot without an agent has no state."""
-    return [rr.Points3D.from_fields(radii=[radius], colors=[palette.STATES["resting"]], show_labels=False)]
+    return [
+        rr.Points3D.from_fields(
+            radii=[radius], colors=[palette.STATES["resting"]], show_labels=False
+        )
+    ]
 
 
 def _plan() -> rrb.Spatial2DView:
     pins = _of_pins(PIN_ON_THE_PLAN)
-    return rrb.Spatial2DView(name="Plan", origin=PLAN_CAMERA, contents=ON_THE_PLAN, background=palette.MEADOW, defaults=pins)
+    return rrb.Spatial2DView(
+        name="Plan",
+        origin=PLAN_CAMERA,
+        contents=ON_THE_PLAN,
+        background=palette.MEADOW,
+        defaults=pins,
+    )
 
 
 def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:
-    whole_run = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    whole_run = rr.TimeRange(
+        start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite()
+    )
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,
@@ -140,4 +210,9 @@ def _plot(name: str, origin: str, highest: int) -> rrb.TimeSeriesView:
 
 def _events() -> rrb.TextLogView:
     levels = rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"])
-    return rrb.TextLogView(name="Events", origin="events", rows=levels, columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]))
+    return rrb.TextLogView(
+        name="Events",
+        origin="events",
+        rows=levels,
+        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+    )

@@ -15,13 +15,18 @@ from orchard.view import palette
 from orchard.view.columns import TIMELINE, Columns
 from orchard.view.scenery import ROW_Z, model
 
-BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")  # kinds that share a branch of world/
+BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(
+    ANIMALS, "animals"
+)  # kinds that share a branch of world/
 HIT_RADIUS = -1.8  # of a laser hit; a negative number is in screen points
 PIN_Z = 4.4  # m: well above the pergola
 
 BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z of the fruit in an empty and in a full bin, m
 FILL_STEPS = 14
-WHOLE, UNSEEN = (1.0, 1.0, 1.0), (0.01, 0.01, 0.01)  # scales of a mesh that is shown, and of one that is hidden
+WHOLE, UNSEEN = (
+    (1.0, 1.0, 1.0),
+    (0.01, 0.01, 0.01),
+)  # scales of a mesh that is shown, and of one that is hidden
 
 
 class BodyView:
@@ -29,10 +34,18 @@ class BodyView:
 
     def __init__(self, columns: Columns, layout: Layout) -> None:
         self.rec, self.columns, self.layout = columns.rec, columns, layout
-        self.path = {s.name: f"world/{BRANCHES.get(s.kind, s.kind + 's')}/{s.name}" for s in layout.starts}  # world/pickers/picker_01
-        self._said: dict[str, dict[str, palette.Colour]] = {s.name: {} for s in layout.starts if s.kind != "weed"}
-        self._bins, self._weeds, self._towing = (indices(layout, kinds) for kinds in ({"bin"}, {"weed"}, HAULERS))
-        self._shown: dict[str, np.ndarray] = {}  # fruit levels of bins, whether bars or weeds are there
+        self.path = {
+            s.name: f"world/{BRANCHES.get(s.kind, s.kind + 's')}/{s.name}" for s in layout.starts
+        }  # world/pickers/picker_01
+        self._said: dict[str, dict[str, palette.Colour]] = {
+            s.name: {} for s in layout.starts if s.kind != "weed"
+        }
+        self._bins, self._weeds, self._towing = (
+            indices(layout, kinds) for kinds in ({"bin"}, {"weed"}, HAULERS)
+        )
+        self._shown: dict[
+            str, np.ndarray
+        ] = {}  # fruit levels of bins, whether bars or weeds are there
         for start in layout.starts:
             self._log_static(start)
 
@@ -52,12 +65,21 @@ class BodyView:
             self.rec.log(f"{path}/fruit", frame, model("fruit"), static=True)
             self.rec.log(f"{path}/full", frame, model("flag"), static=True)
         colour = palette.SCANS.get(start.kind, palette.OTHER_SCANS)
-        self.rec.log(f"scans/{start.name}", frame, rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS]), static=True)
+        self.rec.log(
+            f"scans/{start.name}",
+            frame,
+            rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS]),
+            static=True,
+        )
 
     def _pin(self, robot: Start) -> None:
         path, top = f"pins/{robot.name}", max(PIN_Z, KINDS[robot.kind].height + 2.0)
         ball = rr.Points3D([(0.0, 0.0, top)], labels=[robot.name])
-        stalk = rr.LineStrips3D([[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]], colors=[palette.WIRE], radii=[0.04])
+        stalk = rr.LineStrips3D(
+            [[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]],
+            colors=[palette.WIRE],
+            radii=[0.04],
+        )
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
 
     def doing(self, name: str, text: str, state: State) -> None:
@@ -69,20 +91,32 @@ class BodyView:
             text = f"{text} ({state})"
         if text not in known:
             known[text] = colour
-            self.rec.log(path, rr.StateConfiguration(values=list(known), colors=list(known.values())), static=True)
+            self.rec.log(
+                path,
+                rr.StateConfiguration(values=list(known), colors=list(known.values())),
+                static=True,
+            )
         self.columns.add(path, rr.StateChange, state=[text])
         if self.layout.starts[self.layout.index[name]].kind in VEHICLES:
             self.columns.add(f"pins/{name}", rr.Points3D, colors=[colour])
 
     def fills(self, fill: np.ndarray) -> None:
         """Add the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
-        levels = np.ceil(FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin - 1e-9).astype(int)
+        levels = np.ceil(FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin - 1e-9).astype(
+            int
+        )
         for i, level in self._changed("levels", levels):
             path = self.path[self.layout.names[self._bins[i]]]
             z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
             scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
-            self.columns.add(f"{path}/fruit", rr.InstancePoses3D, translations=[(0.0, 0.0, z)], scales=[scale])
-            self.columns.add(f"{path}/full", rr.InstancePoses3D, scales=[WHOLE if level >= FILL_STEPS else UNSEEN])
+            self.columns.add(
+                f"{path}/fruit", rr.InstancePoses3D, translations=[(0.0, 0.0, z)], scales=[scale]
+            )
+            self.columns.add(
+                f"{path}/full",
+                rr.InstancePoses3D,
+                scales=[WHOLE if level >= FILL_STEPS else UNSEEN],
+            )
 
     def bars(self, coupled: np.ndarray) -> None:
         """Add the bars between robots and bins that have changed. `coupled`: (n,) index of the other body, or -1."""
@@ -91,13 +125,22 @@ class BodyView:
             path, kind = f"{self.path[robot.name]}/bar", KINDS[robot.kind]
             ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
             self.rec.log(path, rr.CoordinateFrame(robot.name), static=True)
-            self.columns.add(path, rr.LineStrips3D, strips=[ends] if there else [], colors=[palette.BAR], radii=[0.09])
+            self.columns.add(
+                path,
+                rr.LineStrips3D,
+                strips=[ends] if there else [],
+                colors=[palette.BAR],
+                radii=[0.09],
+            )
 
     def weeds(self, alive: np.ndarray) -> None:
         """Log the weeds that have grown, and clear those that are flattened. `alive`: (n,) bool."""
         for i, grown in self._changed("weeds", alive[self._weeds]):
             self.rec.set_time(TIMELINE, duration=self.columns.tick * TIME_STEP)
-            self.rec.log(self.path[self.layout.names[self._weeds[i]]], model("weed") if grown else rr.Clear(recursive=False))
+            self.rec.log(
+                self.path[self.layout.names[self._weeds[i]]],
+                model("weed") if grown else rr.Clear(recursive=False),
+            )
 
     def _changed(self, what: str, now: np.ndarray) -> list[tuple[int, int]]:
         before, self._shown[what] = self._shown.get(what), now
@@ -127,7 +170,11 @@ class RowView:
             points, triangles = _strip(lane)
             strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
             columns.rec.log(f"world/rows/{row}", strip, static=True)
-            columns.rec.log(f"canopy/fruit/{row}", rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]), static=True)
+            columns.rec.log(
+                f"canopy/fruit/{row}",
+                rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]),
+                static=True,
+            )
 
     def show(self, row_ends: np.ndarray) -> None:
         """Add the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
@@ -138,16 +185,29 @@ class RowView:
 
     def _paint(self, row: int, west: int, east: int, inside_west: int, inside_east: int) -> None:
         pieces = np.arange(CHUNKS)
-        picked = (pieces < west) | (pieces >= CHUNKS - east) | ((pieces < inside_west) & (pieces >= CHUNKS - inside_east))
+        picked = (
+            (pieces < west)
+            | (pieces >= CHUNKS - east)
+            | ((pieces < inside_west) & (pieces >= CHUNKS - inside_east))
+        )
         colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
-        self.columns.add(f"world/rows/{self._names[row]}", rr.Mesh3D, vertex_colors=np.repeat(colours, 4, axis=0))
-        self.columns.add(f"canopy/fruit/{self._names[row]}", rr.Points3D, positions=self._fruit[row][~picked].reshape(-1, 3))
+        self.columns.add(
+            f"world/rows/{self._names[row]}", rr.Mesh3D, vertex_colors=np.repeat(colours, 4, axis=0)
+        )
+        self.columns.add(
+            f"canopy/fruit/{self._names[row]}",
+            rr.Points3D,
+            positions=self._fruit[row][~picked].reshape(-1, 3),
+        )
 
 
 def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
     edges, half = np.linspace(lane.west, lane.east, CHUNKS + 1), lane.width / 2 - 0.6
     south, north = lane.y - half, lane.y + half
-    corners = [[(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)] for w, e in pairwise(edges)]
+    corners = [
+        [(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)]
+        for w, e in pairwise(edges)
+    ]
     triangles = (4 * np.arange(CHUNKS)[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
     return np.array(corners, np.float32).reshape(-1, 3), triangles.astype(np.uint32)
 

@@ -17,22 +17,34 @@ class Columns:
 
     def __init__(self, rec: rr.RecordingStream) -> None:
         self.rec, self.tick = rec, 0
-        self._rows: dict[tuple[Any, ...], list[tuple[int, dict[str, Any]]]] = {}  # entity, archetype, components -> rows
+        self._rows: dict[
+            tuple[Any, ...], list[tuple[int, dict[str, Any]]]
+        ] = {}  # entity, archetype, components -> rows
 
     def add(self, path: str, archetype: Any, tick: int | None = None, /, **values: Any) -> None:
         """Add a row to an entity: components of an archetype, or of `rr.AnyValues`, each a list or an array of its instances."""
-        self._rows.setdefault((path, archetype, *values), []).append((self.tick if tick is None else tick, values))
+        self._rows.setdefault((path, archetype, *values), []).append(
+            (self.tick if tick is None else tick, values)
+        )
 
     def send(self) -> None:
         for (path, archetype, *names), rows in self._rows.items():
             columns: list[rr.ComponentColumn] = []
             for name in names:
                 parts = [values[name] for _, values in rows]
-                joined = np.concatenate(parts) if isinstance(parts[0], np.ndarray) else [*chain.from_iterable(parts)]
+                joined = (
+                    np.concatenate(parts)
+                    if isinstance(parts[0], np.ndarray)
+                    else [*chain.from_iterable(parts)]
+                )
                 columns += archetype.columns(**{name: joined}).partition([*map(len, parts)])
-            self.rec.send_columns(path, indexes=[times([tick for tick, _ in rows])], columns=columns)
+            self.rec.send_columns(
+                path, indexes=[times([tick for tick, _ in rows])], columns=columns
+            )
         self._rows.clear()
 
 
 def times(ticks: Sequence[int] | np.ndarray) -> rr.TimeColumn:
-    return rr.TimeColumn(TIMELINE, duration=np.round(np.array(ticks) * TIME_STEP * 1e9).astype("timedelta64[ns]"))
+    return rr.TimeColumn(
+        TIMELINE, duration=np.round(np.array(ticks) * TIME_STEP * 1e9).astype("timedelta64[ns]")
+    )

@@ -51,11 +51,17 @@ def _head_of(path: Path) -> bytes:
 def check_recording(path: Path) -> None:
     """Raise ValueError for a file that a recording must not replace: by its name, or by its contents."""
     if path.suffix != ".rrd":
-        raise ValueError(f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}")
+        raise ValueError(
+            f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}"
+        )
     if is_further_part(path):
-        raise ValueError(f"{path}: a further part of another recording has such a name; expected one without .part and a number")
+        raise ValueError(
+            f"{path}: a further part of another recording has such a name; expected one without .part and a number"
+        )
     if path.is_file() and _head_of(path) not in (HEAD, b""):
-        raise ValueError(f"{path}: this file is no recording, and is not replaced; expected another name, or a recording")
+        raise ValueError(
+            f"{path}: this file is no recording, and is not replaced; expected another name, or a recording"
+        )
 
 
 def remove_further_parts(path: Path) -> None:
@@ -65,7 +71,9 @@ def remove_further_parts(path: Path) -> None:
 
 
 CHOSEN = "RERUN_CLI_PATH"  # Rerun's own variable; it names another program
-QUIET = {"RUST_LOG": "error"}  # environment of Rerun's program, which otherwise reports each of its steps
+QUIET = {
+    "RUST_LOG": "error"
+}  # environment of Rerun's program, which otherwise reports each of its steps
 
 
 def viewer_program() -> str:
@@ -73,12 +81,18 @@ def viewer_program() -> str:
 
     `python -m rerun` is not used: it starts the program as a child, which keeps running when its parent is ended.
     """
-    found = find_spec("rerun_cli")  # nothing is imported, and the virtual environment need not be active
-    packaged = Path("rerun" if found is None or found.origin is None else found.origin).with_name("rerun")
+    found = find_spec(
+        "rerun_cli"
+    )  # nothing is imported, and the virtual environment need not be active
+    packaged = Path("rerun" if found is None or found.origin is None else found.origin).with_name(
+        "rerun"
+    )
     path = Path(os.environ.get(CHOSEN) or packaged)
     if not path.is_file():
         which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
-        raise FileNotFoundError(f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk installs")
+        raise FileNotFoundError(
+            f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk installs"
+        )
     return str(path)
 
 
@@ -90,7 +104,9 @@ def window(*what: str) -> list[str]:
     """Return the command line of a viewer window for data of this machine. Raises FileNotFoundError, OSError without a screen."""
     program = viewer_program()
     if sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
-        raise OSError(f"no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set; {IN_A_BROWSER}")
+        raise OSError(
+            f"no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set; {IN_A_BROWSER}"
+        )
     return [program, "--bind", "127.0.0.1", *what]
 
 

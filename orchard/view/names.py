@@ -17,15 +17,25 @@ from orchard.view.scenery import MARGIN, plan_size
 
 RENEWED_TICKS = 5  # interval at which the names follow the robots
 NAME_Z, ROW_Z = 4.4, 4.0  # m
-HIGH_PLAN, WIDE_PLAN = (730.0, 470.0), (330.0, 560.0)  # height and width of the plan in a usual window, screen points
+HIGH_PLAN, WIDE_PLAN = (
+    (730.0, 470.0),
+    (330.0, 560.0),
+)  # height and width of the plan in a usual window, screen points
 LETTER, PADDING, HEIGHT = 6.5, 10.0, 22.0  # screen points: of a letter, and of a name's frame
 DROP = 3.0 + HEIGHT / 2  # screen points: Rerun writes a name with its middle so far below its point
 PIN = 6.0  # screen points: radius of a pin
-COVERS_NAME, COVERS_PIN, MOVES, RANK = 10.0, 3.0, 0.5, 0.1  # what speaks against a place. The first of PLACES has rank 0
+COVERS_NAME, COVERS_PIN, MOVES, RANK = (
+    10.0,
+    3.0,
+    0.5,
+    0.1,
+)  # what speaks against a place. The first of PLACES has rank 0
 
 # Places of a name's middle, in halves of its size and its pin's: below its pin, above, on its right, on its left, in the corners, further
 BESIDE = [(0, -1), (0, 1), (1, 0), (-1, 0), *product((1, -1), (-1, 1))]
-PLACES = np.array([*BESIDE, (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0), *product((2.2, -2.2), (-2.5, 2.5))], float)
+PLACES = np.array(
+    [*BESIDE, (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0), *product((2.2, -2.2), (-2.5, 2.5))], float
+)
 
 
 def points_to_metres(layout: Layout) -> float:
@@ -56,17 +66,29 @@ class NameView:
 
     def _log_rows(self, layout: Layout) -> np.ndarray:
         pitch = min(north.y - south.y for north, south in pairwise(layout.lanes))
-        x, lanes = X_WEST - MARGIN / 2, layout.lanes[:: math.ceil(HEIGHT * self.scale / pitch)]  # all numbers would cover each other
-        labels, points = [f"{lane.number}" for lane in lanes], [(x, lane.y + DROP * self.scale, ROW_Z) for lane in lanes]
-        numbers = rr.Points3D(points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
+        x, lanes = (
+            X_WEST - MARGIN / 2,
+            layout.lanes[:: math.ceil(HEIGHT * self.scale / pitch)],
+        )  # all numbers would cover each other
+        labels, points = (
+            [f"{lane.number}" for lane in lanes],
+            [(x, lane.y + DROP * self.scale, ROW_Z) for lane in lanes],
+        )
+        numbers = rr.Points3D(
+            points, labels=labels, radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True
+        )
         self.rec.log("plan/rows", numbers, static=True)
-        return np.array([(x, lane.y, *self._half(label)) for lane, label in zip(lanes, labels, strict=True)])
+        return np.array(
+            [(x, lane.y, *self._half(label)) for lane, label in zip(lanes, labels, strict=True)]
+        )
 
     def show(self, tick: int, poses: np.ndarray) -> None:
         """Add the names every half second if a robot has moved. `poses`: (n, 3)."""
         if tick % RENEWED_TICKS == 0 and ((pins := poses[self._index, :2]) != self._shown).any():
             self._shown, (labels, middles) = pins, self._placed(pins)
-            points = np.column_stack([middles[:, 0], middles[:, 1] + DROP * self.scale, np.full(len(labels), NAME_Z)])
+            points = np.column_stack(
+                [middles[:, 0], middles[:, 1] + DROP * self.scale, np.full(len(labels), NAME_Z)]
+            )
             self.columns.add("plan/names", rr.Points3D, positions=points, labels=labels)
 
     def _placed(self, pins: np.ndarray) -> tuple[list[str], np.ndarray]:
@@ -74,11 +96,19 @@ class NameView:
         spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
         boxes = np.column_stack([pins, np.full_like(pins, PIN * self.scale)])
         ranks, first = np.arange(len(PLACES)), len(self._rows)
-        against = RANK * ranks + MOVES * (ranks != self._places[:, None]) + COVERS_PIN * _covers(spots, self._halves, boxes).sum(axis=-1)
+        against = (
+            RANK * ranks
+            + MOVES * (ranks != self._places[:, None])
+            + COVERS_PIN * _covers(spots, self._halves, boxes).sum(axis=-1)
+        )
         self._places = against.argmin(axis=1)
-        best = spots[np.arange(len(pins)), self._places, None]  # where each would be if there were no other names
+        best = spots[
+            np.arange(len(pins)), self._places, None
+        ]  # where each would be if there were no other names
         taken = np.vstack([self._rows, np.column_stack([best[:, 0], self._halves])])
-        collides = np.any(np.tril(_covers(best, self._halves, taken)[:, 0], first - 1), axis=1)  # with one before it
+        collides = np.any(
+            np.tril(_covers(best, self._halves, taken)[:, 0], first - 1), axis=1
+        )  # with one before it
         for n, half in enumerate(self._halves):
             if collides[n]:
                 covered = _covers(spots[n], half, taken[: first + n]).sum(axis=-1)
@@ -100,7 +130,9 @@ def _covers(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndar
 FOCUS = "focus"  # its frame, and the entity that the camera follows
 HOLD = 20.0  # s for which it stays with a robot
 GLIDE = 3.0  # s in which it comes nearer to its robot by two thirds
-CUT = 20.0  # m: to a robot further away it cuts, as a film does, and shows no empty ground on the way
+CUT = (
+    20.0  # m: to a robot further away it cuts, as a film does, and shows no empty ground on the way
+)
 WORK: dict[State, int] = {
     "handling a bin": 3,
     "unloading": 2,
@@ -113,14 +145,18 @@ WORK: dict[State, int] = {
 
 def log_focus(rec: rr.RecordingStream) -> None:
     """Log the entity that the camera follows, a point that is too small to see."""
-    rec.log(FOCUS, rr.CoordinateFrame(FOCUS), rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.001]), static=True)
+    rec.log(
+        FOCUS, rr.CoordinateFrame(FOCUS), rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.001]), static=True
+    )
 
 
 class Focus:
     """Follows a picker or a carrier, and glides or cuts to another one that has more to show."""
 
     def __init__(self, layout: Layout) -> None:
-        self._index = {start.name: i for i, start in enumerate(layout.starts) if start.kind in HAULERS}
+        self._index = {
+            start.name: i for i, start in enumerate(layout.starts) if start.kind in HAULERS
+        }
         self._states: dict[str, State] = dict.fromkeys(self._index, "resting")
         self._robot = ""
         self._place = [0.0, 0.0]  # m
@@ -128,15 +164,28 @@ class Focus:
 
     def follow(self, frame: Frame) -> list[float]:
         """Return the pose of the focus at a frame: x and y in m, yaw 0."""
-        self._states.update({name: state for name, state in frame.states.items() if name in self._index})
+        self._states.update(
+            {name: state for name, state in frame.states.items() if name in self._index}
+        )
         held, is_first = frame.tick - self._since, not self._robot
-        if is_first or (held >= HOLD / TIME_STEP and max(map(self._work, self._index)) > self._work(self._robot)):
-            self._robot = min(self._index, key=lambda name: (-self._work(name), math.dist(frame.poses[self._index[name], :2], self._place)))
+        if is_first or (
+            held >= HOLD / TIME_STEP and max(map(self._work, self._index)) > self._work(self._robot)
+        ):
+            self._robot = min(
+                self._index,
+                key=lambda name: (
+                    -self._work(name),
+                    math.dist(frame.poses[self._index[name], :2], self._place),
+                ),
+            )
             self._since = frame.tick
             if is_first or math.dist(self._place, self._goal(frame.poses)) > CUT:
                 self._place = self._goal(frame.poses)
         share = 1.0 - math.exp(-(frame.tick - self._tick) * TIME_STEP / GLIDE)
-        self._place = [now + share * (goal - now) for now, goal in zip(self._place, self._goal(frame.poses), strict=True)]
+        self._place = [
+            now + share * (goal - now)
+            for now, goal in zip(self._place, self._goal(frame.poses), strict=True)
+        ]
         self._tick = frame.tick
         return [*self._place, 0.0]
 

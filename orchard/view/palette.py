@@ -42,7 +42,9 @@ TALK: dict[str, Arc] = {
     "here": _TOLD,
     "no": Arc((170, 170, 170), 1.0, 1.0, 0),
 }
-QUIET = frozenset({"claim", "places", "state", "binstate", "confirm", "where", "position", "no", "deedrefused"})  # logged as DEBUG
+QUIET = frozenset(
+    {"claim", "places", "state", "binstate", "confirm", "where", "position", "no", "deedrefused"}
+)  # logged as DEBUG
 
 
 def plain(what: str) -> str:
@@ -50,12 +52,22 @@ def plain(what: str) -> str:
     return what.lower().replace(" ", "").replace("_", "")
 
 
-SCANS: dict[str, Colour] = {"picker": (255, 0, 200), "carrier": (0, 150, 255), "tractor": (255, 40, 30)}  # of the laser hits of a kind
+SCANS: dict[str, Colour] = {
+    "picker": (255, 0, 200),
+    "carrier": (0, 150, 255),
+    "tractor": (255, 40, 30),
+}  # of the laser hits of a kind
 OTHER_SCANS: Colour = (250, 250, 120)
 
 GRASS, MOWN, SOIL, BARE = (92, 134, 62), (102, 146, 70), (158, 130, 96), (116, 96, 70)
 MEADOW = (98, 136, 70)
-FIELDS: tuple[Colour, ...] = (MEADOW, (110, 146, 76), (88, 124, 66), (128, 148, 84), (84, 118, 62))  # around the orchard, up to the horizon
+FIELDS: tuple[Colour, ...] = (
+    MEADOW,
+    (110, 146, 76),
+    (88, 124, 66),
+    (128, 148, 84),
+    (84, 118, 62),
+)  # around the orchard, up to the horizon
 ROW_RIPE, ROW_PICKED = (74, 110, 50), (214, 188, 124)
 GRAVEL, ROAD_EDGE = (196, 192, 182), (228, 224, 214)
 WIRE, FENCE, KERB = (200, 200, 205), (136, 112, 84), (168, 160, 148)

@@ -19,13 +19,22 @@ from orchard.view.palette import Colour
 POSES = "/tf"  # entity with a value at the last tick of a part
 MISSING = "recording/missing"  # entity that records what a part lacks
 SCENARIO = "recording/scenario"  # entity: the scenario as JSON
-VELOCITIES = "recording/velocities"  # entity: a body's number, and its `Velocities`, whenever these change
-UNREADABLE = (RuntimeError, ValueError, Warning)  # from Rerun's reader: the file is torn, empty, or without an end
+VELOCITIES = (
+    "recording/velocities"  # entity: a body's number, and its `Velocities`, whenever these change
+)
+UNREADABLE = (
+    RuntimeError,
+    ValueError,
+    Warning,
+)  # from Rerun's reader: the file is torn, empty, or without an end
 PACK_SECONDS = 600  # that packing may take
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
 log = logging.getLogger("orchard")
-SINCE, LEFT_OUT = "since", "left_out"  # components of MISSING: last tick before a gap, at its end; frames left out
+SINCE, LEFT_OUT = (
+    "since",
+    "left_out",
+)  # components of MISSING: last tick before a gap, at its end; frames left out
 
 
 class RecordingPart(NamedTuple):
@@ -44,7 +53,9 @@ class Before(NamedTuple):
 
     file: Path  # where to write
     last: int  # last tick in the earlier parts; 0 if there are none
-    said: Mapping[str, dict[str, Colour]]  # entity -> its state texts in the earlier parts, and their colours
+    said: Mapping[
+        str, dict[str, Colour]
+    ]  # entity -> its state texts in the earlier parts, and their colours
 
 
 def before(path: Path, run: str) -> Before:
@@ -72,12 +83,24 @@ def read_part(path: Path) -> RecordingPart | None:
 def optimize(path: str | Path) -> None:
     """Pack a recording in place, to half its size, or repair it. Raises OSError if that fails; then it stays as it is."""
     packed = packing(Path(path))
-    command = [viewer_program(), "rrd", "optimize", "--continue-on-error", str(path), "-o", str(packed)]
+    command = [
+        viewer_program(),
+        "rrd",
+        "optimize",
+        "--continue-on-error",
+        str(path),
+        "-o",
+        str(packed),
+    ]
     try:
-        subprocess.run(command, check=True, capture_output=True, timeout=PACK_SECONDS, env=os.environ | QUIET)
+        subprocess.run(
+            command, check=True, capture_output=True, timeout=PACK_SECONDS, env=os.environ | QUIET
+        )
         packed.replace(path)
     except subprocess.SubprocessError as error:
-        raise OSError(f"{path}: it stays as it was recorded, neither packed nor repaired: {_why(error)}") from error
+        raise OSError(
+            f"{path}: it stays as it was recorded, neither packed nor repaired: {_why(error)}"
+        ) from error
     finally:
         packed.unlink(missing_ok=True)
 
@@ -89,17 +112,23 @@ def _why(error: subprocess.SubprocessError) -> str:
     if numbers := re.findall(r"\(os error (\d+)\)", words):
         return os.strerror(int(numbers[-1]))
     last = words.rpartition("\n")[2].removeprefix("Error: ")
-    return f"Rerun's program has ended with exit code {error.returncode}" + (f": {last}" if last else "")
+    return f"Rerun's program has ended with exit code {error.returncode}" + (
+        f": {last}" if last else ""
+    )
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
     """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left out."""
     parts = {file: found for file in parts_of(path) if (found := read_part(file)) is not None}
     last = max((found.last for found in parts.values()), default=0)
-    gaps = [gap for found in parts.values() for gap in found.gaps] + ([(last, ticks)] if last < ticks else [])
+    gaps = [gap for found in parts.values() for gap in found.gaps] + (
+        [(last, ticks)] if last < ticks else []
+    )
     return {
         "recording_parts": [file.name for file in parts],
-        "recording_gaps": [[round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)] for since, until in gaps],
+        "recording_gaps": [
+            [round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)] for since, until in gaps
+        ],
         "messages_dropped": sum(found.left_out for found in parts.values()),
     }
 
@@ -119,7 +148,9 @@ def _read(path: Path) -> RecordingPart:
             elif chunk.entity_path == f"/{MISSING}":
                 gaps += _values(chunk, SINCE)
                 left_out += sum(value for value, _ in _values(chunk, LEFT_OUT))
-        return RecordingPart(reader.recordings()[0].recording_id, last, tuple(sorted(gaps)), left_out, said)
+        return RecordingPart(
+            reader.recordings()[0].recording_id, last, tuple(sorted(gaps)), left_out, said
+        )
 
 
 def ticks_of(chunk: Chunk) -> list[int]:
@@ -135,9 +166,22 @@ def column(chunk: Chunk, name: str) -> list[Any]:
 
 
 def _values(chunk: Chunk, name: str) -> list[tuple[int, int]]:
-    return [(int(value[0]), tick) for value, tick in zip(column(chunk, name), ticks_of(chunk), strict=False) if value]
+    return [
+        (int(value[0]), tick)
+        for value, tick in zip(column(chunk, name), ticks_of(chunk), strict=False)
+        if value
+    ]
 
 
 def _words(chunk: Chunk) -> list[dict[str, Colour]]:
     rows = [row for row in zip(column(chunk, WORDS), column(chunk, COLOURS), strict=True) if row[0]]
-    return sorted(({word: (c >> 24 & 255, c >> 16 & 255, c >> 8 & 255) for word, c in zip(*row, strict=True)} for row in rows), key=len)
+    return sorted(
+        (
+            {
+                word: (c >> 24 & 255, c >> 16 & 255, c >> 8 & 255)
+                for word, c in zip(*row, strict=True)
+            }
+            for row in rows
+        ),
+        key=len,
+    )

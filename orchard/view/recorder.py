@@ -24,7 +24,10 @@ from orchard.view.reader import LEFT_OUT, MISSING, SCENARIO, SINCE, VELOCITIES
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
-CHUNK_TICKS, MOST_TICKS = 10, 250  # a second; in a chunk at most, while more frames wait: a few large chunks cost less than many
+CHUNK_TICKS, MOST_TICKS = (
+    10,
+    250,
+)  # a second; in a chunk at most, while more frames wait: a few large chunks cost less than many
 END_SECONDS = 30.0  # to wait for the end of the file: a program that an own agent has started may hold the pipe
 SCANS = 10  # sweeps that are sent together without a live server: a third less to write
 SCAN_BEAMS = 2  # every second beam
@@ -43,7 +46,9 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 class Recorder:
     """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
 
-    def __init__(self, layout: Layout, run: str, path: str | Path | None = None, port: int | None = None) -> None:
+    def __init__(
+        self, layout: Layout, run: str, path: str | Path | None = None, port: int | None = None
+    ) -> None:
         """`run`: its id, by which viewers tell recordings apart. `port`: of a server for viewers on the loopback.
 
         Raises OSError if the file cannot be opened.
@@ -58,18 +63,30 @@ class Recorder:
         log_scenery(self.rec, layout)
         log_legend(self.rec)
         log_focus(self.rec)
-        self.rec.log(SCENARIO, rr.TextDocument(layout.scenario.model_dump_json(), media_type="application/json"), static=True)
+        self.rec.log(
+            SCENARIO,
+            rr.TextDocument(layout.scenario.model_dump_json(), media_type="application/json"),
+            static=True,
+        )
         for series, (name, colour, width) in SERIES.items():
-            style = rr.SeriesLines(names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter")
+            style = rr.SeriesLines(
+                names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter"
+            )
             self.rec.log(series, style, static=True)
         self._columns = columns = Columns(self.rec)
-        self.bodies, self.rows, self.talk = BodyView(columns, layout), RowView(columns, layout), Talk(columns, layout)
+        self.bodies, self.rows, self.talk = (
+            BodyView(columns, layout),
+            RowView(columns, layout),
+            Talk(columns, layout),
+        )
         self.names, self.focus = NameView(columns, layout), Focus(layout)
         self.waiting: Callable[[], int] = lambda: 0  # the number of frames that come at once
         self._frames = [*layout.names, FOCUS]
         self._lengths = np.array([lane.length for lane in layout.lanes])  # m, of the rows
         self._scanned = indices(layout, MOVERS)
-        self._poses: list[tuple[int, np.ndarray, list[float]]] = []  # tick, of the bodies, of the focus
+        self._poses: list[
+            tuple[int, np.ndarray, list[float]]
+        ] = []  # tick, of the bodies, of the focus
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
         self._drove: dict[str, Velocities] = {}  # of each body, as they were recorded last
         self._last = np.full((len(self._frames), 3), np.nan)  # the poses that were last sent
@@ -80,7 +97,11 @@ class Recorder:
 
     def _open(self, port: int | None) -> str:
         server = None if port is None else rr.GrpcServerSink(bind_ip="127.0.0.1", port=port)
-        sinks = [sink for sink in (rr.FileSink(self._file.inlet) if self._file is not None else None, server) if sink is not None]
+        sinks = [
+            sink
+            for sink in (rr.FileSink(self._file.inlet) if self._file is not None else None, server)
+            if sink is not None
+        ]
         if sinks:
             self.rec.set_sinks(*sinks, default_blueprint=blueprint(self.layout))
         if self._file is not None:
@@ -91,7 +112,18 @@ class Recorder:
         """Record one frame. Frames come in order; ticks may be left out. With one of tick 1 the start is recorded too."""
         if frame.tick == 1 and self._second < 0:
             starts = np.array([start.pose for start in self.layout.starts])
-            self._record(replace(frame, tick=0, poses=starts, scans=None, delivered=0, events=(), left_out=0, velocities={}))
+            self._record(
+                replace(
+                    frame,
+                    tick=0,
+                    poses=starts,
+                    scans=None,
+                    delivered=0,
+                    events=(),
+                    left_out=0,
+                    velocities={},
+                )
+            )
         self._record(frame)
 
     def _record(self, frame: Frame) -> None:
@@ -114,13 +146,17 @@ class Recorder:
     def gap(self, since: int, until: int, why: str) -> None:
         """Record that nothing is recorded between two ticks, and why. The next frame must be a whole one."""
         self._columns.add(MISSING, rr.AnyValues, until, **{SINCE: [since]})
-        words = f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
+        words = (
+            f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
+        )
         self.tell(Event(until, "nothing recorded", "logger", "", words))
         self.talk.forget()
 
     def tell(self, event: Event) -> None:
         """Add an event of a tick that has no frame."""
-        self._columns.add("events", rr.TextLog, event.tick, text=[line_of(event)], level=[level_of(event.what)])
+        self._columns.add(
+            "events", rr.TextLog, event.tick, text=[line_of(event)], level=[level_of(event.what)]
+        )
 
     def close(self) -> Path | None:
         """Write the rest, wait, and end the file and the server. Return the file if all is in it."""
@@ -130,7 +166,11 @@ class Recorder:
         self.rec.disconnect()
         if self._file is not None:
             self._file.join(END_SECONDS)
-        return self._file.path if self._file is not None and self._file.is_whole and not self._file.is_alive() else None
+        return (
+            self._file.path
+            if self._file is not None and self._file.is_whole and not self._file.is_alive()
+            else None
+        )
 
     # -- what is sent in chunks
 
@@ -151,7 +191,9 @@ class Recorder:
             ticks, bodies, focus = map(np.array, zip(*self._poses, strict=True))
             poses = np.concatenate([bodies, focus[:, None]], axis=1)
             changed = (poses != np.concatenate([self._last[None], poses[:-1]])).any(axis=2)
-            changed[-1, 0] = True  # the newest tick always gets a row: it shows how far the recording reaches
+            changed[-1, 0] = (
+                True  # the newest tick always gets a row: it shows how far the recording reaches
+            )
             when, which = changed.nonzero()
             columns = _transforms(poses[when, which], [self._frames[i] for i in which.tolist()])
             self.rec.send_columns("/tf", indexes=[times(ticks[when])], columns=columns)
@@ -161,23 +203,38 @@ class Recorder:
     def _send_scans(self) -> None:
         for i in self._scanned:
             name, laser = self.layout.names[i], KINDS[self.layout.starts[i].kind].laser
-            kept = [(tick, ranges) for tick, scans in self._scans if (ranges := scans[i]) is not None]
+            kept = [
+                (tick, ranges) for tick, scans in self._scans if (ranges := scans[i]) is not None
+            ]
             if kept:
                 points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, SCAN_BEAMS)
                 column = rr.Points3D.columns(positions=points).partition(lengths)
-                self.rec.send_columns(f"scans/{name}", indexes=[times([tick for tick, _ in kept])], columns=column)
+                self.rec.send_columns(
+                    f"scans/{name}", indexes=[times([tick for tick, _ in kept])], columns=column
+                )
         self._scans.clear()
 
     # -- what changes rarely
 
     def _drives(self, frame: Frame) -> None:
-        news = {name: velocities for name, velocities in frame.velocities.items() if self._drove.get(name) != velocities}
+        news = {
+            name: velocities
+            for name, velocities in frame.velocities.items()
+            if self._drove.get(name) != velocities
+        }
         self._drove |= news
         for name, velocities in news.items():
-            self._columns.add(VELOCITIES, rr.AnyValues, body=[self.layout.index[name]], velocities=velocities)
+            self._columns.add(
+                VELOCITIES, rr.AnyValues, body=[self.layout.index[name]], velocities=velocities
+            )
 
     def _changes(self, frame: Frame) -> None:
-        shows = {"fill": self.bodies.fills, "coupled": self.bodies.bars, "alive": self.bodies.weeds, "row_ends": self.rows.show}
+        shows = {
+            "fill": self.bodies.fills,
+            "coupled": self.bodies.bars,
+            "alive": self.bodies.weeds,
+            "row_ends": self.rows.show,
+        }
         for name, show in shows.items():
             if (news := getattr(frame, name)) is not None:
                 show(news)
@@ -199,7 +256,11 @@ class Recorder:
     def _figures(self, frame: Frame, is_due: bool) -> None:
         if not is_due and frame.delivered == self._gauges.get("metrics/bins/delivered"):
             return
-        gauges = {"metrics/bins/delivered": float(frame.delivered), **self._robots(), **self._rows_and_bins(frame)}
+        gauges = {
+            "metrics/bins/delivered": float(frame.delivered),
+            **self._robots(),
+            **self._rows_and_bins(frame),
+        }
         for path, value in gauges.items():
             if self._gauges.get(path) != value or frame.tick % (60 * CHUNK_TICKS) == 0:
                 self._columns.add(path, rr.Scalars, scalars=[value])
@@ -208,13 +269,32 @@ class Recorder:
     def _robots(self) -> dict[str, float]:
         states = [(kind_of(name), state) for name, (_, state) in self._doing.items()]
         waiting = sum(kind == "picker" and state in WAITING_STATES for kind, state in states)
-        busy = sum(kind == "carrier" and state not in ("waiting", "resting", "broken") for kind, state in states)
-        return {"metrics/robots/pickers_waiting": float(waiting), "metrics/robots/carriers_busy": float(busy)}
+        busy = sum(
+            kind == "carrier" and state not in ("waiting", "resting", "broken")
+            for kind, state in states
+        )
+        return {
+            "metrics/robots/pickers_waiting": float(waiting),
+            "metrics/robots/carriers_busy": float(busy),
+        }
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
         ends = frame.row_ends
-        rows = {} if ends is None else {"metrics/bins/rows_picked": float((ends[:, :2].sum(axis=1) >= self._lengths - FULL_WITHIN).sum())}
-        return rows if frame.fill is None else rows | {"metrics/bins/full": float((frame.fill >= self.layout.metres_per_bin).sum())}
+        rows = (
+            {}
+            if ends is None
+            else {
+                "metrics/bins/rows_picked": float(
+                    (ends[:, :2].sum(axis=1) >= self._lengths - FULL_WITHIN).sum()
+                )
+            }
+        )
+        return (
+            rows
+            if frame.fill is None
+            else rows
+            | {"metrics/bins/full": float((frame.fill >= self.layout.metres_per_bin).sum())}
+        )
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:
@@ -227,7 +307,9 @@ def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.n
     angles = laser.first + laser.increment * every * np.nonzero(seen)[1]
     x, y = laser.ahead + ranges[seen] * np.cos(angles), ranges[seen] * np.sin(angles)
     flat = np.round(np.stack([x, y], axis=1) * SCAN_GRID) / SCAN_GRID
-    return np.concatenate([flat, np.full((len(flat), 1), 0.25)], axis=1).astype(np.float32), seen.sum(axis=1)
+    return np.concatenate([flat, np.full((len(flat), 1), 0.25)], axis=1).astype(
+        np.float32
+    ), seen.sum(axis=1)
 
 
 def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:

@@ -13,14 +13,21 @@ from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.columns import Columns
 
-MOST_LINES = 40  # arcs at once; arcs to carriers that are sent count more than to those that are asked
+MOST_LINES = (
+    40  # arcs at once; arcs to carriers that are sent count more than to those that are asked
+)
 RENEWED_TICKS = 5  # interval at which the arcs follow the robots
 REPEAT_TICKS = 300  # within it, a repeated message is not news
 MOST_NAMES = 3  # in one line of the log
 MOST_SAID = 10_000  # messages that are remembered, to find repeats
 ARC_POINTS = 9  # of the line that draws an arc
-WARNINGS, ERRORS = ("collision", "refused", "stopped", "nothing recorded", "left out"), ("lost", "jam")
-ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(map(palette.plain, ERRORS), "ERROR")
+WARNINGS, ERRORS = (
+    ("collision", "refused", "stopped", "nothing recorded", "left out"),
+    ("lost", "jam"),
+)
+ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(
+    map(palette.plain, ERRORS), "ERROR"
+)
 
 
 def level_of(what: str) -> str:
@@ -32,14 +39,26 @@ def level_of(what: str) -> str:
 def line_of(event: Event) -> str:
     """Return an event as one line, such as 'bin_01 > carrier_02: call, is a carrier free? row 3, east end'."""
     what, text = event.what, event.detail
-    said = text if not what or text.lower().startswith(what.lower()) else f"{what}, {text}" if text else what
+    said = (
+        text
+        if not what or text.lower().startswith(what.lower())
+        else f"{what}, {text}"
+        if text
+        else what
+    )
     return f"{event.who} > {event.whom}: {said}" if event.whom else f"{event.who}: {said}"
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
     """Return the events; each request to many, and replies from many, are merged into one ('14 carriers')."""
-    said = [replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike)) for alike in _alike(events, "who")]
-    return [replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike)) for alike in _alike(said, "whom")]
+    said = [
+        replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike))
+        for alike in _alike(events, "who")
+    ]
+    return [
+        replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike))
+        for alike in _alike(said, "whom")
+    ]
 
 
 def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
@@ -78,7 +97,9 @@ class Talk:
         self._lines: list[Drawn] = []
         self._there = False
         self._renewed = -1  # the half second in which the arcs were last drawn
-        self._said: dict[tuple[str, str, str, str], int] = {}  # message -> tick in which it was last sent
+        self._said: dict[
+            tuple[str, str, str, str], int
+        ] = {}  # message -> tick in which it was last sent
 
     def is_news(self, tick: int, event: Event) -> bool:
         """Return whether the same event did not occur in the last 30 s. Agents repeat a request until it is answered."""
@@ -103,12 +124,26 @@ class Talk:
         if seen or self._there:
             arcs = [_arc(poses[line.start], poses[line.end]) for line in seen]
             looks = [line.look for line in seen]
-            self.columns.add("talk", rr.LineStrips3D, strips=arcs, colors=[of.colour for of in looks], radii=[-of.radius for of in looks])
+            self.columns.add(
+                "talk",
+                rr.LineStrips3D,
+                strips=arcs,
+                colors=[of.colour for of in looks],
+                radii=[-of.radius for of in looks],
+            )
             self._there = bool(seen)
 
     def _drawn(self, tick: int, event: Event) -> Drawn | None:
-        look, start, end = palette.TALK.get(palette.plain(event.what)), self.index.get(event.who), self.index.get(event.whom)
-        return None if look is None or start is None or end is None else Drawn(tick + round(look.seconds / TIME_STEP), start, end, look)
+        look, start, end = (
+            palette.TALK.get(palette.plain(event.what)),
+            self.index.get(event.who),
+            self.index.get(event.whom),
+        )
+        return (
+            None
+            if look is None or start is None or end is None
+            else Drawn(tick + round(look.seconds / TIME_STEP), start, end, look)
+        )
 
 
 def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -41,20 +41,36 @@ def address(port: int, what: str) -> str:
 
 def page_url(port: int, *what: str) -> str:
     """Return the address to open in a browser or a frame. `what`: recordings that are served, or addresses of data."""
-    options = {"url": [address(port, each) for each in what], "hide_welcome_screen": "1", "persist": "0", "theme": "dark"}
+    options = {
+        "url": [address(port, each) for each in what],
+        "hide_welcome_screen": "1",
+        "persist": "0",
+        "theme": "dark",
+    }
     return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 
 
 def command(port: int, what: str) -> list[str]:
     """Return the command line of the viewer's server. `what`: as in `page_url`."""
-    return [viewer_program(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), address(port, what)]
+    return [
+        viewer_program(),
+        "--serve-web",
+        "--bind",
+        LOOPBACK,
+        "--web-viewer-port",
+        str(port),
+        address(port, what),
+    ]
 
 
 def how_to_open(words: str, port: int, what: str) -> list[str]:
     """Return lines for the user: a viewer's address after some words and, over ssh, how to reach it."""
     there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
     forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
-    return [f"{words}: {page_url(port, what)}", *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there)]
+    return [
+        f"{words}: {page_url(port, what)}",
+        *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there),
+    ]
 
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
@@ -62,9 +78,16 @@ def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
 
     `what`: the address of live data, or the parts of a recording. Each part but the last must be whole.
     """
-    shown = [each if "://" in each else str(Path(each).resolve()) for each in what]  # the server has another working directory
-    line, null = [sys.executable, "-m", "orchard.view.web", *shown, "--port", str(port)], subprocess.DEVNULL
-    return subprocess.Popen(line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null)
+    shown = [
+        each if "://" in each else str(Path(each).resolve()) for each in what
+    ]  # the server has another working directory
+    line, null = (
+        [sys.executable, "-m", "orchard.view.web", *shown, "--port", str(port)],
+        subprocess.DEVNULL,
+    )
+    return subprocess.Popen(
+        line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null
+    )
 
 
 def free_pair() -> int:
@@ -92,7 +115,10 @@ class _Recording(BaseHTTPRequestHandler):
     parts: ClassVar[list[Path]] = []
 
     def do_GET(self) -> None:
-        host, origin = urlsplit(f"//{self.headers.get('Host', '')}").hostname, self.headers.get("Origin", "")
+        host, origin = (
+            urlsplit(f"//{self.headers.get('Host', '')}").hostname,
+            self.headers.get("Origin", ""),
+        )
         if host not in LOCAL or urlsplit(self.path).path != f"/{quote(self.parts[0].name)}":
             return self.send_error(HTTPStatus.NOT_FOUND)
         self.send_response(HTTPStatus.OK)
@@ -110,13 +136,26 @@ class _Recording(BaseHTTPRequestHandler):
 
 def main() -> None:
     """Replace this process by the viewer's server, so that a signal reaches it. A child serves files, and ends it."""
-    parser = argparse.ArgumentParser(prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback.")
-    parser.add_argument("what", nargs="+", help="the address of live data, or the parts of a recording")
-    parser.add_argument("--port", type=int, default=9090, help="port of the viewer; its data are expected on the next port")
+    parser = argparse.ArgumentParser(
+        prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback."
+    )
+    parser.add_argument(
+        "what", nargs="+", help="the address of live data, or the parts of a recording"
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=9090,
+        help="port of the viewer; its data are expected on the next port",
+    )
     arguments = parser.parse_args()
     line, viewer = command(arguments.port, arguments.what[0]), os.getpid()
     _Recording.parts = [Path(each) for each in arguments.what if "://" not in each]
-    server = ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Recording) if _Recording.parts else None
+    server = (
+        ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Recording)
+        if _Recording.parts
+        else None
+    )
     if os.fork() == 0:
         if server is not None:
             threading.Thread(target=server.serve_forever, daemon=True).start()

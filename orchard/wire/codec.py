@@ -22,30 +22,51 @@ RANGE = 4  # bytes of a float32
 
 
 def _pose(body: Observation | Hitch) -> wire.PoseMessage:
-    return wire.PoseMessage(wire.Point(float(body.x), float(body.y)), wire.Quaternion(*map(float, body.orientation)))
+    return wire.PoseMessage(
+        wire.Point(float(body.x), float(body.y)), wire.Quaternion(*map(float, body.orientation))
+    )
 
 
 def _twist(twist: Twist) -> wire.TwistMessage:
-    return wire.TwistMessage(wire.Linear(float(twist[0]), float(twist[1])), wire.Angular(float(twist[2])))
+    return wire.TwistMessage(
+        wire.Linear(float(twist[0]), float(twist[1])), wire.Angular(float(twist[2]))
+    )
 
 
 def odometry_of(run: str, seen: Observation) -> wire.Odometry:
-    hitch = seen.hitch and wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
+    hitch = seen.hitch and wire.OtherEnd(
+        seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist)
+    )
     measured = float(seen.fill), bool(seen.full), seen.accuracy, seen.charge
     return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, *measured)
 
 
-def _sweep(laser: Laser, scan: np.ndarray | None) -> tuple[float, float, float, float, float, bytes]:
+def _sweep(
+    laser: Laser, scan: np.ndarray | None
+) -> tuple[float, float, float, float, float, bytes]:
     last = laser.first + (laser.beams - 1) * laser.increment
-    return laser.first, last, laser.increment, LASER_NEAREST, LASER_RANGE, np.asarray(scan, dtype="<f4").tobytes()
+    return (
+        laser.first,
+        last,
+        laser.increment,
+        LASER_NEAREST,
+        LASER_RANGE,
+        np.asarray(scan, dtype="<f4").tobytes(),
+    )
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
-    rear = None if seen.hitch is None or seen.hitch.scan is None else wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
+    rear = (
+        None
+        if seen.hitch is None or seen.hitch.scan is None
+        else wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
+    )
     return wire.LaserScan(*_sweep(laser, seen.scan), run, seen.tick, rear)
 
 
-def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.AskedOf]) -> wire.Seen:
+def seen_of(
+    run: str, seen: Observations, due: Sequence[str], asked: list[wire.AskedOf]
+) -> wire.Seen:
     """Return the message for the session that owns these agents, which are asked now. `asked`: the requests that they hear now."""
     names = [name for name in due if name in seen.names]
     bodies = [seen.names[name] for name in names]
@@ -56,7 +77,20 @@ def seen_of(run: str, seen: Observations, due: Sequence[str], asked: list[wire.A
     full = [name for name in fills if name in seen.full]
     accuracies = {name: seen.accuracies[name] for name in names if name in seen.accuracies}
     charges = {name: seen.charges[name] for name in names if name in seen.charges}
-    return wire.Seen(run, seen.tick, list(due), names, states, ranges, hitches, fills, full, asked, accuracies, charges)
+    return wire.Seen(
+        run,
+        seen.tick,
+        list(due),
+        names,
+        states,
+        ranges,
+        hitches,
+        fills,
+        full,
+        asked,
+        accuracies,
+        charges,
+    )
 
 
 def _other_seen(hitch: Hitch) -> wire.OtherSeen:
@@ -96,7 +130,9 @@ def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
     """Each body's ranges, views of one array. Raises ValueError if they do not fit the names, and for NaN and negative ranges."""
     parts = _slices(tuple(names))
     if len(ranges) != RANGE * (beams := parts[-1].stop if parts else 0):
-        raise ValueError(f"the ranges do not fit: {len(ranges)} bytes, not {RANGE} for each of {beams} beams")
+        raise ValueError(
+            f"the ranges do not fit: {len(ranges)} bytes, not {RANGE} for each of {beams} beams"
+        )
     measured = np.frombuffer(ranges, "<f4")
     if not measured.min(initial=0.0) >= 0.0:
         raise ValueError("ranges: not a number, or below 0")
@@ -111,9 +147,14 @@ def _slices(names: tuple[str, ...]) -> list[slice]:
 
 def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
-    bodies = [wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin) for start in layout.starts]
+    bodies = [
+        wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin)
+        for start in layout.starts
+    ]
     kinds = {name: _kind_of_body(kind) for name, kind in sorted(KINDS.items())}
-    return wire.Orchard(run, tick, [tuple(wall) for wall in layout.walls.tolist()], rows, bodies, kinds)
+    return wire.Orchard(
+        run, tick, [tuple(wall) for wall in layout.walls.tolist()], rows, bodies, kinds
+    )
 
 
 def _pose_of(pose: Pose) -> wire.PoseMessage:
@@ -122,26 +163,54 @@ def _pose_of(pose: Pose) -> wire.PoseMessage:
 
 
 def _kind_of_body(kind: Kind) -> wire.KindOfBody:
-    laser = wire.LaserOfKind(kind.laser.ahead, kind.laser.beams, kind.laser.first, kind.laser.increment, LASER_NEAREST, LASER_RANGE)
+    laser = wire.LaserOfKind(
+        kind.laser.ahead,
+        kind.laser.beams,
+        kind.laser.first,
+        kind.laser.increment,
+        LASER_NEAREST,
+        LASER_RANGE,
+    )
     size = kind.length, kind.width, kind.height
-    return wire.KindOfBody(*size, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, kind.robot, laser)
+    return wire.KindOfBody(
+        *size, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, kind.robot, laser
+    )
 
 
 def picture_of(run: str, frame: Frame) -> wire.Picture:
     """Return the message for a frame, without its events."""
-    scans = None if frame.scans is None else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
-    lists: dict[str, Any] = {name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM}
-    poses, velocities = np.asarray(frame.poses, dtype="<f8").tobytes(), {name: [*known] for name, known in frame.velocities.items()}
-    said: dict[str, Any] = {"states": dict(frame.states), "velocities": velocities, "whole": frame.is_whole}
-    return wire.Picture(run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, **said)
+    scans = (
+        None
+        if frame.scans is None
+        else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
+    )
+    lists: dict[str, Any] = {
+        name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM
+    }
+    poses, velocities = (
+        np.asarray(frame.poses, dtype="<f8").tobytes(),
+        {name: [*known] for name, known in frame.velocities.items()},
+    )
+    said: dict[str, Any] = {
+        "states": dict(frame.states),
+        "velocities": velocities,
+        "whole": frame.is_whole,
+    }
+    return wire.Picture(
+        run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, **said
+    )
 
 
 def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     """Return the frame in a picture. Raises ValueError if it does not fit the layout, or holds invalid numbers."""
     bodies, rows = len(layout.names), layout.scenario.rows
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
-    arrays: dict[str, Any] = {name: np.array(values) for name in SELDOM if (values := getattr(picture, name)) is not None}
-    fit = all(len(array) == (rows if name == "row_ends" else bodies) for name, array in arrays.items())
+    arrays: dict[str, Any] = {
+        name: np.array(values) for name in SELDOM if (values := getattr(picture, name)) is not None
+    }
+    fit = all(
+        len(array) == (rows if name == "row_ends" else bodies) for name, array in arrays.items()
+    )
     if picture.scans is not None:
         fit &= [*map(len, picture.scans)] == [RANGE * _beams_of(name) for name in layout.names]
     if not fit or len(poses) != bodies:
@@ -150,14 +219,32 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
         raise ValueError("not a number, or out of bounds")
     scans = None if picture.scans is None else _sweeps_of(layout.names, b"".join(picture.scans))
     velocities: Any = {name: tuple(known) for name, known in picture.velocities.items()}
-    said: dict[str, Any] = {"states": picture.states, "velocities": velocities, "is_whole": picture.whole}
-    return Frame(picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, **said)
+    said: dict[str, Any] = {
+        "states": picture.states,
+        "velocities": velocities,
+        "is_whole": picture.whole,
+    }
+    return Frame(
+        picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, **said
+    )
 
 
 def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:
     """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
-    said = {name: getattr(action, name) for name in ("doing", "state", "waits_for", "steps_done", "hold")}
-    return wire.Report(action.twist, action.deeds, action.requests, answers=given_by(action), memory=memory, mail=mail, once=True, **said)
+    said = {
+        name: getattr(action, name)
+        for name in ("doing", "state", "waits_for", "steps_done", "hold")
+    }
+    return wire.Report(
+        action.twist,
+        action.deeds,
+        action.requests,
+        answers=given_by(action),
+        memory=memory,
+        mail=mail,
+        once=True,
+        **said,
+    )
 
 
 def twist_of(velocity: wire.Velocity | wire.Advice) -> Twist:

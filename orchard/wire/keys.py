@@ -52,10 +52,18 @@ TABLE: dict[str, Key] = {
     "layout": Key("{prefix}/layout", None, QUERY, (wire.Orchard,)),
     "join": Key("{prefix}/hosts/{session}/join", wire.Join, QUERY, (wire.Joined,)),
     "lost": Key("{prefix}/lost", wire.Lost, NEVER_LOST),
-    "simulation_state": Key("{prefix}/simulation_state", wire.SimulationState, NEVER_LOST, (wire.SimulationState,)),
-    "set_simulation_state": Key("{prefix}/set_simulation_state", wire.SetSimulationState, QUERY, (wire.SimulationState,)),
-    "step_simulation": Key("{prefix}/step_simulation", wire.StepSimulation, QUERY, (wire.SimulationState,)),
-    "reset_simulation": Key("{prefix}/reset_simulation", wire.ResetSimulation, QUERY, (wire.SimulationState,)),
+    "simulation_state": Key(
+        "{prefix}/simulation_state", wire.SimulationState, NEVER_LOST, (wire.SimulationState,)
+    ),
+    "set_simulation_state": Key(
+        "{prefix}/set_simulation_state", wire.SetSimulationState, QUERY, (wire.SimulationState,)
+    ),
+    "step_simulation": Key(
+        "{prefix}/step_simulation", wire.StepSimulation, QUERY, (wire.SimulationState,)
+    ),
+    "reset_simulation": Key(
+        "{prefix}/reset_simulation", wire.ResetSimulation, QUERY, (wire.SimulationState,)
+    ),
     "stop": Key("{prefix}/stop", wire.Stop, QUERY, (wire.Stopped,)),
     "end": Key("{prefix}/end", wire.End, NEVER_LOST),
     "alive": Key("{prefix}/alive/{name}/{session}", None, LIVELINESS),
@@ -65,7 +73,9 @@ TABLE: dict[str, Key] = {
 
 @lru_cache(maxsize=10_000)
 def _filled(template: str, prefix: str, name: str, session: str) -> str:
-    return template.format(prefix=prefix, body=name, agent=name, bin=name, name=name, run=name, session=session)
+    return template.format(
+        prefix=prefix, body=name, agent=name, bin=name, name=name, run=name, session=session
+    )
 
 
 class Keys:
@@ -73,7 +83,9 @@ class Keys:
 
     def __init__(self, prefix: str = PREFIX) -> None:
         if not _PREFIX.fullmatch(prefix):
-            raise ValueError(f"prefix {prefix!r}: wanted are parts of letters, digits, _ and -, separated by /")
+            raise ValueError(
+                f"prefix {prefix!r}: wanted are parts of letters, digits, _ and -, separated by /"
+            )
         self.prefix = prefix
 
     def of(self, what: str, name: str = "*", session: str = "*") -> str:

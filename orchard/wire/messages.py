@@ -11,12 +11,25 @@ from msgspec import Meta, Raw
 
 from orchard.contract.agent import LARGEST_MEMORY, MOST_STEPS, Action, Deeds, State
 from orchard.contract.events import Event
-from orchard.contract.messages import FASTEST, MAX_PAYLOAD, Answer, Given, Metres, Request, Text, Tick, Written, unpack
+from orchard.contract.messages import (
+    FASTEST,
+    MAX_PAYLOAD,
+    Answer,
+    Given,
+    Metres,
+    Request,
+    Text,
+    Tick,
+    Written,
+    unpack,
+)
 from orchard.field.problems import printable
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
-LARGEST_OF_MANY = 16 * MAX_PAYLOAD  # bytes: the memories of 512 agents, or ten ticks of the largest orchard
+LARGEST_OF_MANY = (
+    16 * MAX_PAYLOAD
+)  # bytes: the memories of 512 agents, or ten ticks of the largest orchard
 
 # the longest descriptions of fields
 ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
@@ -28,16 +41,24 @@ RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a 
 ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
 SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
 SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
-LETTERS = "sender -> `requests`, numbered from 0: [to, request]; `answers`: [to, tick, number, answer]"
-WALLS = "x, y of the centre, half the size along x, half along y: four fences, then trunks and posts"
+LETTERS = (
+    "sender -> `requests`, numbered from 0: [to, request]; `answers`: [to, tick, number, answer]"
+)
+WALLS = (
+    "x, y of the centre, half the size along x, half along y: four fences, then trunks and posts"
+)
 ROBOTS = "robots or kinds of robots: 'picker_01', 'carrier'; empty: all robots"
 WHY = "why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; 'reset': it begins again"
 VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
 
 M = TypeVar("M")
-Run = Annotated[str, Meta(max_length=64, description="the run's id, as in the reply to the scenario query")]
+Run = Annotated[
+    str, Meta(max_length=64, description="the run's id, as in the reply to the scenario query")
+]
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
-KnownName = Annotated[str, Meta(max_length=64)]  # a name that is looked up; matching the pattern costs more time than reading the rest
+KnownName = Annotated[
+    str, Meta(max_length=64)
+]  # a name that is looked up; matching the pattern costs more time than reading the rest
 Session = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 Owner = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", description=OWNER)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
@@ -51,7 +72,9 @@ Body = Annotated[int, Meta(ge=-1, lt=MOST_BODIES)]
 Once = Annotated[bool, Meta(description=ONCE)]
 Memory = Annotated[bytes, Meta(max_length=LARGEST_MEMORY)]
 DoneAndWanted = Annotated[list[Speed], Meta(min_length=6, max_length=6)]
-States = Annotated[dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")]
+States = Annotated[
+    dict[Name, State], Meta(description="name -> its state; the same names as in `doing`")
+]
 
 
 class SubMessage(msgspec.Struct, forbid_unknown_fields=True):
@@ -140,17 +163,30 @@ class Odometry(Message):
 
     pose: PoseMessage
     twist: TwistMessage
-    hitch: Annotated[OtherEnd | None, Meta(description="the body at the other end of the bar; nil if none is coupled")] = None
-    fill: Annotated[float, Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to what fills it")] = 0.0
+    hitch: Annotated[
+        OtherEnd | None,
+        Meta(description="the body at the other end of the bar; nil if none is coupled"),
+    ] = None
+    fill: Annotated[
+        float,
+        Meta(ge=0.0, le=1e3, description="for a bin: metres of row in it, 0 to what fills it"),
+    ] = 0.0
     full: Annotated[bool, Meta(description="for a bin: whether it is full")] = False
-    accuracy: Annotated[Metres, Meta(description="m, standard deviation of the measured x and y; 0: exact")] = 0.0
-    percentage: Annotated[Charge, Meta(description="as in sensor_msgs/BatteryState: charge of its battery; 1 without one")] = 1.0
+    accuracy: Annotated[
+        Metres, Meta(description="m, standard deviation of the measured x and y; 0: exact")
+    ] = 0.0
+    percentage: Annotated[
+        Charge,
+        Meta(description="as in sensor_msgs/BatteryState: charge of its battery; 1 without one"),
+    ] = 1.0
 
 
 class Beams(SubMessage):
     """The ranges of one scan, counter-clockwise: ranges[i] was measured at angle_min + i * angle_increment."""
 
-    angle_min: Annotated[Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")]
+    angle_min: Annotated[
+        Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")
+    ]
     angle_max: Annotated[Metres, Meta(description="rad, angle of the last beam")]
     angle_increment: Annotated[Metres, Meta(description="rad from one beam to the next")]
     range_min: Annotated[Metres, Meta(description="m, 0: the laser has no blind zone")]
@@ -163,7 +199,12 @@ class LaserScan(Beams):
 
     run: Run
     tick: Tick
-    rear: Annotated[Beams | None, Meta(description="for a robot that tows: the scan of its bin, around the bin's centre; else nil")] = None
+    rear: Annotated[
+        Beams | None,
+        Meta(
+            description="for a robot that tows: the scan of its bin, around the bin's centre; else nil"
+        ),
+    ] = None
 
 
 class Stamp(SubMessage):
@@ -191,31 +232,59 @@ class OtherSeen(SubMessage):
     """The body that is coupled to a body of `Seen`."""
 
     name: KnownName
-    state: Annotated[tuple[Metres, Metres, Unit, Unit, Speed, Speed, Speed], Meta(description="its seven numbers, as in `states`")]
-    ranges: Annotated[Ranges | None, Meta(description="for a robot that tows: the ranges of its bin; else nil")] = None
+    state: Annotated[
+        tuple[Metres, Metres, Unit, Unit, Speed, Speed, Speed],
+        Meta(description="its seven numbers, as in `states`"),
+    ]
+    ranges: Annotated[
+        Ranges | None, Meta(description="for a robot that tows: the ranges of its bin; else nil")
+    ] = None
 
 
 class Seen(Message):
     """What the agents of one session that are asked at this tick observe: the content of `pose` and `scan` as arrays."""
 
-    due: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="its agents that are asked at this tick")]
+    due: Annotated[
+        list[KnownName],
+        Meta(max_length=MOST_BODIES, description="its agents that are asked at this tick"),
+    ]
     names: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description=NAMES)]
     states: Annotated[bytes, Meta(description=f"seven little-endian float64 per body: {SEVEN}")]
     ranges: Annotated[bytes, Meta(description=ALL_RANGES)]
-    hitches: Annotated[dict[KnownName, OtherSeen], Meta(description="name -> the body at the other end of its bar; only coupled bodies")]
-    fills: Annotated[dict[KnownName, Fill], Meta(description="name -> metres of row in it; only bins that are not empty")]
-    full: Annotated[list[KnownName], Meta(max_length=MOST_BODIES, description="the bins that are full")]
-    asked: Annotated[list[AskedOf], Meta(description="lockstep: the requests of the tick before that these agents hear now")] = []
+    hitches: Annotated[
+        dict[KnownName, OtherSeen],
+        Meta(description="name -> the body at the other end of its bar; only coupled bodies"),
+    ]
+    fills: Annotated[
+        dict[KnownName, Fill],
+        Meta(description="name -> metres of row in it; only bins that are not empty"),
+    ]
+    full: Annotated[
+        list[KnownName], Meta(max_length=MOST_BODIES, description="the bins that are full")
+    ]
+    asked: Annotated[
+        list[AskedOf],
+        Meta(description="lockstep: the requests of the tick before that these agents hear now"),
+    ] = []
     accuracies: Annotated[dict[KnownName, Fill], Meta(description=ACCURACIES)] = {}
-    percentages: Annotated[dict[KnownName, Charge], Meta(description="name -> charge of its battery; only bodies that have one")] = {}
+    percentages: Annotated[
+        dict[KnownName, Charge],
+        Meta(description="name -> charge of its battery; only bodies that have one"),
+    ] = {}
 
 
 class Report(Action, omit_defaults=True):
     """The action of an agent, as its session sends it: answers name the number of a request, and the memory is bytes."""
 
     answers: list[Given] = []  # type: ignore[assignment]
-    memory: Annotated[Memory | None, Meta(description="the agent's memory, for the session that runs it next; nil: unchanged")] = None
-    mail: Annotated[bytes, Meta(max_length=64, description="digest of the mail heard at this tick; empty without")] = b""
+    memory: Annotated[
+        Memory | None,
+        Meta(description="the agent's memory, for the session that runs it next; nil: unchanged"),
+    ] = None
+    mail: Annotated[
+        bytes,
+        Meta(max_length=64, description="digest of the mail heard at this tick; empty without"),
+    ] = b""
     once: Once = False
 
     def __post_init__(self) -> None:
@@ -230,7 +299,10 @@ class Velocities(Message):
     """The actions of the agents of one session that are asked: its answer to `Seen` of the same tick."""
 
     owner: Owner
-    velocities: Annotated[dict[KnownName, Report], Meta(max_length=MOST_BODIES, description="name -> the action of its agent")]
+    velocities: Annotated[
+        dict[KnownName, Report],
+        Meta(max_length=MOST_BODIES, description="name -> the action of its agent"),
+    ]
 
 
 class VelocityParts(Message):
@@ -261,7 +333,14 @@ class Letter(Message):
     """A request from one agent to another, stamped with the tick in which it is sent."""
 
     sender: Annotated[Name, Meta(description="the agent that asks")]
-    number: Annotated[int, Meta(ge=0, lt=2**31, description="its number among the requests of the sender in that tick, from 0")]
+    number: Annotated[
+        int,
+        Meta(
+            ge=0,
+            lt=2**31,
+            description="its number among the requests of the sender in that tick, from 0",
+        ),
+    ]
     body: Annotated[Request, Meta(description="one of the requests")]
 
 
@@ -272,7 +351,10 @@ class Received(Message, tag_field="type", tag="received"):
 class Answered(Message, tag_field="type", tag="answered"):
     """Second reply to a request. Its tick is the one in which the request was heard: the tick of the request + 1."""
 
-    body: Annotated[Answer | None, Meta(description="one of the answers; nil: the request was heard and gets no answer")]
+    body: Annotated[
+        Answer | None,
+        Meta(description="one of the answers; nil: the request was heard and gets no answer"),
+    ]
 
 
 class Letters(Message):
@@ -288,7 +370,10 @@ class Recall(Message):
 class Recalled(Message):
     """All requests and answers of the two ticks before."""
 
-    letters: Annotated[list[tuple[Tick, dict[Name, Written]]], Meta(description="[tick, sender -> as in `letters`]")]
+    letters: Annotated[
+        list[tuple[Tick, dict[Name, Written]]],
+        Meta(description="[tick, sender -> as in `letters`]"),
+    ]
 
 
 Mode = Literal["lockstep", "realtime"]
@@ -297,9 +382,13 @@ Mode = Literal["lockstep", "realtime"]
 class RunInfo(Message):
     """The reply to the scenario query: what a client must know before it joins."""
 
-    mode: Annotated[Mode, Meta(description="whether physics waits for its agents or keeps to the wall clock")]
+    mode: Annotated[
+        Mode, Meta(description="whether physics waits for its agents or keeps to the wall clock")
+    ]
     agents: Annotated[list[Name], Meta(description="the names of all agents")]
-    scenario: Annotated[dict[str, Any], Meta(description="the scenario file as a map, with all default values")]
+    scenario: Annotated[
+        dict[str, Any], Meta(description="the scenario file as a map, with all default values")
+    ]
 
 
 class Place(SubMessage):
@@ -314,7 +403,12 @@ class Place(SubMessage):
 class LaserOfKind(SubMessage):
     """The laser of a kind of body. Its frame has the directions of the body's."""
 
-    x: Annotated[Metres, Meta(description="m from the body's centre forward to the laser; it is in the middle of the width")]
+    x: Annotated[
+        Metres,
+        Meta(
+            description="m from the body's centre forward to the laser; it is in the middle of the width"
+        ),
+    ]
     beams: Annotated[int, Meta(ge=1, description="number of ranges of a scan")]
     angle_min: Annotated[Metres, Meta(description="rad, as in `scan`")]
     angle_increment: Annotated[Metres, Meta(description="rad, as in `scan`")]
@@ -331,9 +425,17 @@ class KindOfBody(SubMessage):
     colour: Annotated[tuple[int, int, int], Meta(description="red, green, blue, 0 to 255 (sRGB)")]
     max_linear: Annotated[Speed, Meta(description="m/s, the most forward and back")]
     max_angular: Annotated[Speed, Meta(description="rad/s, the most to each side")]
-    tows: Annotated[Metres, Meta(description="m from its centre back to the centre of a coupled bin; 0: it tows nothing")]
+    tows: Annotated[
+        Metres,
+        Meta(
+            description="m from its centre back to the centre of a coupled bin; 0: it tows nothing"
+        ),
+    ]
     solid: Annotated[bool, Meta(description="whether lasers see it and bodies collide with it")]
-    robot: Annotated[bool, Meta(description="whether it is a robot: it can be stopped, and its states are counted")]
+    robot: Annotated[
+        bool,
+        Meta(description="whether it is a robot: it can be stopped, and its states are counted"),
+    ]
     laser: LaserOfKind
 
 
@@ -341,22 +443,46 @@ class Orchard(Message):
     """The reply to the layout query: all that does not change during the run. Lengths in m, in the frame `map`."""
 
     walls: Annotated[list[Box], Meta(description=WALLS)]
-    rows: Annotated[list[Box], Meta(description="from the north: x, y of the west end and x, y of the east end of the part that is picked")]
-    bodies: Annotated[list[Place], Meta(max_length=MOST_BODIES, description="all bodies, in the order of `agents`, as they start")]
-    kinds: Annotated[dict[Name, KindOfBody], Meta(description="what bodies of each kind have in common, also of kinds without a body here")]
+    rows: Annotated[
+        list[Box],
+        Meta(
+            description="from the north: x, y of the west end and x, y of the east end of the part that is picked"
+        ),
+    ]
+    bodies: Annotated[
+        list[Place],
+        Meta(
+            max_length=MOST_BODIES,
+            description="all bodies, in the order of `agents`, as they start",
+        ),
+    ]
+    kinds: Annotated[
+        dict[Name, KindOfBody],
+        Meta(
+            description="what bodies of each kind have in common, also of kinds without a body here"
+        ),
+    ]
 
 
 class Join(RunMessage):
     """A request of a host to own agents. The host declares its liveliness tokens, subscribers and queryables before it joins."""
 
     owner: Owner
-    names: Annotated[list[Name], Meta(max_length=MOST_BODIES, description="the agents that it wants to own; it gets all of them or none")]
+    names: Annotated[
+        list[Name],
+        Meta(
+            max_length=MOST_BODIES,
+            description="the agents that it wants to own; it gets all of them or none",
+        ),
+    ]
 
 
 class Joined(Message):
     """The reply to a join: from this tick on, physics waits for the owner's velocities for these agents."""
 
-    memories: Annotated[dict[Name, bytes | None], Meta(description="name -> its last memory; nil: it never had one")]
+    memories: Annotated[
+        dict[Name, bytes | None], Meta(description="name -> its last memory; nil: it never had one")
+    ]
     refused: Annotated[dict[Name, str], Meta(description="name -> why the session cannot own it")]
 
 
@@ -379,34 +505,58 @@ class SimulationState(Message):
 class SetSimulationState(RunMessage):
     """SetSimulationState in simulation_interfaces."""
 
-    state: Annotated[Literal["playing", "paused", "quitting"], Meta(description="'quitting' ends the run now")]
+    state: Annotated[
+        Literal["playing", "paused", "quitting"], Meta(description="'quitting' ends the run now")
+    ]
 
 
 class StepSimulation(RunMessage):
     """StepSimulation in simulation_interfaces."""
 
-    steps: Annotated[int, Meta(ge=1, le=MOST_STEPS, description="how many steps of 0.1 s; then the run is paused again")] = 1
+    steps: Annotated[
+        int,
+        Meta(
+            ge=1, le=MOST_STEPS, description="how many steps of 0.1 s; then the run is paused again"
+        ),
+    ] = 1
 
 
 class ResetSimulation(RunMessage):
     """ResetSimulation in simulation_interfaces."""
 
-    seed: Annotated[int | None, Meta(description="of the scenario from now on, 0 or more; nil: as before")] = None
+    seed: Annotated[
+        int | None, Meta(description="of the scenario from now on, 0 or more; nil: as before")
+    ] = None
 
 
 class Stop(RunMessage):
     """An emergency stop of robots, or its reset."""
 
-    stop: Annotated[bool, Meta(description="true: the robots stand from the present step on, until they are reset; false: they are reset")]
+    stop: Annotated[
+        bool,
+        Meta(
+            description="true: the robots stand from the present step on, until they are reset; false: they are reset"
+        ),
+    ]
     names: Annotated[list[Text], Meta(max_length=MOST_BODIES, description=ROBOTS)]
 
 
 class Stopped(Message):
     """The stop or reset is in force, beginning with the step from this tick to the next."""
 
-    changed: Annotated[list[Name], Meta(description="robots that this query stopped or reset, without those that already were")]
+    changed: Annotated[
+        list[Name],
+        Meta(
+            description="robots that this query stopped or reset, without those that already were"
+        ),
+    ]
     stopped: Annotated[list[Name], Meta(description="all robots that are stopped now")]
-    kept: Annotated[bool, Meta(description="whether it is on the disk; else it is in force, but is lost if physics dies now")] = False
+    kept: Annotated[
+        bool,
+        Meta(
+            description="whether it is on the disk; else it is in force, but is lost if physics dies now"
+        ),
+    ] = False
 
 
 Reason = Literal[
@@ -431,7 +581,10 @@ class Refusal(Message):
     key: Annotated[Text, Meta(description="the key on which it came")]
     reason: Annotated[Reason, Meta(description="see 'What is refused' in keyspace.md")]
     detail: Annotated[str, Meta(description="what is wrong with it")]
-    session: Annotated[str, Meta(description="its session: the one in its key, or its `owner`; '' if it names none")] = ""
+    session: Annotated[
+        str,
+        Meta(description="its session: the one in its key, or its `owner`; '' if it names none"),
+    ] = ""
 
 
 class Left(RunMessage):
@@ -453,13 +606,18 @@ class End(Message):
 class Events(Message):
     """The events of the step from this tick to the next."""
 
-    events: Annotated[list[Event], Meta(description="maps of `tick`, `what`, `who`, `whom` ('' or the other body), `detail`")]
+    events: Annotated[
+        list[Event],
+        Meta(description="maps of `tick`, `what`, `who`, `whom` ('' or the other body), `detail`"),
+    ]
 
 
 class BinStatus(Message):
     """The state of a bin, published when `full` or `coupled_to` changes."""
 
-    full: Annotated[bool, Meta(description="whether it is full, or the last of a harvest, left part full")]
+    full: Annotated[
+        bool, Meta(description="whether it is full, or the last of a harvest, left part full")
+    ]
     fill: Annotated[Fill, Meta(description="metres of row in it, 0 to what fills it")]
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' if none")]
 
@@ -471,15 +629,30 @@ class Picture(Message):
     """The orchard after the step to this tick, for observers. `nil` means unchanged. It is `whole` every 5 s, and when a logger joins."""
 
     poses: Annotated[bytes, Meta(description=POSES)]
-    scans: Annotated[list[bytes] | None, Meta(description="twice per second: the ranges of each body, m, little-endian float32")]
-    doing: Annotated[dict[Name, str], Meta(description="name -> what it does; only if that has changed")]
-    coupled: Annotated[list[Body] | None, Meta(description="for each body, the index of the body at the other end of its bar, or -1")]
-    fill: Annotated[list[Fill] | None, Meta(description="for each bin, metres of row in it; 0 for other bodies")]
-    alive: Annotated[list[bool] | None, Meta(description="for each body; false for a weed that is flattened")]
+    scans: Annotated[
+        list[bytes] | None,
+        Meta(description="twice per second: the ranges of each body, m, little-endian float32"),
+    ]
+    doing: Annotated[
+        dict[Name, str], Meta(description="name -> what it does; only if that has changed")
+    ]
+    coupled: Annotated[
+        list[Body] | None,
+        Meta(description="for each body, the index of the body at the other end of its bar, or -1"),
+    ]
+    fill: Annotated[
+        list[Fill] | None, Meta(description="for each bin, metres of row in it; 0 for other bodies")
+    ]
+    alive: Annotated[
+        list[bool] | None, Meta(description="for each body; false for a weed that is flattened")
+    ]
     row_ends: Annotated[list[tuple[Fill, Fill, Fill, Fill]] | None, Meta(description=ROW_ENDS)]
     delivered: Annotated[int, Meta(ge=0, description="bins unloaded so far")]
     states: States = {}
-    whole: Annotated[bool, Meta(description="whether all fields but `scans` are complete; else they hold changes")] = False
+    whole: Annotated[
+        bool,
+        Meta(description="whether all fields but `scans` are complete; else they hold changes"),
+    ] = False
     velocities: Annotated[dict[Name, DoneAndWanted], Meta(description=VELOCITIES)] = {}
 
 
@@ -488,7 +661,12 @@ class Bundle(Message):
 
     events: list[Events]
     letters: list[Letters]
-    pictures: Annotated[list[Picture], Meta(description="the picture of a tick is that after the events and letters of the tick before")]
+    pictures: Annotated[
+        list[Picture],
+        Meta(
+            description="the picture of a tick is that after the events and letters of the tick before"
+        ),
+    ]
 
 
 class Figures(Message):
@@ -496,6 +674,10 @@ class Figures(Message):
 
     figures: Annotated[dict[str, Any], Meta(description="name -> number, or a map of numbers")]
     doing: Annotated[dict[Name, str], Meta(description="name -> what it does")]
-    waits_for: Annotated[dict[Name, str], Meta(description="name -> what it waits for; only for agents that wait")]
-    messages_refused: Annotated[dict[str, int], Meta(description="reason -> how many since the run began")]
+    waits_for: Annotated[
+        dict[Name, str], Meta(description="name -> what it waits for; only for agents that wait")
+    ]
+    messages_refused: Annotated[
+        dict[str, int], Meta(description="reason -> how many since the run began")
+    ]
     states: States = {}

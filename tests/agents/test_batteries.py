@@ -24,7 +24,9 @@ TICKS = 2500  # by then a carrier has charged
 
 def charging(battery: dict | None = None, **changes) -> Scenario:
     own = {"route": "two-way", "carrying": {"battery": BATTERY | (battery or {})}}
-    return empty_orchard(**{"rows": 4, "pickers": 3, "carriers": 2, "row_length": 30.0, **own, **changes})
+    return empty_orchard(
+        **{"rows": 4, "pickers": 3, "carriers": 2, "row_length": 30.0, **own, **changes}
+    )
 
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
@@ -35,8 +37,15 @@ def test_carriers_charge_when_their_job_is_done_and_share_the_charger(route, dis
     while not stage.local.engine.over:
         assert stage.world.tick < 40_000, stage.who_is_where()
         stage.tick()
-        most, least = max(most, int(stage.world.plugged.sum())), min(least, stage.world.charge[carriers].min())
-        going = [name for name in ("carrier_01", "carrier_02") if stage.doing(name) in ("charging", "driving to the chargers")]
+        most, least = (
+            max(most, int(stage.world.plugged.sum())),
+            min(least, stage.world.charge[carriers].min()),
+        )
+        going = [
+            name
+            for name in ("carrier_01", "carrier_02")
+            if stage.doing(name) in ("charging", "driving to the chargers")
+        ]
         assert all(stage.local.memories[name].job for name in going), "so nobody gives it a bin"
     assert stage.local.engine.violations() == []
     assert (most, stage.world.delivered) == (1, 4)
@@ -57,7 +66,9 @@ def test_a_battery_is_used_with_time_outside_the_queue_by_less_while_its_carrier
     before = stage.world.charge[stage.world.fixed.carriers][0]
     assert 0.3 - took / 3600.0 < before < 0.3 - 0.5 * took / 3600.0
     took = stage.run_until(lambda: bool(stage.happened("charged")), 200)
-    assert took == pytest.approx((1.0 - before) * 0.04 * 3600.0, abs=5.0), "it also moves up to the head of its line"
+    assert took == pytest.approx((1.0 - before) * 0.04 * 3600.0, abs=5.0), (
+        "it also moves up to the head of its line"
+    )
     assert stage.local.engine.observe()["carrier_01"].charge == 1.0
 
 
@@ -68,7 +79,10 @@ def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed(soon_jamme
     stage.run_until(lambda: bool(stage.account.jam), 1000)
     assert stage.pose("carrier_01") == at
     assert "carrier_01 (standing with a flat battery)" in stage.account.jam
-    assert (stage.doing("carrier_01"), stage.local.actions["carrier_01"].state) == ("standing with a flat battery", "failed")
+    assert (stage.doing("carrier_01"), stage.local.actions["carrier_01"].state) == (
+        "standing with a flat battery",
+        "failed",
+    )
     assert stage.account.figures()["flat_seconds"] == pytest.approx(stage.seconds - lasted, abs=0.5)
     assert len(stage.happened("flat")) == 1
 
@@ -87,7 +101,9 @@ def before_charging() -> Snapshot:
 def test_holds_change_nothing_when_carriers_charge(caplog):
     for holds in (CheckedHolds, IgnoredHolds):
         local = Local.resume(before_charging(), holds=holds)
-        assert "driving to the chargers" not in {action.doing for action in played(local, 1401).actions.values()}
+        assert "driving to the chargers" not in {
+            action.doing for action in played(local, 1401).actions.values()
+        }
         assert played(local, TICKS).engine.hash == expected_hash()
     assert "holds wrongly" not in caplog.text
 
@@ -107,11 +123,25 @@ def test_a_run_that_is_resumed_while_a_carrier_charges_has_the_hash_of_one_never
     assert played(local, TICKS).engine.hash == expected_hash()
 
 
-def test_lockstep_has_the_hash_of_local_mode_although_a_host_and_physics_are_killed_while_a_carrier_charges(fleet, tmp_path):
-    run = ("--speed", "30", "--duration", str(TICKS / 10), "--snapshots", str(tmp_path / "snapshots"), "--snapshot-every", "1")
+def test_lockstep_has_the_hash_of_local_mode_although_a_host_and_physics_are_killed_while_a_carrier_charges(
+    fleet, tmp_path
+):
+    run = (
+        "--speed",
+        "30",
+        "--duration",
+        str(TICKS / 10),
+        "--snapshots",
+        str(tmp_path / "snapshots"),
+        "--snapshot-every",
+        "1",
+    )
     fleet.physics(charging(), *run)
     fleet.share(2)
-    until(fleet.client().hear("orchard/clock"), lambda message: message["tick"] >= while_charging().tick)
+    until(
+        fleet.client().hear("orchard/clock"),
+        lambda message: message["tick"] >= while_charging().tick,
+    )
     fleet.hosts.pop(0).kill()
     fleet.host("--share", "0/2")
     fleet.world.kill()
@@ -121,10 +151,15 @@ def test_lockstep_has_the_hash_of_local_mode_although_a_host_and_physics_are_kil
 
 def test_in_the_long_run_more_chargers_deliver_more_until_they_suffice_and_no_more_than_the_limit():
     battery = {"hours_to_charge": 0.2}
-    layouts = [lay_out(charging(battery, rows=8, pickers=4, carriers=4, chargers=chargers)) for chargers in (1, 2, 4)]
+    layouts = [
+        lay_out(charging(battery, rows=8, pickers=4, carriers=4, chargers=chargers))
+        for chargers in (1, 2, 4)
+    ]
     rates = [long_run(layout).bins_per_hour for layout in layouts]
     assert rates[0] < 0.9 * rates[1] < rates[2]
-    assert all(rate <= Bounds(layout).bins_per_hour for rate, layout in zip(rates, layouts, strict=True))
+    assert all(
+        rate <= Bounds(layout).bins_per_hour for rate, layout in zip(rates, layouts, strict=True)
+    )
     assert [Bounds(layout).bottleneck for layout in layouts][::2] == ["chargers", "carriers"]
 
 
@@ -135,8 +170,14 @@ def test_spare_carriers_are_off_in_the_queue_and_where_they_were_charged():
 
 
 REFUSED = [
-    ({"chargers": 0}, "chargers = 0, carrying.battery.hours = 0.12: must be 1 to 120 chargers for carriers with batteries"),
-    ({"carriers": 70}, "for as many lines in which they charge: with rows of 30 m and the bay at 0 m it holds"),
+    (
+        {"chargers": 0},
+        "chargers = 0, carrying.battery.hours = 0.12: must be 1 to 120 chargers for carriers with batteries",
+    ),
+    (
+        {"carriers": 70},
+        "for as many lines in which they charge: with rows of 30 m and the bay at 0 m it holds",
+    ),
     ({"chargers": 121}, "must be a whole number from 0 to 120"),
 ]
 
@@ -156,4 +197,6 @@ def test_each_line_of_the_queue_has_a_charging_line_with_as_many_places():
             places = [layout.queue.place(first + number).y for number in range(carriers)]
             assert set(places) == set(layout.charging_lines)
             assert not {*own} & {*layout.charging_lines}
-            assert np.unique([layout.queue.place(first + number)[:2] for number in range(carriers)], axis=0).shape == (carriers, 2)
+            assert np.unique(
+                [layout.queue.place(first + number)[:2] for number in range(carriers)], axis=0
+            ).shape == (carriers, 2)

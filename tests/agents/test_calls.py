@@ -18,7 +18,10 @@ class HardOfHearing:
 
     def tick(self, seen, mail, memory):
         if seen.tick < self.until:
-            mail = Mail([heard for heard in mail.requests if not isinstance(heard.body, self.deaf_to)], mail.replies)
+            mail = Mail(
+                [heard for heard in mail.requests if not isinstance(heard.body, self.deaf_to)],
+                mail.replies,
+            )
         return self.agent.tick(seen, mail, memory)
 
 
@@ -31,7 +34,11 @@ class LateAnswerer:
     def tick(self, seen, mail, memory):
         action = self.agent.tick(seen, mail, memory)
         if seen.tick < self.until:
-            action.answers = [(heard, answer) for heard, answer in action.answers if not isinstance(heard.body, Come)]
+            action.answers = [
+                (heard, answer)
+                for heard, answer in action.answers
+                if not isinstance(heard.body, Come)
+            ]
         return action
 
 
@@ -74,27 +81,37 @@ def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
 def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_line():
     stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25, row_length=70.0))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
-    assert exchanges(stage)[0][0] == "carrier_25", "its line is the southernmost; it is the last by name"
+    assert exchanges(stage)[0][0] == "carrier_25", (
+        "its line is the southernmost; it is the last by name"
+    )
 
 
 def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answer]]:
     """Return what the head of the queue answers to these calls, (bin, since), at a tick."""
     seen = replace(stage.local.engine.observe()["carrier_01"], tick=tick)
     mail = Mail([Heard(name, tick - 1, 0, Call(1, "east", since)) for name, since in calls])
-    action = stage.local.agents["carrier_01"].tick(seen, mail, stage.local.memories.get("carrier_01"))
+    action = stage.local.agents["carrier_01"].tick(
+        seen, mail, stage.local.memories.get("carrier_01")
+    )
     stage.local.memories["carrier_01"] = action.memory
     return [type(answer) for _, answer in action.answers]
 
 
 def test_a_carrier_offers_itself_only_to_the_bin_that_has_called_for_longest():
     stage = Stage(calling_orchard())
-    stage.local.memories["carrier_01"] = busy = CarrierMemory(job=Job("bin_09", 1, "east", "picker_01"))
-    assert answers(stage, 100, ("bin_01", 90), ("bin_02", 40)) == [No, No], "it is busy, and remembers them"
+    stage.local.memories["carrier_01"] = busy = CarrierMemory(
+        job=Job("bin_09", 1, "east", "picker_01")
+    )
+    assert answers(stage, 100, ("bin_01", 90), ("bin_02", 40)) == [No, No], (
+        "it is busy, and remembers them"
+    )
     busy.job = None
     assert answers(stage, 110, ("bin_01", 90)) == [No], "a freed carrier knows which call is older"
     assert answers(stage, 115, ("bin_02", 40), ("bin_03", 40)) == [Offer, No], "ties go by name"
     assert answers(stage, 118, ("bin_01", 90)) == [No], "the bin may still choose it"
-    assert answers(stage, 141, ("bin_01", 90)) == [Offer], "the older bins call no longer: they have a carrier"
+    assert answers(stage, 141, ("bin_01", 90)) == [Offer], (
+        "the older bins call no longer: they have a carrier"
+    )
 
 
 def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_others():
@@ -104,12 +121,17 @@ def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_o
 
 
 def test_a_bin_that_calls_again_says_since_when_it_has_called():
-    stage = stage_with(lambda name, agent: HardOfHearing(agent, Call, until=2000), pickers=2, carriers=1)
+    stage = stage_with(
+        lambda name, agent: HardOfHearing(agent, Call, until=2000), pickers=2, carriers=1
+    )
     calls = set()
     while stage.world.tick < 700:
         stage.tick()
         calls |= {
-            (name, body.since) for name, action in stage.local.actions.items() for _, body in action.requests if isinstance(body, Call)
+            (name, body.since)
+            for name, action in stage.local.actions.items()
+            for _, body in action.requests
+            if isinstance(body, Call)
         }
     assert len(calls) == 2, "each of two bins has called for 25 s, again and again"
 
@@ -121,8 +143,14 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     jobs: list[tuple[int, str]] = []  # since when the bin had called, and its name
     while not stage.local.engine.over:
         stage.tick()
-        bins = {name: memory for name, memory in stage.local.memories.items() if name.startswith("bin")}
-        calling = sorted((memory.since, name) for name, memory in bins.items() if memory.since >= 0 and not memory.coming)
+        bins = {
+            name: memory for name, memory in stage.local.memories.items() if name.startswith("bin")
+        }
+        calling = sorted(
+            (memory.since, name)
+            for name, memory in bins.items()
+            if memory.since >= 0 and not memory.coming
+        )
         job = stage.local.memories["carrier_01"].job
         if job and bins[job.bin].since >= 0 and (bins[job.bin].since, job.bin) not in jobs:
             jobs.append((bins[job.bin].since, job.bin))
@@ -132,7 +160,9 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
 
 def test_carriers_of_several_lines_that_are_free_at_once_each_get_a_bin_soon():
     stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40, row_length=70.0))
-    stage.run_until(lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85)
+    stage.run_until(
+        lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85
+    )
 
 
 def test_a_call_that_nobody_answers_is_repeated():
@@ -144,7 +174,9 @@ def test_a_call_that_nobody_answers_is_repeated():
 
 def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head_of_another_line():
     stage = stage_with(
-        lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0), carriers=13, row_length=70.0
+        lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0),
+        carriers=13,
+        row_length=70.0,
     )
     stage.run_until(lambda: stage.world.delivered == 1, 1000)
     assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
@@ -169,11 +201,15 @@ def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
     for name in [name for name in stage.local.agents if name.startswith("bin")]:
         stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=700)
     stage.run(69)
-    assert stage.pose("carrier_01")[0] == pytest.approx(5.4), "it stays in the queue until the bin has confirmed"
+    assert stage.pose("carrier_01")[0] == pytest.approx(5.4), (
+        "it stays in the queue until the bin has confirmed"
+    )
     assert_every_bin_is_taken_once(stage)
 
 
 def test_a_carrier_that_forgot_its_job_on_the_way_is_replaced_by_a_new_call():
-    stage = stage_with(lambda name, agent: Forgetful(agent, at=415 if name == "carrier_01" else -1), carriers=3)
+    stage = stage_with(
+        lambda name, agent: Forgetful(agent, at=415 if name == "carrier_01" else -1), carriers=3
+    )
     stage.run_until(lambda: len(exchanges(stage)) == 1, 400)
     assert_every_bin_is_taken_once(stage)

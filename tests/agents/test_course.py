@@ -22,7 +22,9 @@ def advise(stage: Stage, name: str, twist: Twist, ticks: int) -> None:
         answers = stage.local.ask()
         own = answers.get(name) or replace(engine.actions[name], requests=[], answers=[])
         engine.wake([name])
-        stage.account.update(stage.local.act({**answers, name: replace(own, twist=twist, hold=None, deeds=[])}))
+        stage.account.update(
+            stage.local.act({**answers, name: replace(own, twist=twist, hold=None, deeds=[])})
+        )
 
 
 def turned(**off: float) -> Stage:
@@ -33,12 +35,18 @@ def turned(**off: float) -> Stage:
     stage.run(1.0)
     i = stage.world.index["carrier_01"]
     for body in (i, stage.world.coupled[i]):
-        stage.world.pose[body] += (0.0, off.get("y", 0.0), off.get("yaw", 0.0) if body == i else 0.0)
+        stage.world.pose[body] += (
+            0.0,
+            off.get("y", 0.0),
+            off.get("yaw", 0.0) if body == i else 0.0,
+        )
     stage.local.engine.wake(["carrier_01"])
     return stage
 
 
-@pytest.mark.parametrize("off", [{"yaw": 0.01}, {"yaw": -0.3}, {"y": 0.3}, {"y": -0.05, "yaw": 0.2}])
+@pytest.mark.parametrize(
+    "off", [{"yaw": 0.01}, {"yaw": -0.3}, {"y": 0.3}, {"y": -0.05, "yaw": 0.2}]
+)
 def test_a_robot_that_is_off_its_heading_or_its_line_comes_back_to_it(off):
     stage = turned(**off)
     stage.run_until(lambda: stage.pose("carrier_01")[0] >= -10.0, 60)
@@ -51,7 +59,9 @@ def test_a_robot_that_stands_is_back_at_its_place_before_it_acts():
     stage = turned()
     stage.run_until(lambda: stage.pose("carrier_01")[0] == pytest.approx(-5.0, abs=1e-6), 60)
     advise(stage, "carrier_01", Twist(x=0.5, yaw=0.2), 8)
-    stage.run_until(lambda: stage.doing("carrier_01") == "" and abs(stage.pose("carrier_01")[2]) > 3.0, 60)
+    stage.run_until(
+        lambda: stage.doing("carrier_01") == "" and abs(stage.pose("carrier_01")[2]) > 3.0, 60
+    )
     assert stage.pose("carrier_01")[:2] == pytest.approx((-5.0, 29.0), abs=0.03)
 
 
@@ -59,7 +69,9 @@ def test_a_robot_that_was_driven_past_a_gate_comes_back_and_waits_there():
     """It drove on without the gate's places, and two robots waited for each other."""
     stage = Stage(empty_orchard())
     stage.put("carrier_01", -35.0, 29.0)
-    stage.give("carrier_01", [DriveTo(x=-5.0, needs=[Gate(["east/D/1"], -25.0, bin="bin_01")])])  # a bin that is never left
+    stage.give(
+        "carrier_01", [DriveTo(x=-5.0, needs=[Gate(["east/D/1"], -25.0, bin="bin_01")])]
+    )  # a bin that is never left
     stage.run(12.0)
     advise(stage, "carrier_01", Twist(x=0.5), 10)
     assert stage.pose("carrier_01")[0] == pytest.approx(-24.5)
@@ -68,7 +80,9 @@ def test_a_robot_that_was_driven_past_a_gate_comes_back_and_waits_there():
 
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
-@pytest.mark.parametrize("twist", [Twist(x=0.93, yaw=-0.08), Twist(x=0.787, yaw=-0.33), Twist(x=-0.3, yaw=0.3)])
+@pytest.mark.parametrize(
+    "twist", [Twist(x=0.93, yaw=-0.08), Twist(x=0.787, yaw=-0.33), Twist(x=-0.3, yaw=0.3)]
+)
 def test_a_carrier_off_its_place_before_a_full_bin_comes_back_to_it_and_takes_the_bin(route, twist):
     """It drove back into the bin again and again: no laser looks back."""
     stage = Stage(empty_orchard(route=route))
@@ -90,8 +104,18 @@ ADVICE = st.tuples(st.integers(5, 2500), st.sampled_from(ROBOTS), TWISTS, st.int
 @settings(max_examples=10)
 @given(st.sampled_from(["one-way", "two-way"]), st.lists(ADVICE, min_size=1, max_size=3))
 def test_a_harvest_in_which_advice_turns_and_drives_robots_at_any_moment_finishes(route, advice):
-    changes = {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": route, "tractor": True}
-    harvest(changes, [(tick, name, twist.x, twist.yaw, ticks) for tick, name, twist, ticks in sorted(advice)])
+    changes = {
+        "rows": 4,
+        "pickers": 2,
+        "carriers": 2,
+        "row_length": 30.0,
+        "route": route,
+        "tractor": True,
+    }
+    harvest(
+        changes,
+        [(tick, name, twist.x, twist.yaw, ticks) for tick, name, twist, ticks in sorted(advice)],
+    )
 
 
 def harvest(changes: dict, advice: list[tuple[int, str, float, float, int]]) -> Stage:
@@ -108,13 +132,26 @@ def harvest(changes: dict, advice: list[tuple[int, str, float, float, int]]) -> 
 
 JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, rad/s, ticks
     "in a turn, 1.2 m off the next line, beside a full bin": (
-        {"rows": 5, "row_length": 50.0, "seed": 14460, "dispatch": "predictive-farthest", "route": "two-way"},
+        {
+            "rows": 5,
+            "row_length": 50.0,
+            "seed": 14460,
+            "dispatch": "predictive-farthest",
+            "route": "two-way",
+        },
         (1645, "picker_02", 0.949166901372354, -0.34200036362679015, 3),
         (2374, "picker_02", 0.0, -0.3155027663612042, 5),
         (4515, "carrier_01", 0.6866357807898149, 0.1942637528050758, 20),
     ),
     "aslant in the queue, behind another one": (
-        {"rows": 4, "row_length": 40.0, "carriers": 4, "seed": 82031, "tractor": True, "route": "two-way"},
+        {
+            "rows": 4,
+            "row_length": 40.0,
+            "carriers": 4,
+            "seed": 82031,
+            "tractor": True,
+            "route": "two-way",
+        },
         (181, "picker_02", 0.37631310680089003, 0.26098980563623364, 2),
         (2235, "carrier_01", 0.42636171792004385, -0.04665318254538581, 16),
         (5202, "carrier_03", 0.0, -0.026005985185407365, 19),
@@ -126,38 +163,90 @@ JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, 
         (2299, "picker_01", -0.297743710622897, 0.0647417695607021, 12),
     ),
     "behind its place, before a fence": (
-        {"rows": 6, "pickers": 4, "row_length": 30.0, "carriers": 3, "seed": 251196, "tractor": True, "dispatch": "assignment"},
+        {
+            "rows": 6,
+            "pickers": 4,
+            "row_length": 30.0,
+            "carriers": 3,
+            "seed": 251196,
+            "tractor": True,
+            "dispatch": "assignment",
+        },
         (2589, "tractor_01", 0.9806336947484193, -0.20920873895287542, 18),
     ),
     "aslant beside a picker that waits for the next one": (
-        {"rows": 5, "pickers": 4, "carriers": 2, "seed": 485947, "tractor": True, "route": "two-way"},
+        {
+            "rows": 5,
+            "pickers": 4,
+            "carriers": 2,
+            "seed": 485947,
+            "tractor": True,
+            "route": "two-way",
+        },
         (2640, "picker_01", 0.0, 0.012313167436511119, 15),
         (3196, "picker_01", 0.0, 0.30920989680203304, 5),
         (3433, "carrier_02", 0.8504667721745955, -0.07967350334625789, 14),
     ),
     "aslant before a picker that waits for it": (
-        {"rows": 8, "pickers": 4, "row_length": 40.0, "carriers": 1, "seed": 991736, "dispatch": "nearest", "route": "two-way"},
+        {
+            "rows": 8,
+            "pickers": 4,
+            "row_length": 40.0,
+            "carriers": 1,
+            "seed": 991736,
+            "dispatch": "nearest",
+            "route": "two-way",
+        },
         (856, "carrier_01", 0.8510380779924174, -0.273452245012485, 15),
         (3358, "picker_03", 0.27384450007697103, -0.2010655864776212, 6),
         (5258, "picker_02", 0.0, 0.07363394434795179, 9),
     ),
     "aslant beside its full bin, where it can turn neither ahead nor back": (
-        {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": "two-way", "tractor": True},
+        {
+            "rows": 4,
+            "pickers": 2,
+            "carriers": 2,
+            "row_length": 30.0,
+            "route": "two-way",
+            "tractor": True,
+        },
         (213, "carrier_01", 0.0, 1.07e-51, 19),
         (746, "carrier_01", -0.44255244420795103, 0.17461320145950499, 17),
     ),
     "past the place where it leaves the empty bin": (
-        {"rows": 4, "pickers": 3, "row_length": 40.0, "carriers": 3, "seed": 26015, "tractor": True, "dispatch": "nearest"},
+        {
+            "rows": 4,
+            "pickers": 3,
+            "row_length": 40.0,
+            "carriers": 3,
+            "seed": 26015,
+            "tractor": True,
+            "dispatch": "nearest",
+        },
         (820, "carrier_02", 0.7297432713987164, -0.06999531398102604, 20),
         (2480, "picker_02", 0.916847694408812, -0.3126112065199836, 13),
         (3385, "picker_01", 0.614761371903781, -0.12484377430627414, 20),
     ),
     "past the place where it turns, with another one behind": (
-        {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 30.0, "route": "two-way", "tractor": True},
+        {
+            "rows": 4,
+            "pickers": 2,
+            "carriers": 2,
+            "row_length": 30.0,
+            "route": "two-way",
+            "tractor": True,
+        },
         (1801, "carrier_02", 1.0, 0.25, 12),
     ),
     "past the head of the queue, with another one behind": (
-        {"rows": 4, "pickers": 2, "carriers": 4, "row_length": 30.0, "route": "two-way", "tractor": True},
+        {
+            "rows": 4,
+            "pickers": 2,
+            "carriers": 4,
+            "row_length": 30.0,
+            "route": "two-way",
+            "tractor": True,
+        },
         (1879, "carrier_01", 1.0, 0.17337756876858523, 16),
         (2215, "carrier_02", 1.0, -0.2899141750246008, 18),
     ),

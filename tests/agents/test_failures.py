@@ -13,13 +13,23 @@ from orchard.field.picking import failure
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 
-VARIED = {"spread": {"distribution": "lognormal", "cv": 0.3}, "failure": {"mean_between": 60.0, "mean_repair": 20.0}}
+VARIED = {
+    "spread": {"distribution": "lognormal", "cv": 0.3},
+    "failure": {"mean_between": 60.0, "mean_repair": 20.0},
+}
 OFTEN = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
 SHORT = 1100  # ticks: rows are picked, pickers fail, and bins are exchanged
 
 
 def varied(seed: int = 1, **changes) -> Scenario:
-    values = {"rows": 3, "row_length": 40.0, "picking_speed": 0.6, "seed": seed, "picking": VARIED, "carrying": OFTEN}
+    values = {
+        "rows": 3,
+        "row_length": 40.0,
+        "picking_speed": 0.6,
+        "seed": seed,
+        "picking": VARIED,
+        "carrying": OFTEN,
+    }
     return Scenario(**{**values, "tractor": False, **NOBODY_ABOUT, **changes})
 
 
@@ -31,10 +41,17 @@ def harvest(seed: int) -> Stage:
 
 
 def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on_when_it_is_repaired():
-    stage = Stage(empty_orchard(picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}))
+    stage = Stage(
+        empty_orchard(
+            picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}
+        )
+    )
     sound, repair = failure(1, "picker_01", 0, 60.0, 1800.0)
     assert sound < 140.0, "else it fails in a later row"
-    stage.run_until(lambda: stage.doing("picker_01") == "failed, is repaired" if stage.world.tick else False, sound + 0.5)
+    stage.run_until(
+        lambda: stage.doing("picker_01") == "failed, is repaired" if stage.world.tick else False,
+        sound + 0.5,
+    )
     assert stage.seconds == pytest.approx(sound, abs=0.2)
     assert stage.world.row_picked[0] == pytest.approx(0.5 * sound, abs=1e-6)
     assert stage.local.actions["picker_01"].state == "failed"
@@ -44,15 +61,34 @@ def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on
 
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
-def test_a_carrier_fails_where_it_has_driven_for_as_long_as_was_drawn_and_goes_on_with_its_job(route):
-    stage = Stage(empty_orchard(route=route, carriers=1, dispatch="nearest", carrying={"failure": {"mean_between": 60.0}}))
+def test_a_carrier_fails_where_it_has_driven_for_as_long_as_was_drawn_and_goes_on_with_its_job(
+    route,
+):
+    stage = Stage(
+        empty_orchard(
+            route=route,
+            carriers=1,
+            dispatch="nearest",
+            carrying={"failure": {"mean_between": 60.0}},
+        )
+    )
     sound, repair = failure(1, "carrier_01", 0, 60.0, 300.0)
     driven = []  # distance driven after each tick
-    stage.run_until(lambda: driven.append(stage.world.distance[stage.world.index["carrier_01"]]) or failed(stage), 300)
+    stage.run_until(
+        lambda: (
+            driven.append(stage.world.distance[stage.world.index["carrier_01"]]) or failed(stage)
+        ),
+        300,
+    )
     assert driven[-1] == pytest.approx(sound, abs=0.01), "at 1 m/s; it does not fail while it turns"
     job = stage.local.memories["carrier_01"].job
-    assert stage.run_until(lambda: not failed(stage), repair + 0.5) == pytest.approx(repair, abs=0.2)
-    assert stage.doing("carrier_01").startswith(("bringing an empty bin", "taking")) and stage.local.memories["carrier_01"].job == job
+    assert stage.run_until(lambda: not failed(stage), repair + 0.5) == pytest.approx(
+        repair, abs=0.2
+    )
+    assert (
+        stage.doing("carrier_01").startswith(("bringing an empty bin", "taking"))
+        and stage.local.memories["carrier_01"].job == job
+    )
 
 
 def failed(stage: Stage) -> bool:
@@ -76,7 +112,12 @@ def test_a_carrier_that_fails_right_behind_a_place_keeps_it_until_it_is_repaired
     stage.put("carrier_01", 0.0, 20.0)
     sound, _ = failure(1, "carrier_01", 0, 60.0, 30.0)
     drive = DriveTo(x=12.0, frees=[Gate(["first"], 1.0), Gate(["second"], 5.0)])
-    stage.give("carrier_01", [MayFail(1, 60.0, 30.0), drive], worked=sound - 6.0, reserved=["first", "second"])
+    stage.give(
+        "carrier_01",
+        [MayFail(1, 60.0, 30.0), drive],
+        worked=sound - 6.0,
+        reserved=["first", "second"],
+    )
     stage.run_until(lambda: failed(stage))
     stage.assert_at("carrier_01", x=6.0)
     assert stage.local.memories["carrier_01"].reserved == ["second"], "another one may turn there"
@@ -85,12 +126,20 @@ def test_a_carrier_that_fails_right_behind_a_place_keeps_it_until_it_is_repaired
 
 
 def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_picking_speed_of_its_picker():
-    stage = Stage(empty_orchard(seed=4, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}))
-    stage.run_until(lambda: stage.world.tick > 0 and stage.local.actions["picker_01"].state == "failed", 10)
+    stage = Stage(
+        empty_orchard(seed=4, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}})
+    )
+    stage.run_until(
+        lambda: stage.world.tick > 0 and stage.local.actions["picker_01"].state == "failed", 10
+    )
     filled = stage.world.row_picked[0]
-    assert filled == pytest.approx(7.439, abs=0.001), "so its last step is 0.039 m, and the others 0.1 m"
+    assert filled == pytest.approx(7.439, abs=0.001), (
+        "so its last step is 0.039 m, and the others 0.1 m"
+    )
     stage.run(3)
-    assert stage.local.memories["dispatch"].bins[stage.bin_of("picker_01")].seconds_to_full == pytest.approx(70.0 - filled, abs=0.1)
+    assert stage.local.memories["dispatch"].bins[
+        stage.bin_of("picker_01")
+    ].seconds_to_full == pytest.approx(70.0 - filled, abs=0.1)
 
 
 def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
@@ -102,9 +151,19 @@ def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
 
 
 def test_a_picker_that_fails_before_the_roads_asks_for_no_place_on_them():
-    seed = next(seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5)  # x = 31.75 to 33.25
-    stage = Stage(empty_orchard(seed=seed, picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 60.0}}))
-    stage.run_until(lambda: stage.world.tick > 1300 and stage.local.actions["picker_01"].state == "failed", 140)
+    seed = next(
+        seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5
+    )  # x = 31.75 to 33.25
+    stage = Stage(
+        empty_orchard(
+            seed=seed,
+            picking_speed=0.5,
+            picking={"failure": {"mean_between": 60.0, "mean_repair": 60.0}},
+        )
+    )
+    stage.run_until(
+        lambda: stage.world.tick > 1300 and stage.local.actions["picker_01"].state == "failed", 140
+    )
     stage.run(2)
     assert 31.7 < stage.pose("picker_01")[0] < 33.3
     assert stage.local.memories["picker_01"].reserved == []
@@ -113,13 +172,26 @@ def test_a_picker_that_fails_before_the_roads_asks_for_no_place_on_them():
 def test_with_spread_and_failures_the_seed_matters():
     one, other = harvest(1), harvest(2)
     assert abs(one.seconds - other.seconds) > 1.0
-    assert all(stage.world.delivered == 3 and stage.account.figures()["collisions"] == 0 for stage in (one, other))
-    assert {"failed"} <= one.account.figures()["state_seconds"]["picker"].keys() & one.account.figures()["state_seconds"]["carrier"].keys()
+    assert all(
+        stage.world.delivered == 3 and stage.account.figures()["collisions"] == 0
+        for stage in (one, other)
+    )
+    assert {"failed"} <= one.account.figures()["state_seconds"][
+        "picker"
+    ].keys() & one.account.figures()["state_seconds"]["carrier"].keys()
 
 
 def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
     scenario = varied(rows_to_pickers="balanced-ends")
-    assert len({local_hash(scenario, SHORT, holds=holds) for holds in (Lookahead, CheckedHolds, IgnoredHolds)}) == 1
+    assert (
+        len(
+            {
+                local_hash(scenario, SHORT, holds=holds)
+                for holds in (Lookahead, CheckedHolds, IgnoredHolds)
+            }
+        )
+        == 1
+    )
     assert "holds wrongly" not in caplog.text
 
 

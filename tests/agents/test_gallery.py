@@ -47,7 +47,9 @@ def test_each_failure_was_decided_at_the_moment_that_the_page_says_jams_and_says
 
     def changed_at(tick):
         run.go_on(tick)
-        fork = WatchedRun(forked(run.snapshot(), {decided[2]: value_of(decided[3])}), is_hashed=False)
+        fork = WatchedRun(
+            forked(run.snapshot(), {decided[2]: value_of(decided[3])}), is_hashed=False
+        )
         fork.go_on(20_000)
         return fork.ended
 

@@ -11,7 +11,16 @@ from local_runs import local_hash, start_afresh
 from msgspec.structs import replace
 from stage import Stage, Standing, empty_orchard
 
-from orchard import Assignment, BinReport, CarrierReport, Local, Scenario, ScenarioError, draw, lay_out
+from orchard import (
+    Assignment,
+    BinReport,
+    CarrierReport,
+    Local,
+    Scenario,
+    ScenarioError,
+    draw,
+    lay_out,
+)
 from orchard.agents import route
 from orchard.agents.catalogue import check_plugins
 from orchard.agents.dispatch import Dispatch
@@ -28,15 +37,53 @@ def policy(name: str) -> Dispatch:
     return dispatch_of(lay_out(empty_orchard(dispatch=name)))
 
 
-def decide(name: str, bins: list[BinReport], carriers: list[CarrierReport]) -> list[tuple[str, str]]:
+def decide(
+    name: str, bins: list[BinReport], carriers: list[CarrierReport]
+) -> list[tuple[str, str]]:
     made = policy(name)
     return [tuple(one) for one in made.assign(1000, bins, carriers, made.Memory())]
 
 
-NEAR = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0, seconds_to_full=0.0, seconds_to_reach=34.0)
-FAR = BinReport("bin_02", 9, "east", "picker_02", since=950, metres=75.0, seconds_to_full=0.0, seconds_to_reach=79.0)
-FILLING = BinReport("bin_03", 12, "east", "picker_03", since=960, metres=90.0, seconds_to_full=60.0, seconds_to_reach=94.0)
-UNRIPE = BinReport("bin_04", 3, "east", "picker_04", since=960, metres=40.0, seconds_to_full=300.0, seconds_to_reach=44.0)
+NEAR = BinReport(
+    "bin_01",
+    1,
+    "east",
+    "picker_01",
+    since=900,
+    metres=30.0,
+    seconds_to_full=0.0,
+    seconds_to_reach=34.0,
+)
+FAR = BinReport(
+    "bin_02",
+    9,
+    "east",
+    "picker_02",
+    since=950,
+    metres=75.0,
+    seconds_to_full=0.0,
+    seconds_to_reach=79.0,
+)
+FILLING = BinReport(
+    "bin_03",
+    12,
+    "east",
+    "picker_03",
+    since=960,
+    metres=90.0,
+    seconds_to_full=60.0,
+    seconds_to_reach=94.0,
+)
+UNRIPE = BinReport(
+    "bin_04",
+    3,
+    "east",
+    "picker_04",
+    since=960,
+    metres=40.0,
+    seconds_to_full=300.0,
+    seconds_to_reach=44.0,
+)
 HEAD = CarrierReport("carrier_02", "", True, 0.0)
 BUSY = CarrierReport("carrier_03", "bin_09", False, 0.0)
 DECISIONS = {
@@ -63,11 +110,17 @@ def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
 
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
-def test_carriers_at_the_heads_of_two_lines_go_by_name_though_one_stands_a_rounding_error_behind(name):
-    assert decide(name, [NEAR], [HEAD, CarrierReport("carrier_01", "", True, 2e-15)]) == [("bin_01", "carrier_01")]
+def test_carriers_at_the_heads_of_two_lines_go_by_name_though_one_stands_a_rounding_error_behind(
+    name,
+):
+    assert decide(name, [NEAR], [HEAD, CarrierReport("carrier_01", "", True, 2e-15)]) == [
+        ("bin_01", "carrier_01")
+    ]
 
 
-@pytest.mark.parametrize(("name", "first"), [("predictive", "bin_02"), ("predictive-farthest", "bin_03")])
+@pytest.mark.parametrize(
+    ("name", "first"), [("predictive", "bin_02"), ("predictive-farthest", "bin_03")]
+)
 def test_an_early_policy_sends_for_what_is_due_and_for_nothing_else(name, first):
     assert decide(name, [UNRIPE], [HEAD]) == []
     assert decide(name, [NEAR, FAR, FILLING, UNRIPE], [HEAD]) == [(first, "carrier_02")]
@@ -85,12 +138,18 @@ def test_predictive_serves_a_near_bin_though_a_far_one_is_full_again_and_again()
 
 def test_predictive_knows_since_when_a_bin_is_full_that_it_was_told_of_before():
     made = policy("predictive")
-    memory, soon, later = made.Memory(), replace(FILLING, seconds_to_full=20.0), replace(FILLING, name="bin_05", seconds_to_full=40.0)
+    memory, soon, later = (
+        made.Memory(),
+        replace(FILLING, seconds_to_full=20.0),
+        replace(FILLING, name="bin_05", seconds_to_full=40.0),
+    )
     assert made.assign(1000, [soon, later], [], memory) == []
     full = [replace(later, seconds_to_full=0.0), replace(soon, seconds_to_full=0.0)]
     assert [order.bin for order in made.assign(1500, full, [HEAD], memory)] == [soon.name]
     again = replace(soon, since=1600, seconds_to_full=0.0)  # a later call of the same bin
-    assert [order.bin for order in made.assign(1700, [again, full[0]], [HEAD], memory)] == [later.name]
+    assert [order.bin for order in made.assign(1700, [again, full[0]], [HEAD], memory)] == [
+        later.name
+    ]
 
 
 BINS = st.lists(
@@ -109,7 +168,13 @@ BINS = st.lists(
     max_size=20,
 )
 CARRIERS = st.lists(
-    st.builds(CarrierReport, st.integers(1, 40).map("carrier_{:02d}".format), st.just(""), st.booleans(), st.floats(0.0, 60.0)),
+    st.builds(
+        CarrierReport,
+        st.integers(1, 40).map("carrier_{:02d}".format),
+        st.just(""),
+        st.booleans(),
+        st.floats(0.0, 60.0),
+    ),
     unique_by=lambda report: report.name,
     max_size=20,
 )
@@ -118,17 +183,24 @@ CARRIERS = st.lists(
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 @settings(max_examples=40)
 @given(BINS, CARRIERS, st.randoms(use_true_random=False))
-def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_of_the_reports(name, bins, carriers, random):
+def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_of_the_reports(
+    name, bins, carriers, random
+):
     orders = decide(name, bins, carriers)
     assert {bin_name for bin_name, _ in orders} <= {report.name for report in bins}
-    assert {carrier for _, carrier in orders} <= {carrier.name for carrier in carriers if carrier.is_next}
+    assert {carrier for _, carrier in orders} <= {
+        carrier.name for carrier in carriers if carrier.is_next
+    }
     assert all(len(set(names)) == len(orders) for names in zip(*orders, strict=True))
     random.shuffle(bins), random.shuffle(carriers)
     assert decide(name, bins, carriers) == orders
 
 
 def test_a_policy_whose_package_is_missing_names_the_package():
-    with pytest.raises(ScenarioError, match=r"dispatch = own_policies.Lacking: cannot be used: .*No module named 'no_such_package'"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"dispatch = own_policies.Lacking: cannot be used: .*No module named 'no_such_package'",
+    ):
         check_plugins(lay_out(empty_orchard(dispatch="own_policies.Lacking")))
 
 
@@ -151,7 +223,11 @@ def test_a_harvest_with_each_policy_is_complete_without_a_collision(name):
 
 
 def test_early_carriers_make_the_harvest_shorter():
-    assert harvested("predictive").seconds < harvested("farthest-first").seconds < harvested("nearest").seconds
+    assert (
+        harvested("predictive").seconds
+        < harvested("farthest-first").seconds
+        < harvested("nearest").seconds
+    )
 
 
 @pytest.mark.parametrize("name", ["farthest-first", "predictive", "rolling"])
@@ -180,7 +256,9 @@ def test_a_carrier_that_comes_early_holds_before_the_lane_until_the_bin_is_left(
     stage.run_until(lambda: stage.pose("carrier_01")[1] < hold + 1e-6, 100)
     stage.run(20)
     stage.assert_at("carrier_01", y=hold, heading="SOUTH")
-    assert stage.local.actions["carrier_01"].waits_for == stage.bin_of("picker_01"), "it says for which bin it waits"
+    assert stage.local.actions["carrier_01"].waits_for == stage.bin_of("picker_01"), (
+        "it says for which bin it waits"
+    )
     stage.run_until(lambda: not stage.bin_of("picker_01"), 120)
     stage.assert_at("carrier_01", y=hold)
     stage.run_to_the_end()
@@ -196,14 +274,22 @@ def test_without_that_hold_the_early_carrier_shuts_the_picker_in(monkeypatch):
     assert stage.local.actions["carrier_01"].waits_for == "picker_01"
 
 
-def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_that_names_its_bin(soon_jammed):
+def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_that_names_its_bin(
+    soon_jammed,
+):
     stage = Stage(small("predictive", rows=3))
-    stage.run_until(lambda: any(getattr(memory, "job", None) for memory in stage.local.memories.values()), 100)
-    waited_for = next(memory.job for memory in stage.local.memories.values() if getattr(memory, "job", None))
+    stage.run_until(
+        lambda: any(getattr(memory, "job", None) for memory in stage.local.memories.values()), 100
+    )
+    waited_for = next(
+        memory.job for memory in stage.local.memories.values() if getattr(memory, "job", None)
+    )
     stage.local.agents[waited_for.picker] = Standing()
     stage.local.engine.wake([waited_for.picker])
     stage.run_until(lambda: bool(stage.account.jam), 3000)
-    assert any(f"waits for {waited_for.bin}" in line for line in stage.account.jam), stage.account.jam
+    assert any(f"waits for {waited_for.bin}" in line for line in stage.account.jam), (
+        stage.account.jam
+    )
     assert stage.local.engine.violations() == []
 
 
@@ -238,30 +324,41 @@ MISTAKES = {
 def test_a_carrier_whose_answers_to_two_questions_come_together_is_sent_to_one_bin():
     """As in realtime, where an answer may be late."""
     dispatcher = Dispatcher(lay_out(Scenario(dispatch="nearest")), "dispatch")
-    fetches = [Heard(name, 0, 0, Fetch(lane, "east", "picker_01", 0, 0.0)) for lane, name in enumerate(("bin_01", "bin_02"), 1)]
+    fetches = [
+        Heard(name, 0, 0, Fetch(lane, "east", "picker_01", 0, 0.0))
+        for lane, name in enumerate(("bin_01", "bin_02"), 1)
+    ]
     memory = dispatcher.tick(without_body("dispatch", 1), Mail(fetches), None).memory
     free = CarrierStatus("", True, 5.0)
     answers = [Reply("carrier_01", 0, CarrierQuery(), free) for _ in range(2)]
     memory = dispatcher.tick(without_body("dispatch", 2), Mail([], answers), memory).memory
-    assert {name: booking.carrier for name, booking in memory.bookings.items()} == {"bin_01": "carrier_01"}
+    assert {name: booking.carrier for name, booking in memory.bookings.items()} == {
+        "bin_01": "carrier_01"
+    }
     assert memory.refused == 0
 
 
 def test_names_in_a_decision_may_be_of_a_text_type_of_a_library():
     (order,) = checked([Assignment(np.str_("bin_01"), np.str_("carrier_02"))], [NEAR], [HEAD])
-    assert [type(name) for name in order] == [str, str], "the dispatcher keeps them in its memory, which takes plain text only"
+    assert [type(name) for name in order] == [str, str], (
+        "the dispatcher keeps them in its memory, which takes plain text only"
+    )
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_on(name, caplog):
     stage = Stage(small(f"own_policies.{name}", rows=3, carriers=3))
     stage.run_until(lambda: stage.world.delivered == 1, 500)
-    faults = [record.getMessage() for record in caplog.records if "dispatch policy" in record.getMessage()]
+    faults = [
+        record.getMessage() for record in caplog.records if "dispatch policy" in record.getMessage()
+    ]
     assert len(faults) == 1, "once in the log"
     assert re.search(MISTAKES[name], faults[0]), faults[0]
     figures = stage.account.figures()
     assert figures["orders_refused"] >= 1
-    assert [line.split(",")[0] for line in figures["broken_agents"]] == ["dispatch"], "so the exit code is 1"
+    assert [line.split(",")[0] for line in figures["broken_agents"]] == ["dispatch"], (
+        "so the exit code is 1"
+    )
     assert stage.account.fault == ""
 
 
@@ -274,7 +371,9 @@ def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_s
     fleet.share(1)
     code, out, _ = fleet.world.end(120.0)
     assert code == 1
-    assert re.search(rf"refused: tick {stage.world.tick}, .* hash {stage.local.engine.hash}", out), out
+    assert re.search(
+        rf"refused: tick {stage.world.tick}, .* hash {stage.local.engine.hash}", out
+    ), out
 
 
 @pytest.mark.soak

@@ -13,7 +13,9 @@ from orchard.field.scenario import NEAREST, People, Scenario
 
 
 def test_pickers_begin_at_the_head_of_their_lane_and_pick_it_to_the_end():
-    stage = Stage(empty_orchard(dispatch=NEAREST))  # no carrier passes the lane before the row is picked
+    stage = Stage(
+        empty_orchard(dispatch=NEAREST)
+    )  # no carrier passes the lane before the row is picked
     stage.assert_at("picker_01", x=-35.5, y=stage.world.layout.lane(1).y, heading="EAST")
     fruit = stage.bin_of("picker_01")
     took = stage.run_until(lambda: stage.is_full(fruit), 80)
@@ -24,7 +26,13 @@ def test_pickers_begin_at_the_head_of_their_lane_and_pick_it_to_the_end():
 def test_pickers_stop_for_an_obstacle_and_go_on_when_it_has_moved():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
     stage.put("worker_01", 0.0, stage.world.layout.lane(1).y, "NORTH")
-    stage.run_until(lambda: stage.local.actions and stage.local.actions["picker_01"].waits_for == "an obstacle ahead", 60)
+    stage.run_until(
+        lambda: (
+            stage.local.actions
+            and stage.local.actions["picker_01"].waits_for == "an obstacle ahead"
+        ),
+        60,
+    )
     stage.run(20)
     assert stage.pose("picker_01")[0] < 0.0
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
@@ -44,8 +52,15 @@ def test_pickers_leave_the_full_bin_and_swap_it_for_an_empty_one_by_a_carrier():
 
 @pytest.mark.parametrize("speed", [1.0, 0.05])
 def test_pickers_ask_for_the_roads_three_seconds_before_they_must_stop_for_them(speed):
-    stage = Stage(empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=speed, dispatch=NEAREST))
-    stage.run_until(lambda: any(wanted(request) for request in stage.local.answers.get("picker_01", Action()).requests), 500)
+    stage = Stage(
+        empty_orchard(pickers=3, carriers=1, row_length=20.0, picking_speed=speed, dispatch=NEAREST)
+    )
+    stage.run_until(
+        lambda: any(
+            wanted(request) for request in stage.local.answers.get("picker_01", Action()).requests
+        ),
+        500,
+    )
     left = OneWay.PICKER_HOLD + stage.world.layout.shift - stage.pose("picker_01")[0]
     assert left / speed == pytest.approx(3.0, abs=0.3)
 
@@ -73,7 +88,9 @@ def test_carriers_stop_for_an_obstacle_on_the_road():
 
 def test_a_carrier_at_work_stops_for_a_person_beside_the_bin_that_it_ignores():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=0)), worker_01=Standing())
-    stage.put("worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH")  # in the way of its loop, a metre off the full bin
+    stage.put(
+        "worker_01", 33.2, stage.world.layout.lane(1).y - 1.9, "NORTH"
+    )  # in the way of its loop, a metre off the full bin
     stage.run(300)
     assert stage.bin_of("picker_01"), "the empty bin was delivered"
     assert stage.is_full("bin_01")
@@ -91,12 +108,16 @@ class Asker:
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:
         self.answers += [reply.body for reply in mail.replies]
-        return Action(requests=[("bin_01", StateRequest())] if seen.tick in (0, 720) else [], memory=memory)
+        return Action(
+            requests=[("bin_01", StateRequest())] if seen.tick in (0, 720) else [], memory=memory
+        )
 
 
 def test_bins_tell_whether_they_are_full_and_on_whom():
     asker = Asker()
-    stage = Stage(empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST), worker_01=asker)
+    stage = Stage(
+        empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST), worker_01=asker
+    )
     stage.run(73)
     begun, left = asker.answers
     assert (begun.full, begun.coupled_to) == (False, "picker_01")
@@ -116,9 +137,13 @@ def test_a_bin_that_begins_without_a_memory_on_a_picker_that_has_begun_forecasts
 def test_the_tractor_drives_twenty_metres_waits_and_turns_about():
     stage = meadow(tractor=True)
     stage.assert_at("tractor_01", -45.0, 29.0, "EAST")
-    stage.run_until(lambda: stage.doing("tractor_01") == "being loaded" if stage.local.actions else False, 30)
+    stage.run_until(
+        lambda: stage.doing("tractor_01") == "being loaded" if stage.local.actions else False, 30
+    )
     stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
-    assert stage.run_until(lambda: stage.doing("tractor_01") == "turning about", 10) == pytest.approx(5.0)
+    assert stage.run_until(
+        lambda: stage.doing("tractor_01") == "turning about", 10
+    ) == pytest.approx(5.0)
     stage.run(7.9)
     stage.assert_at("tractor_01", x=-25.0, heading="WEST")
     stage.run_until(lambda: stage.doing("tractor_01") == "being unloaded", 30)
@@ -138,9 +163,16 @@ def test_the_tractor_stops_for_an_obstacle_and_waits_for_it_to_move():
 
 def test_the_tractor_does_not_turn_while_somebody_stands_where_no_laser_looks():
     stage = meadow(tractor=True, people=People(workers=1, visitors=0))
-    stage.local.agents["worker_01"] = Acting(lambda seen, mail, memory: Action(answers=tell_where(seen, mail), memory=memory))
-    stage.put("worker_01", -27.2, 31.2, "NORTH")  # beside its tail, when it has come to the east end
-    stage.run_until(lambda: stage.local.actions and stage.local.actions["tractor_01"].waits_for == "worker_01", 60)
+    stage.local.agents["worker_01"] = Acting(
+        lambda seen, mail, memory: Action(answers=tell_where(seen, mail), memory=memory)
+    )
+    stage.put(
+        "worker_01", -27.2, 31.2, "NORTH"
+    )  # beside its tail, when it has come to the east end
+    stage.run_until(
+        lambda: stage.local.actions and stage.local.actions["tractor_01"].waits_for == "worker_01",
+        60,
+    )
     stage.run(20)
     stage.assert_at("tractor_01", -25.0, 29.0, "EAST")
     stage.assert_no_collisions()

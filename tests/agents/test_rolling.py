@@ -22,12 +22,20 @@ HEAD = CarrierReport("carrier_01", "", True, 0.0)
 
 
 def orchard(**values: Any) -> Any:
-    return lay_out(empty_orchard(**{"dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"} | values))
+    return lay_out(
+        empty_orchard(
+            **{"dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"}
+            | values
+        )
+    )
 
 
 @pytest.mark.parametrize("values", LOADED)
 def test_it_makes_harvests_shorter_in_which_carriers_are_short(values):
-    assert DiscreteHarvest(orchard(**values)).run().seconds < 0.95 * DiscreteHarvest(orchard(**values, dispatch="predictive")).run().seconds
+    assert (
+        DiscreteHarvest(orchard(**values)).run().seconds
+        < 0.95 * DiscreteHarvest(orchard(**values, dispatch="predictive")).run().seconds
+    )
 
 
 @pytest.mark.parametrize("values", LOADED)
@@ -57,9 +65,16 @@ def test_of_several_lines_the_first_one_leaves_first_as_in_the_decisions_of_the_
 
 def test_it_decides_as_predictive_with_many_pickers_in_the_long_run_and_on_roads_that_it_does_not_know():
     many, most = orchard(rows=30, pickers=21, carriers=4), orchard(rows=30, pickers=20, carriers=4)
-    unknown = orchard(rows=4, pickers=2, carriers=2, route="examples.seams.signalled_route.SignalledRoute")
+    unknown = orchard(
+        rows=4, pickers=2, carriers=2, route="examples.seams.signalled_route.SignalledRoute"
+    )
     again = DiscreteHarvest(orchard(rows=4, pickers=2, carriers=2), rows_each=6).layout
-    assert [bool(Rolling(layout).courses) for layout in (many, unknown, again, most)] == [False, False, False, True]
+    assert [bool(Rolling(layout).courses) for layout in (many, unknown, again, most)] == [
+        False,
+        False,
+        False,
+        True,
+    ]
 
 
 def test_no_picker_is_left_out_while_others_go_on():
@@ -69,7 +84,11 @@ def test_no_picker_is_left_out_while_others_go_on():
             ahead.append(max(served.values()) - min(served[picker] for picker in layout.blocks))
             super().start(call, carrier)
 
-    layout, served, ahead = orchard(rows=36, pickers=3, carriers=1, row_length=30.0), Counter[str](), list[int]()
+    layout, served, ahead = (
+        orchard(rows=36, pickers=3, carriers=1, row_length=30.0),
+        Counter[str](),
+        list[int](),
+    )
     DiscreteHarvest(layout, calls=Counted).run()
     assert set(served.values()) == {12}
     assert max(ahead) <= AHEAD
@@ -77,9 +96,14 @@ def test_no_picker_is_left_out_while_others_go_on():
 
 def test_a_bin_that_reports_again_because_its_carrier_does_not_come_gets_another_one():
     policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
-    memory, report = policy.Memory(), BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)
+    memory, report = (
+        policy.Memory(),
+        BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0),
+    )
     assert policy.assign(900, [report], [HEAD], memory) == [Assignment("bin_01", "carrier_01")]
     memory = unpack(pack(memory), policy.Memory)
-    assert policy.assign(1200, [report], [CarrierReport("carrier_02", "", True, 0.0)], memory) == [Assignment("bin_01", "carrier_02")]
+    assert policy.assign(1200, [report], [CarrierReport("carrier_02", "", True, 0.0)], memory) == [
+        Assignment("bin_01", "carrier_02")
+    ]
     assert memory.trips["carrier_01"].bin.number == memory.trips["carrier_02"].bin.number == 0
     assert memory.after["picker_01"].number == 1

@@ -8,7 +8,18 @@ from functools import cache
 import pytest
 from local_runs import start_afresh
 
-from orchard import Assignment, BinReport, Block, CarrierReport, Local, OneWay, Scenario, ScenarioError, Step, lay_out
+from orchard import (
+    Assignment,
+    BinReport,
+    Block,
+    CarrierReport,
+    Local,
+    OneWay,
+    Scenario,
+    ScenarioError,
+    Step,
+    lay_out,
+)
 from orchard.agents.catalogue import check_plugins
 from orchard.contract.messages import CustomMessage
 from orchard.field.scenario import check
@@ -73,7 +84,10 @@ def test_every_agent_can_be_started_afresh_from_its_bytes(name):
 
 def test_the_farthest_bin_is_fetched_first_by_that_policy():
     policy = Local(scenario(**EXAMPLES["dispatch"])).agents["dispatch"].agent.policy
-    bins = [BinReport(f"bin_0{lane}", lane, "east", f"picker_0{lane}", since=0, metres=10.0 * lane) for lane in (1, 2)]
+    bins = [
+        BinReport(f"bin_0{lane}", lane, "east", f"picker_0{lane}", since=0, metres=10.0 * lane)
+        for lane in (1, 2)
+    ]
     carriers = [CarrierReport("carrier_01", job="", is_next=True, metres=0.0)]
     assert policy.assign(0, bins, carriers, policy.Memory()) == [Assignment("bin_02", "carrier_01")]
 
@@ -87,7 +101,9 @@ def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
 def test_rows_follow_the_rule_that_is_named():
     blocks = lay_out(Scenario(rows=4, pickers=2, **EXAMPLES["rows"])).blocks
     assert blocks == {"picker_01": Block((1, 2), "east"), "picker_02": Block((3, 4), "east")}
-    assert lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="test_seams.plain_rows")).blocks["picker_02"] == Block((4,), "west")
+    assert lay_out(Scenario(rows=4, pickers=2, rows_to_pickers="test_seams.plain_rows")).blocks[
+        "picker_02"
+    ] == Block((4,), "west")
 
 
 def test_bounds_and_drawings_follow_the_route_that_is_named():
@@ -193,17 +209,26 @@ UNUSABLE = [
     ({"dispatch": "nowhere.Mine"}, "dispatch = nowhere.Mine: cannot be used: ModuleNotFoundError"),
     ({"dispatch": "test_seams.Raising"}, r"LookupError: no map \(.*test_seams.py, line \d+"),
     ({"dispatch": "test_seams.Forgetful"}, r"it has no assign \(.*test_seams.py, line \d+"),
-    ({"dispatch": "test_seams.WithoutArguments"}, r"; the program calls it with \(layout\) \(.*test_seams.py, line \d+"),
+    (
+        {"dispatch": "test_seams.WithoutArguments"},
+        r"; the program calls it with \(layout\) \(.*test_seams.py, line \d+",
+    ),
     ({"route": "test_seams.Forgetful"}, "must be a class that is derived from OneWay"),
     ({"route": "test_seams.Unregistered"}, "Detour is not in `Steps`"),
     ({"route": "test_seams.SameName"}, "Wait"),
     ({"route": "test_seams.Nested"}, "Detour is not in `Steps`, or is within a step"),
     ({"route": "test_seams.Failing"}, r"LookupError: no road \(.*test_seams.py, line \d+"),
     ({"route": "test_seams.NoSuchQueue"}, "its QUEUE is 'nowhere'; must be one-way or two-way"),
-    ({"rows_to_pickers": "test_seams.no_rows"}, r"it returned None; .* with the keys picker_01, picker_02 \(.*test_seams.py, line \d+"),
+    (
+        {"rows_to_pickers": "test_seams.no_rows"},
+        r"it returned None; .* with the keys picker_01, picker_02 \(.*test_seams.py, line \d+",
+    ),
     ({"rows_to_pickers": "test_seams.odd_and_even"}, "must be neighbours"),
     ({"rows_to_pickers": "test_seams.upwards"}, "in their order from north to south"),
-    ({"rows_to_pickers": "test_seams.from_the_north"}, "starts at the end 'west' or 'east', and not picker_02 at 'north'"),
+    (
+        {"rows_to_pickers": "test_seams.from_the_north"},
+        "starts at the end 'west' or 'east', and not picker_02 at 'north'",
+    ),
     ({"rows_to_pickers": "test_seams.one_row_each"}, "each row of 1 to 4 must go to one picker"),
     ({"rows_to_pickers": "test_seams.nothing"}, "no attribute 'nothing'"),
     ({"order_in_row": "test_seams.nothing", "metres_per_bin": 10.0}, "no attribute 'nothing'"),
@@ -220,7 +245,9 @@ def test_what_cannot_be_used_is_named_before_the_run(named, why):
         check_plugins(lay_out(scenario(**named)))
 
 
-@pytest.mark.parametrize("name", ["picker_x", "traffic", "traffic_2", "dispatch", "physics", "Weather", "a b"])
+@pytest.mark.parametrize(
+    "name", ["picker_x", "traffic", "traffic_2", "dispatch", "physics", "Weather", "a b"]
+)
 def test_a_further_agent_needs_a_name_of_its_own(name):
     with pytest.raises(ScenarioError, match=name):
         check({"agents_without_body": {name: "a.B"}})

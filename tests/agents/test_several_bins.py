@@ -31,15 +31,23 @@ from orchard.tables.exchanges import exchanges
     st.sampled_from(["west", "east"]),
     st.sampled_from(ROW_ORDERS),
 )
-def test_each_metre_is_picked_once_and_each_bin_but_the_last_is_full(rows, metres_per_bin, start, order):
-    passes = passes_of(rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin, ORDERS[order])
-    assert [one.end for one in passes] == [["east", "west"][(count + (start == "east")) % 2] for count in range(len(passes))]
+def test_each_metre_is_picked_once_and_each_bin_but_the_last_is_full(
+    rows, metres_per_bin, start, order
+):
+    passes = passes_of(
+        rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin, ORDERS[order]
+    )
+    assert [one.end for one in passes] == [
+        ["east", "west"][(count + (start == "east")) % 2] for count in range(len(passes))
+    ]
     for number, (west, east) in enumerate(rows, start=1):
         parts = sorted(sorted((one.begin, one.stop)) for one in passes if one.row == number)
         assert (parts[0][0], parts[-1][1]) == (west, east)
         assert [one[1] for one in parts[:-1]] == pytest.approx([after[0] for after in parts[1:]])
     fills = [one.fill for one in passes if one.leaves_bin]
-    assert passes[-1].leaves_bin and all(one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes)
+    assert passes[-1].leaves_bin and all(
+        one.is_full == (one.fill >= metres_per_bin - FULL_WITHIN) for one in passes
+    )
     assert fills[:-1] == pytest.approx([metres_per_bin] * (len(fills) - 1))
     assert sum(fills) == pytest.approx(sum(east - west for west, east in rows), abs=1e-4)
 
@@ -55,7 +63,9 @@ def orchards(draw: st.DrawFn) -> dict[str, Any]:
         "pickers": draw(st.integers(2, min(rows, 8))),
         "carriers": draw(st.integers(1, 6)),
         "row_length": length,
-        "metres_per_bin": draw(st.one_of(st.integers(1, 5).map(lambda bins: length / bins), st.floats(5.0, 200.0))),
+        "metres_per_bin": draw(
+            st.one_of(st.integers(1, 5).map(lambda bins: length / bins), st.floats(5.0, 200.0))
+        ),
         "route": draw(st.sampled_from(["one-way", "two-way"])),
         "dispatch": draw(st.sampled_from(DISPATCH_POLICIES)),
         "rows_to_pickers": draw(st.sampled_from(ROW_RULES)),
@@ -83,13 +93,26 @@ def harvested(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every
 def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
     stage.assert_no_collisions()
     world, layout, scenario = stage.world, stage.world.layout, stage.world.layout.scenario
-    of_each = [sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()]
+    of_each = [
+        sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()
+    ]
     bins = sum(ceil(metres / scenario.metres_per_bin - 1e-6) for metres in of_each)
     assert world.row_picked.tolist() == pytest.approx([lane.length for lane in layout.lanes])
-    assert (layout.bins, world.delivered, world.delivered_metres) == (bins, bins, pytest.approx(sum(of_each)))
-    made = exchanges([{name: getattr(event, name) for name in ("tick", "what", "who", "whom", "detail")} for event in stage.events])
+    assert (layout.bins, world.delivered, world.delivered_metres) == (
+        bins,
+        bins,
+        pytest.approx(sum(of_each)),
+    )
+    made = exchanges(
+        [
+            {name: getattr(event, name) for name in ("tick", "what", "who", "whom", "detail")}
+            for event in stage.events
+        ]
+    )
     assert sum(one["metres"] for one in made) == pytest.approx(sum(of_each), abs=0.01 * bins)
-    assert len(made) == bins and all(one["left"] and one["brought"] and one["fetched"] and one["unloaded"] for one in made)
+    assert len(made) == bins and all(
+        one["left"] and one["brought"] and one["fetched"] and one["unloaded"] for one in made
+    )
 
 
 FAILURE = {"failure": {"mean_between": 60.0, "mean_repair": 20.0}}
@@ -97,8 +120,16 @@ GNSS = {"gnss": {"white": 0.02, "bias": 0.03}}
 HARVESTS: dict[str, dict[str, Any]] = {
     "bins that go on with the next row": {"metres_per_bin": 12.0},
     "bins that are full where the row ends": {"metres_per_bin": 12.0, "order_in_row": "outward"},
-    "an order of the user's own": {"metres_per_bin": 7.0, "order_in_row": "test_several_bins.in_turn"},
-    "bins larger than rows": {"rows": 4, "carriers": 1, "metres_per_bin": 50.0, "dispatch": "nearest"},
+    "an order of the user's own": {
+        "metres_per_bin": 7.0,
+        "order_in_row": "test_several_bins.in_turn",
+    },
+    "bins larger than rows": {
+        "rows": 4,
+        "carriers": 1,
+        "metres_per_bin": 50.0,
+        "dispatch": "nearest",
+    },
     "two-way, and from both ends": {
         **{"pickers": 3, "carriers": 2, "metres_per_bin": 16.0, "picking_speed": 0.3},
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
@@ -108,14 +139,23 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"picking": FAILURE, "dispatch": "assignment"},
     },
     "sensors with errors": {"pickers": 3, "carriers": 3, "metres_per_bin": 20.0, "sensors": GNSS},
-    "outward, and sensors with errors": {"carriers": 2, "metres_per_bin": 20.0, "order_in_row": "outward", "sensors": GNSS},
+    "outward, and sensors with errors": {
+        "carriers": 2,
+        "metres_per_bin": 20.0,
+        "order_in_row": "outward",
+        "sensors": GNSS,
+    },
     "surveyed rows": {"metres_per_bin": 14.0, "order_in_row": "outward"},
 }
 
 
 def harvest_of(name: str) -> Scenario:
     values = {"carriers": 4, **HARVESTS[name]}
-    return orchard_of(UNEQUAL, **values) if "surveyed" in name else empty_orchard(row_length=30.0, **values)
+    return (
+        orchard_of(UNEQUAL, **values)
+        if "surveyed" in name
+        else empty_orchard(row_length=30.0, **values)
+    )
 
 
 @cache
@@ -136,17 +176,23 @@ def test_all_is_picked_into_bins_and_delivered(name):
 
 
 def test_no_hold_is_wrong():
-    assert_all_is_picked_into_bins_and_delivered(harvested(harvest_of("two-way, and from both ends"), CheckedHolds))
+    assert_all_is_picked_into_bins_and_delivered(
+        harvested(harvest_of("two-way, and from both ends"), CheckedHolds)
+    )
 
 
 @pytest.mark.soak
 @settings(max_examples=60, phases=[Phase.generate])
 @given(orchards(), st.sampled_from([Lookahead, CheckedHolds]), st.sampled_from([0, 7, 100, 1011]))
 def test_random_harvests_finish_without_a_collision(values, holds, kill_every):
-    assert_all_is_picked_into_bins_and_delivered(harvested(empty_orchard(**values), holds, kill_every))
+    assert_all_is_picked_into_bins_and_delivered(
+        harvested(empty_orchard(**values), holds, kill_every)
+    )
 
 
-@pytest.mark.parametrize("name", ["bins that go on with the next row", "bins that are full where the row ends"])
+@pytest.mark.parametrize(
+    "name", ["bins that go on with the next row", "bins that are full where the row ends"]
+)
 def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash(name):
     """Each stretch of the run ends with the state, the memories and the mail with which the next one begins."""
     for begun, meant in pairwise(snapshots_of(name)[1]):
@@ -156,7 +202,11 @@ def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash(
                 start_afresh(again)
             again.tick()
         ended = again.snapshot()
-        assert (ended.digest, ended.memories, ended.letters) == (meant.digest, meant.memories, meant.letters)
+        assert (ended.digest, ended.memories, ended.letters) == (
+            meant.digest,
+            meant.memories,
+            meant.letters,
+        )
         assert again.engine.violations() == []
 
 
@@ -168,8 +218,13 @@ def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
     assert len(pack(stage.local.memories["picker_01"])) < 8192
 
 
-@pytest.mark.parametrize("metres_per_bin, bins, seconds", [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))])
-def test_what_it_costs_to_drive_to_the_ends_of_rows_is_in_the_summary(metres_per_bin, bins, seconds):
+@pytest.mark.parametrize(
+    "metres_per_bin, bins, seconds",
+    [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))],
+)
+def test_what_it_costs_to_drive_to_the_ends_of_rows_is_in_the_summary(
+    metres_per_bin, bins, seconds
+):
     """With four bins a row there are three more drives through 70 m, and three more turns."""
     stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
     told = stage.account.figures()

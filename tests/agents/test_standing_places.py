@@ -16,7 +16,19 @@ from orchard.agents.robot import Step
 from orchard.agents.route import OneWay
 from orchard.agents.routes import route_of
 from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE, TURN_MARGIN, Box
-from orchard.agents.steps import Alone, Confirmed, Deliver, DriveTo, Face, FetchEmpty, Free, LeaveBin, Need, TakeBin, Unload
+from orchard.agents.steps import (
+    Alone,
+    Confirmed,
+    Deliver,
+    DriveTo,
+    Face,
+    FetchEmpty,
+    Free,
+    LeaveBin,
+    Need,
+    TakeBin,
+    Unload,
+)
 from orchard.agents.tractor import EAST_END, WEST_END
 from orchard.field.geometry import EAST, HEADINGS, SOUTH, WEST, angle_between
 from orchard.field.kinds import KINDS
@@ -72,7 +84,11 @@ def least(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def test_what_turns_sweep_is_what_the_plan_says():
-    for shape, radius in ((outline("carrier"), 1.17), (train("carrier"), 2.45), (train("picker"), 2.80)):
+    for shape, radius in (
+        (outline("carrier"), 1.17),
+        (train("carrier"), 2.45),
+        (train("picker"), 2.80),
+    ):
         assert np.hypot(*shape.T).max() == pytest.approx(radius, abs=0.005)
 
 
@@ -115,17 +131,24 @@ class Area(NamedTuple):
     stage: int  # 2 row while its picker picks a row and leaves the bin, then 2 row + 1; a job for that row has that number
     heading: str  # of a robot or its bin; '' for a bin that is left
     places: frozenset[str]  # that the robot holds
-    end: tuple[float, float] = (np.nan, np.nan)  # of a drive: where the robot turns onto the next road
+    end: tuple[float, float] = (
+        np.nan,
+        np.nan,
+    )  # of a drive: where the robot turns onto the next road
     blind_to: tuple[Box, ...] = ()
 
 
-Turn = tuple[Area, np.ndarray, str]  # where a robot turns; its outline in its own frame, m; the heading to which it turns
+Turn = tuple[
+    Area, np.ndarray, str
+]  # where a robot turns; its outline in its own frame, m; the heading to which it turns
 
 
 class Walk:
     """A plan, driven without an obstacle: where its robot may stand, and what it must find free."""
 
-    def __init__(self, robot: str, picker: str, x: float, y: float, stage: int = 0, heading: str = "EAST") -> None:
+    def __init__(
+        self, robot: str, picker: str, x: float, y: float, stage: int = 0, heading: str = "EAST"
+    ) -> None:
         self.robot, self.picker, self.x, self.y, self.stage = robot, picker, x, y, stage
         self.kind = KINDS["picker" if robot == picker else "carrier"]
         self.heading, self.tows, self.places = heading, True, frozenset[str]()
@@ -135,7 +158,9 @@ class Walk:
         self.stand()
 
     def stand(self) -> None:
-        self.stands.append(self.area(self.x, self.y, self.kind.length, self.kind.width, self.heading))
+        self.stands.append(
+            self.area(self.x, self.y, self.kind.length, self.kind.width, self.heading)
+        )
         if self.tows:
             self.stands.append(self.bin_behind(self.heading))
 
@@ -149,7 +174,9 @@ class Walk:
 
     def bin_behind(self, heading: str) -> Area:
         ux, uy = UNIT[self.heading]
-        return self.area(self.x - ux * self.kind.tows, self.y - uy * self.kind.tows, 1.0, 1.0, heading)
+        return self.area(
+            self.x - ux * self.kind.tows, self.y - uy * self.kind.tows, 1.0, 1.0, heading
+        )
 
     def follow(self, steps: list[Step]) -> None:
         for step in steps:
@@ -161,7 +188,9 @@ class Walk:
                 case Face():
                     self.turns.append(
                         (
-                            self.area(self.x, self.y, 0.0, 0.0, self.heading)._replace(blind_to=tuple(step.blind_to)),
+                            self.area(self.x, self.y, 0.0, 0.0, self.heading)._replace(
+                                blind_to=tuple(step.blind_to)
+                            ),
                             self.outline(),
                             step.heading,
                         )
@@ -183,13 +212,22 @@ class Walk:
     def drive(self, step: DriveTo) -> None:
         """Drive from gate to gate: before a gate the robot may stand, while it does not hold the places."""
         ahead, target = sum(UNIT[self.heading]), self.along(step)
-        needs = {gate.at: [place for other in step.needs if other.at == gate.at for place in other.places] for gate in step.needs}
-        gates = [(at, True, places) for at, places in needs.items()] + [(gate.at, False, gate.places) for gate in step.frees]
+        needs = {
+            gate.at: [
+                place for other in step.needs if other.at == gate.at for place in other.places
+            ]
+            for gate in step.needs
+        }
+        gates = [(at, True, places) for at, places in needs.items()] + [
+            (gate.at, False, gate.places) for gate in step.frees
+        ]
         for at, needed, places in sorted(gates, key=lambda gate: (ahead * gate[0], gate[1])):
             here = self.y if step.x is None else self.x
             if ahead * at > ahead * target:
                 break
-            wanted = frozenset(places if needed else ())  # where it waits for a place, it may as well stand a little earlier
+            wanted = frozenset(
+                places if needed else ()
+            )  # where it waits for a place, it may as well stand a little earlier
             self.leg(step, max(here, at) if ahead > 0 else min(here, at), ahead, wanted)
             if needed:
                 self.stand()
@@ -199,24 +237,43 @@ class Walk:
     def along(self, step: DriveTo) -> float:
         return float(step.y if step.x is None else step.x)  # type: ignore[arg-type]
 
-    def leg(self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()) -> None:
+    def leg(
+        self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()
+    ) -> None:
         here = self.y if step.x is None else self.x
-        length, middle = abs(to - here) + STOP_DISTANCE, (here + to + ahead * (STOP_DISTANCE + self.kind.length)) / 2
+        length, middle = (
+            abs(to - here) + STOP_DISTANCE,
+            (here + to + ahead * (STOP_DISTANCE + self.kind.length)) / 2,
+        )
         at = (self.x, middle) if step.x is None else (middle, self.y)
         self.x, self.y = (self.x, to) if step.x is None else (to, self.y)
         if to != here:
             area = self.area(*at, length, self.kind.width + 2 * SIDE_MARGIN, self.heading)
-            self.drives.append(area._replace(places=self.places | wanted, end=(self.x, self.y), blind_to=tuple(step.blind_to)))
+            self.drives.append(
+                area._replace(
+                    places=self.places | wanted, end=(self.x, self.y), blind_to=tuple(step.blind_to)
+                )
+            )
 
 
 def walks_of(layout: Layout) -> Iterator[Walk]:
     """The work of every picker, a job for every row and from every line of the queue, and the other carriers in the queue."""
     route, carriers = route_of(layout), range(1, layout.scenario.carrier_count + 1)
     heads = carriers[:: layout.queue.places]
-    yield from (Walk(f"carrier {number}", "", layout.queue.place(number - 1).x, layout.queue.place(number - 1).y) for number in carriers)
+    yield from (
+        Walk(
+            f"carrier {number}",
+            "",
+            layout.queue.place(number - 1).x,
+            layout.queue.place(number - 1).y,
+        )
+        for number in carriers
+    )
     for name, block in layout.blocks.items():
         start = layout.starts[layout.index[name]].pose
-        walk = Walk(name, name, start.x, start.y, heading="EAST" if block.start == "west" else "WEST")
+        walk = Walk(
+            name, name, start.x, start.y, heading="EAST" if block.start == "west" else "WEST"
+        )
         walk.follow(route.come_in(block))
         passes = layout.passes(block)
         for count, (one, after) in enumerate(zip_longest(passes, passes[1:])):
@@ -243,12 +300,18 @@ def may_meet(drive: Area, stand: Area) -> bool:
     if any(abs(stand.x - box.x) < 1e-6 and abs(stand.y - box.y) < 1e-6 for box in drive.blind_to):
         return False
     of_picker, of_job = (drive, stand) if drive.robot == drive.picker else (stand, drive)
-    return not (of_picker.robot == of_picker.picker == of_job.picker and of_picker.stage < of_job.stage)
+    return not (
+        of_picker.robot == of_picker.picker == of_job.picker and of_picker.stage < of_job.stage
+    )
 
 
 def follows(drive: Area, stand: Area) -> bool:
     """Whether the other carrier stands on the same road, straight ahead or round the next corner."""
-    if "" in (stand.heading, drive.heading) or drive.robot == drive.picker or stand.robot == stand.picker:
+    if (
+        "" in (stand.heading, drive.heading)
+        or drive.robot == drive.picker
+        or stand.robot == stand.picker
+    ):
         return False
     along_x = stand.heading in ("EAST", "WEST")
     on_the_way = abs(stand.y - drive.end[1]) if along_x else abs(stand.x - drive.end[0])
@@ -257,9 +320,17 @@ def follows(drive: Area, stand: Area) -> bool:
 
 def too_near(layout: Layout) -> list[tuple[Area, Area]]:
     walks = list(walks_of(layout))
-    drives, stands = [area for walk in walks for area in walk.drives], [area for walk in walks for area in walk.stands]
-    a, b = np.array([area[:4] for area in drives]).T[..., None], np.array([area[:4] for area in stands]).T[:, None]
-    along_x, along_y = (np.abs(a[axis] - b[axis]) - a[axis + 2] - b[axis + 2] < LEAST_GAP for axis in (0, 1))
+    drives, stands = (
+        [area for walk in walks for area in walk.drives],
+        [area for walk in walks for area in walk.stands],
+    )
+    a, b = (
+        np.array([area[:4] for area in drives]).T[..., None],
+        np.array([area[:4] for area in stands]).T[:, None],
+    )
+    along_x, along_y = (
+        np.abs(a[axis] - b[axis]) - a[axis + 2] - b[axis + 2] < LEAST_GAP for axis in (0, 1)
+    )
     near = np.argwhere(along_x & along_y)
     return [(drives[i], stands[j]) for i, j in near if may_meet(drives[i], stands[j])]
 
@@ -270,28 +341,53 @@ def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
     There it sees the other one only if that is in the way of its own drive to the turn: what stands beside it is behind its laser.
     """
     along_x = stand.heading in ("EAST", "WEST")
-    aside, ahead = (abs(stand.y - turn.y), abs(stand.x - turn.x)) if along_x else (abs(stand.x - turn.x), abs(stand.y - turn.y))
+    aside, ahead = (
+        (abs(stand.y - turn.y), abs(stand.x - turn.x))
+        if along_x
+        else (abs(stand.x - turn.x), abs(stand.y - turn.y))
+    )
     half = stand.half_x if along_x else stand.half_y
-    is_seen = stand.heading == turn.heading or ahead - half < KINDS["carrier"].width / 2 + SIDE_MARGIN
+    is_seen = (
+        stand.heading == turn.heading or ahead - half < KINDS["carrier"].width / 2 + SIDE_MARGIN
+    )
     return stand.heading in (turn.heading, heading) and aside < 1e-6 and is_seen
 
 
 def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
     """The turns that would sweep over a robot or a bin that may stand there."""
     walks = list(walks_of(layout))
-    turns, stands = [turn for walk in walks for turn in walk.turns], [area for walk in walks for area in walk.stands]
+    turns, stands = (
+        [turn for walk in walks for turn in walk.turns],
+        [area for walk in walks for area in walk.stands],
+    )
     boxes = np.array([area[:4] for area in stands])
     found = []
     for at, shape, heading in turns:
         near = np.flatnonzero(np.abs(boxes[:, :2] - (at.x, at.y)).max(axis=1) < 4.5)
-        candidates = [int(j) for j in near if may_meet(at, stands[j]) and not is_on_its_road(at, heading, stands[j])]
+        candidates = [
+            int(j)
+            for j in near
+            if may_meet(at, stands[j]) and not is_on_its_road(at, heading, stands[j])
+        ]
         if candidates:
-            x, y = swept(shape, at.x, at.y, HEADINGS[at.heading], angle_between(HEADINGS[at.heading], HEADINGS[heading])).T.copy()
+            x, y = swept(
+                shape,
+                at.x,
+                at.y,
+                HEADINGS[at.heading],
+                angle_between(HEADINGS[at.heading], HEADINGS[heading]),
+            ).T.copy()
             apart = {
-                (bx, by, half_x, half_y): np.maximum(np.abs(x - bx) - half_x, np.abs(y - by) - half_y).min()
-                for bx, by, half_x, half_y in {stands[j][:4] for j in candidates}  # many stand at one place
+                (bx, by, half_x, half_y): np.maximum(
+                    np.abs(x - bx) - half_x, np.abs(y - by) - half_y
+                ).min()
+                for bx, by, half_x, half_y in {
+                    stands[j][:4] for j in candidates
+                }  # many stand at one place
             }
-            found += [(at, stands[j]) for j in candidates if apart[stands[j][:4]] < TURN_MARGIN - 0.02]
+            found += [
+                (at, stands[j]) for j in candidates if apart[stands[j][:4]] < TURN_MARGIN - 0.02
+            ]
     return found
 
 
@@ -306,8 +402,13 @@ def surveyed(draw: st.DrawFn) -> Scenario:
 @st.composite
 def orchards(draw: st.DrawFn) -> Scenario:
     rows, route = draw(st.integers(3, 20)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
-    length, bay = draw(st.just(70.0) | st.floats(20.0, 200.0)), draw(st.just(0.0) | st.floats(0.0, 100.0))
-    most = [number for number in range(1, MOST_CARRIERS + 1) if queue_of(route, length, bay, number)]
+    length, bay = (
+        draw(st.just(70.0) | st.floats(20.0, 200.0)),
+        draw(st.just(0.0) | st.floats(0.0, 100.0)),
+    )
+    most = [
+        number for number in range(1, MOST_CARRIERS + 1) if queue_of(route, length, bay, number)
+    ]
     assume(most)
     return empty_orchard(
         rows=rows,
@@ -342,22 +443,33 @@ def test_what_stands_is_clear_of_every_drive_that_may_pass_it(scenario: Scenario
     assert too_near(lay_out(scenario)) == []
 
 
-ENDS = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9))  # the second one lies just before the place at which a picker holds
-CLOSE = [Row(round(CLOSEST * i, 2), start, round(end - start, 2)) for i, (start, end) in enumerate(ENDS)]
+ENDS = (
+    (0.0, 64.0),
+    (1.3, 63.1),
+    (2.6, 62.6),
+    (0.9, 63.9),
+)  # the second one lies just before the place at which a picker holds
+CLOSE = [
+    Row(round(CLOSEST * i, 2), start, round(end - start, 2)) for i, (start, end) in enumerate(ENDS)
+]
 
 
 @settings(max_examples=2)
 @given(surveyed())
 @example(orchard_of(CLOSE, pickers=4, carriers=4))
 @example(orchard_of(CLOSE, pickers=4, carriers=4, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
-def test_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(scenario: Scenario) -> None:
+def test_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(
+    scenario: Scenario,
+) -> None:
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 
 
 @pytest.mark.soak
 @given(surveyed())
-def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(scenario: Scenario) -> None:
+def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(
+    scenario: Scenario,
+) -> None:
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 
@@ -368,7 +480,9 @@ def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn
 @example(empty_orchard(rows=6, pickers=6, carriers=16))
 @example(empty_orchard(rows=3, pickers=3, carriers=120))
 @example(empty_orchard(rows=3, pickers=3, carriers=120, route=TWO_WAY))
-@example(empty_orchard(rows=4, row_width=6.9))  # a bin before the last lane is beside the turn onto its road
+@example(
+    empty_orchard(rows=4, row_width=6.9)
+)  # a bin before the last lane is beside the turn onto its road
 def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> None:
     assert in_a_turn(lay_out(scenario)) == []
 
@@ -387,22 +501,43 @@ def nearest_to_the_tractor(layout: Layout) -> float:
     """How near a carrier or its bin comes to what the tractor sweeps, m, where it stands, drives or turns; at most 9."""
     found = [9.0]
     for walk in walks_of(layout):
-        for area in (area for area in walk.stands + walk.drives if area.x - area.half_x < -12.0 and area.y + area.half_y > 15.0):
-            x = np.arange(area.x - area.half_x, min(area.x + area.half_x, -11.0) + 0.05, 0.05)  # further east it is further off
-            found.append(from_the_tractor(np.stack([x, np.full(len(x), area.y + area.half_y)], axis=1)))
-        for at, shape, heading in (turn for turn in walk.turns if turn[0].x < -12.0 and turn[0].y > 15.0):
-            if from_the_tractor(np.array([[at.x, at.y]])) - np.hypot(*shape.T).max() < min(found):  # else it sweeps nothing nearer
+        for area in (
+            area
+            for area in walk.stands + walk.drives
+            if area.x - area.half_x < -12.0 and area.y + area.half_y > 15.0
+        ):
+            x = np.arange(
+                area.x - area.half_x, min(area.x + area.half_x, -11.0) + 0.05, 0.05
+            )  # further east it is further off
+            found.append(
+                from_the_tractor(np.stack([x, np.full(len(x), area.y + area.half_y)], axis=1))
+            )
+        for at, shape, heading in (
+            turn for turn in walk.turns if turn[0].x < -12.0 and turn[0].y > 15.0
+        ):
+            if from_the_tractor(np.array([[at.x, at.y]])) - np.hypot(*shape.T).max() < min(
+                found
+            ):  # else it sweeps nothing nearer
                 turn = angle_between(HEADINGS[at.heading], HEADINGS[heading])
                 found.append(from_the_tractor(swept(shape, at.x, at.y, HEADINGS[at.heading], turn)))
     return min(found)
 
 
-def clear_of_the_tractor(route: str, numbers: Iterable[int], lengths: Iterable[float], bays: Iterable[float]) -> list[tuple]:
+def clear_of_the_tractor(
+    route: str, numbers: Iterable[int], lengths: Iterable[float], bays: Iterable[float]
+) -> list[tuple]:
     """The queues from which a carrier comes nearer than 0.6 m to what the tractor sweeps."""
     found = []
     for carriers, length, bay in product(numbers, lengths, bays):
         if queue_of(route, length, bay, carriers):
-            small = {"rows": 3, "pickers": 2, "carriers": carriers, "row_length": length, "bay": bay, "route": route}
+            small = {
+                "rows": 3,
+                "pickers": 2,
+                "carriers": carriers,
+                "row_length": length,
+                "bay": bay,
+                "route": route,
+            }
             if nearest_to_the_tractor(lay_out(empty_orchard(**small))) < 0.6:
                 found.append((carriers, length, bay))
     return found
@@ -413,14 +548,20 @@ MANY = (*range(1, 41), *range(45, 121, 5)), range(20, 201, 20), np.arange(0.0, 6
 
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
-@pytest.mark.parametrize("queues", [SOME, pytest.param(MANY, marks=pytest.mark.soak)], ids=["some", "many"])
+@pytest.mark.parametrize(
+    "queues", [SOME, pytest.param(MANY, marks=pytest.mark.soak)], ids=["some", "many"]
+)
 def test_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str, queues: tuple) -> None:
     assert clear_of_the_tractor(route, *queues) == []
 
 
 @pytest.mark.parametrize("length", [28.0, 50.0, 105.0])
-def test_the_only_carrier_of_a_two_way_orchard_brings_in_the_harvest_beside_the_tractor(length: float) -> None:
-    stage = Stage(empty_orchard(rows=3, pickers=2, carriers=1, row_length=length, route=TWO_WAY, tractor=True))
+def test_the_only_carrier_of_a_two_way_orchard_brings_in_the_harvest_beside_the_tractor(
+    length: float,
+) -> None:
+    stage = Stage(
+        empty_orchard(rows=3, pickers=2, carriers=1, row_length=length, route=TWO_WAY, tractor=True)
+    )
     stage.run_until(lambda: stage.world.delivered == 3, 4000)
     stage.assert_no_collisions()
 
@@ -440,8 +581,13 @@ def test_a_picker_that_never_leaves_its_start_in_the_east_stands_in_no_way() -> 
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("rows", "pickers", "carriers", "width"), [(6, 3, 2, 5.0), (8, 4, 14, 5.0), (5, 5, None, 5.0), (7, 2, 1, 9.3)])
-def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, pickers: int, carriers: int | None, width: float) -> None:
+@pytest.mark.parametrize(
+    ("rows", "pickers", "carriers", "width"),
+    [(6, 3, 2, 5.0), (8, 4, 14, 5.0), (5, 5, None, 5.0), (7, 2, 1, 9.3)],
+)
+def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(
+    rows: int, pickers: int, carriers: int | None, width: float
+) -> None:
     scenario = empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=width)
     for picker, block in lay_out(scenario).blocks.items():
         stage = Stage(scenario, **{picker: Standing()})
@@ -452,6 +598,9 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(rows: int, picke
 def test_soak_half_of_the_pickers_of_the_largest_orchard_stand_in_no_way_of_the_others() -> None:
     """Bins call when they are full. With an early policy carriers would hold for the pickers that stand, in the way of others."""
     pickers = [f"picker_{number:02d}" for number in range(1, 21)]
-    stage = Stage(empty_orchard(rows=20, pickers=20, dispatch=NEAREST), **{picker: Standing() for picker in pickers[::2]})
+    stage = Stage(
+        empty_orchard(rows=20, pickers=20, dispatch=NEAREST),
+        **{picker: Standing() for picker in pickers[::2]},
+    )
     stage.run_until(lambda: stage.world.delivered == 10, 4000)
     stage.assert_no_collisions()

@@ -18,7 +18,9 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
     stage.give("carrier_01", [DriveTo(x=10.0)])
     stage.run(30)
     front = stage.pose("carrier_01")[0] + 0.9
-    assert 0.6 < (0.0 - 0.275) - front <= 0.8, "stops 0.8 m before the worker, less at most one step"
+    assert 0.6 < (0.0 - 0.275) - front <= 0.8, (
+        "stops 0.8 m before the worker, less at most one step"
+    )
     stage.assert_no_collisions()
 
 
@@ -26,7 +28,9 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
 def test_turning_by_ninety_degrees_takes_four_seconds_and_is_exact(heading, seconds):
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
-    assert stage.follow("carrier_01", [Face(heading)], 20) == pytest.approx(seconds + 0.1), "a tick more to see that it is done"
+    assert stage.follow("carrier_01", [Face(heading)], 20) == pytest.approx(seconds + 0.1), (
+        "a tick more to see that it is done"
+    )
     stage.assert_at("carrier_01", 0.0, 20.0, heading)
 
 
@@ -34,7 +38,9 @@ def test_turning_waits_while_something_stands_in_what_the_bin_will_sweep():
     stage = one_guest("worker", -2.0, 21.6)
     stage.local.agents["worker_01"] = Standing()
     stage.put("carrier_01", 0.0, 20.0)
-    stage.give("carrier_01", [Face("SOUTH")])  # to the right: the bin swings to the north, where the worker stands
+    stage.give(
+        "carrier_01", [Face("SOUTH")]
+    )  # to the right: the bin swings to the north, where the worker stands
     stage.run(10)
     stage.assert_at("carrier_01", 0.0, 20.0, "EAST")
     stage.assert_no_collisions()
@@ -71,7 +77,13 @@ def test_directed_movement_ends_right_although_something_was_in_the_way():
     stage.local.agents["worker_01"] = Standing()
     stage.put("carrier_01", -6.0, 18.0)
     stage.give("carrier_01", [DriveTo(x=4.3)])
-    stage.run_until(lambda: stage.local.actions and stage.local.actions["carrier_01"].waits_for == "an obstacle ahead", 20)
+    stage.run_until(
+        lambda: (
+            stage.local.actions
+            and stage.local.actions["carrier_01"].waits_for == "an obstacle ahead"
+        ),
+        20,
+    )
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))  # it walks away to the north
     stage.run_until(lambda: not stage.local.memories["carrier_01"].plan, 60)
     stage.assert_at("carrier_01", 4.3, 18.0, "EAST")
@@ -93,7 +105,10 @@ def test_awareness_realigns_to_the_nearest_heading_exactly(off):
 def test_following_a_bin_keeps_its_place_behind_its_robot(robot):
     stage = meadow()
     stage.put(robot, -15.0, 20.0)
-    stage.give(robot, [MoveTo(-5.0, 26.0), MoveTo(10.0, 20.0), Face("NORTH"), Face("SOUTH"), DriveTo(y=19.0)])
+    stage.give(
+        robot,
+        [MoveTo(-5.0, 26.0), MoveTo(10.0, 20.0), Face("NORTH"), Face("SOUTH"), DriveTo(y=19.0)],
+    )
     fruit = stage.bin_of(robot)
     worst = 0.0
     while stage.local.memories[robot].plan:
@@ -153,7 +168,9 @@ def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
     stage.put("tractor_01", -45.0, 29.0), stage.put("carrier_01", -30.0, 29.0)
     stage.give("tractor_01", [Nudge(), DriveTo(x=-10.0)])
     stage.tick()
-    assert stage.local.actions["tractor_01"].hold.watch == (stop_zone(stage.local.engine.observe()["tractor_01"]),)
+    assert stage.local.actions["tractor_01"].hold.watch == (
+        stop_zone(stage.local.engine.observe()["tractor_01"]),
+    )
 
 
 def test_a_robot_without_a_bin_that_turns_where_nothing_is_near_is_asked_at_the_end_of_its_turn():

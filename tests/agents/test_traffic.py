@@ -16,12 +16,23 @@ from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.queue import MOST_CARRIERS, ONE_WAY, TWO_WAY, queue_of
 from orchard.field.rows import Block
-from orchard.field.scenario import DISPATCH_POLICIES, NEAREST, ROW_RULES, Animals, LaserSettings, People, Scenario
+from orchard.field.scenario import (
+    DISPATCH_POLICIES,
+    NEAREST,
+    ROW_RULES,
+    Animals,
+    LaserSettings,
+    People,
+    Scenario,
+)
 from orchard.report.bounds import Bounds
 
 FARTHEST = "examples.seams.farthest_first.FarthestFirst"
 PLACES = st.lists(st.sampled_from(["D/1", "D/2", "F/1", "F/2"]), max_size=3, unique=True)
-CLAIMS = st.lists(st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.integers(0, 3)), PLACES), max_size=40)
+CLAIMS = st.lists(
+    st.tuples(st.sampled_from(["a", "b", "c", "d"]), st.sets(st.integers(0, 3)), PLACES),
+    max_size=40,
+)
 
 
 @given(CLAIMS)
@@ -29,7 +40,12 @@ def test_no_place_is_ever_reserved_for_two_that_are_not_partners(claims):
     table = ReservationTable()
     for tick, (name, kept, want) in enumerate(claims):
         reserved = table.reserved.get(name, [])
-        note(table, name, Claim(keep=[p for i, p in enumerate(reserved) if i in kept], want=want, beside=""), tick)
+        note(
+            table,
+            name,
+            Claim(keep=[p for i, p in enumerate(reserved) if i in kept], want=want, beside=""),
+            tick,
+        )
         grant(table)
         everything = [place for places in table.reserved.values() for place in places]
         assert len(everything) == len(set(everything))
@@ -77,30 +93,44 @@ ORCHARDS = [
     (4, 3, 3, 5.0, {"row_length": 20.0, "route": TWO_WAY}),
     (5, 5, 10, 5.0, {"row_length": 30.0, "route": TWO_WAY}),
     (6, 4, 6, 6.3, {"row_length": 40.0, "bay": 5.0, "route": TWO_WAY, "dispatch": FARTHEST}),
-    pytest.param(12, 12, 120, 5.0, {}, marks=pytest.mark.soak),  # all ten lines of the queue are left and come back to
+    pytest.param(
+        12, 12, 120, 5.0, {}, marks=pytest.mark.soak
+    ),  # all ten lines of the queue are left and come back to
     pytest.param(12, 12, 120, 5.0, {"route": TWO_WAY}, marks=pytest.mark.soak),
     pytest.param(6, 2, 14, 12.0, {}, marks=pytest.mark.soak),
-    pytest.param(6, 2, 40, 12.0, {"row_length": 200.0, "bay": 60.0, "route": TWO_WAY}, marks=pytest.mark.soak),
+    pytest.param(
+        6, 2, 40, 12.0, {"row_length": 200.0, "bay": 60.0, "route": TWO_WAY}, marks=pytest.mark.soak
+    ),
 ]
 
 
 @pytest.mark.parametrize(("rows", "pickers", "carriers", "row_width", "more"), ORCHARDS)
 def test_a_harvest_ends_without_a_collision(rows, pickers, carriers, row_width, more):
     """Among others this shows that the tractor on its driveway is not in the way of unloading."""
-    stage = Stage(empty_orchard(rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True, **more))
+    stage = Stage(
+        empty_orchard(
+            rows=rows, pickers=pickers, carriers=carriers, row_width=row_width, tractor=True, **more
+        )
+    )
     stage.run_to_the_end()
     assert stage.world.delivered == rows
     stage.assert_no_collisions()
     assert stage.world.refused.sum() == 0
 
 
-@pytest.mark.parametrize("pickers", [8, *(pytest.param(many, marks=pytest.mark.soak) for many in (12, 20))])
+@pytest.mark.parametrize(
+    "pickers", [8, *(pytest.param(many, marks=pytest.mark.soak) for many in (12, 20))]
+)
 def test_all_pickers_call_at_once_and_all_are_served(pickers):
     stage = Stage(empty_orchard(rows=pickers, pickers=pickers, dispatch=NEAREST))
     stage.run_until(lambda: bool((stage.world.row_picked >= 70.0).all()), 75)
     stage.run_to_the_end()
     assert stage.world.delivered == pickers
-    assert len(stage.happened("unloaded")) == len({(event.tick, event.who) for event in stage.happened("unloaded")}) == pickers
+    assert (
+        len(stage.happened("unloaded"))
+        == len({(event.tick, event.who) for event in stage.happened("unloaded")})
+        == pickers
+    )
     stage.assert_no_collisions()
 
 
@@ -120,8 +150,12 @@ WITH_GUESTS = [
 
 
 @pytest.mark.parametrize(("rows", "pickers", "seed", "route", "row_length"), WITH_GUESTS)
-def test_a_harvest_among_people_and_animals_ends_without_a_collision(rows, pickers, seed, route, row_length):
-    stage = Stage(Scenario(rows=rows, pickers=pickers, seed=seed, route=route, row_length=row_length))
+def test_a_harvest_among_people_and_animals_ends_without_a_collision(
+    rows, pickers, seed, route, row_length
+):
+    stage = Stage(
+        Scenario(rows=rows, pickers=pickers, seed=seed, route=route, row_length=row_length)
+    )
     stage.run_to_the_end()
     assert stage.world.delivered == rows
     stage.assert_no_collisions()
@@ -147,7 +181,10 @@ def random_scenario(number: int) -> Scenario:
     """Return a random valid scenario. Its picking speed is high enough that a run does not take hours."""
     chance = random.Random(f"{RANDOM_SEED}/{number}")
     rows, route = chance.randint(3, 20), chance.choice([ONE_WAY, TWO_WAY])
-    length, bay = chance.choice([70.0, round(chance.uniform(20.0, 200.0), 1)]), chance.choice([0.0, round(chance.uniform(0.0, 60.0), 1)])
+    length, bay = (
+        chance.choice([70.0, round(chance.uniform(20.0, 200.0), 1)]),
+        chance.choice([0.0, round(chance.uniform(0.0, 60.0), 1)]),
+    )
     most = [carriers for carriers in range(1, 41) if queue_of(route, length, bay, carriers)]
     if not most:
         return random_scenario(number + 1000)
@@ -174,8 +211,16 @@ def random_scenario(number: int) -> Scenario:
 def large_scenario(number: int) -> Scenario:
     """Return a random scenario beyond the manual's sizes. Pickers are fast, so that a run takes minutes at most."""
     chance = random.Random(f"{RANDOM_SEED}/large/{number}")
-    rows, route, length = chance.randint(21, chance.choice([30, 45, 100])), chance.choice([ONE_WAY, TWO_WAY]), chance.randint(30, 110)
-    most = [carriers for carriers in range(1, MOST_CARRIERS + 1) if queue_of(route, length, 0.0, carriers)]
+    rows, route, length = (
+        chance.randint(21, chance.choice([30, 45, 100])),
+        chance.choice([ONE_WAY, TWO_WAY]),
+        chance.randint(30, 110),
+    )
+    most = [
+        carriers
+        for carriers in range(1, MOST_CARRIERS + 1)
+        if queue_of(route, length, 0.0, carriers)
+    ]
     return Scenario(
         rows=rows,
         pickers=chance.randint(10, min(rows, 60)),
@@ -199,15 +244,23 @@ def test_a_full_queue_closes_up_and_serves_from_its_head():
     left = {event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")}
     assert len(left) == 3
     east = stage.world.layout.row_east + 0.9
-    heads = [name for name in stage.world.layout.names if name.startswith("carrier") and abs(stage.pose(name)[0] - east) < 1e-6]
+    heads = [
+        name
+        for name in stage.world.layout.names
+        if name.startswith("carrier") and abs(stage.pose(name)[0] - east) < 1e-6
+    ]
     assert len(heads) == 10, "every line has closed up to its head"
 
 
 def test_a_person_standing_in_a_row_holds_up_only_that_row():
-    stage = Stage(empty_orchard(rows=4, pickers=2, people=People(workers=1, visitors=0)), worker_01=Standing())
+    stage = Stage(
+        empty_orchard(rows=4, pickers=2, people=People(workers=1, visitors=0)), worker_01=Standing()
+    )
     stage.put("worker_01", 10.0, stage.world.layout.lane(1).y, "NORTH")
     stage.run_until(lambda: bool((stage.world.row_picked[2:] >= 70.0).all()), 800)
-    assert 42.9 < stage.world.row_picked[0] <= 43.0 + 1e-6, "0.8 m before the person, less at most one step"
+    assert 42.9 < stage.world.row_picked[0] <= 43.0 + 1e-6, (
+        "0.8 m before the person, less at most one step"
+    )
     stage.local.agents["worker_01"] = Driven(Twist(x=1.0))
     stage.run_until(lambda: stage.world.row_picked[0] == 70.0, 60)
 
@@ -229,8 +282,14 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     }[stage.world.layout.scenario.route]
     for side in route.sides.values():
         for road, road_x in (("D", route.D_ROAD), ("F", route.F_ROAD)):
-            along = side.south if road == "F" and route.QUEUE == TWO_WAY else -side.south  # +1: carriers drive north there
-            if abs(x - side.x(road_x)) > 0.01 or abs(facing - along * np.pi / 2) > 0.1 or y > stage.world.layout.tree_lines[0]:
+            along = (
+                side.south if road == "F" and route.QUEUE == TWO_WAY else -side.south
+            )  # +1: carriers drive north there
+            if (
+                abs(x - side.x(road_x)) > 0.01
+                or abs(facing - along * np.pi / 2) > 0.1
+                or y > stage.world.layout.tree_lines[0]
+            ):
                 continue
             front, tail = 0.9, -2.4 if stage.bin_of(carrier) else -0.9
             before, past = reach[road]
@@ -241,9 +300,16 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     return touched
 
 
-@pytest.mark.parametrize(("rows", "pickers", "row_width", "route"), [(5, 3, 5.0, ONE_WAY), (4, 2, 9.0, ONE_WAY), (5, 3, 5.0, TWO_WAY)])
-def test_a_carrier_on_a_road_has_every_place_that_it_or_its_bin_is_in(rows, pickers, row_width, route):
-    stage = Stage(empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4, route=route))
+@pytest.mark.parametrize(
+    ("rows", "pickers", "row_width", "route"),
+    [(5, 3, 5.0, ONE_WAY), (4, 2, 9.0, ONE_WAY), (5, 3, 5.0, TWO_WAY)],
+)
+def test_a_carrier_on_a_road_has_every_place_that_it_or_its_bin_is_in(
+    rows, pickers, row_width, route
+):
+    stage = Stage(
+        empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4, route=route)
+    )
     carriers = [f"carrier_{i + 1:02d}" for i in range(4)]
     while not stage.local.engine.over:
         stage.tick()
@@ -251,7 +317,9 @@ def test_a_carrier_on_a_road_has_every_place_that_it_or_its_bin_is_in(rows, pick
             reserved = stage.local.memories[carrier].reserved
             for side, road, lane in lanes_touched(stage, carrier):
                 place = f"{side}/{road}/{lane}"
-                assert place in reserved, f"{carrier} at {stage.pose(carrier)} is in {place} and holds {reserved}"
+                assert place in reserved, (
+                    f"{carrier} at {stage.pose(carrier)} is in {place} and holds {reserved}"
+                )
 
 
 def test_a_two_way_carrier_asks_for_one_place_after_the_other():
@@ -260,7 +328,9 @@ def test_a_two_way_carrier_asks_for_one_place_after_the_other():
     route, claims = route_of(layout), []
     for one in layout.passes(Block(tuple(range(1, 6)))):
         for carrier in (1, 11, 21, 31):
-            claims += places_asked(route.fetch(carrier, one.row, route.sides[one.end], "picker_01", "bin_01"))
+            claims += places_asked(
+                route.fetch(carrier, one.row, route.sides[one.end], "picker_01", "bin_01")
+            )
     claims += places_asked(route.harvest(Block(tuple(range(1, 7)))))
     assert len(claims) > 200
     assert all(len(places) == 1 for places in claims)
@@ -268,9 +338,14 @@ def test_a_two_way_carrier_asks_for_one_place_after_the_other():
 
 def places_asked(steps):
     needs = [step.places for step in steps if isinstance(step, Need)]
-    return needs + [gate.places for step in steps if isinstance(step, DriveTo) for gate in step.needs]
+    return needs + [
+        gate.places for step in steps if isinstance(step, DriveTo) for gate in step.needs
+    ]
 
 
 def test_the_mean_round_of_two_way_is_at_least_a_third_shorter():
-    one_way, two_way = (Bounds(lay_out(empty_orchard(rows=20, pickers=10, carriers=10, route=route))) for route in (ONE_WAY, TWO_WAY))
+    one_way, two_way = (
+        Bounds(lay_out(empty_orchard(rows=20, pickers=10, carriers=10, route=route)))
+        for route in (ONE_WAY, TWO_WAY)
+    )
     assert two_way.cycle_seconds <= 0.65 * one_way.cycle_seconds

@@ -58,10 +58,16 @@ def test_people_walk_straight_on_where_nothing_is_in_their_path(kind):
     stage.assert_at(f"{kind}_01", 0.0, 20.0, "EAST")
 
 
-AT_A_FENCE, IN_A_CORNER = (42.0, 8.0, 60, 40), (47.0, 31.0, 120, 30)  # x, y, s, and the least metres in that time
+AT_A_FENCE, IN_A_CORNER = (
+    (42.0, 8.0, 60, 40),
+    (47.0, 31.0, 120, 30),
+)  # x, y, s, and the least metres in that time
 
 
-@pytest.mark.parametrize(("kind", "where"), [("worker", AT_A_FENCE), ("visitor", AT_A_FENCE), ("dog", IN_A_CORNER), ("cat", IN_A_CORNER)])
+@pytest.mark.parametrize(
+    ("kind", "where"),
+    [("worker", AT_A_FENCE), ("visitor", AT_A_FENCE), ("dog", IN_A_CORNER), ("cat", IN_A_CORNER)],
+)
 def test_walkers_turn_away_from_an_obstacle_and_go_on(kind, where):
     x, y, seconds, metres = where
     stage = one_guest(kind, x, y)
@@ -70,10 +76,21 @@ def test_walkers_turn_away_from_an_obstacle_and_go_on(kind, where):
     assert stage.world.collisions.sum() == 0
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (6, 16))])
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (6, 16))]
+)
 def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
-    stage = meadow(seed=seed, tractor=True, people=People(workers=3, visitors=3), animals=Animals(dogs=3, cats=3))
-    guests = [n for n in stage.world.layout.names if n.split("_")[0] in ("worker", "visitor", "dog", "cat")]
+    stage = meadow(
+        seed=seed,
+        tractor=True,
+        people=People(workers=3, visitors=3),
+        animals=Animals(dogs=3, cats=3),
+    )
+    guests = [
+        n
+        for n in stage.world.layout.names
+        if n.split("_")[0] in ("worker", "visitor", "dog", "cat")
+    ]
     tracks = {name: [] for name in guests}
     while stage.seconds < 600:
         stage.run(1)
@@ -81,7 +98,9 @@ def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
             track.append(stage.pose(name)[:2])
             lately = np.array(track[-60:])
             middle = (lately.max(axis=0) + lately.min(axis=0)) / 2
-            assert len(track) < 60 or np.hypot(*(lately - middle).T).max() > 3.0, f"{name} stays near {middle} until {stage.seconds} s"
+            assert len(track) < 60 or np.hypot(*(lately - middle).T).max() > 3.0, (
+                f"{name} stays near {middle} until {stage.seconds} s"
+            )
 
 
 @pytest.mark.parametrize("kind", ["dog", "cat"])
@@ -99,7 +118,9 @@ def test_animals_change_their_mind_every_three_seconds_and_keep_it_until_then(ki
 
 def test_animals_do_not_change_their_minds_in_the_same_tick():
     layout = lay_out(Scenario(animals=Animals(dogs=10, cats=10)))
-    phases = {Animal(layout, name).phase for name in layout.names if name.startswith(("dog", "cat"))}
+    phases = {
+        Animal(layout, name).phase for name in layout.names if name.startswith(("dog", "cat"))
+    }
     assert len(phases) > 8
     assert phases <= set(range(30))
 
@@ -117,7 +138,9 @@ def test_animals_change_their_mind_although_they_do_not_see_every_tick():
 
 
 def test_weeds_disappear_when_something_moves_within_a_metre():
-    stage = Stage(empty_orchard(weeds=1, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=1.0)))
+    stage = Stage(
+        empty_orchard(weeds=1, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=1.0))
+    )
     stage.put("weed_01", 0.0, 20.0)
     stage.put("worker_01", -6.0, 21.5)  # passes with 0.75 m between their edges
     stage.run_until(lambda: not stage.world.alive[stage.world.index["weed_01"]], 20)
@@ -125,7 +148,11 @@ def test_weeds_disappear_when_something_moves_within_a_metre():
 
 
 def test_weeds_stay_for_what_stands_still_or_passes_further_off():
-    stage = Stage(empty_orchard(weeds=2, people=People(workers=2, visitors=0)), worker_01=Driven(Twist(x=1.0)), worker_02=Standing())
+    stage = Stage(
+        empty_orchard(weeds=2, people=People(workers=2, visitors=0)),
+        worker_01=Driven(Twist(x=1.0)),
+        worker_02=Standing(),
+    )
     stage.put("weed_01", 0.0, 20.0)
     stage.put("worker_01", -6.0, 22.0)  # 1.25 m
     stage.put("weed_02", 20.0, 19.0)
@@ -144,7 +171,9 @@ def test_noise_hides_nothing_that_passes_from_a_weed(speed, y, seed):
 
 def x_of_passer(noise, speed, y, seed) -> float:
     """Return the x at which a worker that drives east flattens the weed at (0, 20)."""
-    orchard = empty_orchard(weeds=1, people=People(workers=1, visitors=0), laser={"noise": noise}, seed=seed)
+    orchard = empty_orchard(
+        weeds=1, people=People(workers=1, visitors=0), laser={"noise": noise}, seed=seed
+    )
     stage = Stage(orchard, worker_01=Driven(Twist(x=speed)))
     stage.put("weed_01", 0.0, 20.0)
     stage.put("worker_01", -3.0, y)

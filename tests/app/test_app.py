@@ -26,7 +26,9 @@ skip_without_packages()
 def test_a_port_that_is_taken_is_named_with_exit_code_2():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        done = subprocess.run(page("--port", port), cwd=ROOT, capture_output=True, text=True, timeout=30)
+        done = subprocess.run(
+            page("--port", port), cwd=ROOT, capture_output=True, text=True, timeout=30
+        )
     assert done.returncode == 2
     assert f"--port {port}" in done.stderr
     assert "Traceback" not in done.stderr
@@ -37,7 +39,11 @@ def test_the_web_viewer_is_on_the_loopback_only():
     viewer = serve_web(port, data_uri(port))
     try:
         wait_for(viewer, page_url(port, data_uri(port)))
-        listening = [one.laddr for one in psutil.Process(viewer.pid).net_connections("inet") if one.status == psutil.CONN_LISTEN]
+        listening = [
+            one.laddr
+            for one in psutil.Process(viewer.pid).net_connections("inet")
+            if one.status == psutil.CONN_LISTEN
+        ]
         assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
     finally:
         viewer.terminate()
@@ -56,7 +62,13 @@ def answer(address, what, **names):
     order, path, headers = ASKED[what]
     own = address.removeprefix("http://")
     link = http.client.HTTPConnection(own, timeout=20)
-    link.request(order, path, headers={"Host": own} | headers | {name.capitalize(): value for name, value in names.items()})
+    link.request(
+        order,
+        path,
+        headers={"Host": own}
+        | headers
+        | {name.capitalize(): value for name, value in names.items()},
+    )
     status = link.getresponse().status
     link.close()
     return status
@@ -72,9 +84,18 @@ def test_the_page_answers_its_own_address_only(server, what):
     address = server[0]
     port = address.rpartition(":")[2]
     well, local = answer(address, what), f"localhost:{port}"
-    assert well == answer(address, what, origin=address) == answer(address, what, host=local, origin=f"http://{local}")
+    assert (
+        well
+        == answer(address, what, origin=address)
+        == answer(address, what, host=local, origin=f"http://{local}")
+    )
     assert well in (101, 200) or what == "upload", "this upload is unknown, but not refused"
-    for host in ("attacker.example", f"attacker.example:{port}", f"127.0.0.1.attacker.example:{port}", ""):
+    for host in (
+        "attacker.example",
+        f"attacker.example:{port}",
+        f"127.0.0.1.attacker.example:{port}",
+        "",
+    ):
         assert answer(address, what, host=host) == 400, host
         assert answer(address, what, host=host, origin=f"http://{host}") == 400, host
     for origin in ("http://attacker.example", "null", "http://127.0.0.1:1", f"http://{local}"):
@@ -104,29 +125,43 @@ def test_a_slider_moves_its_field(browser):
     browser.one(".field .q-slider").click()
     rows = browser.field("rows")
     browser.until(lambda: rows.get_attribute("value") in ("51", "52"), "rows in the middle")
-    browser.until(lambda: browser.tree_lines() == int(rows.get_attribute("value")) + 1, "a plan of as many")
+    browser.until(
+        lambda: browser.tree_lines() == int(rows.get_attribute("value")) + 1, "a plan of as many"
+    )
 
 
 def test_a_plan_of_many_rows_is_shown_as_wide_as_the_page(browser):
     browser.fill("rows", 100)
     browser.until(lambda: browser.tree_lines() == 101, "a plan of 100 rows")
-    browser.until(lambda: browser.field("full-width").get_attribute("aria-checked") == "true", "full width by itself")
+    browser.until(
+        lambda: browser.field("full-width").get_attribute("aria-checked") == "true",
+        "full width by itself",
+    )
     browser.fill("rows", 5)
-    browser.until(lambda: browser.field("full-width").get_attribute("aria-checked") == "false", "the whole plan again")
+    browser.until(
+        lambda: browser.field("full-width").get_attribute("aria-checked") == "false",
+        "the whole plan again",
+    )
 
 
 def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
     browser.fill("rows", 101)
     browser.until(lambda: "from 3 to 100" in browser.problem("rows"), "the limits at the field")
     browser.fill("people.workers", 48)
-    browser.until(lambda: "at most 50 together" in browser.problem("people.visitors"), "people are too many together")
+    browser.until(
+        lambda: "at most 50 together" in browser.problem("people.visitors"),
+        "people are too many together",
+    )
     assert "48" in browser.problem("people.workers")
     assert "3 fields" in browser.view("trouble").text
     assert not browser.one("[data-action=run]").is_enabled()
     assert not browser.one("[data-action=save]").is_enabled()
     browser.fill("rows", 4)
     browser.fill("people.workers", 1)
-    browser.until(lambda: not browser.problem("rows") and not browser.problem("people.visitors"), "all is well again")
+    browser.until(
+        lambda: not browser.problem("rows") and not browser.problem("people.visitors"),
+        "all is well again",
+    )
     browser.until(lambda: browser.tree_lines() == 5, "a plan of 4 rows")
 
 
@@ -148,16 +183,26 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     text = "rows: 12\npickers: 4\ncarriers: 9\npicking_speed: 0.5\npicking: {spread: {distribution: gamma, cv: 0.4}}\n"
     open_file(browser, tmp_path / "mine.yaml", text)
     browser.until(lambda: browser.tree_lines() == 13, "a plan of 12 rows")
-    browser.until(lambda: browser.field("carriers").get_attribute("value") == browser.figure("Carriers") == "9", "as many carriers")
+    browser.until(
+        lambda: (
+            browser.field("carriers").get_attribute("value") == browser.figure("Carriers") == "9"
+        ),
+        "as many carriers",
+    )
     assert browser.field("picking.spread.cv").get_attribute("value") == "0.4"
     browser.fill("seed", 2**63 - 1)
     browser.switch("picking.failure.mean_between-automatic", False)
-    browser.until(lambda: "null or a number from 60" in browser.problem("picking.failure.mean_between"), "a number is asked for")
+    browser.until(
+        lambda: "null or a number from 60" in browser.problem("picking.failure.mean_between"),
+        "a number is asked for",
+    )
     browser.fill("picking.failure.mean_between", 1800)
     browser.until(lambda: not browser.problem("picking.failure.mean_between"), "all is well")
     browser.fill("picking.spread.cv", 0.6)
     for path in ("picking.spread.cv", "picking.spread.distribution", "picking_speed"):
-        browser.until(lambda path=path: "cv must be at most 0.5" in browser.problem(path), f"told at {path}")
+        browser.until(
+            lambda path=path: "cv must be at most 0.5" in browser.problem(path), f"told at {path}"
+        )
     browser.fill("picking.spread.cv", 0.5)
     browser.until(lambda: not browser.problem("picking_speed"), "all is well again")
     picking = {"spread": {"distribution": "gamma", "cv": 0.5}, "failure": {"mean_between": 1800.0}}
@@ -171,12 +216,24 @@ def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(
     assert not browser.field("picking_speed").is_displayed()  # but folded away
     browser.switch("picking_rate-automatic", False)
     browser.fill("picking_rate", 1.5)
-    browser.until(lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.02917 m/s", "1.5 rows of 70 m an hour")
+    browser.until(
+        lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.02917 m/s",
+        "1.5 rows of 70 m an hour",
+    )
     browser.fill("row_length", 110)
-    browser.until(lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.04583 m/s", "1.5 rows of 110 m an hour")
+    browser.until(
+        lambda: browser.one("[data-meaning=picking_rate]").text == "a picker goes 0.04583 m/s",
+        "1.5 rows of 110 m an hour",
+    )
     assert browser.field("picking_rate").get_attribute("value") == "1.5"
     browser.fill("picking_rate", 40)
-    browser.until(lambda: "must be 0.033 to 32.727 where 110 m of row fill a bin" in browser.problem("picking_rate"), "a limit in words")
+    browser.until(
+        lambda: (
+            "must be 0.033 to 32.727 where 110 m of row fill a bin"
+            in browser.problem("picking_rate")
+        ),
+        "a limit in words",
+    )
 
 
 @pytest.fixture
@@ -200,14 +257,19 @@ def run_to_its_end(page, folder):
     before = {*folder.glob("harvest-*.yaml")}
     page.press("run")
     [file] = page.until(lambda: {*folder.glob("harvest-*.yaml")} - before, "a run of its own")
-    page.until(lambda: f"finished, {file.stem}" in page.view("result").text, "its result", RUN_SECONDS)
+    page.until(
+        lambda: f"finished, {file.stem}" in page.view("result").text, "its result", RUN_SECONDS
+    )
     return file
 
 
 def all_figures(page):
     """Unfold the figures of a summary, and return their text."""
     page.press("all-figures")
-    return page.until(lambda: page.view("summary").text if "finished" in page.view("summary").text else "", "all figures")
+    return page.until(
+        lambda: page.view("summary").text if "finished" in page.view("summary").text else "",
+        "all figures",
+    )
 
 
 def is_locked(page):
@@ -216,7 +278,11 @@ def is_locked(page):
 
 def shown_charts(page):
     charts = page.driver.find_elements("css selector", "figure")
-    return [chart.find_element("css selector", "figcaption").text for chart in charts if chart.is_displayed()]
+    return [
+        chart.find_element("css selector", "figcaption").text
+        for chart in charts
+        if chart.is_displayed()
+    ]
 
 
 def test_a_small_orchard_is_run_to_its_end(small, server):
@@ -224,14 +290,22 @@ def test_a_small_orchard_is_run_to_its_end(small, server):
     run_to_its_end(small, server[1])
     result = small.until(lambda: small.view("result").text, "the result")
     assert result.startswith("3 of 3 rows in ") and "What limits it: " in result
-    assert all(name in result for name in ("Bins an hour", "Time", "Pickers wait", "Carriers at work", "Collisions")), result
-    assert "collisions_of" not in small.view("summary").text and "finished" not in small.view("summary").text
+    assert all(
+        name in result
+        for name in ("Bins an hour", "Time", "Pickers wait", "Carriers at work", "Collisions")
+    ), result
+    assert (
+        "collisions_of" not in small.view("summary").text
+        and "finished" not in small.view("summary").text
+    )
     figures = all_figures(small)
     assert re.search(r"bins delivered\s+3", figures) and re.search(r"finished\s+True", figures)
     assert len(list(server[1].glob("*.rrd"))) == 1
     assert "bins delivered 3/3" in small.view("progress").text
     small.turn_to("Picture")
-    picture = small.until(lambda: small.view("picture").get_attribute("src"), "the recording, in Rerun's viewer")
+    picture = small.until(
+        lambda: small.view("picture").get_attribute("src"), "the recording, in Rerun's viewer"
+    )
     assert urllib.request.urlopen(picture, timeout=10).status == 200
 
 
@@ -246,10 +320,16 @@ def test_a_run_in_realtime_takes_numbers_only(small):
     small.fill("speed", 5)
     small.press("run")
     small.tell_state("running")
-    small.until(lambda: "% picked" in small.view("progress").text, "progress of a run of processes", RUN_SECONDS)
+    small.until(
+        lambda: "% picked" in small.view("progress").text,
+        "progress of a run of processes",
+        RUN_SECONDS,
+    )
     assert small.view("state").text == "running"
     small.turn_to("Picture")
-    small.until(lambda: shown_charts(small) == list(STEPS), "all charts grow while it runs", RUN_SECONDS)
+    small.until(
+        lambda: shown_charts(small) == list(STEPS), "all charts grow while it runs", RUN_SECONDS
+    )
     small.press("stop")
     small.tell_state("stopped", RUN_SECONDS)
     small.turn_to("Summary")
@@ -260,20 +340,37 @@ def test_a_run_in_realtime_takes_numbers_only(small):
 def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloads, tmp_path):
     file = tmp_path / "own.yaml"
     open_file(small, file, "agents: {picker_01: subprocess.Popen}\n")
-    assert "subprocess.Popen is not in" in small.until(lambda: small.view("complaint").text, "a complaint")
+    assert "subprocess.Popen is not in" in small.until(
+        lambda: small.view("complaint").text, "a complaint"
+    )
     small.click("[data-view=complaint] button")
     for decision in ("refuse-classes", "trust-classes"):
         assert not small.view("classes").is_displayed(), "not before the user trusts the file"
-        open_file(small, file, "rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Eastward}\n")
+        open_file(
+            small,
+            file,
+            "rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Eastward}\n",
+        )
         question = small.until(lambda: small.view("question").text, "a question")
-        assert "own.yaml runs code" in question and "picker_01: tests.support.own_agents.Eastward" in question
+        assert (
+            "own.yaml runs code" in question
+            and "picker_01: tests.support.own_agents.Eastward" in question
+        )
         small.press(decision)
-        small.until(lambda: not small.driver.find_elements("css selector", "[data-view=question]"), "the question is answered")
-    small.until(lambda: small.view("classes").text == "picker_01: tests.support.own_agents.Eastward", "the class is shown")
+        small.until(
+            lambda: not small.driver.find_elements("css selector", "[data-view=question]"),
+            "the question is answered",
+        )
+    small.until(
+        lambda: small.view("classes").text == "picker_01: tests.support.own_agents.Eastward",
+        "the class is shown",
+    )
     small.fill("weeds", 7)
     small.fill("duration", 30)
     small.switch("fastest", True)
-    wanted = Scenario(rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.support.own_agents.Eastward"})
+    wanted = Scenario(
+        rows=3, pickers=3, weeds=7, agents={"picker_01": "tests.support.own_agents.Eastward"}
+    )
     assert load(small.saved(downloads)) == wanted
     assert load(run_to_its_end(small, server[1])) == wanted
     summary = all_figures(small)
@@ -283,7 +380,11 @@ def test_a_file_with_own_classes_is_changed_saved_and_run(small, server, downloa
 
 
 def test_an_agents_hostile_words_are_only_words(small, tmp_path):
-    open_file(small, tmp_path / "hostile.yaml", "rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Hostile}\n")
+    open_file(
+        small,
+        tmp_path / "hostile.yaml",
+        "rows: 3\npickers: 3\nagents: {picker_01: tests.support.own_agents.Hostile}\n",
+    )
     small.press("trust-classes")
     small.until(lambda: small.view("classes").is_displayed(), "the class is taken")
     small.fill("duration", 5)
@@ -295,7 +396,11 @@ def test_an_agents_hostile_words_are_only_words(small, tmp_path):
         return text if Hostile.words in (text := small.view("messages").text) else ""
 
     text = small.until(said, "the error is shown as it is", RUN_SECONDS)
-    small.until(lambda: not small.driver.find_elements("css selector", ".wishes[inert]"), "the run is over", RUN_SECONDS)
+    small.until(
+        lambda: not small.driver.find_elements("css selector", ".wishes[inert]"),
+        "the run is over",
+        RUN_SECONDS,
+    )
     assert "\x1b" not in text
     assert not small.view("messages").find_elements("css selector", "img")
     assert small.driver.title != "mine"
@@ -324,7 +429,10 @@ def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
         assert "Traceback" not in small.until(lambda view=view: small.view(view.lower()), view).text
     small.turn_to("Picture")
     small.until(
-        lambda: "No recording was made." in small.one(".stage").text or small.view("picture").get_attribute("src"),
+        lambda: (
+            "No recording was made." in small.one(".stage").text
+            or small.view("picture").get_attribute("src")
+        ),
         "no picture, or one of a run that had begun",
     )
     small.fill("duration", 5)
@@ -339,11 +447,15 @@ def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server)
     small.fill("duration", 100)
     small.press("run")
     small.tell_state("running")
-    small.until(lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS)
+    small.until(
+        lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS
+    )
     small.driver.execute_script("window.mark = 'the same page'")
     summaries = set(server[1].glob("*.json"))
     with small.frozen():  # for 10 s or more, as while it loads the picture's viewer
-        small.until(lambda: set(server[1].glob("*.json")) - summaries, "the run is over", RUN_SECONDS)
+        small.until(
+            lambda: set(server[1].glob("*.json")) - summaries, "the run is over", RUN_SECONDS
+        )
     small.tell_state("finished")
     assert "simulated 1:40 min" in small.view("progress").text
     assert small.driver.execute_script("return window.mark") == "the same page"
@@ -352,18 +464,25 @@ def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server)
 def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.press("run")
     small.tell_state("running")
-    small.until(lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS)
+    small.until(
+        lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS
+    )
     small.reload()
     small.tell_state("running")
     assert small.field("rows").get_attribute("value") == "3"
     assert not small.one("[data-action=run]").is_displayed()
     small.fill("rows", 4)
-    small.until(lambda: small.one("[data-mark=rows]").text == "the harvest that runs has 3", "the field is marked")
+    small.until(
+        lambda: small.one("[data-mark=rows]").text == "the harvest that runs has 3",
+        "the field is marked",
+    )
     assert is_locked(small), "mode and speed are those of the run"
     small.press("stop")
     small.tell_state("stopped", RUN_SECONDS)
     assert re.search(r"finished\s+False", all_figures(small))
-    assert "3 rows, 2 pickers, 2 carriers, seed 1" in small.view("result").text, "whatever the form says now"
+    assert "3 rows, 2 pickers, 2 carriers, seed 1" in small.view("result").text, (
+        "whatever the form says now"
+    )
     small.until(lambda: not small.one("[data-mark=rows]").is_displayed(), "nothing runs")
     assert not is_locked(small)
 
@@ -377,38 +496,72 @@ def parent(small, server):
     small.turn_to("Runs")
     small.unchoose_runs()
     small.click("[data-view=runs] tbody .q-checkbox")
-    small.until(lambda: small.view("moment").text == "3:00", "its time line: the keyframe in the middle of 7 min")
+    small.until(
+        lambda: small.view("moment").text == "3:00",
+        "its time line: the keyframe in the middle of 7 min",
+    )
     return file.stem
 
 
-def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one(small, parent, server):
+def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one(
+    small, parent, server
+):
     small.one("[data-field=moment] [tabindex='0']").send_keys(Keys.ARROW_LEFT)
     small.until(lambda: small.view("moment").text == "2:59", "an earlier moment")
     small.switch("fork-carriers-automatic", False)
     small.fill("fork-carriers", 121)
     small.press("fork")
-    small.until(lambda: "from 1 to 120" in small.problem("fork-carriers"), "what is wrong, at its field")
+    small.until(
+        lambda: "from 1 to 120" in small.problem("fork-carriers"), "what is wrong, at its field"
+    )
     small.fill("fork-carriers", 3)
     small.pick("fork-stop", "picker_02")
     small.escape()
     small.press("fork")
-    compared = small.until(lambda: text if "Side by side" in (text := small.view("comparison").text) else "", "both", RUN_SECONDS)
+    compared = small.until(
+        lambda: text if "Side by side" in (text := small.view("comparison").text) else "",
+        "both",
+        RUN_SECONDS,
+    )
     assert compared.count(", from 2:59") == 2, "in the legend and in the table"
-    above, below, *_ = [row.text for row in small.view("runs").find_elements("css selector", "tbody tr")]
-    assert "from" not in above and "from 2:59" in below and "3 carriers" in below, "it stands under its parent"
-    (fork,) = [known for path in server[1].glob("*.json") if "forked_from" in (known := json.loads(path.read_text()))]
+    above, below, *_ = [
+        row.text for row in small.view("runs").find_elements("css selector", "tbody tr")
+    ]
+    assert "from" not in above and "from 2:59" in below and "3 carriers" in below, (
+        "it stands under its parent"
+    )
+    (fork,) = [
+        known
+        for path in server[1].glob("*.json")
+        if "forked_from" in (known := json.loads(path.read_text()))
+    ]
     assert fork["forked_from"] == {"run": parent, "seconds": 179.0}
-    assert (fork["scenario"]["carriers"], fork["sim_seconds"], fork["stopped_seconds"]["picker_02"]) == (3, 240.0, 61.0)
+    assert (
+        fork["scenario"]["carriers"],
+        fork["sim_seconds"],
+        fork["stopped_seconds"]["picker_02"],
+    ) == (3, 240.0, 61.0)
     small.press("pictures")
     shown = small.until(lambda: two_pictures(small), "both pictures")
-    assert [name in url for name, url in zip((parent, small.view("result").text.split(", ")[-1]), shown, strict=True)] == [True, True]
+    assert [
+        name in url
+        for name, url in zip(
+            (parent, small.view("result").text.split(", ")[-1]), shown, strict=True
+        )
+    ] == [True, True]
     assert [urllib.request.urlopen(url, timeout=10).status for url in shown] == [200, 200]
     small.unchoose_runs()
-    small.until(lambda: not any(is_open(urlsplit(url).port) for url in shown), "their servers end when they are not seen any more")
+    small.until(
+        lambda: not any(is_open(urlsplit(url).port) for url in shown),
+        "their servers end when they are not seen any more",
+    )
 
 
 def two_pictures(page):
-    urls = [frame.get_attribute("src") for frame in page.view("comparison").find_elements("tag name", "iframe")]
+    urls = [
+        frame.get_attribute("src")
+        for frame in page.view("comparison").find_elements("tag name", "iframe")
+    ]
     return urls if len(urls) == 2 and all(urls) else None
 
 
@@ -417,4 +570,9 @@ def test_why_a_run_cannot_go_on_so_is_told_in_the_words_of_the_command(small, pa
     small.fill("fork-carriers", 1)
     small.press("fork")
     small.tell_state("failed", RUN_SECONDS)
-    small.until(lambda: "1 cannot be taken away: only 0 of them wait in the queue" in small.view("summary").text, "why")
+    small.until(
+        lambda: (
+            "1 cannot be taken away: only 0 of them wait in the queue" in small.view("summary").text
+        ),
+        "why",
+    )

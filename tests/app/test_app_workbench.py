@@ -25,7 +25,11 @@ def ended(folder, name, sim_seconds, mode="local", **changes):
     account = RunFigures(local.engine, time.monotonic)
     while local.engine.tick < 300:
         account.update(local.tick())
-    (folder / f"{name}.json").write_text(json.dumps(account.summary() | {"mode": mode, "finished": False, "sim_seconds": sim_seconds}))
+    (folder / f"{name}.json").write_text(
+        json.dumps(
+            account.summary() | {"mode": mode, "finished": False, "sim_seconds": sim_seconds}
+        )
+    )
 
 
 @pytest.fixture(scope="module")
@@ -44,18 +48,28 @@ def three_runs(server):
     ended(server[1], "third", 30.0, mode="<b id=bold>local</b>", rows=3, seed=3)
     old = [server[1] / f"old{number}.json" for number in range(8)]  # another page of the list
     for path in old:
-        path.write_text((server[1] / "third.json").read_text().replace('"sim_seconds": 30.0', '"sim_seconds": 36000.0'))
+        path.write_text(
+            (server[1] / "third.json")
+            .read_text()
+            .replace('"sim_seconds": 30.0', '"sim_seconds": 36000.0')
+        )
         os.utime(path, (0.0, 0.0))
     yield
     shutil.rmtree(keyframe.parent)
-    for path in (*old, *(server[1] / f"{name}.json" for name in ("first", "second", "third", "odd"))):
+    for path in (
+        *old,
+        *(server[1] / f"{name}.json" for name in ("first", "second", "third", "odd")),
+    ):
         path.unlink()
 
 
 @pytest.fixture
 def listed(browser, three_runs):
     browser.turn_to("Runs")
-    browser.until(lambda: "3 rows, 2 pickers, 2 carriers, seed 3" in browser.view("runs").text, "the runs are listed")
+    browser.until(
+        lambda: "3 rows, 2 pickers, 2 carriers, seed 3" in browser.view("runs").text,
+        "the runs are listed",
+    )
     browser.unchoose_runs()
     return browser
 
@@ -73,29 +87,58 @@ def compare_two(browser):
 
 def cells(browser, name):
     """A line of the comparison, without its name."""
-    lines = (line.find_elements("css selector", "th, td") for line in browser.view("comparison").find_elements("tag name", "tr"))
+    lines = (
+        line.find_elements("css selector", "th, td")
+        for line in browser.view("comparison").find_elements("tag name", "tr")
+    )
     return next([cell.text for cell in line[1:]] for line in lines if line[0].text == name)
 
 
 def test_past_runs_are_listed_and_compared_side_by_side(listed):
     compare_two(listed)
-    assert [cells(listed, "Rows"), cells(listed, "Seed"), cells(listed, "Bins")] == [["3", "4"], ["1", "2"], ["0 of 3", "0 of 4"]]
+    assert [cells(listed, "Rows"), cells(listed, "Seed"), cells(listed, "Bins")] == [
+        ["3", "4"],
+        ["1", "2"],
+        ["0 of 3", "0 of 4"],
+    ]
     charts = listed.view("comparison").find_elements("css selector", "figure canvas")
     assert len(charts) == 3 and all(chart.is_displayed() for chart in charts)
     choose(listed, "3 rows, 2 pickers, 2 carriers, seed 1")
     listed.press("use-scenario")
-    listed.until(lambda: listed.field("rows").get_attribute("value") == "4", "the form has the scenario of the run that is left")
-    simulated = next(cell for cell in listed.view("runs").find_elements("tag name", "th") if "Simulated" in cell.text)
-    listed.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", simulated)  # not under the bar on top
+    listed.until(
+        lambda: listed.field("rows").get_attribute("value") == "4",
+        "the form has the scenario of the run that is left",
+    )
+    simulated = next(
+        cell
+        for cell in listed.view("runs").find_elements("tag name", "th")
+        if "Simulated" in cell.text
+    )
+    listed.driver.execute_script(
+        "arguments[0].scrollIntoView({block: 'center'})", simulated
+    )  # not under the bar on top
     simulated.click()
     times = ["0:30 min", "9:50 min", "10:24 min"]
-    listed.until(lambda: [one for one in re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text) if one in times] == times, "sorted")
+    listed.until(
+        lambda: (
+            [
+                one
+                for one in re.findall("[0-9]+:[0-9]+ min", listed.view("runs").text)
+                if one in times
+            ]
+            == times
+        ),
+        "sorted",
+    )
 
 
 def test_what_others_have_written_is_shown_as_text(listed):
     assert "<b id=bold>local</b>" in listed.view("runs").text
     assert not listed.driver.find_elements("css selector", "#bold")
-    assert listed.view("passed-over").text == "odd.json is passed over: JSON is malformed: invalid character (byte 0)"
+    assert (
+        listed.view("passed-over").text
+        == "odd.json is passed over: JSON is malformed: invalid character (byte 0)"
+    )
 
 
 def test_a_link_holds_the_scenario(browser, server):
@@ -105,7 +148,9 @@ def test_a_link_holds_the_scenario(browser, server):
     link = browser.until(lambda: browser.view("link").get_attribute("value"), "the link")
     assert link == f"{server[0]}/?rows=8"
     browser.open(f"{server[0]}/?rows=9&seed=-3&pikers=2")
-    assert "did you mean pickers" in browser.until(lambda: browser.view("complaint").text, "a complaint")
+    assert "did you mean pickers" in browser.until(
+        lambda: browser.view("complaint").text, "a complaint"
+    )
     browser.until(lambda: browser.problem("seed"), "what is wrong is told at its field")
     browser.open(link)
     browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
@@ -134,7 +179,9 @@ def test_every_browser_has_its_own_draft(browser, server):
 @contextmanager
 def as_phone(browser):
     size = dict(zip(("width", "height"), PHONE, strict=True))
-    browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size | {"deviceScaleFactor": 1, "mobile": True})
+    browser.driver.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", size | {"deviceScaleFactor": 1, "mobile": True}
+    )
     try:
         yield
     finally:
@@ -146,21 +193,33 @@ def test_on_a_phone_run_is_on_the_first_screen_and_nothing_is_too_wide(listed):
         compare_two(listed)
         run = listed.one("[data-action=run]").rect
         assert run["y"] > 0 and run["y"] + run["height"] < PHONE[1]
-        assert listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+        assert (
+            listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+        )
 
 
 def violations(browser):
     """What axe finds, once the page does not move any more. The picture's viewer is Rerun's own."""
     from axe_core_python.selenium import Axe
 
-    browser.until(lambda: not browser.driver.execute_script("return document.getAnimations().length"), "the page is at rest")
-    browser.until(lambda: browser.driver.execute_script("return document.fonts.status") == "loaded", "icons are icons, not their names")
-    found = Axe().run(browser.driver, options={"iframes": 0, "resultTypes": ["violations"]})["violations"]
+    browser.until(
+        lambda: not browser.driver.execute_script("return document.getAnimations().length"),
+        "the page is at rest",
+    )
+    browser.until(
+        lambda: browser.driver.execute_script("return document.fonts.status") == "loaded",
+        "icons are icons, not their names",
+    )
+    found = Axe().run(browser.driver, options={"iframes": 0, "resultTypes": ["violations"]})[
+        "violations"
+    ]
     return [f"{rule['id']}: {node['html']}" for rule in found for node in rule["nodes"]]
 
 
 def test_axe_finds_no_violation(listed):
-    assert [element.tag_name for element in listed.driver.find_elements("css selector", "h1, main")] == ["h1", "main"]
+    assert [
+        element.tag_name for element in listed.driver.find_elements("css selector", "h1, main")
+    ] == ["h1", "main"]
     assert listed.one("html").get_attribute("lang") == "en-US"
     compare_two(listed)
     for _ in ("light", "dark"):
@@ -173,7 +232,9 @@ def test_axe_finds_no_violation(listed):
     assert violations(listed) == []
     with as_phone(listed):
         assert violations(listed) == []
-        assert listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+        assert (
+            listed.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+        )
     for view in ("Messages", "Summary", "Plan"):
         listed.turn_to(view)
         assert violations(listed) == []
@@ -206,13 +267,18 @@ EMPTY = {"people.workers": 0, "people.visitors": 0, "animals.dogs": 0, "animals.
 
 
 def state(page, words, seconds=RUN_SECONDS):
-    page.until(lambda: page.view("study-state").text.lower() == words, f"the study is {words}", seconds)
+    page.until(
+        lambda: page.view("study-state").text.lower() == words, f"the study is {words}", seconds
+    )
 
 
 def reload_keeps_what_was_entered(page):
     page.reload()
     page.press("how-many")
-    page.until(lambda: page.field("study-budget").get_attribute("value") == "90", "a reload keeps what was entered")
+    page.until(
+        lambda: page.field("study-budget").get_attribute("value") == "90",
+        "a reload keeps what was entered",
+    )
 
 
 def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
@@ -235,17 +301,34 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.press("how-many")  # back from the bottom of the form
     page.press("study-start")
     state(page, "finished")
-    page.until(lambda: len(page.view("study-table").find_elements("css selector", "tr")) > 2, "a line for each setting")
-    assert "The orchard: 3 rows of 70 m, one bin a row, 2 pickers, two-way, rolling dispatch" in page.view("answer").text
-    assert "a bin" in page.view("answer").text and page.view("answer").text.split()[1].startswith("carrier")
-    page.until(lambda: "cost of a bin" in page.view("study-picture").text, "the picture of the costs")
+    page.until(
+        lambda: len(page.view("study-table").find_elements("css selector", "tr")) > 2,
+        "a line for each setting",
+    )
+    assert (
+        "The orchard: 3 rows of 70 m, one bin a row, 2 pickers, two-way, rolling dispatch"
+        in page.view("answer").text
+    )
+    assert "a bin" in page.view("answer").text and page.view("answer").text.split()[1].startswith(
+        "carrier"
+    )
+    page.until(
+        lambda: "cost of a bin" in page.view("study-picture").text, "the picture of the costs"
+    )
     assert violations(page) == []
     with as_phone(page):
         assert violations(page) == []
         assert page.driver.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
-    second = page.view("study-table").find_elements("css selector", "tbody tr, tr")[2].find_element("css selector", "th").text.split()[0]
+    second = (
+        page.view("study-table")
+        .find_elements("css selector", "tbody tr, tr")[2]
+        .find_element("css selector", "th")
+        .text.split()[0]
+    )
     page.press("study-use-1")
-    page.until(lambda: page.field("carriers").get_attribute("value") == second, "the form has the setting")
+    page.until(
+        lambda: page.field("carriers").get_attribute("value") == second, "the form has the setting"
+    )
     assert page.one("[data-action=run]").is_enabled(), "and it can be run and watched"
 
     page.fill("rows", 20)
@@ -261,5 +344,9 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     state(page, "running")
     page.press("study-stop")
     state(page, "stopped")
-    page.until(lambda: page.view("study-table").find_elements("css selector", "tr"), "what is known")
-    assert "with predictive" in page.view("answer").text and "long run" not in page.view("answer").text
+    page.until(
+        lambda: page.view("study-table").find_elements("css selector", "tr"), "what is known"
+    )
+    assert (
+        "with predictive" in page.view("answer").text and "long run" not in page.view("answer").text
+    )

@@ -22,7 +22,9 @@ from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
 def test_the_page_asks_for_every_value_of_a_scenario():
     assert list(entries()) == list(flat(Scenario()))
-    assert with_changes(Scenario(), **flat(Scenario(rows=7, carriers=3))) == Scenario(rows=7, carriers=3)
+    assert with_changes(Scenario(), **flat(Scenario(rows=7, carriers=3))) == Scenario(
+        rows=7, carriers=3
+    )
 
 
 def test_limits_and_steps_come_from_the_model():
@@ -35,7 +37,9 @@ def test_limits_and_steps_come_from_the_model():
 def test_labels_are_words_of_a_reader():
     assert LABELS.keys() <= entries().keys(), "each of them is of a value that there is"
     scenario = with_changes(Scenario(), **{"sensors.gnss.white": 0.01, "dispatch_errors": "end"})
-    assert title_of(scenario).endswith("seed 1, GNSS error of a tick 0.01, after a refused order end")
+    assert title_of(scenario).endswith(
+        "seed 1, GNSS error of a tick 0.01, after a refused order end"
+    )
 
 
 NO_NUMBERS = {"5,5": "write a point: 5.5", "abc": "from 5.0 to 12", "": "number", "1e999": "to 12"}
@@ -44,7 +48,10 @@ WRONG_FIELDS = [
     ({"rows": 5.5}, {"rows": "a whole number"}),
     ({"rows": None}, {"rows": "a whole number"}),
     ({"pickers": 6.0}, {"pickers": "one picker a row", "rows": "one picker a row"}),
-    ({"people.workers": 30.0, "people.visitors": 30.0}, {"people.workers": "at most 50 together", "people.visitors": "at most 50"}),
+    (
+        {"people.workers": 30.0, "people.visitors": 30.0},
+        {"people.workers": "at most 50 together", "people.visitors": "at most 50"},
+    ),
     ({"seed": "many"}, {"seed": "a whole number"}),
     ({"seed": "9223372036854775808"}, {"seed": "to 9223372036854775807"}),
     ({"rows": 2.0, "laser.noise": 1.0}, {"rows": "from 3", "laser.noise": "to 0.02"}),
@@ -71,7 +78,9 @@ def test_a_large_seed_keeps_every_digit():
 def test_the_classes_of_a_scenario_survive_changes():
     draft = Draft(Scenario(agents={"picker": "tests.support.own_agents.Eastward"}))
     draft.enter({"rows": "7"})
-    assert draft.scenario == Scenario(rows=7, agents={"picker": "tests.support.own_agents.Eastward"})
+    assert draft.scenario == Scenario(
+        rows=7, agents={"picker": "tests.support.own_agents.Eastward"}
+    )
     draft.drop_classes()
     assert draft.scenario == Scenario(rows=7)
 
@@ -110,7 +119,10 @@ def test_a_link_chooses_a_built_in_rule_and_runs_no_class():
 
 def test_a_link_is_checked_once_however_long_it_is(monkeypatch):
     checks = []
-    monkeypatch.setattr("orchard.app.draft.with_changes", lambda base, **values: checks.append(values) or with_changes(base, **values))
+    monkeypatch.setattr(
+        "orchard.app.draft.with_changes",
+        lambda base, **values: checks.append(values) or with_changes(base, **values),
+    )
     draft, _ = draft_of([("rows", "3"), ("tractor", "maybe")] * 1000)
     assert len(checks) == 2, "of the default, and of the link"
     assert [*draft.problems] == ["tractor"]
@@ -124,17 +136,26 @@ def test_a_class_for_a_robot_that_is_gone_is_told():
     assert "agents.picker_03: no such agent or kind" in draft.problems["agents"]
 
 
-def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_looked_for(tmp_path, monkeypatch):
+def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_looked_for(
+    tmp_path, monkeypatch
+):
     (tmp_path / "mine.py").write_text("raise SystemExit('it ran')")
     (tmp_path / "yours").mkdir()
     (tmp_path / "yours" / "there.py").touch()
     (tmp_path / "yours" / "far").mkdir()
     (tmp_path / "yours" / "far" / "off.py").touch()
     (tmp_path / "lib").mkdir()
-    (tmp_path / "lib" / "deeper.py").touch()  # on the path, but not the user's own, as a library in .venv
+    (
+        tmp_path / "lib" / "deeper.py"
+    ).touch()  # on the path, but not the user's own, as a library in .venv
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.syspath_prepend(str(tmp_path / "lib"))
-    inside = {"picker": "mine.Picker", "carrier": "yours.there.Carrier", "bin": "mine:Bin", "cat": "yours.far.off.Cat"}
+    inside = {
+        "picker": "mine.Picker",
+        "carrier": "yours.there.Carrier",
+        "bin": "mine:Bin",
+        "cat": "yours.far.off.Cat",
+    }
     outside = {
         "tractor": "subprocess.Popen",
         "dog": "sys.exit",
@@ -152,8 +173,14 @@ WRONG_PACES = [
     (RunSettings("lockstep", "max"), {"speed": "from 0.1 to 1000"}),
     (RunSettings("realtime", "max"), {"speed": "it cannot be max"}),
     (RunSettings("realtime", "", as_fast_as_it_goes=True), {"speed": "it cannot be max"}),
-    (RunSettings("local", "0,5", "-1"), {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"}),
-    (RunSettings("local", "", "soon", as_fast_as_it_goes=True), {"duration": "empty: the whole harvest"}),
+    (
+        RunSettings("local", "0,5", "-1"),
+        {"speed": "write a point: 0.5", "duration": "from 1 to 1000000"},
+    ),
+    (
+        RunSettings("local", "", "soon", as_fast_as_it_goes=True),
+        {"duration": "empty: the whole harvest"},
+    ),
 ]
 
 
@@ -166,10 +193,21 @@ def test_what_is_wrong_with_a_pace_is_told_at_its_field(pace, told):
 def test_a_pace_is_what_run_py_is_told(tmp_path):
     def options(pace):
         line = command(pace, Files(tmp_path, "run"), 9090)
-        return [line[line.index(name) + 1] if name in line else None for name in ("--mode", "--speed", "--duration")]
+        return [
+            line[line.index(name) + 1] if name in line else None
+            for name in ("--mode", "--speed", "--duration")
+        ]
 
-    assert options(RunSettings("realtime", "12", "0" + "90.5", as_fast_as_it_goes=True)) == ["realtime", "12", "90.5"]
-    assert options(RunSettings("lockstep", "", " ", as_fast_as_it_goes=True)) == ["lockstep", "max", None]
+    assert options(RunSettings("realtime", "12", "0" + "90.5", as_fast_as_it_goes=True)) == [
+        "realtime",
+        "12",
+        "90.5",
+    ]
+    assert options(RunSettings("lockstep", "", " ", as_fast_as_it_goes=True)) == [
+        "lockstep",
+        "max",
+        None,
+    ]
     assert options(RunSettings("local", "0.125", "1000000")) == ["local", "0.125", "1000000"]
 
 
@@ -185,7 +223,14 @@ SUMMARY = {"mode": "local", "finished": True, "rows": 3, "sim_seconds": 60.0, "b
                        "carriers_busy_seconds": [20.0, 30.0]}}  # fmt: skip
 
 
-@pytest.mark.parametrize("changes", [{}, {"rows": 7, "people.workers": 0}, {"seed": 2**63 - 1, "laser.noise": 0.0125, "tractor": False}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"rows": 7, "people.workers": 0},
+        {"seed": 2**63 - 1, "laser.noise": 0.0125, "tractor": False},
+    ],
+)
 def test_a_link_brings_back_its_scenario(changes):
     scenario = with_changes(Scenario(), **changes)
     query = query_of(scenario)
@@ -195,7 +240,9 @@ def test_a_link_brings_back_its_scenario(changes):
 
 
 def test_what_is_wrong_in_a_link_is_told():
-    draft, unknown = draft_of([("rows", "999"), ("pikers", "3"), ("agents", "os.system"), ("tractor", "perhaps")])
+    draft, unknown = draft_of(
+        [("rows", "999"), ("pikers", "3"), ("agents", "os.system"), ("tractor", "perhaps")]
+    )
     assert unknown == ["pikers: no such setting; did you mean pickers?", "agents: no such setting"]
     assert draft.problems.keys() == {"rows", "tractor"}
 
@@ -216,8 +263,13 @@ def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other
 
 def test_a_scenario_has_a_title_and_a_draft_its_own_values():
     assert title_of(Scenario(carriers=1)) == "5 rows, 2 pickers, 1 carrier, seed 1"
-    other = with_changes(Scenario(rows=7, agents={"picker": "a.B"}), tractor=False, **{"laser.noise": 0.01})
-    assert title_of(other) == "7 rows, 2 pickers, 2 carriers, seed 1, tractor off, laser noise 0.01, own classes"
+    other = with_changes(
+        Scenario(rows=7, agents={"picker": "a.B"}), tractor=False, **{"laser.noise": 0.01}
+    )
+    assert (
+        title_of(other)
+        == "7 rows, 2 pickers, 2 carriers, seed 1, tractor off, laser noise 0.01, own classes"
+    )
     assert differences([Scenario(), other, other])["Rows"] == ["5", "7", "7"]
     assert differences([Scenario(), other])["picker"] == ["built-in", "a.B"]
     assert list(differences([Scenario(seed=1), Scenario(seed=2)])) == ["Seed"]
@@ -227,33 +279,66 @@ def test_a_scenario_has_a_title_and_a_draft_its_own_values():
 STRANGE = {
     "broken": ({"scenario": {"rows": 999}}, "rows = 999: must be a whole number from 3 to 100"),
     "empty": ({"history": {"seconds": []}}, "history: each sample needs all its values"),
-    "uneven": ({"history": SUMMARY["history"] | {"seconds": [1.0]}}, "history: each sample needs all its values"),
+    "uneven": (
+        {"history": SUMMARY["history"] | {"seconds": [1.0]}},
+        "history: each sample needs all its values",
+    ),
     "text": ({"sim_seconds": "many"}, "Expected `float`, got `str` - at `$.sim_seconds`"),
     "nan": ({"bins_per_hour": float("nan")}, "JSON is malformed"),
 }
 
 
 def test_past_runs_are_the_summaries_and_any_other_file_is_named(tmp_path):
-    files = {"good": json.dumps(SUMMARY), "list": "[]", "half": "{", "nothing": "", "deep": "[" * 100_000, "study-1": "{}"}
-    for name, text in (files | {name: json.dumps(SUMMARY | change) for name, (change, _) in STRANGE.items()}).items():
+    files = {
+        "good": json.dumps(SUMMARY),
+        "list": "[]",
+        "half": "{",
+        "nothing": "",
+        "deep": "[" * 100_000,
+        "study-1": "{}",
+    }
+    for name, text in (
+        files | {name: json.dumps(SUMMARY | change) for name, (change, _) in STRANGE.items()}
+    ).items():
         (tmp_path / f"{name}.json").write_text(text)
     os.utime(tmp_path / "half.json", (1e12, 1e12))
     (past,), others = past_runs(tmp_path)
     assert past.name == "good" and past.figures["Simulated"] == "1:00 min"
-    assert past.scenario.agents == {"picker": "no.such.Class"}, "it is read, and no class is looked for"
-    assert [words.partition(".json is passed over: ")[0] for words in others] == sorted([*STRANGE, "list", "half", "nothing", "deep"])
+    assert past.scenario.agents == {"picker": "no.such.Class"}, (
+        "it is read, and no class is looked for"
+    )
+    assert [words.partition(".json is passed over: ")[0] for words in others] == sorted(
+        [*STRANGE, "list", "half", "nothing", "deep"]
+    )
     assert all(any(why in words for words in others) for _, why in STRANGE.values())
 
 
 def test_forks_stand_under_their_parent_whatever_summaries_say(tmp_path):
     """Newest first, as any list of runs. Two that name each other stay in the list, and so does a run that names itself."""
-    parents = {"old": None, "first": "old", "other": "gone", "of_first": "first", "second": "old", "own": "own", "a": "b", "b": "a"}
+    parents = {
+        "old": None,
+        "first": "old",
+        "other": "gone",
+        "of_first": "first",
+        "second": "old",
+        "own": "own",
+        "a": "b",
+        "b": "a",
+    }
     for number, (name, parent) in enumerate(parents.items()):
         since = {} if parent is None else {"forked_from": {"run": parent, "seconds": 59.9}}
         (tmp_path / f"{name}.json").write_text(json.dumps(SUMMARY | since))
         os.utime(tmp_path / f"{name}.json", (number, number))
-    shown = [[past.name for past in line] for line in lines({past.name: past for past in past_runs(tmp_path)[0]})]
-    assert shown[-4:] == [["old"], ["old", "second"], ["old", "first"], ["old", "first", "of_first"]]
+    shown = [
+        [past.name for past in line]
+        for line in lines({past.name: past for past in past_runs(tmp_path)[0]})
+    ]
+    assert shown[-4:] == [
+        ["old"],
+        ["old", "second"],
+        ["old", "first"],
+        ["old", "first", "of_first"],
+    ]
     assert sorted(line[-1] for line in shown) == sorted(parents)
 
 
@@ -261,14 +346,18 @@ def test_what_a_command_prints_and_leaves_that_is_no_result_is_named(tmp_path, m
     files = Files(tmp_path, "odd")
     deep = '{"study": {"none": ' + "[" * 100_000
     code = f"print({deep!r}); open({str(files.summary)!r}, 'w').write('{{\"answer\": NaN}}')"
-    monkeypatch.setattr("orchard.app.study_run.study_command", lambda settings, files: [sys.executable, "-c", code])
+    monkeypatch.setattr(
+        "orchard.app.study_run.study_command", lambda settings, files: [sys.executable, "-c", code]
+    )
     study = StudyRun(Scenario(), StudySettings(), files)
     study._listener.join(20.0)
     assert (study.is_over, study.result, study.state) == (True, None, "failed")
     assert study.said[0] == 2 and "odd.json is passed over: JSON is malformed" in study.said[1][-1]
 
 
-@pytest.mark.parametrize("change", [{"sim_seconds": "many"}, {"history": 3}, {"rows": float("nan")}])
+@pytest.mark.parametrize(
+    "change", [{"sim_seconds": "many"}, {"history": 3}, {"rows": float("nan")}]
+)
 def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
     run = Run.__new__(Run)
     run.files, run.said, run.summary = Files(tmp_path, "odd"), (0, ()), None
@@ -279,10 +368,26 @@ def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
 
 def test_the_course_is_what_the_charts_show():
     course = course_of(SUMMARY["history"], Scenario(rows=3, pickers=2, carriers=2))
-    assert course == {BINS: [[0.17, 0], [0.33, 1]], WAITING: [[0.17, 0.0], [0.33, 50.0]], BUSY: [[0.17, 100.0], [0.33, 50.0]]}
+    assert course == {
+        BINS: [[0.17, 0], [0.33, 1]],
+        WAITING: [[0.17, 0.0], [0.33, 50.0]],
+        BUSY: [[0.17, 100.0], [0.33, 50.0]],
+    }
 
 
 def test_the_page_asks_as_a_user_would_type_it(tmp_path):
-    asked = study_command(StudySettings(dispatch=("nearest", "predictive"), horizon="harvest"), Files(tmp_path, "study"))
+    asked = study_command(
+        StudySettings(dispatch=("nearest", "predictive"), horizon="harvest"),
+        Files(tmp_path, "study"),
+    )
     words = asked[asked.index("study") : asked.index("--progress")]
-    assert words[2:] == ["--vary", "carriers", "--vary", "dispatch=nearest,predictive", "--horizon", "harvest", "--budget", "300s"]
+    assert words[2:] == [
+        "--vary",
+        "carriers",
+        "--vary",
+        "dispatch=nearest,predictive",
+        "--horizon",
+        "harvest",
+        "--budget",
+        "300s",
+    ]

@@ -19,7 +19,14 @@ from orchard_ros2.bags import export as bags
 from orchard_ros2.bags.command import check_bag, export_bag, lacks
 from orchard_ros2.bags.drives import RecordingError, ranges_of, read_drives
 from orchard_ros2.bags.export import Bag, chosen, export
-from orchard_ros2.bags.replay import KEPT_TICKS, SCENARIO, Commands, check_robots, read_commands, replayed
+from orchard_ros2.bags.replay import (
+    KEPT_TICKS,
+    SCENARIO,
+    Commands,
+    check_robots,
+    read_commands,
+    replayed,
+)
 from rosbags.highlevel import AnyReader
 
 from orchard.agents.catalogue import make_agents
@@ -65,7 +72,9 @@ def read(file):
         for connection, stamp, data in reader.messages():
             tick, rest = divmod(stamp, NANOSECONDS)
             assert rest == 0
-            found.setdefault(connection.topic, []).append((tick, reader.deserialize(data, connection.msgtype)))
+            found.setdefault(connection.topic, []).append(
+                (tick, reader.deserialize(data, connection.msgtype))
+            )
     return found
 
 
@@ -86,17 +95,28 @@ def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
             assert (twist.linear.x, twist.linear.y, twist.angular.z) == tuple(twists[index[name]])
             assert (told.linear.x, told.linear.y, told.angular.z) == tuple(wanted[index[name]])
             pose = odometry[tick].pose.pose
-            assert (pose.position.x, pose.position.y) == pytest.approx(poses[index[name], :2], abs=1e-5)
-            assert 2 * math.atan2(pose.orientation.z, pose.orientation.w) == pytest.approx(poses[index[name], 2], abs=1e-6)
+            assert (pose.position.x, pose.position.y) == pytest.approx(
+                poses[index[name], :2], abs=1e-5
+            )
+            assert 2 * math.atan2(pose.orientation.z, pose.orientation.w) == pytest.approx(
+                poses[index[name], 2], abs=1e-6
+            )
 
 
 def test_a_bag_has_the_clock_the_frames_and_what_never_changes(exported):
     assert [tick for tick, _ in exported["/clock"]] == [*range(TICKS + 1)]
     for tick, message in exported["/tf"]:
-        assert [one.child_frame_id for one in message.transforms] == [f"{name}/base_link" for name in ROBOTS]
-        assert all(one.header.stamp.sec * 10 + one.header.stamp.nanosec // NANOSECONDS == tick for one in message.transforms)
+        assert [one.child_frame_id for one in message.transforms] == [
+            f"{name}/base_link" for name in ROBOTS
+        ]
+        assert all(
+            one.header.stamp.sec * 10 + one.header.stamp.nanosec // NANOSECONDS == tick
+            for one in message.transforms
+        )
     ((_, fixed),) = exported["/tf_static"]
-    assert [one.child_frame_id for one in fixed.transforms] == [f"{name}/{frame}" for name in ROBOTS for frame in ("odom", "laser")]
+    assert [one.child_frame_id for one in fixed.transforms] == [
+        f"{name}/{frame}" for name in ROBOTS for frame in ("odom", "laser")
+    ]
     ((_, map_),) = exported["/map"]
     assert len(map_.data) == map_.info.width * map_.info.height
     assert {f"/{name}/robot_description" for name in ROBOTS} <= exported.keys()
@@ -108,11 +128,17 @@ def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
     laser = KINDS["picker"].laser
     for _, scan in scans:
         assert len(scan.ranges) == laser.beams // SCAN_BEAMS
-        assert scan.angle_increment == pytest.approx(laser.increment * SCAN_BEAMS) and scan.angle_min == pytest.approx(laser.first)
+        assert scan.angle_increment == pytest.approx(
+            laser.increment * SCAN_BEAMS
+        ) and scan.angle_min == pytest.approx(laser.first)
         assert np.isfinite(scan.ranges).any() and np.isinf(scan.ranges).any()
 
 
-@given(st.lists(st.one_of(st.just(math.inf), st.floats(2.0, LASER_RANGE - 0.1)), min_size=180, max_size=180))
+@given(
+    st.lists(
+        st.one_of(st.just(math.inf), st.floats(2.0, LASER_RANGE - 0.1)), min_size=180, max_size=180
+    )
+)
 def test_ranges_come_back_from_the_points_of_a_recording(ranges):
     """From 2 m on the beams lie further apart than the grid on which points are recorded."""
     laser, sweep = KINDS["picker"].laser, np.array(ranges, dtype=np.float32)
@@ -132,8 +158,12 @@ def test_the_robots_of_a_bag_are_chosen_by_name_or_kind(recorded):
 
 
 @pytest.mark.parametrize("rule", ["rows_to_pickers", "route"])
-def test_code_that_the_scenario_in_a_recording_names_is_not_imported(recorded, tmp_path, monkeypatch, rule):
-    monkeypatch.setattr(drives, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"}))
+def test_code_that_the_scenario_in_a_recording_names_is_not_imported(
+    recorded, tmp_path, monkeypatch, rule
+):
+    monkeypatch.setattr(
+        drives, "_scenario_in", lambda *_: SMALL.model_copy(update={rule: "nowhere.Mine"})
+    )
     export(read_drives(recorded[0]), ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
     assert rule in read(tmp_path / "run.mcap")["/orchard/scenario"][0][1].data
 
@@ -144,7 +174,10 @@ def test_a_gap_is_told_and_is_a_gap_in_the_bag(tmp_path):
     drives = read_drives(tmp_path / "run.rrd")
     assert lacks(drives) == ["nothing recorded from 1.0 s to 2.1 s; the bag lacks that, too"]
     export(drives, ROBOTS, tmp_path / "run.mcap", lambda ticks, _: ticks)
-    assert [tick for tick, _ in read(tmp_path / "run.mcap")["/picker_01/odom"]] == [*range(11), *range(21, 31)]
+    assert [tick for tick, _ in read(tmp_path / "run.mcap")["/picker_01/odom"]] == [
+        *range(11),
+        *range(21, 31),
+    ]
 
 
 def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded, tmp_path, capfd):
@@ -153,7 +186,10 @@ def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded
     assert export_bag(tmp_path / "run.rrd", tmp_path / "run.mcap", [], False) == 0
     ticks = len(read(tmp_path / "run.mcap")["/picker_01/odom"])
     assert ticks > 30
-    assert f"its end is torn off, and it is repaired; it ends at {(ticks - 1) / 10} s; the bag lacks that, too" in capfd.readouterr().err
+    assert (
+        f"its end is torn off, and it is repaired; it ends at {(ticks - 1) / 10} s; the bag lacks that, too"
+        in capfd.readouterr().err
+    )
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) // 8])
     with pytest.raises(RecordingError, match=r"run.rrd: it has no|run.rrd: it cannot"):
         read_drives(tmp_path / "run.rrd")
@@ -161,7 +197,11 @@ def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded
 
 @pytest.mark.parametrize(
     ("content", "told"),
-    [(b"RRF2 and nothing more", "it cannot be read"), (b"no recording", "it cannot be read"), (None, "no such recording")],
+    [
+        (b"RRF2 and nothing more", "it cannot be read"),
+        (b"no recording", "it cannot be read"),
+        (None, "no such recording"),
+    ],
 )
 def test_what_is_no_recording_is_told(tmp_path, content, told):
     if content is not None:
@@ -204,7 +244,11 @@ def test_the_command_writes_a_bag_and_says_what_is_in_it(recorded, tmp_path):
 
 
 def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, monkeypatch, capsys):
-    for name in [name for name in sys.modules if name.startswith(("rosbags", "orchard_ros2.bags", "orchard_ros2.bags.command"))]:
+    for name in [
+        name
+        for name in sys.modules
+        if name.startswith(("rosbags", "orchard_ros2.bags", "orchard_ros2.bags.command"))
+    ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(SystemExit) as end:
@@ -216,7 +260,11 @@ def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, mon
 def test_the_quality_of_service_is_in_the_bag(recorded, tmp_path):
     export(read_drives(recorded[0]), ["picker_01"], tmp_path / "run.mcap", lambda ticks, _: ticks)
     with AnyReader([tmp_path / "run.mcap"]) as reader:
-        latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles[0].durability is bags.QosDurability.TRANSIENT_LOCAL}
+        latched = {
+            c.topic
+            for c in reader.connections
+            if c.ext.offered_qos_profiles[0].durability is bags.QosDurability.TRANSIENT_LOCAL
+        }
     assert latched == {"/map", "/orchard/scenario", "/tf_static", "/picker_01/robot_description"}
 
 
@@ -228,7 +276,12 @@ def bag(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("bag")
     record(folder / "run.rrd")
     drives = read_drives(folder / "run.rrd")
-    export(drives, [name for name in drives.names if name in LAYOUT.agents], folder / "run.mcap", lambda ticks, _: ticks)
+    export(
+        drives,
+        [name for name in drives.names if name in LAYOUT.agents],
+        folder / "run.mcap",
+        lambda ticks, _: ticks,
+    )
     return folder / "run.mcap"
 
 
@@ -258,7 +311,10 @@ def test_the_velocities_of_a_bag_count_and_not_those_of_the_agent(bag):
     assert after - before == pytest.approx(10 * 0.025, abs=1e-9)
 
 
-@pytest.mark.parametrize(("tick", "is_driven"), [(9, False), (10, True), (10 + KEPT_TICKS - 1, True), (10 + KEPT_TICKS, False)])
+@pytest.mark.parametrize(
+    ("tick", "is_driven"),
+    [(9, False), (10, True), (10 + KEPT_TICKS - 1, True), (10 + KEPT_TICKS, False)],
+)
 def test_a_velocity_counts_for_half_a_second(tick, is_driven):
     local = driven(Commands(None, {"picker_01": {10: Twist(0.25)}}), tick + 1)
     assert (local.engine.world.twist[LAYOUT.index["picker_01"], 0] == 0.25) == is_driven
@@ -266,7 +322,10 @@ def test_a_velocity_counts_for_half_a_second(tick, is_driven):
 
 def test_bags_of_other_software_are_read_too(tmp_path):
     """A Twist has no stamp: the message's time counts. What is between two ticks counts from the later one on."""
-    path = written(tmp_path / "one.mcap", (topics.CMD_VEL_UNSTAMPED, "picker_01", 7, messages.twist(0.5, 0.0, 0.1)))
+    path = written(
+        tmp_path / "one.mcap",
+        (topics.CMD_VEL_UNSTAMPED, "picker_01", 7, messages.twist(0.5, 0.0, 0.1)),
+    )
     assert read_commands(path) == Commands(None, {"picker_01": {7: Twist(0.5, 0.0, 0.1)}})
     late = messages.velocity("picker_01", 7, 0.5, 0.1)
     late.fields["header"].fields["stamp"].fields["nanosec"] += 1
@@ -284,18 +343,30 @@ def scenario(text: str) -> tuple[topics.Topic, str, int, messages.Message]:
 
 UNUSABLE = [
     (b"notes", "one.mcap: it cannot be read as a bag"),
-    (None, "one.mcap: no such file or folder; expected a bag of ROS 2: an .mcap file, or the folder"),
+    (
+        None,
+        "one.mcap: no such file or folder; expected a bag of ROS 2: an .mcap file, or the folder",
+    ),
     (
         [(topics.CLOCK, "", 1, messages.clock(1))],
         r"no velocity; expected the topic /NAME/cmd_vel .*; its topics are /clock \(ros",
     ),
-    ([NAN], r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100"),
-    ([scenario("rows: 3"), MOVES], r"the scenario in .*one.mcap: it cannot be read as JSON: JSON is malformed"),
+    (
+        [NAN],
+        r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100",
+    ),
+    (
+        [scenario("rows: 3"), MOVES],
+        r"the scenario in .*one.mcap: it cannot be read as JSON: JSON is malformed",
+    ),
     (
         [scenario("[" * 100_000 + "]" * 100_000), MOVES],
         r"the scenario in .*one.mcap: it cannot be read as JSON: maximum recursion",
     ),
-    ([scenario('{"rows": ' + "[" * 900 + "]" * 900 + "}"), MOVES], r"the scenario in .*one.mcap: rows = .*: must be a whole number"),
+    (
+        [scenario('{"rows": ' + "[" * 900 + "]" * 900 + "}"), MOVES],
+        r"the scenario in .*one.mcap: rows = .*: must be a whole number",
+    ),
 ]
 
 
@@ -310,7 +381,10 @@ def test_bags_that_cannot_be_used_are_refused_in_words(tmp_path, content, words)
         read_commands(path)
 
 
-@given(st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=4), st.floats(0.5, 1))
+@given(
+    st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=4),
+    st.floats(0.5, 1),
+)
 def test_a_damaged_bag_is_read_or_refused_in_words(tmp_path_factory, changes, kept):
     path = written(tmp_path_factory.mktemp("bag") / "one.mcap", scenario('{"rows": 4}'), MOVES)
     damaged = bytearray(path.read_bytes())
@@ -322,18 +396,29 @@ def test_a_damaged_bag_is_read_or_refused_in_words(tmp_path_factory, changes, ke
 
 
 def test_a_bag_that_drives_bodies_of_another_orchard_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="it drives rocket, not in this orchard, whose robots are carrier_01, picker_01, "):
+    with pytest.raises(
+        ValueError,
+        match="it drives rocket, not in this orchard, whose robots are carrier_01, picker_01, ",
+    ):
         check_robots(tmp_path, Commands(None, {"rocket": {}}), LAYOUT.index)
 
 
 @pytest.mark.parametrize(
     ("key", "value", "named"),
-    [("agents", {"picker": "nowhere.Mine"}, "picker"), *((key, "nowhere.Mine", key) for key in ("dispatch", "rows_to_pickers", "route"))],
+    [
+        ("agents", {"picker": "nowhere.Mine"}, "picker"),
+        *((key, "nowhere.Mine", key) for key in ("dispatch", "rows_to_pickers", "route")),
+    ],
 )
-def test_code_that_the_scenario_in_a_bag_names_is_imported_only_if_the_user_asks(tmp_path, key, value, named):
+def test_code_that_the_scenario_in_a_bag_names_is_imported_only_if_the_user_asks(
+    tmp_path, key, value, named
+):
     path = written(tmp_path / "one.mcap", scenario(json.dumps({"rows": 3, key: value})), MOVES)
     replay = ("replay", path, "--mode", "local", "--record", "none", "--duration", "1")
-    refused, asked = orchard(*replay, code=2), orchard(*replay, "--own-code", code=1 if key == "agents" else 2)
+    refused, asked = (
+        orchard(*replay, code=2),
+        orchard(*replay, "--own-code", code=1 if key == "agents" else 2),
+    )
     assert refused.stdout == ""
     wanted = f"{path}: its scenario names code, which can do whatever you can: {named}: nowhere.Mine; --own-code imports it"
     assert refused.stderr == f"{wanted}, a SCENARIO.yaml replaces it\n"
@@ -344,14 +429,23 @@ def test_code_that_the_scenario_in_a_bag_names_is_imported_only_if_the_user_asks
 
 def test_a_replay_that_has_ended_cannot_go_on_without_its_bag(tmp_path):
     path, record = written(tmp_path / "run.mcap", MOVES), tmp_path / "replayed.rrd"
-    done = orchard("replay", path, "--rows", 3, "--mode", "local", "--record", record, "--duration", "1")
+    done = orchard(
+        "replay", path, "--rows", 3, "--mode", "local", "--record", record, "--duration", "1"
+    )
     assert "To go on" not in done.stdout
     assert "no usable snapshot" in orchard("--resume", record, "--mode", "local", code=2).stderr
 
 
 def test_a_bag_of_another_orchard_is_refused_before_the_run(tmp_path):
-    path = written(tmp_path / "run.mcap", (topics.CMD_VEL, "picker_09", 3, messages.velocity("picker_09", 3, 1.0, 0.0)))
+    path = written(
+        tmp_path / "run.mcap",
+        (topics.CMD_VEL, "picker_09", 3, messages.velocity("picker_09", 3, 1.0, 0.0)),
+    )
     done = orchard("replay", path, "--mode", "local", "--rows", 3, "--record", "none", code=2)
     assert done.stdout == ""
-    assert done.stderr.startswith(f"{path}: it drives picker_09, not in this orchard, whose robots are carrier_01, ")
-    assert done.stderr.endswith("; expected the orchard of the bag: its scenario, or --pickers and --carriers as there\n")
+    assert done.stderr.startswith(
+        f"{path}: it drives picker_09, not in this orchard, whose robots are carrier_01, "
+    )
+    assert done.stderr.endswith(
+        "; expected the orchard of the bag: its scenario, or --pickers and --carriers as there\n"
+    )

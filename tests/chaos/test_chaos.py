@@ -52,8 +52,21 @@ def test_no_process_is_killed_as_often_as_makes_it_be_given_up():
     assert max(most_deaths(this.faults) for this in TRIALS) == schedule.MOST_DEATHS
     targets = schedule.HOST, schedule.HOST, schedule.ALL, schedule.LOGGER
     assert most_deaths([Fault(9, schedule.KILL, target, 0.0, 0) for target in targets]) == 3
-    assert most_deaths([Fault(9, kind, schedule.HOST, 0.0, 0) for kind in (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)]) == 3
-    assert most_deaths([Fault(9, kind, schedule.NOTHING, 0.0, 0) for kind in (schedule.TORN, schedule.PORT)]) == 5
+    assert (
+        most_deaths(
+            [
+                Fault(9, kind, schedule.HOST, 0.0, 0)
+                for kind in (schedule.KILL, schedule.TERMINATE, schedule.INTERRUPT)
+            ]
+        )
+        == 3
+    )
+    assert (
+        most_deaths(
+            [Fault(9, kind, schedule.NOTHING, 0.0, 0) for kind in (schedule.TORN, schedule.PORT)]
+        )
+        == 5
+    )
 
 
 def test_faults_hit_only_what_is_there():
@@ -61,12 +74,16 @@ def test_faults_hit_only_what_is_there():
         targets = {fault.target for fault in this.faults}
         assert this.is_recorded or schedule.LOGGER not in targets
         assert this.is_routed or not targets & {schedule.ROUTER, schedule.LINK, schedule.LINKS}
-        assert not this.is_routed or schedule.PORT not in {fault.kind for fault in this.faults}, "its port is the router's"
+        assert not this.is_routed or schedule.PORT not in {fault.kind for fault in this.faults}, (
+            "its port is the router's"
+        )
 
 
 def test_in_ten_minutes_there_is_everything():
     few = TRIALS[:30]
-    assert {fault.name for this in few for fault in this.faults} == {fault.name for this in TRIALS for fault in this.faults}
+    assert {fault.name for this in few for fault in this.faults} == {
+        fault.name for this in TRIALS for fault in this.faults
+    }
     assert {this.mode for this in few} == {"lockstep", "realtime"}
     assert any(this.seconds is None for this in few)
     assert any(fault.kind == schedule.BYTES for this in few for fault in this.faults)
@@ -117,7 +134,10 @@ def test_a_link_that_is_stalled_loses_nothing(link):
 
 
 def test_a_relay_whose_router_is_away_hangs_up():
-    with Relay(free_port()) as relay, socket.create_connection(("127.0.0.1", relay.port), 10.0) as near:
+    with (
+        Relay(free_port()) as relay,
+        socket.create_connection(("127.0.0.1", relay.port), 10.0) as near,
+    ):
         assert is_over(near)
 
 
@@ -169,17 +189,41 @@ def wanted():
 
 
 def summary(wanted, **changes):
-    good = {"ticks": 600, "hash": wanted.hash, "bins_delivered": wanted.bins, "rows_picked": wanted.rows}
-    return good | {"messages_refused": {"malformed": 3}, "violations": [], "broken_agents": [], "finished": False} | changes
+    good = {
+        "ticks": 600,
+        "hash": wanted.hash,
+        "bins_delivered": wanted.bins,
+        "rows_picked": wanted.rows,
+    }
+    return (
+        good
+        | {
+            "messages_refused": {"malformed": 3},
+            "violations": [],
+            "broken_agents": [],
+            "finished": False,
+        }
+        | changes
+    )
 
 
 LOCKSTEP = next(this for this in TRIALS if this.mode == "lockstep" and not this.is_mistaken)
-REALTIME = next(this for this in TRIALS if this.mode == "realtime" and this.seconds is None and not this.is_mistaken)
+REALTIME = next(
+    this
+    for this in TRIALS
+    if this.mode == "realtime" and this.seconds is None and not this.is_mistaken
+)
 MISTAKEN = next(this for this in TRIALS if this.mode == "lockstep" and this.is_mistaken)
 
 
 def execution(exit_code=0):
-    return Execution(["kill physics", "kill physics"], [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)], exit_code, 600, 99.0)
+    return Execution(
+        ["kill physics", "kill physics"],
+        [Recovery("kill physics", 1.0), Recovery("kill physics", 3.0)],
+        exit_code,
+        600,
+        99.0,
+    )
 
 
 def test_a_run_that_came_to_what_local_mode_does_is_good(wanted):
@@ -210,7 +254,9 @@ def test_whatever_is_broken_is_counted_and_told(wanted, exit_code, changes, brok
 def test_an_agent_that_makes_mistakes_is_broken_and_no_other(wanted):
     broken = summary(wanted, broken_agents=["cat_01, since tick 0"])
     assert judge(MISTAKEN, execution(1), broken, wanted).complaints == []
-    assert judge(MISTAKEN, execution(0), summary(wanted), wanted).complaints == ["broken agents: none"]
+    assert judge(MISTAKEN, execution(0), summary(wanted), wanted).complaints == [
+        "broken agents: none"
+    ]
     assert judge(LOCKSTEP, execution(1), broken, wanted).complaints == ["broken agents: cat_01"]
 
 
@@ -235,7 +281,13 @@ def test_every_run_has_a_time_limit():
 
 
 def memory(megabytes, handles):
-    return MemorySeries("physics", [MemorySample(5000 * i, float(m), h) for i, (m, h) in enumerate(zip(megabytes, handles, strict=True))])
+    return MemorySeries(
+        "physics",
+        [
+            MemorySample(5000 * i, float(m), h)
+            for i, (m, h) in enumerate(zip(megabytes, handles, strict=True))
+        ],
+    )
 
 
 def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
@@ -246,7 +298,9 @@ def test_flat_is_neither_a_leak_of_memory_nor_of_handles():
 
 def test_the_report_has_the_median_and_the_worst_of_each_fault(wanted):
     results = Results(5, "today", [judge(LOCKSTEP, execution(), summary(wanted), wanted)], 60.0)
-    results.endurance = Endurance(100_000, [memory([100, 101, 100, 101], [9, 9, 9, 9])], {"lockstep": 600.0})
+    results.endurance = Endurance(
+        100_000, [memory([100, 101, 100, 101], [9, 9, 9, 9])], {"lockstep": 600.0}
+    )
     text = markdown(results)
     assert "| kill physics, lockstep | 2 | 2 | 2.00 | 3.00 |" in text
     assert "| bins lost | 0 |" in text

@@ -16,15 +16,28 @@ from orchard.wire.keys import PHYSICS
 
 
 def plan(*faults: Fault, ticks: int = 60, hosts: int = 2, **others) -> Plan:
-    first = SCENARIOS[2] if not others.get("has_bare_client") else IN_REALTIME if others.get("mode") else SCENARIOS[0]
-    given = {"scenario": first, "has_logger": False, "has_router": False, "delays": Delays()} | others
+    first = (
+        SCENARIOS[2]
+        if not others.get("has_bare_client")
+        else IN_REALTIME
+        if others.get("mode")
+        else SCENARIOS[0]
+    )
+    given = {
+        "scenario": first,
+        "has_logger": False,
+        "has_router": False,
+        "delays": Delays(),
+    } | others
     return Plan(seed=1, ticks=ticks, hosts=hosts, faults=faults, **given)
 
 
 @pytest.mark.parametrize("first", range(0, 40, 10))
 def test_runs_with_faults_keep_their_promises(first):
     verdicts = [carry_out(draw(seed)) for seed in range(first, first + 10)]
-    assert {verdict.plan.seed: verdict.complaints for verdict in verdicts if verdict.complaints} == {}
+    assert {
+        verdict.plan.seed: verdict.complaints for verdict in verdicts if verdict.complaints
+    } == {}
 
 
 def test_the_same_seed_gives_the_same_schedule():
@@ -35,10 +48,15 @@ def test_the_same_seed_gives_the_same_schedule():
 
 @pytest.mark.parametrize("what", sorted(CLIENTS))
 def test_a_foreign_client_breaks_no_promise(what):
-    assert carry_out(plan(Fault(what, CLIENT, 10, 0.0, 0.5), has_logger=what != "reset")).complaints == []  # no recorded run is reset
+    assert (
+        carry_out(plan(Fault(what, CLIENT, 10, 0.0, 0.5), has_logger=what != "reset")).complaints
+        == []
+    )  # no recorded run is reset
 
 
-@pytest.mark.parametrize("others", [{"has_logger": True}, {"has_router": True}, {"mode": "realtime"}], ids=str)
+@pytest.mark.parametrize(
+    "others", [{"has_logger": True}, {"has_router": True}, {"mode": "realtime"}], ids=str
+)
 def test_a_run_without_faults_ends_well_and_soon(others):
     verdict = carry_out(plan(**others))
     assert verdict.complaints == []
@@ -61,24 +79,41 @@ def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():
 
 
 ONE, OTHER = "agents 1", "agents 2"
-AGAIN_AND_AGAIN = [Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)]  # until the host has asked
+AGAIN_AND_AGAIN = [
+    Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)
+]  # until the host has asked
 MISSED = {
     "physics never sends a tick again": plan(has_router=True, has_bare_client=True),
     "requests of the future are not kept": plan(ticks=300),
-    "physics waits for no session to leave": plan(Fault("cut", ONE, 60, 0.0, 0.3), is_elsewhere=True),
-    "a pause makes agents late": plan(Fault("think", ONE, 10, 1e-3, 27.0), Fault("pause", CLIENT, 10, 1e-3, 18.0)),
+    "physics waits for no session to leave": plan(
+        Fault("cut", ONE, 60, 0.0, 0.3), is_elsewhere=True
+    ),
+    "a pause makes agents late": plan(
+        Fault("think", ONE, 10, 1e-3, 27.0), Fault("pause", CLIENT, 10, 1e-3, 18.0)
+    ),
     "a question is sent once": plan(
-        Fault("mute", CLIENT, 10, 0.0, 50.0), Fault("kill", ONE, 10, 0.05), *AGAIN_AND_AGAIN, has_router=True, hosts=1
+        Fault("mute", CLIENT, 10, 0.0, 50.0),
+        Fault("kill", ONE, 10, 0.05),
+        *AGAIN_AND_AGAIN,
+        has_router=True,
+        hosts=1,
     ),
     "no snapshot is written": plan(Fault("kill", PHYSICS, 280), ticks=300, delays=Delays(1.5e-2)),
-    "realtime: old velocities drive on": plan(Fault("think", BARE_CLIENT, 50, 0.0, 2.0), ticks=200, mode="realtime", has_bare_client=True),
+    "realtime: old velocities drive on": plan(
+        Fault("think", BARE_CLIENT, 50, 0.0, 2.0), ticks=200, mode="realtime", has_bare_client=True
+    ),
     "physics is given up at once": plan(Fault("kill", PHYSICS, 20)),
     "a run begins before it is kept": replace(
-        plan(Fault("reset", CLIENT, 20), Fault("kill", PHYSICS, 20, 0.2, 0.0, 3), delays=Delays(5e-3)), seed=2
+        plan(
+            Fault("reset", CLIENT, 20), Fault("kill", PHYSICS, 20, 0.2, 0.0, 3), delays=Delays(5e-3)
+        ),
+        seed=2,
     ),
     "physics keeps the letters of all ticks": draw(50),
     "a join of a taken agent is not tried again": plan(Fault("vanish", ONE, 40, 0.0, 10.0)),
-    "the answer of the session before counts": plan(Fault("think", OTHER, 3, 0.0, 3.0), Fault("kill", ONE, 3, 0.1), scenario=SCENARIOS[0]),
+    "the answer of the session before counts": plan(
+        Fault("think", OTHER, 3, 0.0, 3.0), Fault("kill", ONE, 3, 0.1), scenario=SCENARIOS[0]
+    ),
 }
 
 
@@ -107,8 +142,15 @@ FAULTS = {
     "physics and a host": [Fault("kill", PHYSICS, 40), Fault("kill", ONE, 40)],
     "physics, and its newest snapshot is torn": [Fault("torn snapshot", PHYSICS, 140)],
     "physics beside a router": [Fault("kill", PHYSICS, 40)],
-    "beside a router the links of physics and of a host": [Fault("cut", PHYSICS, 40, seconds=5.0), Fault("cut", OTHER, 100, seconds=5.0)],
-    "the router twice, and once with a host": [Fault("kill", ROUTER, 40), Fault("kill", ROUTER, 100), Fault("kill", ONE, 100)],
+    "beside a router the links of physics and of a host": [
+        Fault("cut", PHYSICS, 40, seconds=5.0),
+        Fault("cut", OTHER, 100, seconds=5.0),
+    ],
+    "the router twice, and once with a host": [
+        Fault("kill", ROUTER, 40),
+        Fault("kill", ROUTER, 100),
+        Fault("kill", ONE, 100),
+    ],
 }
 
 
@@ -117,10 +159,18 @@ def test_whatever_happens_to_processes_and_links_the_run_goes_on_to_the_same_has
     assert carry_out(plan(*FAULTS[what], ticks=150, has_router="router" in what)).complaints == []
 
 
-@pytest.mark.parametrize("fault", [Fault("kill", who, tick) for who, tick in ((ONE, 100), (PHYSICS, 100), (ROUTER, 100), (ROUTER, 299))])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault("kill", who, tick)
+        for who, tick in ((ONE, 100), (PHYSICS, 100), (ROUTER, 100), (ROUTER, 299))
+    ],
+)
 def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
     """Also if the router is down at its end."""
-    verdict = carry_out(plan(fault, ticks=300, mode="realtime", has_router=fault.who == ROUTER, has_logger=True))
+    verdict = carry_out(
+        plan(fault, ticks=300, mode="realtime", has_router=fault.who == ROUTER, has_logger=True)
+    )
     assert verdict.complaints == []
     assert verdict.summary["distance_metres"]["picker"] > 5.0
 
@@ -128,7 +178,25 @@ def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
 # -- what schedules have found
 
 
-EARLY = 195, 1150, 1787, 1826, 1866, 10500, 11094, 11429, 11449, 13478, 20642, 30208, 30246, 30377, 41069, 41652, 43407
+EARLY = (
+    195,
+    1150,
+    1787,
+    1826,
+    1866,
+    10500,
+    11094,
+    11429,
+    11449,
+    13478,
+    20642,
+    30208,
+    30246,
+    30377,
+    41069,
+    41652,
+    43407,
+)
 FAILED = *EARLY, 154850, 156699, 168334, 219703, 238533
 
 
@@ -160,7 +228,9 @@ def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
 def test_a_harvest_whose_physics_dies_just_when_it_has_ended_is_over(monkeypatch, delay):
     """It writes no snapshot then: if it was started again, it would go back to an older tick, without the hosts that have left."""
     over = RunAccount.why_over
-    monkeypatch.setattr(RunAccount, "why_over", lambda self, ticks: over(self, ticks) and "harvested")
+    monkeypatch.setattr(
+        RunAccount, "why_over", lambda self, ticks: over(self, ticks) and "harvested"
+    )
     verdict = carry_out(replace(plan(Fault("kill", PHYSICS, 60, delay)), delays=Delays(5e-3)))
     assert verdict.complaints == ["ended by itself: harvested, at tick 60"]
     assert verdict.seconds < 5.0
@@ -168,16 +238,30 @@ def test_a_harvest_whose_physics_dies_just_when_it_has_ended_is_over(monkeypatch
 
 @pytest.mark.parametrize("delay", [0.005, 0.01, 0.02, 0.05])
 def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(delay):
-    verdict = carry_out(plan(Fault("silence", OTHER, 20, 0.0, 0.3), Fault("reset", CLIENT, 20), Fault("kill", RUN_PY, 20, delay)))
+    verdict = carry_out(
+        plan(
+            Fault("silence", OTHER, 20, 0.0, 0.3),
+            Fault("reset", CLIENT, 20),
+            Fault("kill", RUN_PY, 20, delay),
+        )
+    )
     assert verdict.complaints == []
     assert verdict.seconds < 60.0
 
 
-RESET_AND_FULL = {"ticks": 150, "scenario": SCENARIOS[0], "delays": Delays(4e-3)}  # with seed 2 the client changes the scenario
+RESET_AND_FULL = {
+    "ticks": 150,
+    "scenario": SCENARIOS[0],
+    "delays": Delays(4e-3),
+}  # with seed 2 the client changes the scenario
 
 
 def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
-    faults = Fault("full disk", PHYSICS, 50, 0.0, 500.0), Fault("reset", CLIENT, 100, 0.04), Fault("kill", PHYSICS, 100, 0.4)
+    faults = (
+        Fault("full disk", PHYSICS, 50, 0.0, 500.0),
+        Fault("reset", CLIENT, 100, 0.04),
+        Fault("kill", PHYSICS, 100, 0.4),
+    )
     verdict = carry_out(replace(plan(*faults, **RESET_AND_FULL), seed=2), is_traced=True)
     assert verdict.complaints == []
     assert any("not kept: no snapshot can be written" in line for line in verdict.lines)
@@ -185,14 +269,26 @@ def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
 
 def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
     """The disk is full just after that, so physics begins with the old seed again: agents of two scenarios would drive in one run."""
-    faults = Fault("reset", CLIENT, 0, 0.04), Fault("full disk", PHYSICS, 0, 0.12, 500.0), Fault("kill", PHYSICS, 0, 1.5)
-    assert carry_out(replace(plan(Fault("think", OTHER, 0, 0.0, 1.0), *faults, **RESET_AND_FULL), seed=2)).complaints == []
+    faults = (
+        Fault("reset", CLIENT, 0, 0.04),
+        Fault("full disk", PHYSICS, 0, 0.12, 500.0),
+        Fault("kill", PHYSICS, 0, 1.5),
+    )
+    assert (
+        carry_out(
+            replace(plan(Fault("think", OTHER, 0, 0.0, 1.0), *faults, **RESET_AND_FULL), seed=2)
+        ).complaints
+        == []
+    )
 
 
 @pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])
 def test_a_run_that_ends_again_before_its_hosts_are_back_waits_for_them_when_it_goes_on(delay):
     faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)
-    assert carry_out(Plan(1, SCENARIOS[2], 200, 2, False, False, Delays(5e-3), faults)).complaints == []
+    assert (
+        carry_out(Plan(1, SCENARIOS[2], 200, 2, False, False, Delays(5e-3), faults)).complaints
+        == []
+    )
 
 
 def test_the_command_carries_out_schedules_in_several_processes():

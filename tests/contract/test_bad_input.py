@@ -17,18 +17,41 @@ NAMES = ("picker_01", "bin_02", "traffic", "nobody")
 def running(fleet, tmp_path):
     """A run with two hosts and a logger, of which no tick has passed yet; a client, and what it hears of the end."""
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    logger = fleet.start("orchard.processes.logger", "--connect", fleet.endpoint, "--record", str(tmp_path / "run.rrd"))
+    logger = fleet.start(
+        "orchard.processes.logger",
+        "--connect",
+        fleet.endpoint,
+        "--record",
+        str(tmp_path / "run.rrd"),
+    )
     assert logger.line().startswith("recording")
     someone = fleet.client()
     ends, clock = someone.hear("orchard/end"), someone.hear("orchard/clock")
     fleet.share(2, TOY)
     until(clock, lambda message: True)
-    return someone, lambda: until(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)["summary"], logger
+    return (
+        someone,
+        lambda: until(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)[
+            "summary"
+        ],
+        logger,
+    )
 
 
 def every_key(someone):
-    sessions = {str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in someone.session.liveliness().get("orchard/alive/**") if reply.ok}
-    return sorted({someone.keys.of(what, name, session) for what in TABLE for name in NAMES for session in sessions})
+    sessions = {
+        str(reply.ok.key_expr).rsplit("/", 1)[1]
+        for reply in someone.session.liveliness().get("orchard/alive/**")
+        if reply.ok
+    }
+    return sorted(
+        {
+            someone.keys.of(what, name, session)
+            for what in TABLE
+            for name in NAMES
+            for session in sessions
+        }
+    )
 
 
 def wait_for_the_end(fleet, logger):

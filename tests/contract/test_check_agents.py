@@ -36,7 +36,9 @@ UNREPEATABLE = [
 
 
 @pytest.mark.parametrize(("class_", "words"), UNREPEATABLE)
-def test_what_is_not_repeatable_is_logged_once_with_agent_tick_and_place(class_, words, caplog, monkeypatch):
+def test_what_is_not_repeatable_is_logged_once_with_agent_tick_and_place(
+    class_, words, caplog, monkeypatch
+):
     monkeypatch.setattr(unrepeatable, "SHARED", {"count": 0})
     local = checked(class_)
     (record,) = caplog.records
@@ -56,11 +58,25 @@ def test_an_agent_that_local_mode_is_given_is_checked_too(caplog):
     assert "picker_02 is not repeatable, tick 1: its answer.twist" in caplog.text
 
 
-@pytest.mark.parametrize(("mode", "tick", "seconds"), [("local", "1", 1), ("lockstep", "1", 1), ("realtime", r"\d+", 3)])
+@pytest.mark.parametrize(
+    ("mode", "tick", "seconds"), [("local", "1", 1), ("lockstep", "1", 1), ("realtime", r"\d+", 3)]
+)
 def test_the_command_line_checks_agents_and_exits_with_1(mode, tick, seconds, tmp_path):
     """In realtime a busy host may leave the first ticks out."""
     path = scenario_file(tmp_path, with_picker("Counting"))
-    done = orchard(path, "--check-agents", "--mode", mode, "--hosts", 1, "--duration", seconds, "--record", "none", code=1)
+    done = orchard(
+        path,
+        "--check-agents",
+        "--mode",
+        mode,
+        "--hosts",
+        1,
+        "--duration",
+        seconds,
+        "--record",
+        "none",
+        code=1,
+    )
     said = done.stdout + done.stderr
     assert re.search(f"picker_01 is not repeatable, tick {tick}: its answer.twist: ", said), said
     assert re.search(f"broken: picker_01, since tick {tick}", said), said
@@ -93,9 +109,17 @@ CHANGED = [
     (Note(seen={3}), Note, "memory.seen: set {3}, then list [3]"),
     ({"of": defaultdict(int)}, dict, "memory['of']: defaultdict"),
     ({"of": Colour.GREEN}, dict, "memory['of']: Colour <Colour.GREEN: 1>, then int 1"),
-    ({"a": [{"b": object()}]}, dict, "memory['a'][0]['b']: Encoding objects of type object is unsupported"),
+    (
+        {"a": [{"b": object()}]},
+        dict,
+        "memory['a'][0]['b']: Encoding objects of type object is unsupported",
+    ),
     ({"a": 2**70}, dict, "memory['a']: can't serialize ints"),
-    ({"a": "one"}, dict[str, float], "its memory does not fit its `Memory`, dict[str, float]: Expected `float`, got `str`"),
+    (
+        {"a": "one"},
+        dict[str, float],
+        "its memory does not fit its `Memory`, dict[str, float]: Expected `float`, got `str`",
+    ),
     (5, dict, "its memory does not fit its `Memory`"),
 ]
 
@@ -119,7 +143,10 @@ KEPT = [
 
 @pytest.mark.parametrize(("memory", "type_"), KEPT)
 def test_a_memory_that_its_bytes_give_back_is_kept(memory, type_):
-    assert played(SMALL, 3, picker_01=Keeper(memory, type_=type_)).actions["picker_01"].state != "broken"
+    assert (
+        played(SMALL, 3, picker_01=Keeper(memory, type_=type_)).actions["picker_01"].state
+        != "broken"
+    )
 
 
 def test_a_memory_with_the_same_bytes_and_another_type_is_refused_too():
@@ -149,4 +176,7 @@ def test_a_memory_is_refused_over_the_network_as_in_local_mode(fleet):
     code, out, _ = fleet.world.end()
     assert code == 1, "an agent is broken"
     assert f"hash {local_hash(collecting, 10)}" in out
-    assert re.search(r"picker_01 raised an error at tick 0(.|\n)*memory\['seen'\]: set \{'picker_01'\}, then list", host.end()[2])
+    assert re.search(
+        r"picker_01 raised an error at tick 0(.|\n)*memory\['seen'\]: set \{'picker_01'\}, then list",
+        host.end()[2],
+    )

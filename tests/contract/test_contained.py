@@ -24,7 +24,11 @@ from orchard.field.rows import balanced, rows_to_pickers
 from orchard.launch.supervisor import MOST_LINES as UNNAMED
 from orchard.processes.agents import made
 
-MXCSR, FLUSH_TO_ZERO, UPWARD = 7, 0x8040, 0x800  # place of the control word in an environment, its bits, and a way to round; of x86
+MXCSR, FLUSH_TO_ZERO, UPWARD = (
+    7,
+    0x8040,
+    0x800,
+)  # place of the control word in an environment, its bits, and a way to round; of x86
 
 
 def flush_to_zero():
@@ -47,7 +51,13 @@ SETTINGS = [
 
 def state():
     """What the settings change: two modes, a limit, and sums that flags would spoil."""
-    return np.geterr(), decimal.getcontext().prec, sys.getrecursionlimit(), np.float64(5e-324) * 1, np.float64(1.0) + 1e-17
+    return (
+        np.geterr(),
+        decimal.getcontext().prec,
+        sys.getrecursionlimit(),
+        np.float64(5e-324) * 1,
+        np.float64(1.0) + 1e-17,
+    )
 
 
 def setting():
@@ -92,15 +102,21 @@ PLACES = {
     "module": lambda: local(agents={"picker_01": "sets_it.Setter"}),
     "module of a factory": lambda: made("sets_it:factory", lay_out(SMALL), ["picker_01"]),
     "factory": lambda: made(f"{__name__}:factory", lay_out(SMALL), ["picker_01"]),
-    "rule": lambda: rows_to_pickers(SMALL.model_copy(update={"rows_to_pickers": f"{__name__}.rule"})),
-    "policy": lambda: DiscreteHarvest(lay_out(SMALL.model_copy(update={"dispatch": f"{__name__}.SettingNearest"}))).run(),
+    "rule": lambda: rows_to_pickers(
+        SMALL.model_copy(update={"rows_to_pickers": f"{__name__}.rule"})
+    ),
+    "policy": lambda: DiscreteHarvest(
+        lay_out(SMALL.model_copy(update={"dispatch": f"{__name__}.SettingNearest"}))
+    ).run(),
 }
 
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("set_it", SETTINGS)
 def test_what_an_own_class_sets_is_as_before_afterwards(set_it, place, tmp_path, monkeypatch):
-    (tmp_path / "sets_it.py").write_text(f"import {__name__} as test\ntest.setting()\nfrom {__name__} import *")
+    (tmp_path / "sets_it.py").write_text(
+        f"import {__name__} as test\ntest.setting()\nfrom {__name__} import *"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "sets_it", raising=False)
     importlib.invalidate_caches()
@@ -146,9 +162,13 @@ def test_the_first_lines_are_shown_and_the_rest_is_left_out():
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
-def test_an_agent_that_prints_much_and_leaves_a_thread_neither_floods_the_terminal_nor_holds_the_run(mode, tmp_path):
+def test_an_agent_that_prints_much_and_leaves_a_thread_neither_floods_the_terminal_nor_holds_the_run(
+    mode, tmp_path
+):
     path = scenario_file(tmp_path, driven_by(picker_01="Noisy"))
-    done = python("run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH)
+    done = python(
+        "run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH
+    )
     said = done.stdout + done.stderr
     assert said.count(": Injected?[2J") < MOST_LINES
     assert 0 < said.count("Written Injected?[2J") <= UNNAMED

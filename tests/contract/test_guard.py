@@ -74,23 +74,56 @@ def nested(levels, make=lambda inner: [inner]):
 
 TEXTS = ["", "\ud800", "\x1b[2J", "a\nb", "x" * 70, "picker_01\n", Sly("\x07" * 900)]
 NUMBERS = [2**53, 2**60, 2**64, True, math.nan, 101, -0.0]
-MONSTERS = [b"x" * 40_000, {1, 2}, nested(40), nested(200), nested(60, lambda x: {"a": x}), {nested(60, lambda x: (x,)): 1}, object]
+MONSTERS = [
+    b"x" * 40_000,
+    {1, 2},
+    nested(40),
+    nested(200),
+    nested(60, lambda x: {"a": x}),
+    {nested(60, lambda x: (x,)): 1},
+    object,
+]
 texts = st.text(st.characters(codec=None), max_size=220) | st.sampled_from(TEXTS)
-numbers = st.integers() | st.integers(-3, 20) | st.floats() | st.booleans() | st.sampled_from(NUMBERS)
-leaves = st.none() | numbers | texts | st.binary(max_size=40) | st.builds(Agreeable) | st.sampled_from(list(Word)) | st.complex_numbers()
+numbers = (
+    st.integers() | st.integers(-3, 20) | st.floats() | st.booleans() | st.sampled_from(NUMBERS)
+)
+leaves = (
+    st.none()
+    | numbers
+    | texts
+    | st.binary(max_size=40)
+    | st.builds(Agreeable)
+    | st.sampled_from(list(Word))
+    | st.complex_numbers()
+)
 anything = st.recursive(
     leaves | st.sampled_from(MONSTERS),
-    lambda inner: st.lists(inner, max_size=3) | st.tuples(inner, inner) | st.dictionaries(texts | st.integers(), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.tuples(inner, inner)
+        | st.dictionaries(texts | st.integers(), inner, max_size=3)
+    ),
     max_leaves=6,
 )
-names = st.sampled_from([*NAMES, "*", "worker_0$*", "picker_01/mail", "nobody_01", "", "**"]) | texts | anything
-deeds = st.sampled_from([messages.Couple("bin_01"), Uncouple(), messages.Flatten()]) | st.builds(messages.Couple, st.text(max_size=64))
+names = (
+    st.sampled_from([*NAMES, "*", "worker_0$*", "picker_01/mail", "nobody_01", "", "**"])
+    | texts
+    | anything
+)
+deeds = st.sampled_from([messages.Couple("bin_01"), Uncouple(), messages.Flatten()]) | st.builds(
+    messages.Couple, st.text(max_size=64)
+)
 requests = st.sampled_from(
-    [messages.Call(1, "east", 0), messages.Come(1, "west", "picker_01"), Where(), CustomMessage("a", {"b": [1.5, {}]})]
+    [
+        messages.Call(1, "east", 0),
+        messages.Come(1, "west", "picker_01"),
+        Where(),
+        CustomMessage("a", {"b": [1.5, {}]}),
+    ]
 )
-answers = st.sampled_from([messages.Yes(), messages.No("no"), messages.Offer(1.0, 2.0, 3.0), CustomMessage("a", {})]) | st.builds(
-    messages.No, st.text(max_size=200)
-)
+answers = st.sampled_from(
+    [messages.Yes(), messages.No("no"), messages.Offer(1.0, 2.0, 3.0), CustomMessage("a", {})]
+) | st.builds(messages.No, st.text(max_size=200))
 letters = st.lists(st.tuples(st.sampled_from(NAMES), requests), max_size=6)
 heard = st.builds(Heard, st.sampled_from(NAMES), st.integers(0, 9), st.integers(0, 9), requests)
 replies = st.lists(st.tuples(heard, answers), max_size=4)
@@ -100,7 +133,9 @@ odd = (
     | st.builds(messages.Here, names)
     | st.builds(messages.Offer, numbers, numbers, numbers)
     | st.builds(messages.Places, st.lists(texts, max_size=3), st.lists(texts, max_size=3), anything)
-    | st.builds(CustomMessage, texts | st.just("a"), st.dictionaries(texts, anything, max_size=3) | anything)
+    | st.builds(
+        CustomMessage, texts | st.just("a"), st.dictionaries(texts, anything, max_size=3) | anything
+    )
     | anything
 )
 speeds = st.floats(-100, 100)
@@ -113,18 +148,30 @@ sound = st.builds(
 slips = {
     "twist": st.builds(Twist, speeds | wild, st.just(0.0) | wild, speeds | wild) | anything,
     "deeds": st.lists(deeds | odd, max_size=18) | st.lists(deeds, max_size=20) | anything,
-    "requests": st.builds(lambda some, one: [*some, one], letters, st.tuples(names, requests | odd) | anything)
+    "requests": st.builds(
+        lambda some, one: [*some, one], letters, st.tuples(names, requests | odd) | anything
+    )
     | letters.map(tuple)
     | anything,
-    "answers": st.builds(lambda some, more: [*some, more], replies, st.tuples(heard | anything, answers | odd) | anything) | anything,
+    "answers": st.builds(
+        lambda some, more: [*some, more],
+        replies,
+        st.tuples(heard | anything, answers | odd) | anything,
+    )
+    | anything,
     "memory": anything,
     "doing": anything,
     "state": anything,
     "waits_for": anything,
     "steps_done": wild | st.sampled_from(NUMBERS),
 }
-slip = st.sampled_from(sorted(slips)).flatmap(lambda name: slips[name].map(lambda value: {name: value}))
-actions = st.builds(lambda action, change: replace(action, **change), sound, slip | st.just({})) | anything
+slip = st.sampled_from(sorted(slips)).flatmap(
+    lambda name: slips[name].map(lambda value: {name: value})
+)
+actions = (
+    st.builds(lambda action, change: replace(action, **change), sound, slip | st.just({}))
+    | anything
+)
 
 
 def of_the_guard(action, mail=None):
@@ -146,7 +193,11 @@ def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(
     names = ("twist", "deeds", "requests", "doing", "state", "waits_for", "steps_done", "hold")
     assert all(repr(getattr(arrived, name)) == repr(getattr(action, name)) for name in names)
     assert action.doing.isprintable() and action.waits_for.isprintable()
-    read_message(pack(Letters(RUN, 7, {"picker_01": messages.Written(arrived.requests, arrived.answers)})), Letters, RUN)
+    read_message(
+        pack(Letters(RUN, 7, {"picker_01": messages.Written(arrived.requests, arrived.answers)})),
+        Letters,
+        RUN,
+    )
     for number, (to, body) in enumerate(action.requests):
         assert to in NAMES
         read_message(pack(Letter(RUN, 7, "picker_01", number, body)), Letter, RUN)
@@ -162,22 +213,37 @@ TOO_MUCH = [
         {"requests": [("carrier_01", CustomMessage("a", {"b": "x" * 2_000_000}))]},
         r"its deeds and messages take 2000\d+ bytes; at most 32768",
     ),
-    ({"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]}, "a: lists and maps are nested more than 32 levels deep"),
+    (
+        {"requests": [("carrier_01", CustomMessage("a", {"b": nested(40)}))]},
+        "a: lists and maps are nested more than 32 levels deep",
+    ),
     ({"requests": [("carrier_01", messages.Call(1, "east\n", 0))]}, "matching regex"),
     ({"requests": [("*", Where())]}, r"a request to '\*': no agent has that name"),
-    ({"requests": [("worker_0$*", Where())]}, r"a request to 'worker_0\$\*': no agent has that name"),
-    ({"requests": [("carrier_01/mail", Where())]}, "a request to 'carrier_01/mail': no agent has that name"),
+    (
+        {"requests": [("worker_0$*", Where())]},
+        r"a request to 'worker_0\$\*': no agent has that name",
+    ),
+    (
+        {"requests": [("carrier_01/mail", Where())]},
+        "a request to 'carrier_01/mail': no agent has that name",
+    ),
     ({"requests": [("carrier_1", Where())]}, "a request to 'carrier_1': no agent has that name"),
     ({"requests": None}, "requests NoneType: must be a list"),
     ({"requests": [("carrier_01", messages.Call(1, "north", 0))]}, "matching regex"),
-    ({"requests": [("carrier_01", messages.Here("x" * 40_000))]}, r"messages take \d+ bytes; at most 32768"),
+    (
+        {"requests": [("carrier_01", messages.Here("x" * 40_000))]},
+        r"messages take \d+ bytes; at most 32768",
+    ),
     ({"deeds": None}, "deeds NoneType: must be a list"),
     ({"deeds": [Uncouple()] * 17}, "17 deeds in one tick; at most 16"),
     ({"twist": Twist(0.0, 1.0)}, "a picker does not move sideways"),
     ({"doing": None}, "doing None.*both must be text"),
     ({"steps_done": -1}, "steps_done -1: must be a whole number from 0"),
     ({"steps_done": True}, "steps_done True: must be a whole number from 0 to 9007199254740991"),
-    ({"steps_done": 2**60}, "steps_done 1152921504606846976: must be a whole number from 0 to 9007199254740991"),
+    (
+        {"steps_done": 2**60},
+        "steps_done 1152921504606846976: must be a whole number from 0 to 9007199254740991",
+    ),
     ({"memory": "\ud800"}, "surrogates not allowed"),
     ({"memory": object()}, "memory: Encoding objects of type object is unsupported"),
     ({"memory": b"x" * 300_000}, "its memory takes 300005 bytes; at most 32768"),
@@ -186,7 +252,9 @@ TOO_MUCH = [
 
 
 @pytest.mark.parametrize(("slip", "said"), TOO_MUCH)
-def test_what_is_too_much_or_wrong_is_told_with_the_agent_the_limit_and_the_figure(slip, said, caplog):
+def test_what_is_too_much_or_wrong_is_told_with_the_agent_the_limit_and_the_figure(
+    slip, said, caplog
+):
     _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
     assert (action.state, action.twist.x, action.memory) == ("broken", 0.0, {"a": 1})
     assert len(caplog.text) < 3000, "not the whole of it"
@@ -200,7 +268,13 @@ class Unheard(BaseException):
         raise KeyboardInterrupt
 
 
-ERRORS = [KeyboardInterrupt("mine"), SystemExit(3), asyncio.CancelledError(), GeneratorExit(), Unheard()]
+ERRORS = [
+    KeyboardInterrupt("mine"),
+    SystemExit(3),
+    asyncio.CancelledError(),
+    GeneratorExit(),
+    Unheard(),
+]
 
 
 @pytest.mark.parametrize("error", [*ERRORS, BaseExceptionGroup("some", ERRORS)])
@@ -224,7 +298,9 @@ def stop(number, frame):
 
 @pytest.mark.parametrize("handler", [signal.default_int_handler, stop])
 def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work(handler):
-    old = signal.signal(signal.SIGINT, handler)  # a shell starts a program in the background with SIGINT ignored
+    old = signal.signal(
+        signal.SIGINT, handler
+    )  # a shell starts a program in the background with SIGINT ignored
     try:
         with pytest.raises(KeyboardInterrupt):
             Guard("picker_01", Busy(), NAMES).tick(without_body("picker_01", 7), Mail(), None)
@@ -248,8 +324,13 @@ def test_what_built_in_agents_return_passes_the_guard_of_own_agents(changes, cap
     """So their own guard may leave its checks out."""
     scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2, "row_length": 20.0} | changes)
     layout = lay_out(scenario)
-    agents = {name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents)) for name in layout.agents}
-    assert local_hash(scenario, 1700, agents) == local_hash(scenario, 1700)  # a bin is unloaded, and its carrier drives back
+    agents = {
+        name: Guard(name, AGENTS[kind_of(name)](layout, name), list(layout.agents))
+        for name in layout.agents
+    }
+    assert local_hash(scenario, 1700, agents) == local_hash(
+        scenario, 1700
+    )  # a bin is unloaded, and its carrier drives back
     assert not caplog.records
 
 
@@ -286,7 +367,9 @@ TRUSTED = [
 
 
 @pytest.mark.parametrize(("changes", "class_", "is_trusted"), TRUSTED)
-def test_an_agent_is_trusted_if_it_and_the_policy_and_route_of_its_orchard_are_built_in(changes, class_, is_trusted):
+def test_an_agent_is_trusted_if_it_and_the_policy_and_route_of_its_orchard_are_built_in(
+    changes, class_, is_trusted
+):
     """A trusted agent may return what that of a user may not."""
     layout = lay_out(SMALL.model_copy(update=changes))
     agent = class_(layout, "picker_01")

@@ -23,7 +23,9 @@ from orchard.wire.messages import Report
 
 def with_picker_01(agent_class):
     layout = lay_out(SMALL)
-    return local_hash(SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")})
+    return local_hash(
+        SMALL, 40, make_agents(layout) | {"picker_01": agent_class(layout, "picker_01")}
+    )
 
 
 @pytest.mark.processes
@@ -40,14 +42,19 @@ def test_the_documents_agent_drives_a_picker(fleet):
 def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
     fleet.physics(SMALL, "--duration", "4")
     fleet.host("--without", "picker_01")
-    assert python("examples/foreign_client.py", fleet.endpoint, "picker_01").stdout == "40 ticks answered\n"
+    assert (
+        python("examples/foreign_client.py", fleet.endpoint, "picker_01").stdout
+        == "40 ticks answered\n"
+    )
     fleet.end()
 
 
 def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):
     fleet.physics(SMALL, "--duration", "2")
     fleet.host("--without", "picker_01")
-    assert any(fleet.world.error() == "physics: waiting for 1 agents: picker_01\n" for _ in range(10))
+    assert any(
+        fleet.world.error() == "physics: waiting for 1 agents: picker_01\n" for _ in range(10)
+    )
     fleet.client().drive("picker_01", 0, 0.5)
     fleet.end()
 
@@ -110,18 +117,32 @@ def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
     assert (code, local.engine.hash in out) == (1, True), out + err
     hosts = [host.end(10.0) for host in fleet.hosts]
     assert [code for code, _, _ in hosts] == [0, 0]
-    assert sum(err.count("raised an error") for _, _, err in hosts) == 1, "only picker_01, and logged once"
+    assert sum(err.count("raised an error") for _, _, err in hosts) == 1, (
+        "only picker_01, and logged once"
+    )
 
 
 def test_texts_of_agents_are_printable_wherever_a_person_reads_them(tmp_path):
     recording = tmp_path / "run.rrd"
-    done = orchard(scenario_file(tmp_path, driven_by(picker_01="Injector")), "--hosts", 2, "--duration", 3, "--record", recording, code=1)
+    done = orchard(
+        scenario_file(tmp_path, driven_by(picker_01="Injector")),
+        "--hosts",
+        2,
+        "--duration",
+        3,
+        "--record",
+        recording,
+        code=1,
+    )
     told = done.stdout + done.stderr
     assert "Injected" in told
     assert all(line.isprintable() for line in told.split("\n"))
     assert not re.search("^physics: all is well", told, re.M)
     said = texts_in(recording)
-    assert {True} == {any(words in text for text in said) for words in ("here is Injected", "Injected?[2J", "deed refused")}
+    assert {True} == {
+        any(words in text for text in said)
+        for words in ("here is Injected", "Injected?[2J", "deed refused")
+    }
     assert [text for text in said if not text.replace("\n", "").isprintable()] == []
 
 
@@ -134,15 +155,24 @@ def test_texts_of_a_foreign_client_are_printable_at_physics():
 
 def test_a_name_counts_more_than_a_kind():
     local = played(driven_by(picker_01="Eastward", picker="Forgetful"), 1)
-    assert [local.actions[name].doing for name in ("picker_01", "picker_02")] == ["driving on", "broken"]
+    assert [local.actions[name].doing for name in ("picker_01", "picker_02")] == [
+        "driving on",
+        "broken",
+    ]
 
 
 MISTAKES = [
     ("own_agents.Forgetful", r"no method tick.*own_agents\.py, line \d+"),
     ("own_agents:Unmakeable", r"LookupError: no map \(.*own_agents\.py, line \d+"),
     ("own_agents.Nowhere", "has no attribute 'Nowhere'"),
-    ("nowhere_at_all.Agent", "No module named 'nowhere_at_all'; modules are imported from the directory in which you run"),
-    ("own_agents.Nameless", r"takes no arguments; the program calls it with \(layout, name\) \(.*own_agents\.py, line \d+"),
+    (
+        "nowhere_at_all.Agent",
+        "No module named 'nowhere_at_all'; modules are imported from the directory in which you run",
+    ),
+    (
+        "own_agents.Nameless",
+        r"takes no arguments; the program calls it with \(layout, name\) \(.*own_agents\.py, line \d+",
+    ),
     ("own_agents.Wrong", "each number must be from -100 to 100"),
     ("own_agents.Quitter", r"raised an error at tick 0(.|\n)*SystemExit: 3"),
     ("own_agents.Refuser", r"SystemExit: no licence \(.*own_agents\.py, line \d+"),
@@ -151,7 +181,9 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("class_", "said"), MISTAKES)
-def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(class_, said, caplog):
+def test_a_mistake_is_told_with_its_place_the_robot_stands_and_the_others_go_on(
+    class_, said, caplog
+):
     local = played(SMALL.model_copy(update={"agents": {"picker_01": class_}}), 10)
     (record,) = [record for record in caplog.records if "picker_01" in record.getMessage()]
     assert re.search(said, record.getMessage())
@@ -183,7 +215,11 @@ def test_what_is_no_class_or_no_kind_is_named(value, why):
 
 @pytest.mark.parametrize(
     ("function", "mistake"),
-    [("lost", r"LookupError: no map \(.*own_agents.py, line \d+\)"), ("nobody", "KeyError: 'picker_01'"), ("none", "no attribute 'none'")],
+    [
+        ("lost", r"LookupError: no map \(.*own_agents.py, line \d+\)"),
+        ("nobody", "KeyError: 'picker_01'"),
+        ("none", "no attribute 'none'"),
+    ],
 )
 def test_a_function_that_makes_no_agents_is_told_with_its_place(function, mistake):
     with pytest.raises(ValueError, match=f"agents own_agents:{function}: .*{mistake}.*expected "):

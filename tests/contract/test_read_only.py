@@ -20,14 +20,18 @@ ADVICE = "What an agent is given is read-only. To change ranges, take a copy: sc
 
 
 def arrays_of(seen):
-    return [seen.scan] + ([seen.hitch.scan] if seen.hitch is not None and seen.hitch.scan is not None else [])
+    return [seen.scan] + (
+        [seen.hitch.scan] if seen.hitch is not None and seen.hitch.scan is not None else []
+    )
 
 
 def over_the_wire(observations):
     return codec.observations_of(codec.seen_of("run", observations, list(observations.names), []))
 
 
-@pytest.mark.parametrize("observed", [lambda observations: observations.of(observations.names), over_the_wire])
+@pytest.mark.parametrize(
+    "observed", [lambda observations: observations.of(observations.names), over_the_wire]
+)
 def test_no_observation_can_be_changed_in_place(observed):
     for seen in observed(Local(SMALL).engine.observe()).values():
         for scan in arrays_of(seen):
@@ -74,7 +78,9 @@ class Meddler(own_agents.Eastward):
 def test_the_shape_that_an_agent_gives_its_scan_is_its_own():
     local = played(SMALL, 3, picker_01=Meddler("shape"))
     assert local.actions["picker_01"].state != "broken"
-    assert [scan.shape for scan in local.engine.scans] == [scan.shape for scan in Local(SMALL).engine.observe().scans]
+    assert [scan.shape for scan in local.engine.scans] == [
+        scan.shape for scan in Local(SMALL).engine.observe().scans
+    ]
 
 
 def test_an_agent_that_changes_its_mail_changes_no_letter_of_another_and_no_hash():
@@ -82,7 +88,9 @@ def test_an_agent_that_changes_its_mail_changes_no_letter_of_another_and_no_hash
     for traffic in (own_agents.Eastward(None, "traffic"), Meddler("mail")):
         local = Local(SMALL)
         local.play("traffic", traffic)
-        local.play("picker_01", Acting(lambda *_: Action(requests=[("traffic", Claim(["row 1"], [], ""))])))
+        local.play(
+            "picker_01", Acting(lambda *_: Action(requests=[("traffic", Claim(["row 1"], [], ""))]))
+        )
         for _ in range(5):
             local.tick()
             assert local.actions["traffic"].state != "broken"
@@ -95,7 +103,10 @@ def test_the_idiom_that_writes_into_a_scan_is_told_what_to_do_in_local_mode(capl
     local = played(SMALL, 1, picker_01=Meddler("scan"))
     assert local.actions["picker_01"].state == "broken"
     (record,) = caplog.records
-    assert re.search(rf"picker_01 raised an error at tick 0.*\n(.|\n)*read-only\n  {re.escape(ADVICE)}", record.getMessage())
+    assert re.search(
+        rf"picker_01 raised an error at tick 0.*\n(.|\n)*read-only\n  {re.escape(ADVICE)}",
+        record.getMessage(),
+    )
 
 
 @pytest.mark.processes

@@ -20,9 +20,15 @@ def zones(draw) -> Zone:
 def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
     """The ranges between which each beam is in a zone, float64: along each axis by itself, where the beam is not across it."""
     enter, leave = np.zeros(laser.beams), np.full(laser.beams, np.inf)
-    for direction, least, most in zip(beams(laser), (zone.x_min, zone.y_min), (zone.x_max, zone.y_max), strict=True):
+    for direction, least, most in zip(
+        beams(laser), (zone.x_min, zone.y_min), (zone.x_max, zone.y_max), strict=True
+    ):
         for k, slope in enumerate(direction.tolist()):
-            ends = sorted((least / slope, most / slope)) if abs(slope) >= 1e-12 else (-np.inf, np.inf if least <= 0.0 <= most else -np.inf)
+            ends = (
+                sorted((least / slope, most / slope))
+                if abs(slope) >= 1e-12
+                else (-np.inf, np.inf if least <= 0.0 <= most else -np.inf)
+            )
             enter[k], leave[k] = max(enter[k], ends[0]), min(leave[k], ends[1])
     return enter, leave
 
@@ -35,6 +41,11 @@ def test_a_return_is_in_a_zone_as_if_it_were_compared_exactly(laser, zone, data)
     for edge in (enter, leave):
         with np.errstate(over="ignore"):
             near = edge.astype(np.float32)
-        for scan in (some, near, np.nextafter(near, np.float32(np.inf)), np.nextafter(near, np.float32(-np.inf))):
+        for scan in (
+            some,
+            near,
+            np.nextafter(near, np.float32(np.inf)),
+            np.nextafter(near, np.float32(-np.inf)),
+        ):
             assert np.array_equal(in_zone(scan, laser, zone), (scan >= enter) & (scan < leave))
     assert spans(laser, zone).dtype == np.float32

@@ -16,7 +16,12 @@ from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
 
-NOBODY: dict[str, Any] = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0, "tractor": False}
+NOBODY: dict[str, Any] = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+    "weeds": 0,
+    "tractor": False,
+}
 FAILURE = {"mean_between": 300.0, "mean_repair": 60.0}
 OFTEN = {"mean_between": 60.0, "mean_repair": 60.0}
 SHORT = {"pickers": 2, "carriers": 2, "row_length": 40.0}
@@ -29,7 +34,13 @@ def orchard(**values: Any) -> Scenario:
 
 HARVESTS: dict[str, dict[str, Any]] = {
     "nearest": {"rows": 4, "pickers": 2, "carriers": 1},
-    "farthest-first": {"rows": 5, "pickers": 3, "carriers": 2, "dispatch": "farthest-first", "rows_to_pickers": "manual"},
+    "farthest-first": {
+        "rows": 5,
+        "pickers": 3,
+        "carriers": 2,
+        "dispatch": "farthest-first",
+        "rows_to_pickers": "manual",
+    },
     "predictive, two-way": {
         **{"rows": 6, "pickers": 6, "carriers": 3, "dispatch": "predictive"},
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
@@ -39,34 +50,107 @@ HARVESTS: dict[str, dict[str, Any]] = {
         **{"route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
     "rolling, and bins that fill where their picker drives out": {
-        **{"rows": 4, "pickers": 4, "carriers": 4, "row_length": 40.0, "metres_per_bin": 22.0, "picking_speed": 0.5},
-        **{"order_in_row": "outward", "dispatch": "rolling", "route": "two-way", "rows_to_pickers": "balanced-ends"},
+        **{
+            "rows": 4,
+            "pickers": 4,
+            "carriers": 4,
+            "row_length": 40.0,
+            "metres_per_bin": 22.0,
+            "picking_speed": 0.5,
+        },
+        **{
+            "order_in_row": "outward",
+            "dispatch": "rolling",
+            "route": "two-way",
+            "rows_to_pickers": "balanced-ends",
+        },
     },
-    "a user's policy that asks what all carriers do": {**SHORT, "rows": 4, "carriers": 3, "dispatch": "own_policies.OneAtATime"},
+    "a user's policy that asks what all carriers do": {
+        **SHORT,
+        "rows": 4,
+        "carriers": 3,
+        "dispatch": "own_policies.OneAtATime",
+    },
     "picking that varies": {**SHORT, "rows": 4, "picking_speed": 0.5, "picking": VARIED, "seed": 3},
-    "an early policy, and failures": {**SHORT, **ONE_WAY, "rows": 5, "dispatch": "predictive", "picking": {"failure": OFTEN}},
-    "carriers that fail": {**SHORT, "rows": 4, "dispatch": "predictive", "carrying": {"failure": FAILURE}, "seed": 2},
+    "an early policy, and failures": {
+        **SHORT,
+        **ONE_WAY,
+        "rows": 5,
+        "dispatch": "predictive",
+        "picking": {"failure": OFTEN},
+    },
+    "carriers that fail": {
+        **SHORT,
+        "rows": 4,
+        "dispatch": "predictive",
+        "carrying": {"failure": FAILURE},
+        "seed": 2,
+    },
     "carriers that charge": {
-        **{"rows": 8, "pickers": 4, "carriers": 3, "row_length": 30.0, "dispatch": "predictive", "route": "two-way"},
-        **{"carrying": {"battery": {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.75}}, "chargers": 2},
+        **{
+            "rows": 8,
+            "pickers": 4,
+            "carriers": 3,
+            "row_length": 30.0,
+            "dispatch": "predictive",
+            "route": "two-way",
+        },
+        **{
+            "carrying": {"battery": {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.75}},
+            "chargers": 2,
+        },
     },
     "bins that go on with the next row": {**SHORT, "rows": 4, "metres_per_bin": 15.0},
     "bins that fill inside rows that are picked slowly": {
-        **{"rows": 4, "pickers": 4, "carriers": 3, "row_length": 40.0, "metres_per_bin": 16.0, "picking_speed": 0.3},
+        **{
+            "rows": 4,
+            "pickers": 4,
+            "carriers": 3,
+            "row_length": 40.0,
+            "metres_per_bin": 16.0,
+            "picking_speed": 0.3,
+        },
         **{"dispatch": "predictive", "route": "two-way", "rows_to_pickers": "balanced-ends"},
     },
-    "nearest, two-way": {"rows": 5, "pickers": 5, "carriers": 5, "route": "two-way", "row_length": 30.0},
+    "nearest, two-way": {
+        "rows": 5,
+        "pickers": 5,
+        "carriers": 5,
+        "route": "two-way",
+        "row_length": 30.0,
+    },
     "pickers that drive into their rows": {
         **{"rows": 3, "pickers": 3, "carriers": 1, "row_length": 40.0},
         **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends"},
     },
     "bins of rows that are picked slowly, and one of them much faster than the mean": {
-        **{"rows": 4, "carriers": 2, "pickers": 2, "row_length": 30.0, "picking_speed": 0.1, "seed": 10},
-        **{"dispatch": "predictive", "picking": {"spread": {"distribution": "lognormal", "cv": 0.6}}},
+        **{
+            "rows": 4,
+            "carriers": 2,
+            "pickers": 2,
+            "row_length": 30.0,
+            "picking_speed": 0.1,
+            "seed": 10,
+        },
+        **{
+            "dispatch": "predictive",
+            "picking": {"spread": {"distribution": "lognormal", "cv": 0.6}},
+        },
     },
     "bins that see how fast their row is picked only in it": {
-        **{"rows": 4, "pickers": 3, "carriers": 1, "row_length": 30.0, "picking_speed": 0.5, "seed": 9},
-        **{"dispatch": "predictive", "rows_to_pickers": "balanced-ends", "picking": {"spread": {"distribution": "gamma", "cv": 0.5}}},
+        **{
+            "rows": 4,
+            "pickers": 3,
+            "carriers": 1,
+            "row_length": 30.0,
+            "picking_speed": 0.5,
+            "seed": 9,
+        },
+        **{
+            "dispatch": "predictive",
+            "rows_to_pickers": "balanced-ends",
+            "picking": {"spread": {"distribution": "gamma", "cv": 0.5}},
+        },
     },
 }
 
@@ -90,23 +174,45 @@ def test_no_cell_is_far_from_the_simulator() -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("cell", ["10/5/5:one-way:predictive", "10/10/10:one-way:predictive", "10/5/5:two-way:predictive"])
+@pytest.mark.parametrize(
+    "cell",
+    ["10/5/5:one-way:predictive", "10/10/10:one-way:predictive", "10/5/5:two-way:predictive"],
+)
 def test_with_people_and_animals_the_mean_over_seeds_is_that_of_the_simulator(cell: str) -> None:
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
 
 
-@pytest.mark.parametrize("dispatch", ["predictive", "predictive-farthest", "rolling", "longest-waiting"])
-def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(dispatch: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "dispatch", ["predictive", "predictive-farthest", "rolling", "longest-waiting"]
+)
+def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(
+    dispatch: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     class Always(Dispatched):
         """Asks at each question, as for a policy of the user's own."""
 
-    often = {"spread": {"distribution": "lognormal", "cv": 0.8}, "failure": {"mean_between": 100.0, "mean_repair": 5.0}}
-    slow = {"rows": 9, "pickers": 5, "carriers": 1, "row_length": 40.0, "picking_speed": 0.1, "metres_per_bin": 15.0, "picking": often}
+    often = {
+        "spread": {"distribution": "lognormal", "cv": 0.8},
+        "failure": {"mean_between": 100.0, "mean_repair": 5.0},
+    }
+    slow = {
+        "rows": 9,
+        "pickers": 5,
+        "carriers": 1,
+        "row_length": 40.0,
+        "picking_speed": 0.1,
+        "metres_per_bin": 15.0,
+        "picking": often,
+    }
     layout = lay_out(orchard(**slow, dispatch=dispatch))
     always, seldom = DiscreteHarvest(layout, calls=Always).run(), DiscreteHarvest(layout)
     asked: list[int] = []
     orders = Dispatched.orders
-    monkeypatch.setattr(Dispatched, "orders", lambda calls, decision: asked.append(decision.now) or orders(calls, decision))
+    monkeypatch.setattr(
+        Dispatched,
+        "orders",
+        lambda calls, decision: asked.append(decision.now) or orders(calls, decision),
+    )
     seldom.run()
     assert (seldom.deliveries, seldom.waited_seconds) == (always.deliveries, always.waited_seconds)
     assert seldom.calls.memory == always.calls.memory  # type: ignore[attr-defined]  # of Dispatched
@@ -114,11 +220,16 @@ def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(dispat
 
 
 def test_robots_that_wait_for_places_cost_few_events() -> None:
-    harvest, events = DiscreteHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY))), 0
+    harvest, events = (
+        DiscreteHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY))),
+        0,
+    )
     while not harvest.is_over:
         harvest.env.step()
         events += 1
-    assert events < 350 * harvest.delivered  # twice as many if each claim that a robot repeats is an event
+    assert (
+        events < 350 * harvest.delivered
+    )  # twice as many if each claim that a robot repeats is an event
 
 
 def seconds_with(workers: int, seed: int) -> float:
@@ -137,16 +248,25 @@ def test_the_more_people_there_are_the_longer_a_harvest_takes_and_nobody_costs_n
 
 
 def test_the_long_run_is_slower_with_people() -> None:
-    alone, disturbed = (orchard(rows=4, pickers=2, carriers=1, people={"workers": workers, "visitors": 0}) for workers in (0, 30))
-    assert long_run(lay_out(disturbed)).bins_per_hour < 0.99 * long_run(lay_out(alone)).bins_per_hour
+    alone, disturbed = (
+        orchard(rows=4, pickers=2, carriers=1, people={"workers": workers, "visitors": 0})
+        for workers in (0, 30)
+    )
+    assert (
+        long_run(lay_out(disturbed)).bins_per_hour < 0.99 * long_run(lay_out(alone)).bins_per_hour
+    )
 
 
 def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() -> None:
     """Else they are done while the others go on, and the long run has fewer pickers than the orchard."""
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
-    assert {name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).layout.blocks.items()} == dict.fromkeys(layout.blocks, 6)
-    assert long_run(layout).bins_per_hour == pytest.approx(long_run(layout, 48).bins_per_hour, rel=0.01)
+    assert {
+        name: len(block.rows) for name, block in DiscreteHarvest(layout, 6).layout.blocks.items()
+    } == dict.fromkeys(layout.blocks, 6)
+    assert long_run(layout).bins_per_hour == pytest.approx(
+        long_run(layout, 48).bins_per_hour, rel=0.01
+    )
 
 
 def test_the_long_run_of_slow_pickers_in_long_rows_is_not_taken_for_a_jam() -> None:
@@ -159,8 +279,12 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
     found, bounds = long_run(layout), Bounds(layout)
     each_picker = 3600.0 * 2 / found.bins_per_hour  # s from one bin to the next
-    assert found.picker_waiting_seconds == pytest.approx(each_picker - bounds.picking_seconds - bounds.crossing_seconds, rel=0.05)
-    assert found.carrier_utilisation == pytest.approx(found.bins_per_hour * _trip_seconds(layout) / 3600.0, rel=0.03)
+    assert found.picker_waiting_seconds == pytest.approx(
+        each_picker - bounds.picking_seconds - bounds.crossing_seconds, rel=0.05
+    )
+    assert found.carrier_utilisation == pytest.approx(
+        found.bins_per_hour * _trip_seconds(layout) / 3600.0, rel=0.03
+    )
 
 
 def _trip_seconds(layout: Layout) -> float:
@@ -169,7 +293,9 @@ def _trip_seconds(layout: Layout) -> float:
     return harvest.carrier_utilisation() * harvest.seconds / harvest.delivered
 
 
-def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("orchard.discrete.places.grant", lambda table: None)
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
     harvest = DiscreteHarvest(layout).run()
@@ -182,25 +308,44 @@ def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(monke
 BATTERY = {"battery": {"hours": 2.0, "hours_to_charge": 1.0}}
 LASTING: list[dict[str, Any]] = [
     {"rows": 4, "pickers": 2, "carriers": 3, "row_length": 20.0},
-    {"rows": 4, "pickers": 4, "carriers": 2, "row_length": 40.0, "picking_speed": 0.05, "carrying": BATTERY},
+    {
+        "rows": 4,
+        "pickers": 4,
+        "carriers": 2,
+        "row_length": 40.0,
+        "picking_speed": 0.05,
+        "carrying": BATTERY,
+    },
 ]
 
 
 @pytest.mark.parametrize("changes", LASTING)
 def test_a_long_run_has_the_rate_of_a_far_longer_one(changes: dict[str, Any]) -> None:
     layout = lay_out(orchard(**{"dispatch": "predictive"} | changes))
-    assert long_run(layout).bins_per_hour == pytest.approx(long_run(layout, 200).bins_per_hour, rel=0.025)
+    assert long_run(layout).bins_per_hour == pytest.approx(
+        long_run(layout, 200).bins_per_hour, rel=0.025
+    )
 
 
 @pytest.mark.parametrize("dispatch", ["farthest-first", "assignment"])
 def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> None:
-    with pytest.raises(Jam, match=r"^picker_0\d has done \d+ % of its rows when another picker has done all: too few carriers come to it$"):
+    with pytest.raises(
+        Jam,
+        match=r"^picker_0\d has done \d+ % of its rows when another picker has done all: too few carriers come to it$",
+    ):
         long_run(lay_out(orchard(rows=12, pickers=6, carriers=2, dispatch=dispatch)))
 
 
 def test_a_harvest_whose_carrier_is_flat_before_it_is_home_is_not_over() -> None:
     layout = lay_out(
-        orchard(rows=3, pickers=3, carriers=1, seed=27, route="one-way", carrying={"battery": {"hours": 0.19, "reserve": 0.3}})
+        orchard(
+            rows=3,
+            pickers=3,
+            carriers=1,
+            seed=27,
+            route="one-way",
+            carrying={"battery": {"hours": 0.19, "reserve": 0.3}},
+        )
     )
     harvest = DiscreteHarvest(layout).run()
     assert (harvest.delivered, harvest.is_over) == (3, False)
@@ -208,5 +353,7 @@ def test_a_harvest_whose_carrier_is_flat_before_it_is_home_is_not_over() -> None
 
 
 def test_agents_of_the_users_own_need_the_simulator() -> None:
-    with pytest.raises(ValueError, match=r"built-in agents only, and not picker_01; run the simulator"):
+    with pytest.raises(
+        ValueError, match=r"built-in agents only, and not picker_01; run the simulator"
+    ):
         DiscreteHarvest(lay_out(orchard(agents={"picker_01": "tests.support.own_agents.Eastward"})))

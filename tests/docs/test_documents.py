@@ -23,12 +23,33 @@ from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import free_port
 
 README = (ROOT / "README.md").read_text()
-BLOCKS = [block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)]  # that one is done step by step
-EXAMPLES = {block.text: ast.get_docstring(ast.parse(block.text)) for block in blocks_in("docs/extending.md") if block.language == "python"}
-FILES = {text: words for text, words in EXAMPLES.items() if words}  # of examples/seams; the others are programs
-PROGRAMS = [block.text for block in BLOCKS if (block.language, block.name) == ("python", "") and block.text not in FILES]
-COMMANDS = [line for block in BLOCKS if (block.language, block.name) == ("sh", "") for line in block.text.splitlines()]
-INSTALLING = ("clone", "activate", "package")  # blocks that .ci/run does with the clone and the wheel that it has
+BLOCKS = [
+    block for document in DOCUMENTS if "tutorial" not in document for block in blocks_in(document)
+]  # that one is done step by step
+EXAMPLES = {
+    block.text: ast.get_docstring(ast.parse(block.text))
+    for block in blocks_in("docs/extending.md")
+    if block.language == "python"
+}
+FILES = {
+    text: words for text, words in EXAMPLES.items() if words
+}  # of examples/seams; the others are programs
+PROGRAMS = [
+    block.text
+    for block in BLOCKS
+    if (block.language, block.name) == ("python", "") and block.text not in FILES
+]
+COMMANDS = [
+    line
+    for block in BLOCKS
+    if (block.language, block.name) == ("sh", "")
+    for line in block.text.splitlines()
+]
+INSTALLING = (
+    "clone",
+    "activate",
+    "package",
+)  # blocks that .ci/run does with the clone and the wheel that it has
 KEYS_OF_SOME_RUNS = (
     *("recording_parts", "recording_gaps", "messages_dropped"),  # with a recording
     "forked_from",
@@ -49,7 +70,9 @@ def test_the_examples_in_extending_md_are_the_files():
     for text, words in FILES.items():
         (module,) = set(re.findall(r"examples\.seams\.(\w+)\.", words))
         shown[f"{module}.py"] = text
-    assert shown == {path.name: path.read_text() for path in (ROOT / "examples" / "seams").glob("*.py")}
+    assert shown == {
+        path.name: path.read_text() for path in (ROOT / "examples" / "seams").glob("*.py")
+    }
     assert all(len(text.splitlines()) <= 30 for text in shown.values())
 
 
@@ -62,13 +85,19 @@ def test_the_commands_in_the_documents_run(command, tmp_path):
         words += ["--duration", BRIEF]  # the last one counts: as they stand they only take longer
         assert run_py(*words, *record, folder=tmp_path).stdout
         return
-    line = {"make": ["make", "--dry-run", *words], "python": [sys.executable, *words, "--help"]}[program]
+    line = {"make": ["make", "--dry-run", *words], "python": [sys.executable, *words, "--help"]}[
+        program
+    ]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_each_block_with_a_name_has_a_test_that_names_it():
-    tests = "".join(path.read_text() for folder in ("tests", "bridges", "ecosystem") for path in (ROOT / folder).rglob("test_*.py"))
+    tests = "".join(
+        path.read_text()
+        for folder in ("tests", "bridges", "ecosystem")
+        for path in (ROOT / folder).rglob("test_*.py")
+    )
     named = [block.name for block in BLOCKS if block.name and block.name not in INSTALLING]
     assert [name for name in named if f'"{name}"' not in tests] == []
 
@@ -78,22 +107,39 @@ def test_the_scenario_in_the_documents_is_one():
 
 
 def test_the_reference_of_the_library_has_all_names():
-    shown = re.findall(r"^\.\. auto\w+:: orchard\.(\w+)", (ROOT / "docs" / "api.md").read_text(), re.M)
+    shown = re.findall(
+        r"^\.\. auto\w+:: orchard\.(\w+)", (ROOT / "docs" / "api.md").read_text(), re.M
+    )
     assert sorted(name for name in shown if name in dir(orchard)) == sorted(orchard.__all__)
 
 
 def test_the_summarys_document_has_all_its_keys(tmp_path):
     """Those of a local run, and six that only a recording or realtime adds."""
-    request = RunRequest(HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path)
+    request = RunRequest(
+        HarvestOptions(mode="local", duration=0.5), Scenario(rows=3), None, tmp_path
+    )
     summary, _ = harvest_locally(request, None, lambda *_: None)
-    section = (ROOT / "docs" / "reference.md").read_text().split("\n## The summary\n")[1].split("\n## ")[0]
+    section = (
+        (ROOT / "docs" / "reference.md")
+        .read_text()
+        .split("\n## The summary\n")[1]
+        .split("\n## ")[0]
+    )
     table = [line.split(" | ")[0] for line in section.splitlines() if line.startswith("| `")]
-    assert sorted(key for line in table for key in re.findall(r"`(\w+)`", line)) == sorted([*summary, *KEYS_OF_SOME_RUNS])
+    assert sorted(key for line in table for key in re.findall(r"`(\w+)`", line)) == sorted(
+        [*summary, *KEYS_OF_SOME_RUNS]
+    )
 
 
 def test_the_readmes_speeds_are_those_of_the_benchmarks():
-    (said,) = re.findall(r"its core makes ([\d,]+) steps a second, where IR-SIM makes ([\d.]+) and Stage, as quoted, ([\d.]+)", README)
-    rows = [line.strip("|* ").replace("*", "").split(" | ") for line in (ROOT / "bench" / "results.md").read_text().splitlines()]
+    (said,) = re.findall(
+        r"its core makes ([\d,]+) steps a second, where IR-SIM makes ([\d.]+) and Stage, as quoted, ([\d.]+)",
+        README,
+    )
+    rows = [
+        line.strip("|* ").replace("*", "").split(" | ")
+        for line in (ROOT / "bench" / "results.md").read_text().splitlines()
+    ]
     rates = {row[0]: row[2].strip() for row in rows if len(row) == 6}  # with 30 robots
     assert said == (rates["our core"], rates["ir-sim 2.12.0"], rates["Stage 4.3 at 0.1 m, quoted"])
 
@@ -119,18 +165,26 @@ def test_the_documents_are_few_and_each_says_for_whom_it_is():
     assert len(pages) <= 16
     assert sum(len(text.split()) for text in pages.values()) <= 26_400
     index = pages["index.md"]
-    assert [f":caption: {kind}" in index for kind in ("Tutorial", "How-to", "Explanation", "Reference")] == [True] * 4
-    assert [name for name in pages if not re.search(rf"^({name[:-3]}|# Orchard)$", index, re.M)] == []
+    assert [
+        f":caption: {kind}" in index for kind in ("Tutorial", "How-to", "Explanation", "Reference")
+    ] == [True] * 4
+    assert [
+        name for name in pages if not re.search(rf"^({name[:-3]}|# Orchard)$", index, re.M)
+    ] == []
     for name, text in pages.items():
         first = re.sub(r"^<!--.*?-->\n", "", text, flags=re.S).split("\n\n")[1]
-        assert first.startswith("For ") and "After this page you" in first, f"{name} does not say for whom it is"
+        assert first.startswith("For ") and "After this page you" in first, (
+            f"{name} does not say for whom it is"
+        )
         assert "do not edit" not in re.sub(r"<!--.*?-->", "", text, flags=re.S), name
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_the_cells_of_tables_are_short(document):
     lines = [line for line in (ROOT / document).read_text().splitlines() if line.startswith("|")]
-    assert [cell for line in lines for cell in line.strip("| ").split(" | ") if len(cell.split()) > 30] == []
+    assert [
+        cell for line in lines for cell in line.strip("| ").split(" | ") if len(cell.split()) > 30
+    ] == []
 
 
 def test_the_changelog_is_short_and_names_the_version():
@@ -141,7 +195,9 @@ def test_the_changelog_is_short_and_names_the_version():
 
 def test_the_map_of_the_code_names_every_package():
     text = (ROOT / "CONTRIBUTING.md").read_text()
-    packages = {path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("orchard/**/__init__.py")} - {"orchard"}
+    packages = {
+        path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("orchard/**/__init__.py")
+    } - {"orchard"}
     assert [package for package in [*packages, "processes"] if f"`{package}/`" not in text] == []
 
 
@@ -152,9 +208,17 @@ def test_each_package_says_what_it_holds():
 
 def test_every_dependency_has_a_reason():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
+    wanted = [
+        *project["dependencies"],
+        *(line for extra in project["optional-dependencies"].values() for line in extra),
+    ]
     table = (ROOT / "CONTRIBUTING.md").read_text().split("## Dependencies, and why")[1]
-    named = {name for line in table.splitlines() if line.startswith("| ") for name in line.split("|")[1].strip().split(", ")}
+    named = {
+        name
+        for line in table.splitlines()
+        if line.startswith("| ")
+        for name in line.split("|")[1].strip().split(", ")
+    }
     assert {re.split(r"[=<>\[]", line)[0] for line in wanted} <= named
 
 
@@ -180,15 +244,27 @@ def test_a_step_of_the_tutorial(step, tmp_path):
             assert said == part.text, "the tutorial shows another output"
         else:
             for command in commands(part.text):
-                run_in(tmp_path, [*command, "--duration", BRIEF, *([] if "--record" in command else ["--record", "run.rrd"])])
+                run_in(
+                    tmp_path,
+                    [
+                        *command,
+                        "--duration",
+                        BRIEF,
+                        *([] if "--record" in command else ["--record", "run.rrd"]),
+                    ],
+                )
 
 
 def test_the_two_terminals_of_the_tutorial(tmp_path):
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     terminals = [block("docs/tutorial.md", f"{number} terminal") for number in ("first", "second")]
-    (first,), (second,) = (commands(text.replace("tcp/127.0.0.1:7447", endpoint)) for text in terminals)
+    (first,), (second,) = (
+        commands(text.replace("tcp/127.0.0.1:7447", endpoint)) for text in terminals
+    )
     first += ["--duration", "10", "--record", "none", "--summary", str(tmp_path / "summary.json")]
-    with subprocess.Popen(first, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as one:
+    with subprocess.Popen(
+        first, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as one:
         try:
             line_with("carrier: left to other processes", one)
             run_in(tmp_path, second)

@@ -20,14 +20,21 @@ PINNED = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_
 
 def test_the_exact_version_of_each_dependency_is_in_its_range():
     pinned = {canonicalize_name(name): version for name, version in PINNED.items()}
-    lines = [*PROJECT["dependencies"], *(line for extra in PROJECT["optional-dependencies"].values() for line in extra)]
+    lines = [
+        *PROJECT["dependencies"],
+        *(line for extra in PROJECT["optional-dependencies"].values() for line in extra),
+    ]
     for wanted in map(Requirement, lines):
         assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), wanted
         assert wanted.specifier, f"{wanted}: no range"
 
 
 def test_the_constraints_are_names_and_versions_only():
-    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line
+        for line in (ROOT / "constraints.txt").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     assert len(lines) == len(PINNED)
 
 
@@ -40,21 +47,38 @@ def test_the_top_level_holds_what_the_projects_user_fixed():
 
 def test_every_file_of_the_package_that_is_no_code_is_installed():
     data = PYPROJECT["tool"]["setuptools"]["package-data"]
-    patterns = [f"{package.replace('.', '/')}/{pattern}" for package, names in data.items() for pattern in names]
-    inside = [path.relative_to(ROOT).as_posix() for path in (ROOT / "orchard").rglob("*") if path.is_file()]
+    patterns = [
+        f"{package.replace('.', '/')}/{pattern}"
+        for package, names in data.items()
+        for pattern in names
+    ]
+    inside = [
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "orchard").rglob("*")
+        if path.is_file()
+    ]
     linked = [f"orchard/config/{path.name}" for path in (ROOT / "config").iterdir()]
     files = [file for file in {*inside, *linked} if "__pycache__" not in file]
-    assert [file for file in files if not file.endswith(".py") and not any(fnmatch(file, pattern) for pattern in patterns)] == []
+    assert [
+        file
+        for file in files
+        if not file.endswith(".py") and not any(fnmatch(file, pattern) for pattern in patterns)
+    ] == []
 
 
 def test_all_metadata_name_the_version():
     assert f"version: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
-    bridges = {tomllib.loads(path.read_text())["project"]["version"] for path in ROOT.glob("bridges/*/pyproject.toml")}
+    bridges = {
+        tomllib.loads(path.read_text())["project"]["version"]
+        for path in ROOT.glob("bridges/*/pyproject.toml")
+    }
     assert bridges == {PROJECT["version"]}
 
 
 def test_the_quick_part_of_the_suite_is_there():
-    said = subprocess.run(["make", "--dry-run", "quick"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    said = subprocess.run(
+        ["make", "--dry-run", "quick"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     assert [path for path in re.findall(r"tests/\S+", said) if not (ROOT / path).exists()] == []
 
 
@@ -66,20 +90,49 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
     "of_the_vulnerable, of_ours, code, words",
     [
         (VULNERABLE, SOUND, 0, "known of 0 of the 1 packages that were checked"),
-        (VULNERABLE, SOUND.replace("[]", '[{"id": "CVE-2"}]'), 1, "numpy: CVE-2: take a version without them"),
-        (VULNERABLE, SOUND.replace('"vulns": []', '"skip_reason": "no such page"'), 0, "numpy: NOT CHECKED: no such page"),
+        (
+            VULNERABLE,
+            SOUND.replace("[]", '[{"id": "CVE-2"}]'),
+            1,
+            "numpy: CVE-2: take a version without them",
+        ),
+        (
+            VULNERABLE,
+            SOUND.replace('"vulns": []', '"skip_reason": "no such page"'),
+            0,
+            "numpy: NOT CHECKED: no such page",
+        ),
         (VULNERABLE, "", 0, "any package: NOT CHECKED: no route to the registry"),
-        (SOUND, SOUND, 0, "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: it knows of none"),
-        ("", SOUND, 0, "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: no route to the registry"),
+        (
+            SOUND,
+            SOUND,
+            0,
+            "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: it knows of none",
+        ),
+        (
+            "",
+            SOUND,
+            0,
+            "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: no route to the registry",
+        ),
     ],
 )
-def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_checked(of_the_vulnerable, of_ours, code, words, tmp_path):
+def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_checked(
+    of_the_vulnerable, of_ours, code, words, tmp_path
+):
     audit, packages = tmp_path / "pip-audit", tmp_path / "packages.txt"
     answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"
-    audit.write_text(f"#!{sys.executable}\nimport sys\nprint({answers})\nprint('no route to the registry', file=sys.stderr)\n")
+    audit.write_text(
+        f"#!{sys.executable}\nimport sys\nprint({answers})\nprint('no route to the registry', file=sys.stderr)\n"
+    )
     audit.chmod(0o755)
     packages.write_text("numpy==2.4.6\n")
-    said = subprocess.run([sys.executable, ".ci/vulnerabilities.py", audit, packages], cwd=ROOT, capture_output=True, text=True)
+    said = subprocess.run(
+        [sys.executable, ".ci/vulnerabilities.py", audit, packages],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
     assert words in said.stdout
     assert said.returncode == code, said.stderr
 
@@ -88,7 +141,9 @@ def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_check
 def test_uv_is_told_where_pip_finds_packages_and_pip_does_what_uv_cannot(uv_can, tmp_path):
     """In a folder whose pip and uv write down what they are told. What the environment says counts before a file."""
     told, file = tmp_path / "told", tmp_path / "pip.conf"
-    file.write_text("[global]\nfind-links = /other\nextra-index-url =\n    file:///b\n    file:///c\n")
+    file.write_text(
+        "[global]\nfind-links = /other\nextra-index-url =\n    file:///b\n    file:///c\n"
+    )
     heard = f'env | grep -E "^UV_(DEFAULT_INDEX|INDEX|FIND)" | sort >{told}; echo uv "$@" >>{told}; exit {int(not uv_can)}'
     for name, text in {
         ".ci/install": (ROOT / ".ci" / "install").read_text(),
@@ -99,10 +154,25 @@ def test_uv_is_told_where_pip_finds_packages_and_pip_does_what_uv_cannot(uv_can,
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
         path.chmod(0o755)
-    plain = {name: value for name, value in os.environ.items() if not name.startswith(("PIP_", "UV_"))}
+    plain = {
+        name: value for name, value in os.environ.items() if not name.startswith(("PIP_", "UV_"))
+    }
     says = {"PIP_CONFIG_FILE": str(file), "PIP_INDEX_URL": "file:///a", "PIP_FIND_LINKS": "/d /e"}
-    done = subprocess.run([tmp_path / ".ci" / "install", "there", "x"], env=plain | says, capture_output=True, text=True, check=True)
-    by_uv = ["UV_DEFAULT_INDEX=file:///a", "UV_FIND_LINKS=/d,/e", "UV_INDEX=file:///b file:///c", "UV_INDEX_STRATEGY=unsafe-best-match"]
+    done = subprocess.run(
+        [tmp_path / ".ci" / "install", "there", "x"],
+        env=plain | says,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    by_uv = [
+        "UV_DEFAULT_INDEX=file:///a",
+        "UV_FIND_LINKS=/d,/e",
+        "UV_INDEX=file:///b file:///c",
+        "UV_INDEX_STRATEGY=unsafe-best-match",
+    ]
     by_uv += ["uv pip install --quiet --python there/bin/python x"]
-    assert told.read_text().splitlines() == by_uv + ["pip --python there/bin/python install --quiet x"] * (not uv_can)
+    assert told.read_text().splitlines() == by_uv + [
+        "pip --python there/bin/python install --quiet x"
+    ] * (not uv_can)
     assert ("uv cannot; pip tries" in done.stderr) is not uv_can

@@ -15,7 +15,14 @@ def printed(*arguments: str) -> str:
 
 def test_the_limit_stands_beside_the_long_run():
     said = printed("examples/long_run.py", "--against", "30", "4/2/1")
-    assert len(re.findall(r"4/2/1 .* (?:carriers|pickers) .* (?:[+-]\d+\.\d|leaves a picker out)", said)) == 12
+    assert (
+        len(
+            re.findall(
+                r"4/2/1 .* (?:carriers|pickers) .* (?:[+-]\d+\.\d|leaves a picker out)", said
+            )
+        )
+        == 12
+    )
     assert re.search(r"against 30 rows each: \d+\.\d % on average, \d+\.\d % at most", said)
 
 
@@ -41,7 +48,13 @@ def test_recordings_of_several_runs_are_one_dataset_with_the_views_of_the_orchar
             *delivered, serving = [line.strip() for line in islice(process.stdout, 3)]
             dataset = CatalogClient(serving.removeprefix("serving ")).get_dataset("harvests")
             assert delivered == ["three: 3 bins delivered", "two: 3 bins delivered"]
-            assert (dataset.blueprints(), len(dataset.segment_ids())) == ([dataset.default_blueprint()], 2)
+            assert (dataset.blueprints(), len(dataset.segment_ids())) == (
+                [dataset.default_blueprint()],
+                2,
+            )
         finally:
             process.terminate()  # an interrupt is ignored by what a shell starts in the background
-    assert "docs/orchard.png" in python("examples/compare_recordings.py", "docs/orchard.png", code=1).stderr
+    assert (
+        "docs/orchard.png"
+        in python("examples/compare_recordings.py", "docs/orchard.png", code=1).stderr
+    )

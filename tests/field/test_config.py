@@ -22,18 +22,29 @@ def test_the_default_file_says_exactly_the_defaults() -> None:
     assert yaml.safe_load((CONFIG / "orchard.yaml").read_text()) == Scenario().model_dump()
 
 
-@pytest.mark.parametrize(("name", "tonnes", "rate", "bins"), [("hand_picking", 39.0, 1.5, 112), ("kiwi_robot", 20.0, 0.87, 57)])
-def test_a_hectare_of_kiwifruit_fills_the_bins_of_its_yield(name: str, tonnes: float, rate: float, bins: int) -> None:
+@pytest.mark.parametrize(
+    ("name", "tonnes", "rate", "bins"),
+    [("hand_picking", 39.0, 1.5, 112), ("kiwi_robot", 20.0, 0.87, 57)],
+)
+def test_a_hectare_of_kiwifruit_fills_the_bins_of_its_yield(
+    name: str, tonnes: float, rate: float, bins: int
+) -> None:
     hectare = load(CONFIG / f"{name}.yaml")
     assert hectare.rows * hectare.row_length * hectare.row_pitch == pytest.approx(10_000, rel=0.01)
     assert hectare.chosen["picking_rate"] == pytest.approx(rate)
     layout = lay_out(hectare)
-    assert hectare.rows * hectare.row_length / layout.metres_per_bin == pytest.approx(tonnes * 1000 / 350, rel=0.01)
-    assert bins <= layout.bins < bins + hectare.pickers  # the last bin of each picker may be part full
+    assert hectare.rows * hectare.row_length / layout.metres_per_bin == pytest.approx(
+        tonnes * 1000 / 350, rel=0.01
+    )
+    assert (
+        bins <= layout.bins < bins + hectare.pickers
+    )  # the last bin of each picker may be part full
 
 
 def test_a_robot_of_four_arms_takes_as_long_for_a_bin_as_its_fruit() -> None:
-    assert 3600 / load(CONFIG / "kiwi_robot.yaml").chosen["picking_rate"] == pytest.approx(350 / 0.117 * 5.5 / 4, rel=0.01)
+    assert 3600 / load(CONFIG / "kiwi_robot.yaml").chosen["picking_rate"] == pytest.approx(
+        350 / 0.117 * 5.5 / 4, rel=0.01
+    )
 
 
 def test_the_committed_schema_is_the_models() -> None:
@@ -46,7 +57,9 @@ def test_every_scenario_file_names_the_schema(file: Path) -> None:
     load(file)
 
 
-def test_a_shipped_scenario_has_a_name_but_a_file_of_the_user_comes_first(tmp_path: Path, monkeypatch) -> None:
+def test_a_shipped_scenario_has_a_name_but_a_file_of_the_user_comes_first(
+    tmp_path: Path, monkeypatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert load_or_shipped(None) == Scenario()
     assert load_or_shipped(Path("hand_picking")) == load(CONFIG / "hand_picking.yaml")
@@ -72,16 +85,24 @@ def test_every_field_is_described_and_limited() -> None:
     for name, field in found.items():
         assert field["description"], name
         limited = field["anyOf"][0] if "anyOf" in field else field
-        assert field.get("type") in ("boolean", "object") or {"minimum", "maximum"} <= set(limited) or "pattern" in limited, name
+        assert (
+            field.get("type") in ("boolean", "object")
+            or {"minimum", "maximum"} <= set(limited)
+            or "pattern" in limited
+        ), name
 
 
-@pytest.mark.parametrize(("pickers", "carriers"), [(2, 2), (3, 3), (5, 4), (10, 7), (11, 8), (20, 14)])
+@pytest.mark.parametrize(
+    ("pickers", "carriers"), [(2, 2), (3, 3), (5, 4), (10, 7), (11, 8), (20, 14)]
+)
 def test_carriers_follow_the_pickers(pickers: int, carriers: int) -> None:
     assert Scenario(rows=20, pickers=pickers).carrier_count == carriers
     assert Scenario(rows=20, pickers=pickers, carriers=9).carrier_count == 9
 
 
-@pytest.mark.parametrize("text", ["", "# nothing but a comment\n", "---\n", "{}", "\ufeff", "people: {}\n", "null"])
+@pytest.mark.parametrize(
+    "text", ["", "# nothing but a comment\n", "---\n", "{}", "\ufeff", "people: {}\n", "null"]
+)
 def test_an_empty_file_is_all_defaults(text: str, tmp_path: Path) -> None:
     file = tmp_path / "empty.yaml"
     file.write_text(text, encoding="utf-8")
@@ -98,13 +119,24 @@ def test_an_integer_is_fine_where_a_number_is_wanted() -> None:
     assert type(parse("row_width: 6").row_width) is float
 
 
-@pytest.mark.parametrize(("text", "speed"), [("1e-1", 0.1), ("5.0E-2", 0.05), (".5", 0.5), ("1.", 1.0), ("+0.25", 0.25), ("1", 1.0)])
+@pytest.mark.parametrize(
+    ("text", "speed"),
+    [("1e-1", 0.1), ("5.0E-2", 0.05), (".5", 0.5), ("1.", 1.0), ("+0.25", 0.25), ("1", 1.0)],
+)
 def test_numbers_are_written_in_any_usual_way(text: str, speed: float) -> None:
     assert parse(f"picking_speed: {text}").picking_speed == speed
 
 
-@given(st.floats(20.0, 200.0), st.floats(5.0, 12.0), st.floats(10.0, 60.0), st.floats(250.0, 450.0), st.floats(1.0, 4.0))
-def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(length, width, tonnes, kilograms, rate):
+@given(
+    st.floats(20.0, 200.0),
+    st.floats(5.0, 12.0),
+    st.floats(10.0, 60.0),
+    st.floats(250.0, 450.0),
+    st.floats(1.0, 4.0),
+)
+def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(
+    length, width, tonnes, kilograms, rate
+):
     crop = {"tonnes_per_hectare": tonnes, "kilograms_per_bin": kilograms}
     sizes = {"row_length": length, "row_width": width}
     hectares = length * (width + 0.5) / 10_000  # of a row, with half of the trees on each side
@@ -114,12 +146,16 @@ def test_yield_and_rate_in_a_growers_units_give_metres_and_speed(length, width, 
     assert grower.bin_metres == pytest.approx(length / bins)
     assert lay_out(grower).picking_seconds(1, grower.bin_metres) == pytest.approx(3600 / rate)
     if bins <= 40:
-        assert Scenario(**sizes, bins_per_row=bins, picking_speed=grower.mean_picking_speed).chosen == pytest.approx(grower.chosen)
+        assert Scenario(
+            **sizes, bins_per_row=bins, picking_speed=grower.mean_picking_speed
+        ).chosen == pytest.approx(grower.chosen)
 
 
 @pytest.mark.parametrize("more", [{}, {"metres_per_bin": 20.0}, {"bins_per_row": 4.0}])
 def test_longer_rows_leave_the_rate_as_it_was(more):
-    short, long = (Scenario(row_length=length, picking_rate=1.5, **more) for length in (70.0, 110.0))
+    short, long = (
+        Scenario(row_length=length, picking_rate=1.5, **more) for length in (70.0, 110.0)
+    )
     assert [one.chosen["picking_rate"] for one in (short, long)] == pytest.approx([1.5, 1.5])
     assert (short.mean_picking_speed == long.mean_picking_speed) == ("metres_per_bin" in more)
 
@@ -135,7 +171,10 @@ def test_changes_are_checked_anew() -> None:
 
 def test_changes_leave_the_callers_maps_as_they_were():
     own = {"picker": "mine.Picker"}
-    assert with_changes(Scenario(), agents=own, **{"agents.bin": "mine.Bin"}).agents == {"picker": "mine.Picker", "bin": "mine.Bin"}
+    assert with_changes(Scenario(), agents=own, **{"agents.bin": "mine.Bin"}).agents == {
+        "picker": "mine.Picker",
+        "bin": "mine.Bin",
+    }
     assert own == {"picker": "mine.Picker"}
 
 
@@ -148,7 +187,9 @@ def test_a_change_reaches_into_a_section_and_leaves_the_rest() -> None:
     assert scenario.people.workers == 4
 
 
-@pytest.mark.parametrize("path", ["rowz", "people.wokers", "rows.x", "", ".", "people.", "people.workers.x", "a.b.c"])
+@pytest.mark.parametrize(
+    "path", ["rowz", "people.wokers", "rows.x", "", ".", "people.", "people.workers.x", "a.b.c"]
+)
 def test_a_change_of_what_is_not_there(path: str) -> None:
     with pytest.raises(ScenarioError):
         with_changes(Scenario(), **{path: 1})
@@ -189,8 +230,29 @@ def scenario_or_error(make: object, *arguments: object) -> None:
         assert len(str(error).encode("utf-8")) < 20_000
 
 
-names = st.sampled_from([*Scenario.model_fields, "workers", "visitors", "dogs", "cats", "noise", "spread", "failure", "cv", "rowz"])
-keys = names | st.text(st.characters(), max_size=5) | st.integers() | st.none() | st.floats() | st.booleans() | st.tuples(st.integers())
+names = st.sampled_from(
+    [
+        *Scenario.model_fields,
+        "workers",
+        "visitors",
+        "dogs",
+        "cats",
+        "noise",
+        "spread",
+        "failure",
+        "cv",
+        "rowz",
+    ]
+)
+keys = (
+    names
+    | st.text(st.characters(), max_size=5)
+    | st.integers()
+    | st.none()
+    | st.floats()
+    | st.booleans()
+    | st.tuples(st.integers())
+)
 leaves = (
     st.none()
     | st.booleans()
@@ -201,10 +263,18 @@ leaves = (
     | st.binary(max_size=3)
     | st.dates()
 )
-anything = st.recursive(leaves, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=4), max_leaves=8)
+anything = st.recursive(
+    leaves,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=4),
+    max_leaves=8,
+)
 nearly = st.fixed_dictionaries(
     {},
-    optional={name: st.integers(0, 60) | anything for name in Scenario.model_fields if name not in SECTIONS}
+    optional={
+        name: st.integers(0, 60) | anything
+        for name in Scenario.model_fields
+        if name not in SECTIONS
+    }
     | {name: st.dictionaries(keys, st.integers(0, 60) | anything, max_size=3) for name in SECTIONS},
 )
 
@@ -215,17 +285,51 @@ def test_any_value_is_a_scenario_or_an_error(values: object) -> None:
 
 
 @settings(max_examples=40)
-@given(st.dictionaries(st.text(max_size=3) | st.sampled_from(["rows", "people.workers", "people", "laser.noise.x"]), anything, max_size=3))
+@given(
+    st.dictionaries(
+        st.text(max_size=3)
+        | st.sampled_from(["rows", "people.workers", "people", "laser.noise.x"]),
+        anything,
+        max_size=3,
+    )
+)
 def test_any_change_is_a_scenario_or_an_error(changes: dict) -> None:
     scenario_or_error(lambda: with_changes(Scenario(), **changes))
 
 
-SCRAPS = [*"\n\n :-?[]{},#&*!|>'\"%@`~=<\t\r\\", ": ", "\n  ", "- ", "---\n", "...\n", "&a ", "*a", "<<: "]
-SCRAPS += ["!!int ", "!!map ", "!!set ", "%TAG ! x\n", '"\\x41"', "\\U00110000", "rows", "people", "workers", "laser", "noise"]
+SCRAPS = [
+    *"\n\n :-?[]{},#&*!|>'\"%@`~=<\t\r\\",
+    ": ",
+    "\n  ",
+    "- ",
+    "---\n",
+    "...\n",
+    "&a ",
+    "*a",
+    "<<: ",
+]
+SCRAPS += [
+    "!!int ",
+    "!!map ",
+    "!!set ",
+    "%TAG ! x\n",
+    '"\\x41"',
+    "\\U00110000",
+    "rows",
+    "people",
+    "workers",
+    "laser",
+    "noise",
+]
 SCRAPS += ["5", "0x1F", "0o7", "1e3", ".inf", ".nan", "true", "null", "2001-01-01"]
 scraps = st.lists(st.sampled_from(SCRAPS) | st.text(max_size=2), max_size=25).map("".join)
 TEXT = "rows: 4\npeople: {workers: 3, visitors: 0}\nlaser: {noise: 0.01}\nagents: {picker: my.Picker}\n"
-damaged = st.builds(lambda at, scrap, gone: TEXT[:at] + scrap + TEXT[at + gone :], st.integers(0, len(TEXT)), scraps, st.integers(0, 2))
+damaged = st.builds(
+    lambda at, scrap, gone: TEXT[:at] + scrap + TEXT[at + gone :],
+    st.integers(0, len(TEXT)),
+    scraps,
+    st.integers(0, 2),
+)
 
 
 @settings(max_examples=200)
@@ -244,7 +348,9 @@ def test_any_yaml_of_values_is_a_scenario_or_an_error(values: dict) -> None:
 
 
 @given(content=st.binary(max_size=200))
-def test_any_file_is_a_scenario_or_an_error(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_any_file_is_a_scenario_or_an_error(
+    content: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     file = tmp_path_factory.getbasetemp() / "any.yaml"
     file.write_bytes(content)
     scenario_or_error(load, file)

@@ -16,7 +16,10 @@ OUT_OF_RANGE = [
     ("rows: 101", "rows = 101: must be a whole number from 3 to 100"),
     ("rows: 126", "of a larger orchard, simulate each block by itself)"),
     ("pickers: 1", "pickers = 1: must be a whole number from 2 to 60"),
-    ("row_width: 4.99", "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)"),
+    (
+        "row_width: 4.99",
+        "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)",
+    ),
     ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
     ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 120"),
     ("carriers: 121", "carriers = 121: must be null or a whole number from 1 to 120"),
@@ -29,8 +32,14 @@ OUT_OF_RANGE = [
     ("people: {visitors: 51}", "people.visitors = 51: must be"),
     ("animals: {dogs: 51}", "animals.dogs = 51: must be"),
     ("animals: {cats: 51}", "animals.cats = 51: must be"),
-    ("weeds: 5\nagents: {piker: a.B}", ":2: agents.piker: not a kind (picker, carrier, tractor, bin,"),
-    ("laser: {noise: 0.2}", "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)"),
+    (
+        "weeds: 5\nagents: {piker: a.B}",
+        ":2: agents.piker: not a kind (picker, carrier, tractor, bin,",
+    ),
+    (
+        "laser: {noise: 0.2}",
+        "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)",
+    ),
 ]
 
 
@@ -81,7 +90,20 @@ def test_an_unknown_key_tells_the_known_ones() -> None:
     )
 
 
-@pytest.mark.parametrize("text", ["3: 1", "null: 1", "true: 1", "1.5: 1", '"": 1', '"a\\nb": 1', '"\\ud800": 1', '"\\e[31m": 1', "<<: 1"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "3: 1",
+        "null: 1",
+        "true: 1",
+        "1.5: 1",
+        '"": 1',
+        '"a\\nb": 1',
+        '"\\ud800": 1',
+        '"\\e[31m": 1',
+        "<<: 1",
+    ],
+)
 def test_a_strange_key_is_an_unknown_one_and_prints_cleanly(text: str) -> None:
     line = refusal(text)
     assert "unknown key" in line
@@ -92,10 +114,22 @@ ONE_OF_BOTH = "at most one of both can be set: each says what the other is"
 CROP = "crop: {tonnes_per_hectare: 39, kilograms_per_bin: 350}"
 WHOLE_LINES = [
     ("animals: 3", "my.yaml:1: animals = 3: must be a map with some of the keys dogs, cats"),
-    ("picking_speed: 1\npicking_rate: 9", f"my.yaml:2: picking_speed = 1.0, picking_rate = 9.0: {ONE_OF_BOTH}"),
-    ("metres_per_bin: 9\nbins_per_row: 2", f"my.yaml:2: metres_per_bin = 9.0, bins_per_row = 2.0: {ONE_OF_BOTH}"),
-    (f"metres_per_bin: 9\n{CROP}", f"my.yaml:2: metres_per_bin = 9.0, crop.tonnes_per_hectare = 39.0: {ONE_OF_BOTH}"),
-    (f"bins_per_row: 2\n{CROP}", f"my.yaml:2: bins_per_row = 2.0, crop.tonnes_per_hectare = 39.0: {ONE_OF_BOTH}"),
+    (
+        "picking_speed: 1\npicking_rate: 9",
+        f"my.yaml:2: picking_speed = 1.0, picking_rate = 9.0: {ONE_OF_BOTH}",
+    ),
+    (
+        "metres_per_bin: 9\nbins_per_row: 2",
+        f"my.yaml:2: metres_per_bin = 9.0, bins_per_row = 2.0: {ONE_OF_BOTH}",
+    ),
+    (
+        f"metres_per_bin: 9\n{CROP}",
+        f"my.yaml:2: metres_per_bin = 9.0, crop.tonnes_per_hectare = 39.0: {ONE_OF_BOTH}",
+    ),
+    (
+        f"bins_per_row: 2\n{CROP}",
+        f"my.yaml:2: bins_per_row = 2.0, crop.tonnes_per_hectare = 39.0: {ONE_OF_BOTH}",
+    ),
     (
         "crop: {tonnes_per_hectare: 39}",
         "my.yaml:1: crop.tonnes_per_hectare = 39.0, crop.kilograms_per_bin = None: must be set together",
@@ -116,14 +150,25 @@ WHOLE_LINES = [
     # too many together
     ("rows: 3\npickers: 4", "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row"),
     ("pickers: 6", "my.yaml:1: pickers = 6, rows = 5: must be at most one picker a row"),
-    ("people:\n  workers: 26\n  visitors: 25", "my.yaml:3: people.workers = 26, people.visitors = 25: must be at most 50 together"),
-    ("people: {workers: 48}", "my.yaml:1: people.workers = 48, people.visitors = 3: must be at most 50 together"),
-    ("animals: {dogs: 50, cats: 1}", "my.yaml:1: animals.dogs = 50, animals.cats = 1: must be at most 50 together"),
+    (
+        "people:\n  workers: 26\n  visitors: 25",
+        "my.yaml:3: people.workers = 26, people.visitors = 25: must be at most 50 together",
+    ),
+    (
+        "people: {workers: 48}",
+        "my.yaml:1: people.workers = 48, people.visitors = 3: must be at most 50 together",
+    ),
+    (
+        "animals: {dogs: 50, cats: 1}",
+        "my.yaml:1: animals.dogs = 50, animals.cats = 1: must be at most 50 together",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("text", "wanted"), WHOLE_LINES)
-def test_what_contradicts_itself_or_is_too_much_together_is_told_in_one_line(text: str, wanted: str) -> None:
+def test_what_contradicts_itself_or_is_too_much_together_is_told_in_one_line(
+    text: str, wanted: str
+) -> None:
     assert refusal(text) == wanted
 
 
@@ -135,8 +180,13 @@ def test_a_model_made_by_hand_is_checked_too() -> None:
 
 
 def test_a_key_that_is_given_twice() -> None:
-    assert refusal("rows: 4\nseed: 1\nrows: 5") == "my.yaml:3: rows = 5: given twice, in lines 1 and 3; once is allowed"
-    assert "people.workers = 2: given twice, in lines 2 and 3" in refusal("people:\n  workers: 1\n  workers: 2\n")
+    assert (
+        refusal("rows: 4\nseed: 1\nrows: 5")
+        == "my.yaml:3: rows = 5: given twice, in lines 1 and 3; once is allowed"
+    )
+    assert "people.workers = 2: given twice, in lines 2 and 3" in refusal(
+        "people:\n  workers: 1\n  workers: 2\n"
+    )
 
 
 def test_all_problems_are_told_at_once() -> None:
@@ -166,7 +216,9 @@ def test_all_problems_are_told_at_once() -> None:
 
 
 def test_all_broken_rules_are_told_at_once() -> None:
-    assert refused("rows: 3\npickers: 4\nagents_without_body: {picker: a.B}\npeople: {workers: 51}\nanimals: {dogs: 30, cats: 30}") == [
+    assert refused(
+        "rows: 3\npickers: 4\nagents_without_body: {picker: a.B}\npeople: {workers: 51}\nanimals: {dogs: 30, cats: 30}"
+    ) == [
         "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row",
         "my.yaml:3: agents_without_body = {'picker': 'a.B'}: must be names that no other agent has; not picker",
         "my.yaml:4: people.workers = 51: must be a whole number from 0 to 50 (number of workers, in yellow hats)",
@@ -183,7 +235,12 @@ def test_problems_are_data_too() -> None:
     with pytest.raises(ScenarioError) as caught:
         parse("seed: 1\nrows: 999", "my.yaml")
     (problem,) = caught.value.problems
-    assert (problem.file, problem.line, problem.path, problem.value) == ("my.yaml", 2, "rows", "999")
+    assert (problem.file, problem.line, problem.path, problem.value) == (
+        "my.yaml",
+        2,
+        "rows",
+        "999",
+    )
 
 
 def unreadable(path: Path | str) -> str:
@@ -211,7 +268,17 @@ def test_not_utf8(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["rows: [1", "rows: 'x", "rows: 3: 4", "a\n b: 1\nc", "\trows: 5", "? [1]\n: 2", "@", "rows: 1\n---\nrows: 2"]
+    "text",
+    [
+        "rows: [1",
+        "rows: 'x",
+        "rows: 3: 4",
+        "a\n b: 1\nc",
+        "\trows: 5",
+        "? [1]\n: 2",
+        "@",
+        "rows: 1\n---\nrows: 2",
+    ],
 )
 def test_not_yaml_tells_line_and_column(text: str) -> None:
     line = refusal(text)
@@ -221,9 +288,22 @@ def test_not_yaml_tells_line_and_column(text: str) -> None:
 
 
 NO_PLAIN_MAPS = [
-    ("is not YAML", ["\0", "rows: 3\0", "a: \x07", "rows: \x1b[2J", 'a: "\\UFFFFFFFF"', "%YAML 1." + "9" * 5000 + "\n--- {}"]),
+    (
+        "is not YAML",
+        [
+            "\0",
+            "rows: 3\0",
+            "a: \x07",
+            "rows: \x1b[2J",
+            'a: "\\UFFFFFFFF"',
+            "%YAML 1." + "9" * 5000 + "\n--- {}",
+        ],
+    ),
     ("must be a map of keys and values", ["[1, 2]", "5", "rows", "- rows: 5"]),
-    ("tags (!name): not allowed", ["rows: !!python/object/apply:os.system [ls]", "!!python/name:os.system", "rows: !!int 5"]),
+    (
+        "tags (!name): not allowed",
+        ["rows: !!python/object/apply:os.system [ls]", "!!python/name:os.system", "rows: !!int 5"],
+    ),
     ("tags (!name): not allowed", ["rows: !mine 5", "seed: !!timestamp x"]),
 ]
 
@@ -235,7 +315,9 @@ def test_what_is_no_map_of_plain_values_is_refused(words: str, texts: list[str])
 
 def test_aliases_are_refused_so_nothing_can_grow() -> None:
     names = "abcdefghi"
-    laughs = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in itertools.pairwise(names))
+    laughs = "a: &a [x, x]\n" + "".join(
+        f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in itertools.pairwise(names)
+    )
     assert "my.yaml:2: aliases (*name): not allowed" in refusal(laughs)
     assert "aliases" in refusal("a: &a {b: *a}")
 
@@ -256,7 +338,13 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["rows: " + "9" * 5000, "rows: '" + "x" * 50000 + "'", '"' + "k" * 500 + '": 1', "rows: [" + "1, " * 10000 + "]"]
+    "text",
+    [
+        "rows: " + "9" * 5000,
+        "rows: '" + "x" * 50000 + "'",
+        '"' + "k" * 500 + '": 1',
+        "rows: [" + "1, " * 10000 + "]",
+    ],
 )
 def test_a_long_value_is_shortened(text: str) -> None:
     assert len(refusal(text)) < 500

@@ -19,10 +19,17 @@ from orchard.field.problems import ScenarioError
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import parse, to_short_yaml, with_changes
 
-pyproj = pytest.importorskip("pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'")
+pyproj = pytest.importorskip(
+    "pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'"
+)
 
 SAMPLE = ROOT / "examples" / "te_puke.geojson"
-WKT = pyproj.CRS("EPSG:2193").to_wkt().replace('ID["EPSG",2193]', 'REMARK["mine"]').replace("New Zealand Transverse", "My")  # nameless
+WKT = (
+    pyproj.CRS("EPSG:2193")
+    .to_wkt()
+    .replace('ID["EPSG",2193]', 'REMARK["mine"]')
+    .replace("New Zealand Transverse", "My")
+)  # nameless
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +39,10 @@ def file(tmp_path_factory) -> Path:
 
 def lines_of(drawn: list[Row] | tuple[Row, ...]) -> dict[str, list[complex]]:
     """The lines of rows by id, every second one from east to west, as a surveyor walks."""
-    return {f"r{number}": points_of(row)[:: 1 if number % 2 else -1] for number, row in enumerate(drawn, start=1)}
+    return {
+        f"r{number}": points_of(row)[:: 1 if number % 2 else -1]
+        for number, row in enumerate(drawn, start=1)
+    }
 
 
 def told(file: Path, crs: str | None = None) -> str:
@@ -43,7 +53,9 @@ def told(file: Path, crs: str | None = None) -> str:
 
 @settings(max_examples=15)
 @given(drawn=rows(), yaw=st.floats(-1.57, 1.57), data=st.data())
-def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(file: Path, drawn: list[Row], yaw: float, data):
+def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(
+    file: Path, drawn: list[Row], yaw: float, data
+):
     order = data.draw(st.permutations(list(lines_of(drawn).items())))
     scenario = import_rows(write_geojson(file, dict(order), yaw))
     layout, survey = lay_out(scenario), scenario.survey
@@ -54,7 +66,9 @@ def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(
     assert survey.origin.crs == CIRCUIT
     for row, lane in zip(drawn, layout.lanes, strict=True):
         there = complex(row.start, -row.south) * cmath.exp(1j * yaw)
-        assert complex(*survey.origin.place(lane.west, lane.y)) - THERE == pytest.approx(there, abs=0.005)
+        assert complex(*survey.origin.place(lane.west, lane.y)) - THERE == pytest.approx(
+            there, abs=0.005
+        )
     assert parse(to_short_yaml(scenario)) == scenario
 
 
@@ -62,7 +76,9 @@ def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(
 @given(noise=st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=3), yaw=st.floats(-1.5, 1.5))
 def test_a_row_may_be_as_crooked_as_the_limit_says(file: Path, noise: list[float], yaw: float):
     lines = lines_of([Row(7.0 * i, 0.0, 60.0) for i in range(4)])
-    lines["r2"] = [point + 0.99j * off for point, off in zip(lines["r2"], [0.0, *noise, 0.0], strict=True)]
+    lines["r2"] = [
+        point + 0.99j * off for point, off in zip(lines["r2"], [0.0, *noise, 0.0], strict=True)
+    ]
     assert import_rows(write_geojson(file, lines, yaw)).rows == 4
 
 
@@ -72,14 +88,21 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
     content = json.loads(SAMPLE.read_text())
     to = pyproj.Transformer.from_crs("EPSG:2193", crs, always_xy=True)
     for feature in content["features"]:
-        feature["geometry"] = {"type": "MultiLineString", "coordinates": [[to.transform(*at) for at in feature["geometry"]["coordinates"]]]}
+        feature["geometry"] = {
+            "type": "MultiLineString",
+            "coordinates": [[to.transform(*at) for at in feature["geometry"]["coordinates"]]],
+        }
     del content["crs"]
     file.write_text(json.dumps(content))
     other = import_rows(file, None if crs == "OGC:CRS84" else crs).survey
     for one, same in zip(survey.rows, other.rows, strict=True):
-        assert (same.south, same.start, same.length) == pytest.approx((one.south, one.start, one.length), abs=0.003)
+        assert (same.south, same.start, same.length) == pytest.approx(
+            (one.south, one.start, one.length), abs=0.003
+        )
     back = pyproj.Transformer.from_crs(other.origin.crs, "EPSG:2193", always_xy=True)
-    assert back.transform(*other.origin.place(40.0, -20.0)) == pytest.approx(survey.origin.place(40.0, -20.0), abs=0.02)
+    assert back.transform(*other.origin.place(40.0, -20.0)) == pytest.approx(
+        survey.origin.place(40.0, -20.0), abs=0.02
+    )
 
 
 def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
@@ -94,11 +117,23 @@ def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
 def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs: str, file: Path):
     """EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the south."""
     utm = {"EPSG:5513": "EPSG:32633", "EPSG:2053": "EPSG:32735"}[crs]
-    there = {"EPSG:5513": complex(500_000.0, 5_538_000.0), "EPSG:2053": complex(700_000.0, 7_123_000.0)}[crs]
+    there = {
+        "EPSG:5513": complex(500_000.0, 5_538_000.0),
+        "EPSG:2053": complex(700_000.0, 7_123_000.0),
+    }[crs]
     to = pyproj.Transformer.from_crs(utm, crs, always_xy=True)
-    lines = {name: [there + p * cmath.exp(0.3j) for p in points] for name, points in lines_of(UNEQUAL).items()}
+    lines = {
+        name: [there + p * cmath.exp(0.3j) for p in points]
+        for name, points in lines_of(UNEQUAL).items()
+    }
     features = [
-        {"id": name, "geometry": {"type": "LineString", "coordinates": [to.transform(p.real, p.imag) for p in points]}}
+        {
+            "id": name,
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [to.transform(p.real, p.imag) for p in points],
+            },
+        }
         for name, points in lines.items()
     ]
     file.write_text(json.dumps({"features": features}))
@@ -109,48 +144,97 @@ def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs:
 
 
 def test_lines_that_go_there_and_back_are_rows(file: Path):
-    there_and_back = {name: [*points, *points[-2::-1]] for name, points in lines_of(UNEQUAL).items()}
-    survey, other = (import_rows(write_geojson(file, lines, 0.3)).survey for lines in (there_and_back, lines_of(UNEQUAL)))
+    there_and_back = {
+        name: [*points, *points[-2::-1]] for name, points in lines_of(UNEQUAL).items()
+    }
+    survey, other = (
+        import_rows(write_geojson(file, lines, 0.3)).survey
+        for lines in (there_and_back, lines_of(UNEQUAL))
+    )
     assert survey == other
 
 
-@pytest.mark.parametrize("name", ["1e3", "12E4", "1.5e3", "010", "on", "null", "0x1F", "2001-01-01", "a: b # c"])
-def test_a_name_that_looks_like_something_else_stays_the_name_in_the_scenario_file(name: str, file: Path):
+@pytest.mark.parametrize(
+    "name", ["1e3", "12E4", "1.5e3", "010", "on", "null", "0x1F", "2001-01-01", "a: b # c"]
+)
+def test_a_name_that_looks_like_something_else_stays_the_name_in_the_scenario_file(
+    name: str, file: Path
+):
     lines = lines_of(UNEQUAL)
-    scenario = import_rows(write_geojson(file, {name if old == "r1" else old: points for old, points in lines.items()}))
+    scenario = import_rows(
+        write_geojson(file, {name if old == "r1" else old: points for old, points in lines.items()})
+    )
     assert scenario.survey.rows[0].id == name
     assert parse(to_short_yaml(scenario)) == scenario
 
 
 BROKEN = {
-    "bent": (lambda points: [*points[:2], points[2] + 0.5j, *points[3:]], "is bent: 0.25 m off a straight line; must be at most 0.2 m"),
-    "askew": (lambda points: [points[0] + (point - points[0]) * cmath.exp(0.02j) for point in points], "is not parallel:"),
-    "short": (lambda points: [points[0], points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 19], "must be 20 to 200 m"),
-    "long": (lambda points: [points[0], points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 201], "must be 20 to 200 m"),
+    "bent": (
+        lambda points: [*points[:2], points[2] + 0.5j, *points[3:]],
+        "is bent: 0.25 m off a straight line; must be at most 0.2 m",
+    ),
+    "askew": (
+        lambda points: [points[0] + (point - points[0]) * cmath.exp(0.02j) for point in points],
+        "is not parallel:",
+    ),
+    "short": (
+        lambda points: [
+            points[0],
+            points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 19,
+        ],
+        "must be 20 to 200 m",
+    ),
+    "long": (
+        lambda points: [
+            points[0],
+            points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 201,
+        ],
+        "must be 20 to 200 m",
+    ),
     "point": (lambda points: points[:1], "must have at least two different points"),
     "same": (lambda points: [points[0], points[0]], "must have at least two different points"),
 }
 
 
 @settings(max_examples=20)
-@given(drawn=rows(most=5), what=st.sampled_from(sorted(BROKEN)), yaw=st.floats(-1.5, 1.5), data=st.data())
-def test_a_line_outside_the_limits_is_refused_with_its_id(file: Path, drawn: list[Row], what: str, yaw: float, data):
+@given(
+    drawn=rows(most=5),
+    what=st.sampled_from(sorted(BROKEN)),
+    yaw=st.floats(-1.5, 1.5),
+    data=st.data(),
+)
+def test_a_line_outside_the_limits_is_refused_with_its_id(
+    file: Path, drawn: list[Row], what: str, yaw: float, data
+):
     lines, broken = lines_of(drawn), data.draw(st.sampled_from(sorted(lines_of(drawn))))
     breaks, words = BROKEN[what]
     lines[broken] = breaks(lines[broken])
     problems = told(write_geojson(file, lines, yaw)).splitlines()
-    assert any(problem.startswith(f"{file}: feature {broken}: ") and words in problem for problem in problems), problems
+    assert any(
+        problem.startswith(f"{file}: feature {broken}: ") and words in problem
+        for problem in problems
+    ), problems
 
 
 @settings(max_examples=15)
 @given(drawn=rows(fewest=4), by=st.floats(0.05, 5.0), yaw=st.floats(-1.5, 1.5), data=st.data())
-def test_rows_too_near_or_too_far_are_refused_with_the_id(file: Path, drawn: list[Row], by: float, yaw: float, data):
+def test_rows_too_near_or_too_far_are_refused_with_the_id(
+    file: Path, drawn: list[Row], by: float, yaw: float, data
+):
     number, sign = data.draw(st.integers(2, len(drawn))), data.draw(st.sampled_from([-1, 1]))
     gap = drawn[number - 1].south - drawn[number - 2].south
-    off = (gap - 5.3 + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j  # the row, and all south of it, move
-    lines = {name: [p + (off if i >= number else 0) for p in points] for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)}
+    off = (
+        (gap - 5.3 + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j
+    )  # the row, and all south of it, move
+    lines = {
+        name: [p + (off if i >= number else 0) for p in points]
+        for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)
+    }
     words = "must be 5.3 to 12.5 m from centre line to centre line"
-    assert any(f"feature r{number}: " in problem and words in problem for problem in told(write_geojson(file, lines, yaw)).splitlines())
+    assert any(
+        f"feature r{number}: " in problem and words in problem
+        for problem in told(write_geojson(file, lines, yaw)).splitlines()
+    )
 
 
 def test_all_faults_are_told_at_once(file: Path):
@@ -159,10 +243,22 @@ def test_all_faults_are_told_at_once(file: Path):
     lines["r4"] = [lines["r4"][0], lines["r4"][0] - 15.0]
     lines["r6"] = [point - 2.0j * 4.0 for point in lines["r6"]]
     content = json.loads(write_geojson(file, lines).read_text())
-    content["features"].append({"type": "Feature", "properties": {"name": "shed"}, "geometry": {"type": "Point", "coordinates": [0, 0]}})
+    content["features"].append(
+        {
+            "type": "Feature",
+            "properties": {"name": "shed"},
+            "geometry": {"type": "Point", "coordinates": [0, 0]},
+        }
+    )
     file.write_text(json.dumps(content))
     problems = told(file)
-    words = "r2: is bent", "r4: is 15.00 m long", "r4: its west end lies 45.00 m", "r6: lies 13.60 m south of row r5", "shed: is 'Point'"
+    words = (
+        "r2: is bent",
+        "r4: is 15.00 m long",
+        "r4: its west end lies 45.00 m",
+        "r6: lies 13.60 m south of row r5",
+        "shed: is 'Point'",
+    )
     assert [one for one in words if f"feature {one}" not in problems] == []
 
 
@@ -175,23 +271,49 @@ UNUSABLE = [
     ("{", None, "is not JSON"),
     ("[1, 2]", None, "must be a GeoJSON FeatureCollection"),
     ('{"features": []}', None, "has 0 rows; must be 3 to 100 LineStrings"),
-    (line('[["a", 1]]'), None, 'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]'),
+    (
+        line('[["a", 1]]'),
+        None,
+        'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]',
+    ),
     (line("[[1, 2], [NaN, 1]]"), None, "feature number 2: its point 2 is [NaN, 1]; each"),
     (line("[[1, 2], null]"), None, "feature number 2: its point 2 is null; each"),
     (line("3"), None, "at least two different points"),
-    ('{"features": [7]}', None, "feature number 1: is null; each feature must be one LineString, the centre line of a row"),
-    (TEXT, "EPSG:4326", "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84"),
-    (TEXT, "nonsense", "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of"),
-    (TEXT, "EPSG:999999", "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or"),
+    (
+        '{"features": [7]}',
+        None,
+        "feature number 1: is null; each feature must be one LineString, the centre line of a row",
+    ),
+    (
+        TEXT,
+        "EPSG:4326",
+        "(1892798, 5812275) of feature block-3/1 is no place in the coordinate system WGS 84",
+    ),
+    (
+        TEXT,
+        "nonsense",
+        "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of",
+    ),
+    (
+        TEXT,
+        "EPSG:999999",
+        "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or",
+    ),
     (TEXT, "", "the coordinate system '' cannot be used"),
     (TEXT, "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),
     (TEXT, WKT, "survey.origin.crs = 'PROJCRS["),
-    (TEXT, "EPSG:5773", "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file"),
+    (
+        TEXT,
+        "EPSG:5773",
+        "'EPSG:5773' has no places on a map: it is Vertical CRS; name that of the file",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("text", "crs", "words"), UNUSABLE)
-def test_a_file_that_cannot_be_used_is_told_in_words(text: str, crs: str | None, words: str, file: Path):
+def test_a_file_that_cannot_be_used_is_told_in_words(
+    text: str, crs: str | None, words: str, file: Path
+):
     file.write_text(text)
     assert words in told(file, crs)
 

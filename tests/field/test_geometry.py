@@ -10,7 +10,19 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from orchard.field import repeatable
-from orchard.field.geometry import EAST, NORTH, SOUTH, WEST, Pose, Rect, angle_between, from_frame, nearest_heading, to_frame, yaw_of
+from orchard.field.geometry import (
+    EAST,
+    NORTH,
+    SOUTH,
+    WEST,
+    Pose,
+    Rect,
+    angle_between,
+    from_frame,
+    nearest_heading,
+    to_frame,
+    yaw_of,
+)
 from orchard.sim.kernels import cache, jit
 from orchard.sim.kernels.boxes import boxes_of, gap, overlap, place
 from orchard.sim.kernels.grid import cell_of, grid_of
@@ -67,7 +79,10 @@ def test_the_nearest_heading_is_within_an_eighth_of_a_turn(heading, off):
     assert nearest_heading(heading + off) == names[heading]
 
 
-@pytest.mark.parametrize(("start", "end", "turn"), [(EAST, NORTH, NORTH), (WEST, SOUTH, NORTH), (NORTH, WEST, NORTH), (SOUTH, WEST, SOUTH)])
+@pytest.mark.parametrize(
+    ("start", "end", "turn"),
+    [(EAST, NORTH, NORTH), (WEST, SOUTH, NORTH), (NORTH, WEST, NORTH), (SOUTH, WEST, SOUTH)],
+)
 def test_the_turn_between_neighbouring_headings_is_a_quarter(start, end, turn):
     assert angle_between(start, end) == pytest.approx(turn, abs=1e-15)
 
@@ -106,7 +121,12 @@ def test_boxes_side_by_side_touch_and_do_not_overlap():
     assert overlap(box_of(0, 0, 0, 1, 1), box_of(2 - 1.1e-9, 0.5, 0, 1, 1))
 
 
-@given(st.lists(st.tuples(metres, metres, halves, halves), min_size=1, max_size=12), metres, metres, st.floats(0.5, 12.0))
+@given(
+    st.lists(st.tuples(metres, metres, halves, halves), min_size=1, max_size=12),
+    metres,
+    metres,
+    st.floats(0.5, 12.0),
+)
 def test_the_grid_forgets_no_wall_within_reach(walls, x, y, reach):
     walls = np.array(walls)
     grid = grid_of(boxes_of(walls[:, :2], walls[:, 2:]), reach)
@@ -118,15 +138,23 @@ def test_the_grid_forgets_no_wall_within_reach(walls, x, y, reach):
 
 ROOT = Path(__file__).parents[2]
 ERROR = 4e-16
-angles = st.one_of(st.floats(-10.0, 10.0), st.floats(-6000.0, 6000.0), st.integers(-40, 40).map(lambda eighth: eighth * math.pi / 8))
+angles = st.one_of(
+    st.floats(-10.0, 10.0),
+    st.floats(-6000.0, 6000.0),
+    st.integers(-40, 40).map(lambda eighth: eighth * math.pi / 8),
+)
 lengths = st.one_of(st.floats(-100.0, 100.0), st.floats(-1e-6, 1e-6), st.integers(-3, 3).map(float))
 
 
 @settings(max_examples=500)
 @given(angles, lengths, lengths, st.floats(1e-300, 1e300), st.floats(-700.0, 700.0))
 def test_the_functions_are_right_to_the_last_digits(angle, y, x, positive, power):
-    assert repeatable.sin_cos(angle) == pytest.approx((math.sin(angle), math.cos(angle)), abs=ERROR, rel=0)
-    assert repeatable.atan2(y, x) == pytest.approx(math.atan2(y + 0.0, x + 0.0), abs=2 * ERROR, rel=0)
+    assert repeatable.sin_cos(angle) == pytest.approx(
+        (math.sin(angle), math.cos(angle)), abs=ERROR, rel=0
+    )
+    assert repeatable.atan2(y, x) == pytest.approx(
+        math.atan2(y + 0.0, x + 0.0), abs=2 * ERROR, rel=0
+    )
     assert repeatable.log(positive) == pytest.approx(math.log(positive), abs=ERROR, rel=ERROR)
     assert repeatable.exp(power) == pytest.approx(math.exp(power), rel=4 * ERROR, abs=0)
 
@@ -160,22 +188,50 @@ def test_wrapping_keeps_the_direction_and_what_is_wrapped_already(angle):
 
 def test_the_bits_that_every_machine_must_give():
     """Known to the last bit, so that a compiler or a processor that gives others is found out."""
-    assert [part.hex() for part in repeatable.sin_cos(0.7)] == ["0x1.49d6e694619b8p-1", "0x1.87996529f9d93p-1"]
+    assert [part.hex() for part in repeatable.sin_cos(0.7)] == [
+        "0x1.49d6e694619b8p-1",
+        "0x1.87996529f9d93p-1",
+    ]
     assert repeatable.atan2(-2.0, -0.3).hex() == "-0x1.b83d5c13f26b8p+0"
 
 
 def test_what_a_kernel_is_made_from_is_all_told_to_the_cache():
     """A kernel with stale constants would move robots by yesterday's rules."""
-    sources = {path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".") for path in cache._SOURCES}
+    sources = {
+        path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+        for path in cache._SOURCES
+    }
     for path in (ROOT / "orchard/sim/kernels").glob("*.py"):
-        imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+        imports = [
+            node
+            for node in ast.walk(ast.parse(path.read_text()))
+            if isinstance(node, ast.ImportFrom)
+        ]
         for node in imports:
             names = {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-            is_ours = node.module.startswith("orchard.") and node.module != "orchard.folders"  # which only stores them
+            is_ours = (
+                node.module.startswith("orchard.") and node.module != "orchard.folders"
+            )  # which only stores them
             assert not is_ours or names & sources, (path, node.module)
 
 
 def test_kernels_use_no_other_trigonometry():
     for path in set((ROOT / "orchard/sim/kernels").glob("*.py")) - {Path(jit.__file__)}:
-        called = {node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)}
-        assert not called & {"sin", "cos", "tan", "arctan2", "arctan", "hypot", "exp", "log", "power", "dot", "matmul"}, path
+        called = {
+            node.attr
+            for node in ast.walk(ast.parse(path.read_text()))
+            if isinstance(node, ast.Attribute)
+        }
+        assert not called & {
+            "sin",
+            "cos",
+            "tan",
+            "arctan2",
+            "arctan",
+            "hypot",
+            "exp",
+            "log",
+            "power",
+            "dot",
+            "matmul",
+        }, path

@@ -17,10 +17,16 @@ from orchard.field.kinds import ANIMALS, KINDS, PEOPLE, kind_of, name_of
 from orchard.field.layout import BAY, DRIVEWAY, ROW_WEST, Layout, Start, lay_out
 from orchard.field.scenario import Animals, People, Scenario
 
-CROWD = {"people": People(workers=25, visitors=25), "animals": Animals(dogs=25, cats=25), "weeds": 50}
+CROWD = {
+    "people": People(workers=25, visitors=25),
+    "animals": Animals(dogs=25, cats=25),
+    "weeds": 50,
+}
 ONE_WAY = Scenario(carriers=40, route="one-way")
 BIGGEST = Scenario(rows=100, pickers=60, row_width=12.0, carriers=120, **CROWD)
-FULLEST = BIGGEST.model_copy(update={"rows": 3, "pickers": 3, "row_width": 5.0})  # all of it on the smallest ground
+FULLEST = BIGGEST.model_copy(
+    update={"rows": 3, "pickers": 3, "row_width": 5.0}
+)  # all of it on the smallest ground
 
 
 @st.composite
@@ -44,7 +50,12 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 def box(start: Start) -> np.ndarray:
     ahead, left = KINDS[start.kind].length / 2, KINDS[start.kind].width / 2
-    return np.array([from_frame(start.pose, i * ahead, j * left) for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))])
+    return np.array(
+        [
+            from_frame(start.pose, i * ahead, j * left)
+            for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+        ]
+    )
 
 
 def of(layout: Layout, *kinds: str) -> list[Start]:
@@ -69,7 +80,9 @@ def test_every_legal_scenario_lays_out(scenario: Scenario) -> None:
     assert all(inside_the_fences(layout, start) for start in layout.starts)
     assert len(set(layout.names)) == len(layout.names)
     assert all(kind_of(start.name) == start.kind for start in layout.starts)
-    assert {type(value) for start in layout.starts for value in start.pose} == {float}, "plain numbers"
+    assert {type(value) for start in layout.starts for value in start.pose} == {float}, (
+        "plain numbers"
+    )
     assert_counts(layout)
     assert_people_keep_off(layout)
     assert_weeds_in_their_strips(layout)
@@ -77,7 +90,9 @@ def test_every_legal_scenario_lays_out(scenario: Scenario) -> None:
 
 def inside_the_fences(layout: Layout, start: Start) -> bool:
     low, high = box(start).min(axis=0), box(start).max(axis=0)
-    return bool(np.all(low >= (-49.5, layout.bottom + 0.5)) and np.all(high <= (49.5, layout.top - 0.5)))
+    return bool(
+        np.all(low >= (-49.5, layout.bottom + 0.5)) and np.all(high <= (49.5, layout.top - 0.5))
+    )
 
 
 def assert_counts(layout: Layout) -> None:
@@ -94,7 +109,9 @@ def assert_counts(layout: Layout) -> None:
         "weed": scenario.weeds,
     }
     for kind, count in wanted.items():
-        assert sorted(start.name for start in of(layout, kind)) == sorted(name_of(kind, i + 1) for i in range(count))
+        assert sorted(start.name for start in of(layout, kind)) == sorted(
+            name_of(kind, i + 1) for i in range(count)
+        )
 
 
 def assert_people_keep_off(layout: Layout) -> None:
@@ -102,9 +119,17 @@ def assert_people_keep_off(layout: Layout) -> None:
     for start in of(layout, *PEOPLE):
         assert not strictly_in(box(start), (ROW_WEST, lines[-1], layout.row_east, lines[0])), start
         assert start.pose.yaw in HEADINGS.values()
-    ways = [(p.pose.x + 1.25, p.pose.y - 0.75, p.pose.x + 2.75, p.pose.y + 0.75) for p in of(layout, "picker")]
+    ways = [
+        (p.pose.x + 1.25, p.pose.y - 0.75, p.pose.x + 2.75, p.pose.y + 0.75)
+        for p in of(layout, "picker")
+    ]
     for start in of(layout, *PEOPLE, *ANIMALS):
-        assert not strictly_in(box(start), layout.queue.in_use(layout.scenario.carrier_count), (-48.0, 26.0, -22.0, 32.0), *ways), start
+        assert not strictly_in(
+            box(start),
+            layout.queue.in_use(layout.scenario.carrier_count),
+            (-48.0, 26.0, -22.0, 32.0),
+            *ways,
+        ), start
 
 
 def assert_weeds_in_their_strips(layout: Layout) -> None:
@@ -125,7 +150,10 @@ def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -
     ]
     for start in of(layout, *PEOPLE, *ANIMALS):
         radius = math.hypot(KINDS[start.kind].length, KINDS[start.kind].width) / 2
-        gaps = [math.hypot(max(abs(start.pose.x - x) - a, 0), max(abs(start.pose.y - y) - b, 0)) for x, y, a, b in still]
+        gaps = [
+            math.hypot(max(abs(start.pose.x - x) - a, 0), max(abs(start.pose.y - y) - b, 0))
+            for x, y, a, b in still
+        ]
         assert min(gaps) - radius >= 0.3 - 1e-9, start
 
 
@@ -140,7 +168,9 @@ def test_the_same_scenario_gives_the_same_layout(scenario: Scenario) -> None:
 def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
     one, other = lay_out(Scenario(seed=1)), lay_out(Scenario(seed=2))
     assert not {s.pose for s in of(one, "weed")} & {s.pose for s in of(other, "weed")}
-    assert [s.pose[:2] for s in of(one, *PEOPLE, *ANIMALS)] == [s.pose[:2] for s in of(other, *PEOPLE, *ANIMALS)]
+    assert [s.pose[:2] for s in of(one, *PEOPLE, *ANIMALS)] == [
+        s.pose[:2] for s in of(other, *PEOPLE, *ANIMALS)
+    ]
 
 
 @pytest.mark.parametrize("scenario", [BIGGEST, FULLEST], ids=["biggest", "fullest"])
@@ -158,23 +188,43 @@ def places(scenario: Scenario) -> dict[str, tuple[float, float]]:
 
 
 def test_guests_stand_where_the_manual_puts_them() -> None:
-    manual = {"worker_01": (-20.0, 22.0), "worker_04": (-44.0, -15.0), "visitor_01": (-47.0, 8.0), "visitor_03": (44.0, 6.0)}
+    manual = {
+        "worker_01": (-20.0, 22.0),
+        "worker_04": (-44.0, -15.0),
+        "visitor_01": (-47.0, 8.0),
+        "visitor_03": (44.0, 6.0),
+    }
     manual |= {"dog_01": (20.0, -11.0), "dog_02": (20.0, 15.0), "cat_01": (-47.0, -11.0)}
     assert {name: places(Scenario())[name] for name in manual} == manual
 
 
-@pytest.mark.parametrize(("name", "given_place"), [("worker_02", (25.0, 25.0)), ("worker_03", (36.0, 18.0)), ("visitor_02", (-6.0, 22.0))])
-def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(name: str, given_place: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("name", "given_place"),
+    [("worker_02", (25.0, 25.0)), ("worker_03", (36.0, 18.0)), ("visitor_02", (-6.0, 22.0))],
+)
+def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(
+    name: str, given_place: tuple[float, float]
+) -> None:
     x, y = places(ONE_WAY)[name]
-    assert places(Scenario())[name] == given_place or name == "worker_02", "the lines that no carrier uses are not kept clear"
+    assert places(Scenario())[name] == given_place or name == "worker_02", (
+        "the lines that no carrier uses are not kept clear"
+    )
     moved = math.dist((x, y), given_place)
     queue = lay_out(ONE_WAY).queue.area
-    to_the_edge = min(queue.north - given_place[1], given_place[1] - queue.south, abs(queue.east - given_place[0]))
+    to_the_edge = min(
+        queue.north - given_place[1], given_place[1] - queue.south, abs(queue.east - given_place[0])
+    )
     assert 0.0 < moved <= max(to_the_edge, 0.0) + 0.571 + 0.5  # half a body, and the grid
 
 
-@pytest.mark.parametrize("place", [(-33.0, 10.75), (-30.0, 29.0), (-23.0, 24.0)], ids=["ahead of a picker", "track", "queue"])
-def test_a_dog_is_not_put_where_robots_drive_off(place: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "place",
+    [(-33.0, 10.75), (-30.0, 29.0), (-23.0, 24.0)],
+    ids=["ahead of a picker", "track", "queue"],
+)
+def test_a_dog_is_not_put_where_robots_drive_off(
+    place: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(placement.GIVEN, "dog", (place,))
     monkeypatch.setattr(layouts, "_laid_out", layouts._laid_out.__wrapped__)  # layouts are kept
     x, y = places(Scenario())["dog_01"]
@@ -207,14 +257,18 @@ def test_trees_and_lanes_lie_where_the_reference_puts_them(rows: int, width: flo
     lines = [13.5 - i * (width + 0.5) for i in range(rows + 1)]
     assert layout.tree_lines == pytest.approx(lines)
     assert [lane.number for lane in layout.lanes] == list(range(1, rows + 1))
-    assert [lane.y for lane in layout.lanes] == pytest.approx([y - (width + 0.5) / 2 for y in lines[:-1]])
+    assert [lane.y for lane in layout.lanes] == pytest.approx(
+        [y - (width + 0.5) / 2 for y in lines[:-1]]
+    )
     assert lines[-1] - layout.bottom == pytest.approx(21.0)
 
 
 def test_every_line_has_twelve_trees_and_eleven_posts() -> None:
     layout = lay_out(Scenario(rows=4))
     for y in layout.tree_lines:
-        xs = sorted(wall[0] for wall in layout.walls if wall[1] == pytest.approx(y) and wall[2] == 0.25)
+        xs = sorted(
+            wall[0] for wall in layout.walls if wall[1] == pytest.approx(y) and wall[2] == 0.25
+        )
         assert xs == [-34.5 + 3.0 * i for i in range(23)]  # trees and posts by turns
     assert len(layout.walls) == 4 + 5 * 23
 
@@ -229,8 +283,13 @@ def test_fences_are_a_metre_thick_and_close_the_field() -> None:
 
 
 def test_the_driveway_and_the_bay_are_in_the_top_left_corner() -> None:
-    assert (DRIVEWAY.east - DRIVEWAY.west, DRIVEWAY.north - DRIVEWAY.south) == pytest.approx((30.0, 10.0))
-    assert ((DRIVEWAY.east + DRIVEWAY.west) / 2, (DRIVEWAY.north + DRIVEWAY.south) / 2) == pytest.approx((-34.67, 28.51))
+    assert (DRIVEWAY.east - DRIVEWAY.west, DRIVEWAY.north - DRIVEWAY.south) == pytest.approx(
+        (30.0, 10.0)
+    )
+    assert (
+        (DRIVEWAY.east + DRIVEWAY.west) / 2,
+        (DRIVEWAY.north + DRIVEWAY.south) / 2,
+    ) == pytest.approx((-34.67, 28.51))
     assert DRIVEWAY.west <= BAY.west < BAY.east <= DRIVEWAY.east
     assert BAY.north < 26.1  # outside the tractor's sweep
 
@@ -243,7 +302,9 @@ def test_robots_start_with_their_bins_behind_them(scenario: Scenario) -> None:
     for start in of(layout, "picker", "carrier"):
         behind = layout.starts[layout.index[start.bin]]
         ahead = 1.0 if start.pose.yaw == 0.0 else -1.0
-        assert behind.pose == Pose(start.pose.x - ahead * KINDS[start.kind].tows, start.pose.y, start.pose.yaw)
+        assert behind.pose == Pose(
+            start.pose.x - ahead * KINDS[start.kind].tows, start.pose.y, start.pose.yaw
+        )
     for picker in of(layout, "picker"):
         block = layout.blocks[picker.name]
         x, heading = (-35.5, 0.0) if block.start == "west" else (41.0, WEST)

@@ -19,47 +19,68 @@ sizes = st.integers(3, 20).flatmap(lambda rows: st.tuples(st.just(rows), st.inte
 
 
 def blocks_of(rule: str, rows: int, pickers: int) -> list[Block]:
-    return list(rows_to_pickers(Scenario(rows=rows, pickers=pickers, rows_to_pickers=rule)).values())
+    return list(
+        rows_to_pickers(Scenario(rows=rows, pickers=pickers, rows_to_pickers=rule)).values()
+    )
 
 
 @pytest.mark.parametrize("rule", RULES)
 @given(size=sizes)
-def test_each_row_goes_to_one_picker_and_its_rows_are_neighbours_from_north_to_south(rule: str, size: tuple[int, int]) -> None:
+def test_each_row_goes_to_one_picker_and_its_rows_are_neighbours_from_north_to_south(
+    rule: str, size: tuple[int, int]
+) -> None:
     rows = [block.rows for block in blocks_of(rule, *size)]
     assert all(rows)
-    assert [row for block in rows for row in block] == list(range(1, size[0] + 1)), "in the order of the pickers, so none passes another"
+    assert [row for block in rows for row in block] == list(range(1, size[0] + 1)), (
+        "in the order of the pickers, so none passes another"
+    )
 
 
 @pytest.mark.parametrize("rule", ["balanced", "balanced-ends"])
 @given(size=sizes)
-def test_no_picker_has_two_rows_more_than_another_if_they_are_balanced(rule: str, size: tuple[int, int]) -> None:
+def test_no_picker_has_two_rows_more_than_another_if_they_are_balanced(
+    rule: str, size: tuple[int, int]
+) -> None:
     counts = [len(block.rows) for block in blocks_of(rule, *size)]
     assert max(counts) - min(counts) <= 1
 
 
 @given(size=sizes)
-def test_every_second_picker_starts_in_the_east_if_both_ends_are_used(size: tuple[int, int]) -> None:
+def test_every_second_picker_starts_in_the_east_if_both_ends_are_used(
+    size: tuple[int, int],
+) -> None:
     starts = [block.start for block in blocks_of("balanced-ends", *size)]
     assert starts == (["west", "east"] * 10)[: size[1]]
     assert {block.start for block in blocks_of("balanced", *size)} == {"west"}
 
 
-@pytest.mark.parametrize(("rows", "pickers", "counts"), [(5, 2, [2, 3]), (3, 3, [1, 1, 1]), (20, 3, [6, 6, 8]), (20, 11, [1] * 10 + [10])])
-def test_the_manuals_rule_gives_the_last_picker_the_remainder(rows: int, pickers: int, counts: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("rows", "pickers", "counts"),
+    [(5, 2, [2, 3]), (3, 3, [1, 1, 1]), (20, 3, [6, 6, 8]), (20, 11, [1] * 10 + [10])],
+)
+def test_the_manuals_rule_gives_the_last_picker_the_remainder(
+    rows: int, pickers: int, counts: list[int]
+) -> None:
     assert [len(block.rows) for block in blocks_of("manual", rows, pickers)] == counts
 
 
 def test_rows_are_balanced_unless_the_scenario_says_otherwise() -> None:
-    assert rows_to_pickers(Scenario(rows=20, pickers=11)) == rows_to_pickers(Scenario(rows=20, pickers=11, rows_to_pickers="balanced-ends"))
+    assert rows_to_pickers(Scenario(rows=20, pickers=11)) == rows_to_pickers(
+        Scenario(rows=20, pickers=11, rows_to_pickers="balanced-ends")
+    )
 
 
 SEEDS = range(500)  # of 20 rows each: 10,000 draws
 N = 20 * len(SEEDS)
 
 
-def scenario(distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int = 1, **changes) -> Scenario:
+def scenario(
+    distribution: str, cv: float = 0.3, speed: float = 0.1, seed: int = 1, **changes
+) -> Scenario:
     spread = {"distribution": distribution, "cv": cv}
-    return Scenario(rows=20, pickers=10, picking_speed=speed, seed=seed, picking={"spread": spread}, **changes)
+    return Scenario(
+        rows=20, pickers=10, picking_speed=speed, seed=seed, picking={"spread": spread}, **changes
+    )
 
 
 def times(distribution: str, cv: float, speed: float) -> list[float]:
@@ -74,13 +95,20 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
         return 0.5 + (share - 1.0) / (2.0 * math.sqrt(3.0) * cv)
     if distribution == "lognormal":
         deviation = math.sqrt(math.log1p(cv * cv))
-        return 0.5 * (1.0 + math.erf((math.log(share) + deviation * deviation / 2.0) / deviation / math.sqrt(2.0)))
-    k = round(1.0 / (cv * cv))  # a gamma distribution of a whole shape: k events of a Poisson process
+        return 0.5 * (
+            1.0
+            + math.erf((math.log(share) + deviation * deviation / 2.0) / deviation / math.sqrt(2.0))
+        )
+    k = round(
+        1.0 / (cv * cv)
+    )  # a gamma distribution of a whole shape: k events of a Poisson process
     return 1.0 - sum(math.exp(-k * share) * (k * share) ** n / math.factorial(n) for n in range(k))
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.5])
-@pytest.mark.parametrize(("distribution", "cv"), [("lognormal", 0.3), ("gamma", None), ("uniform", 0.28)])
+@pytest.mark.parametrize(
+    ("distribution", "cv"), [("lognormal", 0.3), ("gamma", None), ("uniform", 0.28)]
+)
 def test_picking_times_have_the_mean_the_spread_and_the_distribution_that_are_named(
     distribution: str, cv: float | None, speed: float
 ) -> None:
@@ -90,26 +118,42 @@ def test_picking_times_have_the_mean_the_spread_and_the_distribution_that_are_na
     assert pstdev(drawn) == pytest.approx(cv, rel=0.06)
     for time in (0.6, 0.8, 1.0, 1.3):
         expected = min(max(share_below(distribution, time, cv, least=speed), 0.0), 1.0)
-        assert sum(t < time for t in drawn) / N == pytest.approx(expected, abs=2.0 / math.sqrt(N)), time
+        assert sum(t < time for t in drawn) / N == pytest.approx(
+            expected, abs=2.0 / math.sqrt(N)
+        ), time
     assert min(drawn) >= speed * (1.0 - 1e-12), "no row is picked faster than a picker drives"
 
 
-@given(speed=st.floats(0.02, 0.97), share=st.floats(0.0, 1.0), distribution=st.sampled_from(sorted(WIDEST)), seed=st.integers(0, 2**63 - 1))
-def test_no_row_is_faster_than_a_picker_whatever_is_allowed(speed: float, share: float, distribution: str, seed: int) -> None:
+@given(
+    speed=st.floats(0.02, 0.97),
+    share=st.floats(0.0, 1.0),
+    distribution=st.sampled_from(sorted(WIDEST)),
+    seed=st.integers(0, 2**63 - 1),
+)
+def test_no_row_is_faster_than_a_picker_whatever_is_allowed(
+    speed: float, share: float, distribution: str, seed: int
+) -> None:
     cv = max(LEAST_CV, share * WIDEST[distribution] * (1.0 - speed))
     own = scenario(distribution, cv, speed, seed)
     assert all(0.0 < picking_speed_of(own, row) <= 1.0 for row in range(1, 6))
 
 
 def test_rows_are_alike_unless_a_distribution_is_named() -> None:
-    assert {lane.picking_speed for lane in lay_out(Scenario(rows=20, picking_speed=0.3)).lanes} == {0.3}
+    assert {lane.picking_speed for lane in lay_out(Scenario(rows=20, picking_speed=0.3)).lanes} == {
+        0.3
+    }
 
 
 def test_a_rows_pace_follows_from_seed_and_row_only() -> None:
     drawn = [lane.picking_speed for lane in lay_out(scenario("lognormal")).lanes]
     assert len(set(drawn)) == 20
-    assert drawn == [lane.picking_speed for lane in lay_out(scenario("lognormal", carriers=3, row_width=7.0)).lanes]
-    assert not set(drawn) & {lane.picking_speed for lane in lay_out(scenario("lognormal", seed=2)).lanes}
+    assert drawn == [
+        lane.picking_speed
+        for lane in lay_out(scenario("lognormal", carriers=3, row_width=7.0)).lanes
+    ]
+    assert not set(drawn) & {
+        lane.picking_speed for lane in lay_out(scenario("lognormal", seed=2)).lanes
+    }
 
 
 TOO_WIDE = [
@@ -120,14 +164,26 @@ TOO_WIDE = [
 
 
 @pytest.mark.parametrize(("distribution", "cv", "speed", "wanted"), TOO_WIDE)
-def test_a_spread_for_which_a_picker_would_be_too_fast_is_refused(distribution: str, cv: float, speed: float, wanted: str) -> None:
-    told = refusal(f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}")
+def test_a_spread_for_which_a_picker_would_be_too_fast_is_refused(
+    distribution: str, cv: float, speed: float, wanted: str
+) -> None:
+    told = refusal(
+        f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}"
+    )
     values = f"picking_speed = {speed}, picking.spread.distribution = {distribution}, picking.spread.cv = {cv}"
-    assert told == f"my.yaml:3: {values}: {wanted} at this picking_speed, because no picker picks faster than 1 m/s"
+    assert (
+        told
+        == f"my.yaml:3: {values}: {wanted} at this picking_speed, because no picker picks faster than 1 m/s"
+    )
 
 
 def test_the_widest_spread_is_fine() -> None:
-    assert parse("picking_speed: 0.8\npicking: {spread: {distribution: gamma, cv: 0.2}}").picking.spread.cv == 0.2
+    assert (
+        parse(
+            "picking_speed: 0.8\npicking: {spread: {distribution: gamma, cv: 0.2}}"
+        ).picking.spread.cv
+        == 0.2
+    )
 
 
 NO_PICKING = [
@@ -135,7 +191,10 @@ NO_PICKING = [
         "picking: {spread: {distribution: normal}}",
         "(distribution of the rows' picking times: none, lognormal, gamma, uniform)",
     ),
-    ("picking: {failure: {mean_between: 1}}", "must be null or a number from 60.0 to 86400.0 (mean time of picking or"),
+    (
+        "picking: {failure: {mean_between: 1}}",
+        "must be null or a number from 60.0 to 86400.0 (mean time of picking or",
+    ),
     ("picking: {failure: {mean_repair: .inf}}", "must be a number from 1.0 to 7200.0"),
     ("picking: {spread: 0.3}", "must be a map with some of the keys distribution, cv"),
     ("picking: {cv: 0.3}", "did you mean picking.spread.cv?"),
@@ -149,19 +208,32 @@ def test_what_picking_cannot_be_is_told(text: str, told: str) -> None:
 
 
 def test_times_between_failures_and_of_repairs_are_exponential() -> None:
-    drawn = [failure(seed, "picker_01", number, 3600.0, 300.0) for seed in range(100) for number in range(100)]
+    drawn = [
+        failure(seed, "picker_01", number, 3600.0, 300.0)
+        for seed in range(100)
+        for number in range(100)
+    ]
     for column, mean in enumerate((3600.0, 300.0)):
         values = [pair[column] for pair in drawn]
         assert fmean(values) == pytest.approx(mean, rel=0.04)
         for share in (0.1, 0.5, 1.0, 3.0):
-            assert sum(value > share * mean for value in values) / len(values) == pytest.approx(math.exp(-share), abs=0.02)
+            assert sum(value > share * mean for value in values) / len(values) == pytest.approx(
+                math.exp(-share), abs=0.02
+            )
 
 
 NAMES = sorted(QUEUES)
 
 
-@given(st.sampled_from(NAMES), st.floats(20.0, 200.0), st.floats(0.0, 180.0), st.integers(1, MOST_CARRIERS))
-def test_every_place_lies_behind_the_bay_and_before_the_delivery_road(name: str, length: float, bay: float, carriers: int) -> None:
+@given(
+    st.sampled_from(NAMES),
+    st.floats(20.0, 200.0),
+    st.floats(0.0, 180.0),
+    st.integers(1, MOST_CARRIERS),
+)
+def test_every_place_lies_behind_the_bay_and_before_the_delivery_road(
+    name: str, length: float, bay: float, carriers: int
+) -> None:
     queue = queue_of(name, length, bay, carriers)
     if queue is None:
         return
@@ -169,7 +241,9 @@ def test_every_place_lies_behind_the_bay_and_before_the_delivery_road(name: str,
     assert len({place[:2] for place in places}) == carriers
     assert all(queue.area.contains(place.x, place.y) for place in places)
     last = queue.head - CLOSED_UP * (queue.places - 1)
-    assert last - 2.4 >= -30.0 + bay + 0.9 + 0.8, "the tail of the line, closed up, is clear of a carrier that unloads"
+    assert last - 2.4 >= -30.0 + bay + 0.9 + 0.8, (
+        "the tail of the line, closed up, is clear of a carrier that unloads"
+    )
     assert queue.area.west <= last
     assert queue.head + 0.9 < 38.75 - 0.75 + length - 70.0
 
@@ -188,7 +262,9 @@ def test_a_queue_that_is_too_short_is_refused_with_the_numbers_that_would_do() -
 
 
 def test_a_bay_further_east_leaves_room_for_fewer_and_the_error_says_where_it_may_lie() -> None:
-    with pytest.raises(ScenarioError, match=r"10 need rows of at least \d+ m or the bay at most at \d+ m"):
+    with pytest.raises(
+        ScenarioError, match=r"10 need rows of at least \d+ m or the bay at most at \d+ m"
+    ):
         check({"rows": 12, "pickers": 12, "carriers": 10, "bay": 100.0})
 
 

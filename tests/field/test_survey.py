@@ -26,47 +26,75 @@ def test_surveyed_rows_lie_where_the_survey_says_and_nothing_overlaps(drawn: lis
     for row, lane in zip(drawn, layout.lanes, strict=True):
         assert (first - lane.y, lane.west - ROW_WEST, lane.length) == pytest.approx(row, abs=1e-9)
         north, south = layout.lines[lane.number - 1], layout.lines[lane.number]
-        assert south.y + 0.25 + lane.width / 2 <= lane.y + 1e-9 <= north.y - 0.25 - lane.width / 2 + 2e-9
+        assert (
+            south.y + 0.25 + lane.width / 2
+            <= lane.y + 1e-9
+            <= north.y - 0.25 - lane.width / 2 + 2e-9
+        )
         assert min(north.west, south.west) <= lane.west and lane.east <= max(north.east, south.east)
-        assert all(line.west + 1.0 - 1e-6 <= x <= line.east - 3.0 + 1e-6 for line in (north, south) for x in line.trees_x)
+        assert all(
+            line.west + 1.0 - 1e-6 <= x <= line.east - 3.0 + 1e-6
+            for line in (north, south)
+            for x in line.trees_x
+        )
 
 
 def test_equal_rows_by_survey_are_those_without_one():
     alike = Scenario(rows=4, row_length=42.5, seed=3)
     surveyed = [{"id": str(i), "south": 5.5 * i, "start": 0.0, "length": 42.5} for i in range(4)]
-    one, other = lay_out(alike), lay_out(check({"rows": 4, "row_length": 42.5, "seed": 3, "survey": {"rows": surveyed}}))
+    one, other = (
+        lay_out(alike),
+        lay_out(check({"rows": 4, "row_length": 42.5, "seed": 3, "survey": {"rows": surveyed}})),
+    )
     assert other.lanes == one.lanes and other.lines == one.lines
     assert other.starts == one.starts and (other.walls == one.walls).all()
 
 
 @pytest.mark.parametrize(("route", "ends"), [(ONE_WAY, "balanced"), (TWO_WAY, "balanced-ends")])
 def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
-    stage = Stage(orchard_of(UNEQUAL, pickers=2, carriers=2, route=route, rows_to_pickers=ends, dispatch="predictive"))  # no near ties
+    stage = Stage(
+        orchard_of(
+            UNEQUAL, pickers=2, carriers=2, route=route, rows_to_pickers=ends, dispatch="predictive"
+        )
+    )  # no near ties
     stage.run_until(lambda: stage.local.engine.over, 900)
     stage.assert_no_collisions()
     assert stage.world.row_picked.tolist() == [row.length for row in UNEQUAL]
     assert stage.world.delivered == len(UNEQUAL)
-    schedule, fast = schedule_seconds(stage.world.layout), DiscreteHarvest(stage.world.layout).run().seconds
+    schedule, fast = (
+        schedule_seconds(stage.world.layout),
+        DiscreteHarvest(stage.world.layout).run().seconds,
+    )
     assert schedule == pytest.approx(stage.seconds, rel=0.1)
     assert fast == pytest.approx(stage.seconds, rel=0.01)
 
 
 def test_a_short_row_fills_its_bin_and_takes_its_own_time():
     layout = lay_out(orchard_of(UNEQUAL, picking_speed=0.5))
-    assert [layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes] == pytest.approx([2 * row.length for row in UNEQUAL])
-    assert Bounds(layout).picking_seconds == pytest.approx(2 * sum(row.length for row in UNEQUAL) / 4)
+    assert [
+        layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes
+    ] == pytest.approx([2 * row.length for row in UNEQUAL])
+    assert Bounds(layout).picking_seconds == pytest.approx(
+        2 * sum(row.length for row in UNEQUAL) / 4
+    )
 
 
 def test_a_rate_where_each_row_fills_a_bin_is_that_of_the_mean_row():
     layout = lay_out(orchard_of(UNEQUAL, picking_rate=60.0))
-    assert fmean(layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes) == pytest.approx(60.0)
-    assert orchard_of(UNEQUAL, bins_per_row=2.0).bin_metres == pytest.approx(layout.mean_length / 2.0)
+    assert fmean(
+        layout.picking_seconds(lane.number, lane.length) for lane in layout.lanes
+    ) == pytest.approx(60.0)
+    assert orchard_of(UNEQUAL, bins_per_row=2.0).bin_metres == pytest.approx(
+        layout.mean_length / 2.0
+    )
 
 
 def test_the_plan_shows_each_row_at_its_place():
     stage = Stage(orchard_of(UNEQUAL))
     for lane in stage.world.layout.lanes:
-        assert f'width="{round(12 * lane.length, 2)}" height="24.0"' in orchard_plan(stage.world.layout)
+        assert f'width="{round(12 * lane.length, 2)}" height="24.0"' in orchard_plan(
+            stage.world.layout
+        )
     assert "of 104 m picked" in present_plan(stage.world)
 
 
@@ -79,24 +107,37 @@ def problem(change: dict) -> str:
 
 def changed(number: int, **values: float | str) -> dict:
     listed = orchard_of(UNEQUAL).model_dump()["survey"]["rows"]
-    return {"survey": {"rows": [row | values if i == number else row for i, row in enumerate(listed, start=1)]}}
+    return {
+        "survey": {
+            "rows": [row | values if i == number else row for i, row in enumerate(listed, start=1)]
+        }
+    }
 
 
 NO_SURVEYS = [
     ({"rows": 5}, "rows = 5: must be 4"),
-    ({"row_length": 70.0, "row_width": 6.0}, "row_length = 70.0, row_width = 6.0: must be 31.2 and 5"),
+    (
+        {"row_length": 70.0, "row_width": 6.0},
+        "row_length = 70.0, row_width = 6.0: must be 31.2 and 5",
+    ),
     (changed(2, south=5.2), "r2: lies 5.20 m south of row r1; must be 5.3 to 12.5 m"),
     (changed(3, south=18.0), "r3: lies 12.70 m south of row r2; must be 5.3 to 12.5 m"),
     (changed(3, south=18.0), "r4: lies 0.60 m south of row r3"),
     (changed(1, south=1.0), "r1: is the first, and lies 1 m south of it; its south must be 0"),
     (changed(1, start=0.5), "r1: is the westernmost, and starts at 0.5 m; its start must be 0"),
-    (changed(3, length=55.0), "r2: its east end lies 31.20 m before the furthest east end; must be at most 30 m"),
+    (
+        changed(3, length=55.0),
+        "r2: its east end lies 31.20 m before the furthest east end; must be at most 30 m",
+    ),
     (changed(2, id="r1"), "r1: the name of two rows; each needs its own"),
     (changed(2, length=19.9), "survey.rows.1.length = 19.9: must be a number from 20.0 to 200.0"),
     (changed(2, start=30.1), "survey.rows.1.start = 30.1: must be a number from 0.0 to 30.0"),
     (changed(2, lenght=25.0), "survey.rows.1.lenght = 25.0: unknown key; did you mean length?"),
     ({"survey": {}}, "survey.rows: is missing: a list of 3 to 100 maps"),
-    ({"survey": {"rows": [1, 2, 3]}}, "survey.rows.0 = 1: must be a map with some of the keys id, south, start, length"),
+    (
+        {"survey": {"rows": [1, 2, 3]}},
+        "survey.rows.0 = 1: must be a map with some of the keys id, south, start, length",
+    ),
 ]
 
 
@@ -106,11 +147,21 @@ def test_a_survey_that_cannot_be_is_refused_with_the_row_and_the_limit(change: d
 
 
 def test_all_faults_are_told_at_once_with_their_lines():
-    text = to_short_yaml(orchard_of(UNEQUAL)).replace("length: 29.0", "length: 2").replace("south: 13.1, ", "") + "seeed: 3\npickers: 0\n"
+    text = (
+        to_short_yaml(orchard_of(UNEQUAL))
+        .replace("length: 29.0", "length: 2")
+        .replace("south: 13.1, ", "")
+        + "seeed: 3\npickers: 0\n"
+    )
     with pytest.raises(ScenarioError) as raised:
         parse(text, "mine.yaml")
     lines = text.splitlines()
-    for word, path in (("r1,", "survey.rows.0.length"), ("r3,", "survey.rows.2.south"), ("seeed", "seeed"), ("pickers: 0", "pickers")):
+    for word, path in (
+        ("r1,", "survey.rows.0.length"),
+        ("r3,", "survey.rows.2.south"),
+        ("seeed", "seeed"),
+        ("pickers: 0", "pickers"),
+    ):
         line = next(number for number, line in enumerate(lines, start=1) if word in line)
         assert f"mine.yaml:{line}: {path}" in str(raised.value)
 

@@ -41,25 +41,53 @@ def test_gymnasium():
 @pytest.mark.parametrize("policy", ["predictive", "farthest-first", "longest-waiting"])
 @pytest.mark.parametrize("metres_per_bin", [None, 30.0])
 def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_bin):
-    scenario = Scenario(rows=9, pickers=5, dispatch=policy, metres_per_bin=metres_per_bin, picking={"failure": {"mean_between": 300.0}})
+    scenario = Scenario(
+        rows=9,
+        pickers=5,
+        dispatch=policy,
+        metres_per_bin=metres_per_bin,
+        picking={"failure": {"mean_between": 300.0}},
+    )
     model, env = DiscreteHarvest(lay_out(scenario)).run(), dispatch_env(scenario)
     total, terminated = played(env, scripted)
-    assert terminated and env.harvest.deliveries == model.deliveries and env.harvest.seconds == model.seconds
+    assert (
+        terminated
+        and env.harvest.deliveries == model.deliveries
+        and env.harvest.seconds == model.seconds
+    )
     assert -model.seconds <= total < 0.0  # the time before the first decision belongs to no action
 
 
 def test_an_episode_goes_on_while_all_carriers_charge_for_longer_than_a_jam_takes():
-    scenario = empty_orchard(rows=4, pickers=2, carriers=1, dispatch="predictive", carrying={"battery": {"hours": 0.25, "reserve": 0.6}})
+    scenario = empty_orchard(
+        rows=4,
+        pickers=2,
+        carriers=1,
+        dispatch="predictive",
+        carrying={"battery": {"hours": 0.25, "reserve": 0.6}},
+    )
     env = dispatch_env(scenario)
-    assert played(env, scripted)[1] and env.harvest.seconds == DiscreteHarvest(lay_out(scenario)).run().seconds
+    assert (
+        played(env, scripted)[1]
+        and env.harvest.seconds == DiscreteHarvest(lay_out(scenario)).run().seconds
+    )
 
 
 def test_rewards():
     model = DiscreteHarvest(lay_out(SMALL)).run()
-    assert played(dispatch_env(SMALL, reward="delivery"), scripted)[0] == model.delivered == SMALL.rows
-    assert played(dispatch_env(SMALL, reward="waiting"), scripted)[0] == pytest.approx(-model.waited_seconds)
-    assert played(dispatch_env(SMALL, reward="waiting"), lambda info: 0)[0] < -1200.0, "two pickers, which wait for 600 s until it is a jam"
-    assert played(dispatch_env(SMALL, reward=lambda interval: 2.0 * interval.delivered), scripted)[0] == 2.0 * SMALL.rows
+    assert (
+        played(dispatch_env(SMALL, reward="delivery"), scripted)[0] == model.delivered == SMALL.rows
+    )
+    assert played(dispatch_env(SMALL, reward="waiting"), scripted)[0] == pytest.approx(
+        -model.waited_seconds
+    )
+    assert played(dispatch_env(SMALL, reward="waiting"), lambda info: 0)[0] < -1200.0, (
+        "two pickers, which wait for 600 s until it is a jam"
+    )
+    assert (
+        played(dispatch_env(SMALL, reward=lambda interval: 2.0 * interval.delivered), scripted)[0]
+        == 2.0 * SMALL.rows
+    )
 
 
 def test_random_actions_within_the_mask_finish_the_harvest_and_are_repeatable():
@@ -75,7 +103,11 @@ def test_random_actions_within_the_mask_finish_the_harvest_and_are_repeatable():
 def test_who_never_sends_a_carrier_is_truncated(longest, until):
     """Before the first decision; after so many ticks; or 600 s after both pickers have begun to wait."""
     env = dispatch_env(SMALL, longest=longest)
-    assert not played(env, lambda info: 0)[1] and env.harvest.delivered == 0 and env.harvest.env.now <= until
+    assert (
+        not played(env, lambda info: 0)[1]
+        and env.harvest.delivered == 0
+        and env.harvest.env.now <= until
+    )
     with pytest.raises(ResetNeeded):
         env.step(0)
 
@@ -85,7 +117,9 @@ def test_an_action_that_the_mask_forbids_sends_nobody():
     _, info = env.reset()
     forbidden = int(np.flatnonzero(info["action_mask"] == 0)[0])
     _, reward, *_ = env.step(forbidden)
-    assert reward == -1.0 and env.harvest.delivered == 0  # the carriers are asked again after 10 ticks
+    assert (
+        reward == -1.0 and env.harvest.delivered == 0
+    )  # the carriers are asked again after 10 ticks
 
 
 def test_mistakes():
@@ -95,7 +129,9 @@ def test_mistakes():
         dispatch_env(Scenario(agents={"picker": "mine.Picker"}))
     env = dispatch_env(SMALL)
     env.reset()
-    with pytest.raises(ValueError, match=f"action 99: must be a number from 0 to {env.action_space.n - 1}"):
+    with pytest.raises(
+        ValueError, match=f"action 99: must be a number from 0 to {env.action_space.n - 1}"
+    ):
         env.step(99)
     for wrong in (None, 1.5, True, "1", [0, 1]):
         with pytest.raises(ValueError, match="must be a number from 0 to"):
@@ -114,23 +150,38 @@ FAULTS = [("Raising", "LookupError: no such bin here", 'raise LookupError("no su
 
 @pytest.mark.parametrize(("policy", "fault", "line"), FAULTS)
 def test_a_fault_of_an_own_policy_is_told_with_its_place(policy, fault, line):
-    number = 1 + [text.strip() for text in Path(own_policies.__file__).read_text().splitlines()].index(line)
+    number = 1 + [
+        text.strip() for text in Path(own_policies.__file__).read_text().splitlines()
+    ].index(line)
     with pytest.raises(RuntimeError) as told:
         dispatch_env(with_changes(SMALL, dispatch=f"tests.support.own_policies.{policy}")).reset()
     words = str(told.value)
-    assert words.startswith(f"dispatch policy tests.support.own_policies.{policy}, tick ") and fault in words
+    assert (
+        words.startswith(f"dispatch policy tests.support.own_policies.{policy}, tick ")
+        and fault in words
+    )
     assert words.endswith(f"({own_policies.__file__}, line {number})")
 
 
 VIEW = Dispatching(lay_out(SMALL))
-CARRIERS = [CarrierReport("carrier_01", "", True, 0.0), CarrierReport("carrier_02", "bin_01", False, 70.0)]
+CARRIERS = [
+    CarrierReport("carrier_01", "", True, 0.0),
+    CarrierReport("carrier_02", "bin_01", False, 70.0),
+]
 
 
 def test_what_a_policy_is_told_becomes_arrays():
     observation = VIEW.observation(120, [BIN], CARRIERS)
     assert VIEW.observation_space.contains(observation)
-    assert observation["bins"].reshape(4, 6).tolist() == [[0.0] * 6, [1.0, 3.0, 10.0, 4.0, 60.0, 50.0], [0.0] * 6, [0.0] * 6]
-    assert observation["carriers"].tolist() == [1.0, 0.0, 0.0, 70.0] and observation["seconds"].tolist() == [12.0]
+    assert observation["bins"].reshape(4, 6).tolist() == [
+        [0.0] * 6,
+        [1.0, 3.0, 10.0, 4.0, 60.0, 50.0],
+        [0.0] * 6,
+        [0.0] * 6,
+    ]
+    assert observation["carriers"].tolist() == [1.0, 0.0, 0.0, 70.0] and observation[
+        "seconds"
+    ].tolist() == [12.0]
 
 
 def test_actions_are_orders():
@@ -148,7 +199,9 @@ def test_what_has_learned_is_the_policy_of_the_simulator():
     def choose(observation, mask):
         return max(np.flatnonzero(mask))
 
-    assert VIEW.orders(choose, 120, [told], CARRIERS) == own.assign(120, [told], CARRIERS, own.Memory())
+    assert VIEW.orders(choose, 120, [told], CARRIERS) == own.assign(
+        120, [told], CARRIERS, own.Memory()
+    )
     assert VIEW.orders(lambda observation, mask: 0, 120, [told], CARRIERS) == []
     assert VIEW.orders(choose, 120, [], CARRIERS) == []
 
@@ -161,4 +214,6 @@ def test_what_the_learned_policy_of_the_example_can_choose_is_enough_for_a_good_
         seen, _, *ends, _ = env.step(int(env.action_masks()[1] and seen[1] * SCALE[1] <= 5.0))
         ended = any(ends)
     assert env.env.harvest.is_over
-    assert env.env.harvest.seconds == pytest.approx(DiscreteHarvest(lay_out(env.env.scenario)).run().seconds, rel=0.1)
+    assert env.env.harvest.seconds == pytest.approx(
+        DiscreteHarvest(lay_out(env.env.scenario)).run().seconds, rel=0.1
+    )

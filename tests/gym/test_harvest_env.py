@@ -21,13 +21,28 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import REWARDS, DispatchEnv, dispatch_env, parallel_env, single_env
 from orchard.local import Local
 
-SMALL = Scenario(rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2)
-TINY = Scenario(rows=3, pickers=3, row_length=20.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 1}, weeds=0)
+SMALL = Scenario(
+    rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2
+)
+TINY = Scenario(
+    rows=3,
+    pickers=3,
+    row_length=20.0,
+    people={"workers": 0, "visitors": 0},
+    animals={"dogs": 0, "cats": 1},
+    weeds=0,
+)
 LEARNED = ["carrier_01", "picker_02"]
-MAKERS = [lambda: single_env(SMALL, "carrier_01"), lambda: parallel_env(SMALL, LEARNED), lambda: dispatch_env(SMALL)]
+MAKERS = [
+    lambda: single_env(SMALL, "carrier_01"),
+    lambda: parallel_env(SMALL, LEARNED),
+    lambda: dispatch_env(SMALL),
+]
 
 
-@pytest.mark.parametrize("options", [{}, {"deeds": True}, {"longest": 15}])  # the last one: to the end of episodes
+@pytest.mark.parametrize(
+    "options", [{}, {"deeds": True}, {"longest": 15}]
+)  # the last one: to the end of episodes
 def test_pettingzoo(options):
     parallel_api_test(parallel_env(SMALL, LEARNED, **options), num_cycles=60)
 
@@ -55,28 +70,53 @@ def test_observations_are_in_the_space_while_a_harvest_goes_on():
 def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash():
     """A whole harvest, and what it earns."""
     earned = []
-    env = parallel_env(TINY, ["carrier_01", "picker_02", "cat_01"], reward=lambda moment: earned.append(moment) or 0.0, is_hashed=True)
+    env = parallel_env(
+        TINY,
+        ["carrier_01", "picker_02", "cat_01"],
+        reward=lambda moment: earned.append(moment) or 0.0,
+        is_hashed=True,
+    )
     local, (_, infos) = Local(TINY), env.reset()
     while env.agents:
         assert not local.engine.over
-        *_, terminated, truncated, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
+        *_, terminated, truncated, infos = env.step(
+            {name: infos[name]["scripted"] for name in env.agents}
+        )
         local.tick()
     assert local.engine.over and all(terminated.values()) and not any(truncated.values())
     assert env.local.engine.hash == local.engine.hash
-    of = {name: [moment for moment in earned if moment.after.name == name] for name in env.possible_agents}
+    of = {
+        name: [moment for moment in earned if moment.after.name == name]
+        for name in env.possible_agents
+    }
     assert sum(map(REWARDS["delivery"], of["carrier_01"])) == 3.0
     assert sum(map(REWARDS["picking"], of["picker_02"])) == pytest.approx(20.0)
-    assert sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0  # a bin that is coupled full is not picked
+    assert (
+        sum(map(REWARDS["picking"], of["carrier_01"])) == 0.0
+    )  # a bin that is coupled full is not picked
 
 
 def test_where_a_picker_begins_to_pick_is_no_deed_of_an_action():
-    many = with_changes(TINY, pickers=2, carriers=3, bins_per_row=2, order_in_row="outward", picking_speed=0.3)
+    many = with_changes(
+        TINY, pickers=2, carriers=3, bins_per_row=2, order_in_row="outward", picking_speed=0.3
+    )
     env, local = parallel_env(many, ["picker_01"], deeds=True), Local(many)
     env.reset()
     while env.agents:
         action = env._looks["picker_01"].action
-        did = [type(deed) for deed in (env._answers.get("picker_01") or action).deeds if not isinstance(deed, PickFrom)]
-        env.step({"picker_01": {"velocity": action.twist[::2], "deed": {Couple: 1, Uncouple: 2}[did[0]] if did else 0}})
+        did = [
+            type(deed)
+            for deed in (env._answers.get("picker_01") or action).deeds
+            if not isinstance(deed, PickFrom)
+        ]
+        env.step(
+            {
+                "picker_01": {
+                    "velocity": action.twist[::2],
+                    "deed": {Couple: 1, Uncouple: 2}[did[0]] if did else 0,
+                }
+            }
+        )
         local.tick()
     assert local.engine.over
 
@@ -118,7 +158,15 @@ def command(tick, forward, turn):
     part = tick % 60
     if part < 30 or turn:
         return forward, turn
-    return (0.0, 0.0) if part < 36 else (forward / 2, 0.0) if part < 46 else (0.02, 0.0) if part < 49 else (forward, 0.01 * (part == 50))
+    return (
+        (0.0, 0.0)
+        if part < 36
+        else (forward / 2, 0.0)
+        if part < 46
+        else (0.02, 0.0)
+        if part < 49
+        else (forward, 0.01 * (part == 50))
+    )
 
 
 class Driven:
@@ -150,7 +198,9 @@ def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed():
 @pytest.mark.parametrize("make", MAKERS)
 def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_numbers(make):
     def seed_of(env):
-        return (env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout).scenario.seed
+        return (
+            env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout
+        ).scenario.seed
 
     env, other = make(), make()
     for wrong in (-1, 2**70, 2.5, "7"):
@@ -167,7 +217,9 @@ def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_n
 def test_a_curriculum_changes_the_scenario_of_one_episode():
     env = single_env(SMALL, "carrier_01")
     observation, _ = env.reset(seed=3, options={"scenario": {"rows": 4, "people.workers": 3}})
-    assert env.local.engine.layout.scenario.rows == 4 and env.observation_space.contains(observation)
+    assert env.local.engine.layout.scenario.rows == 4 and env.observation_space.contains(
+        observation
+    )
     env.reset(seed=9)
     assert env.local.engine.layout.scenario == with_changes(SMALL, seed=9)
 
@@ -188,7 +240,9 @@ def test_an_episode_is_truncated_and_there_is_no_step_before_a_reset():
 def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows_and_others_do_nothing():
     env = single_env(SMALL, "carrier_01", deeds=True)
     _, info = env.reset()
-    assert all(env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20))
+    assert all(
+        env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20)
+    )
     bars, masks = [], []
     for deed in (1, 2, 0, 1, 0):  # the first one is not allowed
         observation, *_, after = env.step({"velocity": np.zeros(2), "deed": deed})
@@ -216,7 +270,9 @@ COUNTED = [  # reward -> what it counts, and the least that it comes to
 
 
 @pytest.mark.parametrize(("reward", "name", "ticks", "counted", "least"), COUNTED)
-def test_picking_counts_the_metres_in_the_own_bin_and_goal_those_on_the_way(reward, name, ticks, counted, least):
+def test_picking_counts_the_metres_in_the_own_bin_and_goal_those_on_the_way(
+    reward, name, ticks, counted, least
+):
     rewards, world = follow(reward, name, ticks)
     assert sum(rewards) == pytest.approx(counted(world, world.index[name])) and sum(rewards) > least
 
@@ -232,7 +288,12 @@ def test_care_counts_collisions():
 
 
 def test_a_function_of_ones_own():
-    rewards, _ = follow(lambda moment: moment.after.x - moment.before.x, "picker_01", 10, lambda info: np.array([1.0, 0.0]))
+    rewards, _ = follow(
+        lambda moment: moment.after.x - moment.before.x,
+        "picker_01",
+        10,
+        lambda info: np.array([1.0, 0.0]),
+    )
     assert rewards == pytest.approx([0.1] * 10)
 
 
@@ -249,7 +310,18 @@ def test_odometry_that_measures_too_much_is_within_the_space():
 
 HALF = {"velocity": np.zeros(2)}  # of an action with a deed
 NO_DEEDS = (3, -1, 0.5, 1.0, 1j, True, "x", None)
-NO_VELOCITIES = [[np.nan, 0.0], [0.0, np.inf], [1.0], [1.0, 2.0, 3.0], [1.0, [2.0]], "ab", None, [True, False], ["1", "0"], [1j, 0.0]]
+NO_VELOCITIES = [
+    [np.nan, 0.0],
+    [0.0, np.inf],
+    [1.0],
+    [1.0, 2.0, 3.0],
+    [1.0, [2.0]],
+    "ab",
+    None,
+    [True, False],
+    ["1", "0"],
+    [1j, 0.0],
+]
 
 
 NO_ENVIRONMENTS = [
@@ -259,10 +331,16 @@ NO_ENVIRONMENTS = [
     ),
     (lambda: parallel_env(SMALL, ["picker_01", "picker_01"]), "picker_01: given twice"),
     (lambda: parallel_env(SMALL, []), "learned: empty"),
-    *((partial(parallel_env, SMALL, learned), "learned = .*: must be a list") for learned in ("picker_01", {"picker_01"}, None)),
+    *(
+        (partial(parallel_env, SMALL, learned), "learned = .*: must be a list")
+        for learned in ("picker_01", {"picker_01"}, None)
+    ),
     (lambda: parallel_env(SMALL, LEARNED, longest=0), "longest = 0: must be at least 1 tick"),
     (lambda: parallel_env("my.yaml", LEARNED), r"scenario = 'my\.yaml': must be a Scenario"),
-    (lambda: single_env(SMALL, "carrier_01", reward="speed"), f"reward 'speed': there is none .*; there are {', '.join(REWARDS)}"),
+    (
+        lambda: single_env(SMALL, "carrier_01", reward="speed"),
+        f"reward 'speed': there is none .*; there are {', '.join(REWARDS)}",
+    ),
 ]
 
 
@@ -272,7 +350,9 @@ def test_what_is_no_environment(make, words):
         make()
 
 
-@pytest.mark.parametrize("action", [*NO_VELOCITIES, *(np.array(action) for action in NO_VELOCITIES[-2:])])
+@pytest.mark.parametrize(
+    "action", [*NO_VELOCITIES, *(np.array(action) for action in NO_VELOCITIES[-2:])]
+)
 def test_an_action_that_is_no_velocity(action):
     env = single_env(SMALL, "carrier_01")
     env.reset()
@@ -280,11 +360,16 @@ def test_an_action_that_is_no_velocity(action):
         env.step(action)
 
 
-@pytest.mark.parametrize("action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in NO_DEEDS)])
+@pytest.mark.parametrize(
+    "action", [np.zeros(2), HALF, {"deed": 0}, *(HALF | {"deed": deed} for deed in NO_DEEDS)]
+)
 def test_an_action_that_is_no_deed(action):
     env = single_env(TINY, "carrier_01", deeds=True)
     env.reset()
-    with pytest.raises(ValueError, match=r"carrier_01: action .*; it must be {'velocity': two numbers, 'deed': 0, 1 to couple"):
+    with pytest.raises(
+        ValueError,
+        match=r"carrier_01: action .*; it must be {'velocity': two numbers, 'deed': 0, 1 to couple",
+    ):
         env.step(action)
 
 
@@ -293,7 +378,10 @@ def test_a_step_that_is_refused_leaves_the_run_as_it_was():
     envs = [parallel_env(SMALL, LEARNED, is_hashed=True) for _ in range(2)]
     for env in envs:
         env.reset()
-    for wrong in ({"carrier_01": [0.4, 0.1], "picker_02": [np.nan, 0.0]}, {"carrier_01": [0.4, 0.1], "picker_01": [0.0, 0.0]}):
+    for wrong in (
+        {"carrier_01": [0.4, 0.1], "picker_02": [np.nan, 0.0]},
+        {"carrier_01": [0.4, 0.1], "picker_01": [0.0, 0.0]},
+    ):
         with pytest.raises(ValueError):
             envs[0].step(wrong)
     for env in envs:
@@ -305,11 +393,17 @@ def test_a_step_that_is_refused_leaves_the_run_as_it_was():
 def test_an_action_for_another_body():
     env = parallel_env(SMALL, LEARNED)
     env.reset()
-    with pytest.raises(ValueError, match="actions for picker_01, which do not learn here; carrier_01, picker_02 do"):
+    with pytest.raises(
+        ValueError, match="actions for picker_01, which do not learn here; carrier_01, picker_02 do"
+    ):
         env.step({"picker_01": np.zeros(2)})
 
 
-NO_CURRICULA = [({"carriers": 1}, "carrier_02"), ({"rows": 400}, "rows = 400"), (3, "options: scenario = 3: must be a map")]
+NO_CURRICULA = [
+    ({"carriers": 1}, "carrier_02"),
+    ({"rows": 400}, "rows = 400"),
+    (3, "options: scenario = 3: must be a map"),
+]
 
 
 @pytest.mark.parametrize(("changes", "words"), NO_CURRICULA)
@@ -319,7 +413,10 @@ def test_what_is_no_curriculum(changes, words):
 
 
 IMPORTS = [
-    ("sys.modules['pettingzoo'] = None; import orchard.gym", "orchard.gym needs the extra gym: pip install 'orchard-sim[gym]'"),
+    (
+        "sys.modules['pettingzoo'] = None; import orchard.gym",
+        "orchard.gym needs the extra gym: pip install 'orchard-sim[gym]'",
+    ),
     ("import orchard.gym; sys.exit(str({'zenoh', 'rerun'} & set(sys.modules)))", "set()"),
 ]
 

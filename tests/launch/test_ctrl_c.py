@@ -48,12 +48,29 @@ raise SystemExit(f"{MODULE} was never imported")
 def interrupted_at(module: str, *command: str) -> tuple[int, str]:
     """Start a program, and press Ctrl-C when it is about to import a module; its exit code, and what it said."""
     line = [sys.executable, "-c", INTERRUPTED, module, *command]
-    done = subprocess.run(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, timeout=SECONDS)
+    done = subprocess.run(
+        line,
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=SECONDS,
+    )
     return done.returncode, done.stderr
 
 
 @pytest.mark.parametrize(
-    "module", ["math", "typer", "rich.console", "numpy", "pydantic", "orchard.field.scenario", "orchard.launch.request", "zenoh"]
+    "module",
+    [
+        "math",
+        "typer",
+        "rich.console",
+        "numpy",
+        "pydantic",
+        "orchard.field.scenario",
+        "orchard.launch.request",
+        "zenoh",
+    ],
 )
 def test_ctrl_c_while_run_py_is_still_importing_ends_it_without_a_word(module):
     code, said = interrupted_at(module, "run.py", *SHORT)
@@ -66,7 +83,9 @@ def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         line = [sys.executable, "run.py", *SHORT]
-        process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen(
+            line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
         process.send_signal(signal.SIGINT)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -94,10 +113,20 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
     pids.touch()
     line = [sys.executable, "-u", "run.py", "--mode", mode, "--view", *SHORT]
     there = os.environ | {"RERUN_CLI_PATH": str(viewer), "VIEWER_PID": str(pids), "DISPLAY": ":0"}
-    run = subprocess.Popen(line, cwd=ROOT, env=there, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    run = subprocess.Popen(
+        line,
+        cwd=ROOT,
+        env=there,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
     try:
         assert run.stdout is not None
-        assert any(pids.read_text() and "real time" in told for told in run.stdout), "it runs, and the viewer does"
+        assert any(pids.read_text() and "real time" in told for told in run.stdout), (
+            "it runs, and the viewer does"
+        )
         seen = psutil.Process(int(pids.read_text()))
         run.send_signal(signal.SIGINT)
         run.wait(SECONDS)
@@ -125,7 +154,9 @@ def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
     assert max(naps) < 1.0
 
 
-def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_ticks_before(tmp_path, capsys):
+def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_ticks_before(
+    tmp_path, capsys
+):
     scenario = driven_by(picker_01="Endless")
     wish = RunRequest(HarvestOptions(mode="local"), scenario, None, tmp_path)
     summary, why = local_run.run(wish, None, lambda *figures: None)
@@ -134,7 +165,9 @@ def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_
     said = capsys.readouterr().err.replace("\n", "")
     assert "picker_01 still thinks about tick 3, in" in said
     assert "own_agents.py, line" in said
-    assert {path.stem for path in tmp_path.glob("tick-*")} == {"tick-000000000"}, "none of the tick that was broken off"
+    assert {path.stem for path in tmp_path.glob("tick-*")} == {"tick-000000000"}, (
+        "none of the tick that was broken off"
+    )
 
 
 def test_ctrl_c_ends_an_agent_that_catches_everything_by_force(tmp_path):

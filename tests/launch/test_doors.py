@@ -25,20 +25,36 @@ finally:
 """
 
 
-def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need_and_keeps_its_snapshots_where_it_is_told(tmp_path):
+def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need_and_keeps_its_snapshots_where_it_is_told(
+    tmp_path,
+):
     done = python("-c", LOADS, cwd=tmp_path, ORCHARD_RUNS=str(tmp_path / "runs"))
     loaded = set(done.stdout.splitlines()[-1].split())
     assert "numba" in loaded
-    assert not loaded & {"zenoh", "rerun", "rerun_bindings", "rerun_cli", "nicegui", "cryptography", "pyarrow", "rosbags", "scipy.linalg"}
+    assert not loaded & {
+        "zenoh",
+        "rerun",
+        "rerun_bindings",
+        "rerun_cli",
+        "nicegui",
+        "cryptography",
+        "pyarrow",
+        "rosbags",
+        "scipy.linalg",
+    }
     (snapshots,) = (tmp_path / "runs").iterdir()
     assert snapshots.suffix == ".snapshots"
 
 
-def test_a_clone_keeps_its_own_runs_an_installed_package_with_the_users_data_unless_the_user_names_another_folder(tmp_path, monkeypatch):
+def test_a_clone_keeps_its_own_runs_an_installed_package_with_the_users_data_unless_the_user_names_another_folder(
+    tmp_path, monkeypatch
+):
     monkeypatch.delenv("ORCHARD_RUNS", raising=False)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert runs_folder() == ROOT / "runs"
-    assert runs_folder(tmp_path / "site-packages").is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
+    assert runs_folder(tmp_path / "site-packages").is_relative_to(
+        tmp_path if sys.platform == "linux" else Path.home()
+    )
     monkeypatch.setenv("ORCHARD_RUNS", "own")
     assert runs_folder() == Path.cwd() / "own"
 
@@ -52,7 +68,14 @@ def test_each_door_of_a_clone_keeps_recordings_in_one_place(door, tmp_path):
         shutil.copy(ROOT / file, tmp_path)
     there = {key: value for key, value in os.environ.items() if key != "ORCHARD_RUNS"}
     words = ["--mode", "local", "--rows", "3", "--duration", "1"]
-    subprocess.run([sys.executable, *door, *words], cwd=tmp_path, env=there, check=True, capture_output=True, timeout=SECONDS)
+    subprocess.run(
+        [sys.executable, *door, *words],
+        cwd=tmp_path,
+        env=there,
+        check=True,
+        capture_output=True,
+        timeout=SECONDS,
+    )
     assert len(list((tmp_path / "runs").glob("*.rrd"))) == 1
 
 
@@ -79,11 +102,17 @@ def test_the_page_tells_how_to_get_what_it_needs(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["orchard", "app"])
     with pytest.raises(SystemExit, match="2"):
         commands.main()
-    assert "The page needs the package nicegui: pip install 'orchard-sim[app]'" in capsys.readouterr().err
+    assert (
+        "The page needs the package nicegui: pip install 'orchard-sim[app]'"
+        in capsys.readouterr().err
+    )
 
 
 def test_certificates_tell_how_to_get_what_they_need(monkeypatch):
     monkeypatch.setitem(sys.modules, "cryptography", None)
     monkeypatch.delitem(sys.modules, "orchard.security.certificates", raising=False)
-    with pytest.raises(ValueError, match=r"cryptography is missing; certificates need it: pip install 'orchard-sim\[secure\]'"):
+    with pytest.raises(
+        ValueError,
+        match=r"cryptography is missing; certificates need it: pip install 'orchard-sim\[secure\]'",
+    ):
         certificates()

@@ -19,7 +19,16 @@ from orchard.launch import distributed
 from orchard.launch.distributed import LaunchedRun
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
-from orchard.launch.supervisor import BAD_ORDER, DEATHS, QUICK_SECONDS, REFUSALS, ProcessSpec, Supervisor, Watchdog, take_turns
+from orchard.launch.supervisor import (
+    BAD_ORDER,
+    DEATHS,
+    QUICK_SECONDS,
+    REFUSALS,
+    ProcessSpec,
+    Supervisor,
+    Watchdog,
+    take_turns,
+)
 from orchard.launch.supervisor import SECONDS as FROZEN_SECONDS
 from orchard.net.bus import Inbox
 from orchard.report.progress import Progress
@@ -67,13 +76,17 @@ class Watched(Supervisor):
 @pytest.fixture
 def fleet(clock):
     fleet = Watched(clock)
-    fleet.start(ProcessSpec("agents 1", "orchard.processes.agents", [], again=True, agents=["picker_01"]))
+    fleet.start(
+        ProcessSpec("agents 1", "orchard.processes.agents", [], again=True, agents=["picker_01"])
+    )
     return fleet
 
 
 def test_who_dies_is_started_again_at_once_with_the_options_of_a_restart(fleet, clock):
     first, again = RunOptions(run="a"), RunOptions(run="a", resume=True)
-    fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", first, again=True, afterwards=again))
+    fleet.start(
+        ProcessSpec(PHYSICS, "orchard.processes.physics", first, again=True, afterwards=again)
+    )
     clock.now += 60.0
     fleet.children[-1].die()
     fleet.watch()
@@ -81,9 +94,13 @@ def test_who_dies_is_started_again_at_once_with_the_options_of_a_restart(fleet, 
     assert fleet.said == ["physics ended with code -9; starting it again"]
 
 
-def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tmp_path, monkeypatch):
+def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(
+    tmp_path, monkeypatch
+):
     """It would block for ever once the pipe is full, that is after 64 kB."""
-    (tmp_path / "shouting.py").write_text("import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting: over\\n')")
+    (tmp_path / "shouting.py").write_text(
+        "import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting: over\\n')"
+    )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     said = SimpleQueue()
     with Supervisor(said.put) as fleet:
@@ -97,7 +114,9 @@ def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(tm
 def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     """It is ended when the child has died, and at the end of the fleet."""
     program = "import os, subprocess, sys\nchild = subprocess.Popen(['sleep', '600'])\nprint(child.pid, file=sys.stderr, flush=True)\n"
-    (tmp_path / "forking.py").write_text(program + "os._exit(7) if sys.argv[1:] else child.wait()\n")
+    (tmp_path / "forking.py").write_text(
+        program + "os._exit(7) if sys.argv[1:] else child.wait()\n"
+    )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     said = SimpleQueue()
     with Supervisor(said.put) as fleet:
@@ -113,10 +132,19 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
 def launched_by(fleet, folder):
     """A run without processes, at an address where no router answers."""
     request = RunRequest(HarvestOptions(), Scenario(), None, folder)
-    return LaunchedRun(request, Credentials(request.options), "tcp/127.0.0.1:9", fleet, Progress(Console(file=io.StringIO())))
+    return LaunchedRun(
+        request,
+        Credentials(request.options),
+        "tcp/127.0.0.1:9",
+        fleet,
+        Progress(Console(file=io.StringIO())),
+    )
 
 
-@pytest.mark.parametrize(("code", "words"), [(0, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")])
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [(0, "its result is lost"), (BAD_ORDER, "could not start"), (-9, "ended with code -9")],
+)
 def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
     """A killed one only while it is asked to end: else it is started again."""
     launched = launched_by(fleet, tmp_path)
@@ -126,13 +154,18 @@ def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
     assert words in launched._why_over(True)
 
 
-def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(fleet, tmp_path, monkeypatch):
+def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(
+    fleet, tmp_path, monkeypatch
+):
     monkeypatch.setattr(distributed, "BEGIN_SECONDS", 0.5)
     fleet.clock = monotonic
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
     summary, why = launched_by(fleet, tmp_path).follow(Inbox())
     assert summary is None
-    assert why == "tcp/127.0.0.1:9: physics does not listen 0.5 s after its start; is the machine too busy?"
+    assert (
+        why
+        == "tcp/127.0.0.1:9: physics does not listen 0.5 s after its start; is the machine too busy?"
+    )
 
 
 def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
@@ -178,7 +211,9 @@ def waits(fleet, clock, code=-9):
 def test_quick_deaths_are_followed_by_ever_longer_waits_and_by_giving_up_by_name(fleet, clock):
     assert [waits(fleet, clock) for _ in range(DEATHS)] == [0.0, 0.25, 0.5, 1.0, 0.0]
     assert list(fleet.given_up) == ["agents 1"]
-    assert "agents 1" in fleet.said[-1] and "giving up on it; these stand: picker_01" in fleet.said[-1]
+    assert (
+        "agents 1" in fleet.said[-1] and "giving up on it; these stand: picker_01" in fleet.said[-1]
+    )
     fleet.watch()
     assert len(fleet.children) == DEATHS
 
@@ -192,11 +227,15 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
 
 
 def test_whose_first_order_is_bad_is_not_started_again_but_it_is_later(fleet, clock):
-    fleet.start(ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False))
+    fleet.start(
+        ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
+    )
     fleet.children[-1].die(BAD_ORDER)
     fleet.watch()
     assert fleet.is_over("physics")
-    fleet.start(ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False))
+    fleet.start(
+        ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
+    )
     assert waits(fleet, clock) == 0.0
     assert waits(fleet, clock, BAD_ORDER) == 0.25
 
@@ -220,7 +259,11 @@ def test_processes_take_turns():
 
 def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts(clock):
     fleet = SimpleNamespace(
-        clock=clock, number=1, killed=[], pid=lambda name: fleet.number, kill=lambda name: fleet.killed.append(fleet.number)
+        clock=clock,
+        number=1,
+        killed=[],
+        pid=lambda name: fleet.number,
+        kill=lambda name: fleet.killed.append(fleet.number),
     )
     watchdog = Watchdog(fleet, "logger")
     watchdog.look()

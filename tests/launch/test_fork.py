@@ -25,7 +25,10 @@ from orchard.local import Local
 from orchard.report.metrics import collisions
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, as_file, store, ticks_of
 
-TWO_WAY = Scenario(**empty_orchard().model_dump() | {"route": "two-way", "rows": 4, "carriers": 3, "row_length": 30.0})
+TWO_WAY = Scenario(
+    **empty_orchard().model_dump()
+    | {"route": "two-way", "rows": 4, "carriers": 3, "row_length": 30.0}
+)
 LATEST = 1800  # a tick at which a harvest of it still goes on
 
 
@@ -34,7 +37,12 @@ def run_out(local: Local) -> WatchedRun:
     run = WatchedRun(local.snapshot())
     run.go_on(60_000)
     engine = run.local.engine
-    assert (engine.over, run.figures.jam, engine.violations(), collisions(engine.world)) == (True, [], [], 0)
+    assert (engine.over, run.figures.jam, engine.violations(), collisions(engine.world)) == (
+        True,
+        [],
+        [],
+        0,
+    )
     return run
 
 
@@ -62,15 +70,22 @@ def test_a_harvest_ends_well_after_any_change_at_any_moment(tick, changes):
     else:
         room = run.local.engine.layout.scenario.queue_room
         assert run.local.engine.layout.scenario == with_changes(TWO_WAY, queue_room=room, **changes)
-        assert room == (3 if changes.get("carriers", 3) < 3 else None), "the queue never becomes shorter"
+        assert room == (3 if changes.get("carriers", 3) < 3 else None), (
+            "the queue never becomes shorter"
+        )
 
 
-FLEET = with_changes(TWO_WAY, pickers=4, carriers=4, picking_speed=0.5)  # a single line, which would be shorter for three
+FLEET = with_changes(
+    TWO_WAY, pickers=4, carriers=4, picking_speed=0.5
+)  # a single line, which would be shorter for three
 
 
 @settings(max_examples=5)
 @example([(24, 4), (1, 3)], "two-way")
-@given(st.lists(st.tuples(st.integers(1, 500), st.integers(1, 6)), min_size=2, max_size=4), st.sampled_from(["one-way", "two-way"]))
+@given(
+    st.lists(st.tuples(st.integers(1, 500), st.integers(1, 6)), min_size=2, max_size=4),
+    st.sampled_from(["one-way", "two-way"]),
+)
 def test_carriers_are_taken_away_and_added_time_and_again(changes, route):
     run = played(with_changes(FLEET, route=route), 0)
     for ticks, carriers in changes:
@@ -101,23 +116,39 @@ def test_a_fork_leaves_agents_behind_that_were_given_to_play():
 
 def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
     parent = played(TWO_WAY, 300)
-    jobs = [memory.job.bin for name, memory in parent.memories.items() if name.startswith("carrier") and memory.job]
+    jobs = [
+        memory.job.bin
+        for name, memory in parent.memories.items()
+        if name.startswith("carrier") and memory.job
+    ]
     assert 0 < len(jobs) < 3
     fork = parent.fork(carriers=3 - 1)
     memories = [memory for name, memory in fork.memories.items() if name.startswith("carrier")]
     assert len(memories) == 2
     assert len([memory for memory in memories if memory.job]) == len(jobs)
-    with pytest.raises(ScenarioError, match=r"carriers = 1: cannot be taken away|carriers = 1: 2 cannot be taken away"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"carriers = 1: cannot be taken away|carriers = 1: 2 cannot be taken away",
+    ):
         played(TWO_WAY, 1400).fork(carriers=1)
 
 
 def test_carriers_whose_own_class_remembers_a_list_can_be_taken_away():
-    run = played(SMALL.model_copy(update={"carriers": 2, "agents": {"carrier": "own_agents.Listing"}}), 20)
+    run = played(
+        SMALL.model_copy(update={"carriers": 2, "agents": {"carrier": "own_agents.Listing"}}), 20
+    )
     assert run.fork(carriers=1).memories["carrier_01"] == ["waits"]
 
 
 def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
-    varying = with_changes(SHORT, **{"picking.spread.distribution": "gamma", "picking_speed": 0.5, "picking.failure.mean_between": 120.0})
+    varying = with_changes(
+        SHORT,
+        **{
+            "picking.spread.distribution": "gamma",
+            "picking_speed": 0.5,
+            "picking.failure.mean_between": 120.0,
+        },
+    )
     parent = played(varying, 200)
     one, other = parent.fork(seed=5), parent.fork(seed=6)
     assert one.engine.digest == other.engine.digest == parent.engine.digest
@@ -147,11 +178,20 @@ def test_a_robot_may_be_stopped_and_an_unknown_one_is_named():
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"rows": 4}, r"changes: rows = 4: cannot change under way: the orchard, its roads and what fills a bin stay as they are"),
-        ({"pickers": 3}, "which picker picks which rows is settled when a run begins; a picker can be stopped"),
+        (
+            {"rows": 4},
+            r"changes: rows = 4: cannot change under way: the orchard, its roads and what fills a bin stay as they are",
+        ),
+        (
+            {"pickers": 3},
+            "which picker picks which rows is settled when a run begins; a picker can be stopped",
+        ),
         ({"sensors.gnss.white": 0.01}, "robots are on courses that were made for it"),
         ({"carrying.failure.mean_between": 900.0}, "robots are on courses that were made for it"),
-        ({"carriers": 12}, "carriers = 12: .* the lines of the queue would be others, .*; expected at most 5"),
+        (
+            {"carriers": 12},
+            "carriers = 12: .* the lines of the queue would be others, .*; expected at most 5",
+        ),
         ({"dispatch": "fastest"}, "changes: dispatch = 'fastest': must be"),
     ],
 )
@@ -161,7 +201,12 @@ def test_what_cannot_change_is_named_with_the_reason(changes, why):
 
 
 def test_a_run_that_goes_on_from_a_snapshot_without_figures_is_not_jammed_at_once():
-    assert WatchedRun(played(with_changes(SMALL, row_length=200.0, picking_speed=0.1), 6100).snapshot()).figures.jam == []
+    assert (
+        WatchedRun(
+            played(with_changes(SMALL, row_length=200.0, picking_speed=0.1), 6100).snapshot()
+        ).figures.jam
+        == []
+    )
 
 
 # -- the command
@@ -172,16 +217,41 @@ def harvest(tmp_path_factory):
     """A harvest of many processes with a keyframe every 20 s: its recording, and its summary."""
     folder = tmp_path_factory.mktemp("harvest")
     recording, summary = runs_folder() / "parent.rrd", folder / "parent.json"
-    orchard(scenario_file(folder, SHORT), "--hosts", 1, "--keyframes", 20, "--record", recording, "--summary", summary)
+    orchard(
+        scenario_file(folder, SHORT),
+        "--hosts",
+        1,
+        "--keyframes",
+        20,
+        "--record",
+        recording,
+        "--summary",
+        summary,
+    )
     return recording, summary_of(summary)
 
 
-def test_keyframes_stay_after_a_harvest_and_a_fork_of_many_processes_without_changes_has_its_hash(harvest, tmp_path):
+def test_keyframes_stay_after_a_harvest_and_a_fork_of_many_processes_without_changes_has_its_hash(
+    harvest, tmp_path
+):
     recording, parent = harvest
     ticks = ticks_of(recording.with_suffix(".snapshots"))
     assert ticks == list(range(0, parent["ticks"], 200))
     path, table = tmp_path / "fork.json", tmp_path / "tables"
-    done = orchard("fork", recording, "--at", "1:23.5", "--hosts", 2, "--record", tmp_path / "f.rrd", "--summary", path, "--table", table)
+    done = orchard(
+        "fork",
+        recording,
+        "--at",
+        "1:23.5",
+        "--hosts",
+        2,
+        "--record",
+        tmp_path / "f.rrd",
+        "--summary",
+        path,
+        "--table",
+        table,
+    )
     fork = summary_of(path)
     assert fork["hash"] == parent["hash"]
     others = "hosts wall_seconds times_real_time asked_share messages_refused recording_parts recording_gaps forked_from"
@@ -194,50 +264,112 @@ def test_keyframes_stay_after_a_harvest_and_a_fork_of_many_processes_without_cha
 
 def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
     path = tmp_path / "fork.json"
-    orchard("fork", harvest[0], "--at", 60, "--set", "carriers=+1", "--seed", 7, "--mode", "local", "--record", "none", "--summary", path)
+    orchard(
+        "fork",
+        harvest[0],
+        "--at",
+        60,
+        "--set",
+        "carriers=+1",
+        "--seed",
+        7,
+        "--mode",
+        "local",
+        "--record",
+        "none",
+        "--summary",
+        path,
+    )
     fork = summary_of(path)
-    assert (fork["finished"], fork["scenario"]["carriers"], fork["scenario"]["seed"], fork["violations"]) == (True, 2, 7, [])
+    assert (
+        fork["finished"],
+        fork["scenario"]["carriers"],
+        fork["scenario"]["seed"],
+        fork["violations"],
+    ) == (True, 2, 7, [])
     assert harvest[1]["lost_seconds"]
     assert fork["lost_seconds"] == {}, "the optimum is that of two carriers from the beginning on"
     stopped = "--at", "2:00", "--stop", "picker_02", "--duration", 130
     orchard("fork", "last", *stopped, "--mode", "local", "--record", "none", "--summary", path)
     assert 1000 < summary_of(path)["ticks"] < 1310
-    orchard("fork", "last", "--at", "2:05", "--duration", 126, "--mode", "local", "--record", "none")
+    orchard(
+        "fork", "last", "--at", "2:05", "--duration", 126, "--mode", "local", "--record", "none"
+    )
     assert summary_of(path)["stopped_seconds"] == {"picker_02": 10.0}
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_or_killed_too(tmp_path, end):
     file, path = scenario_file(tmp_path, SMALL), tmp_path / "fork.json"
-    with running(file, "--mode", "local", "--speed", 20, "--keyframes", 5, "--record", "none") as run:
+    with running(
+        file, "--mode", "local", "--speed", 20, "--keyframes", 5, "--record", "none"
+    ) as run:
         wait_until_simulated(run, 11.0)
         (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
-        orchard("fork", folder, "--at", 7, "--mode", "local", "--duration", 12, "--record", "none", "--summary", path)
+        orchard(
+            "fork",
+            folder,
+            "--at",
+            7,
+            "--mode",
+            "local",
+            "--duration",
+            12,
+            "--record",
+            "none",
+            "--summary",
+            path,
+        )
         assert summary_of(path)["hash"] == local_hash(SMALL, 120)
         run.send_signal(end)
         run.communicate(timeout=30)
-    orchard("fork", folder.stem, "--at", "0:08", "--mode", "local", "--duration", 12, "--record", "none", "--summary", path)
+    orchard(
+        "fork",
+        folder.stem,
+        "--at",
+        "0:08",
+        "--mode",
+        "local",
+        "--duration",
+        12,
+        "--record",
+        "none",
+        "--summary",
+        path,
+    )
     assert summary_of(path)["hash"] == local_hash(SMALL, 120)
 
 
-def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_until_when_a_change_would_have_helped(harvest, tmp_path):
-    one, compared, bisected = (shlex.split(line)[3:] for line in block("docs/how-to.md", "fork a run").splitlines())
+def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_until_when_a_change_would_have_helped(
+    harvest, tmp_path
+):
+    one, compared, bisected = (
+        shlex.split(line)[3:] for line in block("docs/how-to.md", "fork a run").splitlines()
+    )
     path, picture = tmp_path / "found.json", tmp_path / "futures.svg"
     orchard("fork", harvest[0], *one, "--mode", "local", "--record", "none", "--summary", path)
     gained = harvest[1]["sim_seconds"] - summary_of(path)["sim_seconds"]
     assert gained > 0.0
     told = orchard("fork", harvest[0], *compared, "--summary", path).stdout
-    assert f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (one pair of futures)." in told
+    assert (
+        f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (one pair of futures)."
+        in told
+    )
     futures = summary_of(path)["futures"]
     assert [len(some) for some in futures.values()] == [1, 1]
     assert futures["as it was"][0]["sim_seconds"] == harvest[1]["sim_seconds"]
     limit = harvest[1]["sim_seconds"] - gained / 2.0
-    asked = [word.replace("500", str(limit)).replace("futures.svg", str(picture)) for word in bisected]
+    asked = [
+        word.replace("500", str(limit)).replace("futures.svg", str(picture)) for word in bisected
+    ]
     told = orchard("fork", harvest[0], *asked, "--summary", path).stdout
     found = summary_of(path)
     decided = found["decided_seconds"]
     assert f": decided after {clock(round(10 * decided))}: the future ends well" in told
-    ends = {float(at): any(one["sim_seconds"] <= limit for one in some) for at, some in found["futures"].items()}
+    ends = {
+        float(at): any(one["sim_seconds"] <= limit for one in some)
+        for at, some in found["futures"].items()
+    }
     assert max(at for at, well in ends.items() if well) == decided
     assert min(at for at in ends if at > decided) - decided <= 1.0
     assert "end well, %" in picture.read_text()
@@ -254,12 +386,16 @@ def test_a_carrier_that_a_fork_adds_has_a_slow_error_of_its_receiver_from_the_fi
 
 @pytest.mark.parametrize("at", ["4:20", "4:27"])
 def test_the_last_of_many_moments_is_tried_too_also_where_nothing_was_kept(harvest, at):
-    told = orchard("fork", harvest[0], "--bisect", "bins_per_hour<0.1", "--at", at, "--futures", 1).stdout
+    told = orchard(
+        "fork", harvest[0], "--bisect", "bins_per_hour<0.1", "--at", at, "--futures", 1
+    ).stdout
     assert f"not decided: the future ends well from {at}, the last moment." in told
 
 
 def test_a_future_that_duration_cuts_off_tells_nothing_of_when_the_harvest_ends(harvest):
-    told = orchard("fork", harvest[0], "--at", 60, "--futures", 1, "--stop", "picker_02", "--duration", 70).stdout
+    told = orchard(
+        "fork", harvest[0], "--at", 60, "--futures", 1, "--stop", "picker_02", "--duration", 70
+    ).stdout
     assert "With picker_02 stopped no pair of futures is harvested to its end." in told
 
 
@@ -267,7 +403,12 @@ def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_befo
     run = WatchedRun(Local(TWO_WAY).snapshot())
     run.go_on(2200)  # two of three carriers are back in the queue
     fewer = WatchedRun(forked(run.snapshot(), {"carriers": 1}))
-    assert 0.5 < fewer.figures.figures()["carrier_utilisation"] == run.figures.figures()["carrier_utilisation"] < 1.0
+    assert (
+        0.5
+        < fewer.figures.figures()["carrier_utilisation"]
+        == run.figures.figures()["carrier_utilisation"]
+        < 1.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -277,45 +418,102 @@ def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_befo
         (["--at", "1:75"], "--at: 1:75: expected a simulated time, in s or as M:SS or H:MM:SS"),
         (["--at", "1:75:00"], "--at: 1:75:00: expected a simulated time"),
         (["--at", 60, "--set", "carriers"], "--set carriers: expected KEY=VALUE"),
-        (["--at", 60, "--set", "dispatch=+1"], "--set dispatch: it has no number to which something can be added"),
-        (["--at", 60, "--set", "carriers=2", "--set", "carriers=3"], "--set carriers=3: carriers is given twice; once is allowed"),
+        (
+            ["--at", 60, "--set", "dispatch=+1"],
+            "--set dispatch: it has no number to which something can be added",
+        ),
+        (
+            ["--at", 60, "--set", "carriers=2", "--set", "carriers=3"],
+            "--set carriers=3: carriers is given twice; once is allowed",
+        ),
         (["--at", 60, "--rows", 5], "command line: rows = 5: cannot change under way"),
         (["--at", 60, "--stop", "robot"], "robot"),
-        (["--at", 60, "--set", "dispatch=nosuch.Thing"], "command line: dispatch = nosuch.Thing: cannot be used: ModuleNotFoundError"),
-        (["--at", 60, "--futures", 2, "--set", "seed=4"], "--set seed: each future has a seed of its own; change something else"),
+        (
+            ["--at", 60, "--set", "dispatch=nosuch.Thing"],
+            "command line: dispatch = nosuch.Thing: cannot be used: ModuleNotFoundError",
+        ),
+        (
+            ["--at", 60, "--futures", 2, "--set", "seed=4"],
+            "--set seed: each future has a seed of its own; change something else",
+        ),
         ([], "--at: is missing: the moment at which the fork begins"),
-        (["--at", 60, "--futures", 2, "--seed", 3], "--futures: leave out --seed: each future is a run of its own, in local mode"),
-        (["--bisect", "jam", "--view", "--web", 9090], "--bisect: leave out --view, --web: each future is a run of its own, in local mode"),
-        (["--at", 60, "--futures", 2, "--stop", "picker"], "--duration: is missing: a harvest does not end while robots stand"),
-        (["--at", 60, "--stop", "picker_02"], "--duration: is missing: a harvest does not end while robots stand: picker_02"),
-        (["--at", 60, "--stop", "picker_02", "--mode", "lockstep"], "--duration: is missing: a harvest does not end while robots stand"),
+        (
+            ["--at", 60, "--futures", 2, "--seed", 3],
+            "--futures: leave out --seed: each future is a run of its own, in local mode",
+        ),
+        (
+            ["--bisect", "jam", "--view", "--web", 9090],
+            "--bisect: leave out --view, --web: each future is a run of its own, in local mode",
+        ),
+        (
+            ["--at", 60, "--futures", 2, "--stop", "picker"],
+            "--duration: is missing: a harvest does not end while robots stand",
+        ),
+        (
+            ["--at", 60, "--stop", "picker_02"],
+            "--duration: is missing: a harvest does not end while robots stand: picker_02",
+        ),
+        (
+            ["--at", 60, "--stop", "picker_02", "--mode", "lockstep"],
+            "--duration: is missing: a harvest does not end while robots stand",
+        ),
         (["--at", 60, "--duration", 60], "--duration: the run would end before --at"),
-        (["--bisect", "jam", "--picture", "futures.txt"], "^--picture: futures.txt: a picture's name ends in .svg or .png"),
-        (["--at", 60, "--futures", 2, "--picture", "futures.svg"], "--picture: it shows the futures of --bisect: give that, too"),
-        (["--bisect", "jams"], "--bisect jams: expected jam, collision, or a figure of the summary"),
-        (["--bisect", "speed<3"], "--bisect speed<3: expected jam, collision, or a figure of the summary"),
+        (
+            ["--bisect", "jam", "--picture", "futures.txt"],
+            "^--picture: futures.txt: a picture's name ends in .svg or .png",
+        ),
+        (
+            ["--at", 60, "--futures", 2, "--picture", "futures.svg"],
+            "--picture: it shows the futures of --bisect: give that, too",
+        ),
+        (
+            ["--bisect", "jams"],
+            "--bisect jams: expected jam, collision, or a figure of the summary",
+        ),
+        (
+            ["--bisect", "speed<3"],
+            "--bisect speed<3: expected jam, collision, or a figure of the summary",
+        ),
     ],
 )
 def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, told):
-    quick = [] if {"--futures", "--bisect", "--mode"} & {*words} else ["--mode", "local", "--record", "none"]
+    quick = (
+        []
+        if {"--futures", "--bisect", "--mode"} & {*words}
+        else ["--mode", "local", "--record", "none"]
+    )
     assert re.search(told, orchard("fork", harvest[0], *words, *quick, code=2).stderr)
 
 
-def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are_told(harvest, tmp_path):
+def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are_told(
+    harvest, tmp_path
+):
     folder = tmp_path / "copy.snapshots"
     folder.mkdir()
     for file in harvest[0].with_suffix(".snapshots").iterdir():
         (folder / file.name).write_bytes(file.read_bytes())
     (folder / f"tick-000000600{KEYFRAME}").write_bytes(b"torn")
     quick = "--mode", "local", "--record", "none", "--duration", 62
-    assert f"not used: {folder}/tick-000000600.keyframe: not a snapshot" in orchard("fork", folder, "--at", 61, *quick).stderr
+    assert (
+        f"not used: {folder}/tick-000000600.keyframe: not a snapshot"
+        in orchard("fork", folder, "--at", 61, *quick).stderr
+    )
     (folder / f"tick-000000400{KEYFRAME}").write_bytes(b"torn")
     assert "its own agents" not in orchard("fork", folder, "--at", 30, *quick).stderr
     for tick in (0, 200, 400):
         (folder / f"tick-{tick:09d}{KEYFRAME}").unlink()
-    assert "no keyframe up to 0:30; its first one is at 1:00" in orchard("fork", folder, "--at", 30, *quick, code=2).stderr
-    assert "no keyframe up to 0:30; its first one is at 1:00" in orchard("fork", folder, "--bisect", "jam", "--at", 30, code=2).stderr
-    assert "nowhere: no snapshots of such a run" in orchard("fork", "nowhere", "--at", 30, *quick, code=2).stderr
+    assert (
+        "no keyframe up to 0:30; its first one is at 1:00"
+        in orchard("fork", folder, "--at", 30, *quick, code=2).stderr
+    )
+    assert (
+        "no keyframe up to 0:30; its first one is at 1:00"
+        in orchard("fork", folder, "--bisect", "jam", "--at", 30, code=2).stderr
+    )
+    assert (
+        "nowhere: no snapshots of such a run"
+        in orchard("fork", "nowhere", "--at", 30, *quick, code=2).stderr
+    )
 
 
 def test_a_run_in_which_a_robot_was_stopped_between_two_keyframes_is_told(tmp_path):
@@ -327,18 +525,28 @@ def test_a_run_in_which_a_robot_was_stopped_between_two_keyframes_is_told(tmp_pa
     keep(local)
     local.engine.stop(["picker_01"])
     keep(played(local, 300))
-    done = orchard("fork", tmp_path, "--at", 25, "--mode", "local", "--record", "none", "--duration", 26)
+    done = orchard(
+        "fork", tmp_path, "--at", 25, "--mode", "local", "--record", "none", "--duration", 26
+    )
     assert "after 0:20 the run was not left to its own agents" in done.stderr
 
 
-def test_a_fork_says_which_agents_were_clients_elsewhere_and_lets_those_of_the_scenario_begin_anew(tmp_path):
+def test_a_fork_says_which_agents_were_clients_elsewhere_and_lets_those_of_the_scenario_begin_anew(
+    tmp_path,
+):
     snapshot = played(SMALL, 200).snapshot()
     snapshot.elsewhere, snapshot.memories["picker_01"] = ["picker_01"], pack(["of another program"])
     name, content = as_file(snapshot)
     store(name.replace(SNAPSHOT, KEYFRAME), content, tmp_path)
-    path, words = tmp_path / "fork.json", ("fork", tmp_path, "--at", 22, "--mode", "local", "--record", "none", "--duration", 40)
+    path, words = (
+        tmp_path / "fork.json",
+        ("fork", tmp_path, "--at", 22, "--mode", "local", "--record", "none", "--duration", 40),
+    )
     told = orchard(*words, "--summary", path).stderr
-    assert "clients elsewhere drove picker_01: here the agents of the scenario do; --without leaves them to clients again" in told
+    assert (
+        "clients elsewhere drove picker_01: here the agents of the scenario do; --without leaves them to clients again"
+        in told
+    )
     assert summary_of(path)["broken_agents"] == []
 
 

@@ -20,7 +20,9 @@ FULL = "No space left on device"
 def small_disk(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400k", "none", disk], capture_output=True)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=400k", "none", disk], capture_output=True
+    )
     if mounted.returncode:
         pytest.skip("this machine mounts no disk for a test")
     try:
@@ -29,16 +31,31 @@ def small_disk(tmp_path):
         subprocess.run(["umount", "--lazy", disk], check=True)
 
 
-def harvest(disk: Path, seconds: float, *arguments: object, **streams: object) -> subprocess.CompletedProcess:
+def harvest(
+    disk: Path, seconds: float, *arguments: object, **streams: object
+) -> subprocess.CompletedProcess:
     scenario = ROOT / "orchard" / "config" / "orchard.yaml"
-    command = [sys.executable, ROOT / "run.py", scenario, "--rows", 3, "--duration", seconds, *arguments]
+    command = [
+        sys.executable,
+        ROOT / "run.py",
+        scenario,
+        "--rows",
+        3,
+        "--duration",
+        seconds,
+        *arguments,
+    ]
     environment = os.environ | {"COLUMNS": "200", "ORCHARD_RUNS": str(disk / "runs")}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
-    return subprocess.run(list(map(str, command)), cwd=disk, text=True, timeout=SECONDS, env=environment, **streams)
+    return subprocess.run(
+        list(map(str, command)), cwd=disk, text=True, timeout=SECONDS, env=environment, **streams
+    )
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
-def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(small_disk, tmp_path, mode):
+def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(
+    small_disk, tmp_path, mode
+):
     path = tmp_path / "summary.json"
     slow = "--speed", 10  # enough that snapshots follow after the recording has filled the disk
     done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
@@ -51,14 +68,20 @@ def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_re
         assert FULL in line
     assert "starting it again" not in said
     assert "Traceback" not in said
-    left = [file.name for file in (small_disk / "runs").rglob("*") if file.suffix == ".new" or ".packed" in file.name]
+    left = [
+        file.name
+        for file in (small_disk / "runs").rglob("*")
+        if file.suffix == ".new" or ".packed" in file.name
+    ]
     assert left == []
 
 
 def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(small_disk, tmp_path):
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
-        done = harvest(small_disk, SHORT, "--mode", "local", "--record", "none", "--summary", path, stdout=full)
+        done = harvest(
+            small_disk, SHORT, "--mode", "local", "--record", "none", "--summary", path, stdout=full
+        )
     hash_ = local_hash(Scenario(rows=3), round(SHORT * 10))
     assert done.returncode == 0, done.stderr
     assert summary_of(path)["hash"] == hash_
@@ -69,7 +92,9 @@ def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(sma
 def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, tmp_path):
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
-        done = harvest(small_disk, SHORT, "--record", "none", "--summary", path, stdout=full, stderr=full)
+        done = harvest(
+            small_disk, SHORT, "--record", "none", "--summary", path, stdout=full, stderr=full
+        )
     assert done.returncode == 1, "the table came nowhere"
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), round(SHORT * 10))
 
@@ -77,13 +102,24 @@ def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, t
 def test_a_pipe_that_is_closed_early_ends_nothing():
     """As by `| head`: a study still writes its files."""
     program = (
-        "import sys; from orchard.launch.terminal import console; console.print('a'); print('goes on', file=sys.stderr); console.end()"
+        "import sys; from orchard.launch.terminal import console; "
+        "console.print('a'); print('goes on', file=sys.stderr); console.end()"
     )
     read, write = os.pipe()
     os.close(read)
     with open(write, "w") as closed:
-        done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, stdout=closed, stderr=subprocess.PIPE, text=True, timeout=SECONDS)
-    assert (done.returncode, done.stderr) == (0, "stdout cannot be written: Broken pipe; the run goes on without it\ngoes on\n")
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT,
+            stdout=closed,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=SECONDS,
+        )
+    assert (done.returncode, done.stderr) == (
+        0,
+        "stdout cannot be written: Broken pipe; the run goes on without it\ngoes on\n",
+    )
 
 
 def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
@@ -91,6 +127,11 @@ def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
     program = "from orchard.launch.terminal import console; print('a line'); console.end()"
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:
-        command, streams = [sys.executable, "-c", program], {"stdout": full, "stderr": subprocess.PIPE}
-        done = subprocess.run(command, cwd=ROOT, **streams, text=True, timeout=SECONDS, env=buffered)
+        command, streams = (
+            [sys.executable, "-c", program],
+            {"stdout": full, "stderr": subprocess.PIPE},
+        )
+        done = subprocess.run(
+            command, cwd=ROOT, **streams, text=True, timeout=SECONDS, env=buffered
+        )
     assert (done.returncode, done.stderr) == (0, "")

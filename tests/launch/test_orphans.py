@@ -27,12 +27,32 @@ DURATION = 30.0  # s, simulated
 def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
     command = [sys.executable, "-u", ROOT / "run.py", *arguments]
     there = os.environ | {"ORCHARD_RUNS": str(folder / "runs")}
-    return subprocess.Popen(list(map(str, command)), cwd=folder, env=there, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(
+        list(map(str, command)),
+        cwd=folder,
+        env=there,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
 
 
 @contextmanager
 def begun(folder: Path, *arguments: object):
-    run, processes = run_py(folder, scenario_file(folder, SMALL), "--speed", 5, "--duration", DURATION, "--hosts", 2, *arguments), []
+    run, processes = (
+        run_py(
+            folder,
+            scenario_file(folder, SMALL),
+            "--speed",
+            5,
+            "--duration",
+            DURATION,
+            "--hosts",
+            2,
+            *arguments,
+        ),
+        [],
+    )
     try:
         line_with("real time", run)
         processes = psutil.Process(run.pid).children(recursive=True)
@@ -52,15 +72,24 @@ def ended(folder: Path, *arguments: object) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(
-    "number", [signal.SIGKILL, pytest.param(signal.SIGHUP, marks=pytest.mark.soak), pytest.param(signal.SIGQUIT, marks=pytest.mark.soak)]
+    "number",
+    [
+        signal.SIGKILL,
+        pytest.param(signal.SIGHUP, marks=pytest.mark.soak),
+        pytest.param(signal.SIGQUIT, marks=pytest.mark.soak),
+    ],
 )
-def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash(tmp_path, monkeypatch, number):
+def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash(
+    tmp_path, monkeypatch, number
+):
     path, temporary = tmp_path / "summary.json", tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
     with begun(tmp_path, "--record", tmp_path / "run.rrd") as (run, processes):
         assert len(processes) == 4
-        (physics,) = [process for process in processes if "orchard.processes.physics" in process.cmdline()]
+        (physics,) = [
+            process for process in processes if "orchard.processes.physics" in process.cmdline()
+        ]
         run.send_signal(number)
         run.wait(SECONDS)
         physics.wait(SECONDS)
@@ -69,7 +98,17 @@ def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash
         last = newest(folder, [])
         assert last.tick == read_end(end, last.run).tick, "physics writes a snapshot when it ends"
         code, printed = ended(
-            tmp_path, "--resume", "last", "--mode", "local", "--duration", DURATION, "--record", "none", "--summary", path
+            tmp_path,
+            "--resume",
+            "last",
+            "--mode",
+            "local",
+            "--duration",
+            DURATION,
+            "--record",
+            "none",
+            "--summary",
+            path,
         )
         _, alive = psutil.wait_procs(processes, SECONDS)
         assert (code, alive) == (0, []), printed
@@ -95,7 +134,10 @@ def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
     monkeypatch.setattr(run_notes, "ALONE_SECONDS", 0.2)
     said = []
     (tmp_path / "run7.going").write_text('{"run": "run7", "endpoint": "tcp/127.0.0.1:9"}')
-    others = [subprocess.Popen(["sleep", "60"], env=os.environ | {STARTED_BY: f"1 {run}"}) for run in ("run7", "run8")]
+    others = [
+        subprocess.Popen(["sleep", "60"], env=os.environ | {STARTED_BY: f"1 {run}"})
+        for run in ("run7", "run8")
+    ]
     try:
         deadline = time.monotonic() + SECONDS
         while not all(map(processes_of, ("run7", "run8"))):

@@ -24,7 +24,9 @@ SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
 
 @pytest.mark.parametrize("option", ["--record", "--summary"])
 def test_a_directory_in_place_of_a_file_is_told_before_the_harvest(option, tmp_path):
-    done = orchard(*SHORT, *(() if option == "--record" else ("--record", "none")), option, tmp_path, code=2)
+    done = orchard(
+        *SHORT, *(() if option == "--record" else ("--record", "none")), option, tmp_path, code=2
+    )
     assert done.stdout == ""
     assert done.stderr.startswith(f"{tmp_path}: cannot be written: Is a directory")
     assert tmp_path.is_dir()
@@ -41,7 +43,9 @@ READ_ONLY = [
 
 
 @pytest.mark.parametrize(("name", "fault", "told"), READ_ONLY)
-def test_a_folder_that_can_only_be_read_is_told_in_words_with_the_way_out(name, fault, told, tmp_path, monkeypatch, capsys):
+def test_a_folder_that_can_only_be_read_is_told_in_words_with_the_way_out(
+    name, fault, told, tmp_path, monkeypatch, capsys
+):
     def refuse(path, *_, **__):
         raise OSError(fault, os.strerror(fault), str(path))
 
@@ -49,7 +53,10 @@ def test_a_folder_that_can_only_be_read_is_told_in_words_with_the_way_out(name, 
     monkeypatch.setattr(Path, "mkdir", lambda path, **options: path.is_dir() or refuse(path))
     with pytest.raises(typer.Exit), exit_on_errors(OSError):
         Runs(tmp_path).recording(str(tmp_path / name))
-    assert capsys.readouterr().err == f"{tmp_path}/{told}; --record FILE.rrd records elsewhere, --record none not at all\n"
+    assert (
+        capsys.readouterr().err
+        == f"{tmp_path}/{told}; --record FILE.rrd records elsewhere, --record none not at all\n"
+    )
 
 
 def test_an_error_of_the_system_is_told_without_its_number(tmp_path, capsys):
@@ -68,7 +75,9 @@ def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
 
 
 def test_a_folder_to_resume_that_is_not_there_is_told_and_not_made(tmp_path):
-    with pytest.raises(SnapshotError, match="typo: no snapshots of such a run; expected the folder"):
+    with pytest.raises(
+        SnapshotError, match="typo: no snapshots of such a run; expected the folder"
+    ):
         Runs(tmp_path).snapshots(str(tmp_path / "typo"))
     assert not (tmp_path / "typo").exists()
 
@@ -80,7 +89,9 @@ def test_a_run_that_is_refused_leaves_what_was_there(tmp_path):
     assert summary.read_text() == "of an earlier run"
 
 
-@pytest.mark.parametrize(("name", "told"), [("notes.txt", "ends in .rrd"), ("notes.rrd", "this file is no recording")])
+@pytest.mark.parametrize(
+    ("name", "told"), [("notes.txt", "ends in .rrd"), ("notes.rrd", "this file is no recording")]
+)
 def test_a_recording_replaces_no_file_that_is_none(name, told, tmp_path):
     notes = tmp_path / name
     notes.write_text("a year's work")
@@ -99,12 +110,16 @@ def test_a_recording_replaces_one_and_an_empty_file(recording, tmp_path):
 def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
     notes = tmp_path / "notes.txt"
     notes.write_text("a year's work")
-    code, _, said = Process("orchard.processes.logger", "--connect", "tcp/127.0.0.1:9", "--record", str(notes)).end()
+    code, _, said = Process(
+        "orchard.processes.logger", "--connect", "tcp/127.0.0.1:9", "--record", str(notes)
+    ).end()
     assert (code, notes.read_text()) == (2, "a year's work")
     assert "ends in .rrd" in said
 
 
-def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_may_go_to_stdout(tmp_path):
+def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_may_go_to_stdout(
+    tmp_path,
+):
     os.mkfifo(pipe := tmp_path / "pipe.rrd")
     for option in ("--summary", "--record"):
         done = orchard(*SHORT, option, pipe, code=2)
@@ -127,12 +142,27 @@ def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
     assert done.stderr == "/dev/full: not written: No space left on device\n"
 
 
-def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_no_half_of_it(tmp_path, monkeypatch):
+def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_no_half_of_it(
+    tmp_path, monkeypatch
+):
     packer, summary, runs = tmp_path / "packer", tmp_path / "summary.json", tmp_path / "runs"
-    packer.write_text(f"#!/bin/sh\nfor last; do :; done\necho half > $last\nexec {sys.executable} -c 'import time; time.sleep(600)'\n")
+    packer.write_text(
+        f"#!/bin/sh\nfor last; do :; done\necho half > $last\nexec {sys.executable} -c 'import time; time.sleep(600)'\n"
+    )
     packer.chmod(0o755)
     monkeypatch.setenv("RERUN_CLI_PATH", str(packer))
-    with starting("--rows", 3, "--duration", 5, "--hosts", 1, "--record", runs / "run.rrd", "--summary", summary) as run:
+    with starting(
+        "--rows",
+        3,
+        "--duration",
+        5,
+        "--hosts",
+        1,
+        "--record",
+        runs / "run.rrd",
+        "--summary",
+        summary,
+    ) as run:
         deadline = time.monotonic() + SECONDS
         while not (summary.exists() and list(runs.glob("*.packing"))):
             assert run.poll() is None and time.monotonic() < deadline
@@ -157,5 +187,13 @@ def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
 
 def test_the_help_names_the_other_commands_before_the_options_in_their_groups():
     shown = orchard("--help").stdout
-    places = [shown.index(words) for words in (*(f"  {name:10}{what}" for name, what in COMMANDS.items()), "Options", *GROUPS, "Exit code")]
+    places = [
+        shown.index(words)
+        for words in (
+            *(f"  {name:10}{what}" for name, what in COMMANDS.items()),
+            "Options",
+            *GROUPS,
+            "Exit code",
+        )
+    ]
     assert places == sorted(places)

@@ -26,20 +26,34 @@ def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     make, harvest, export = commands(block("docs/how-to.md", "own orchard"))
     make = [str(SAMPLE) if word.endswith(".geojson") else word for word in make]
-    short = [*harvest, "--mode", "local", "--record", "none", "--duration", "2"]  # as it stands it only takes longer
+    short = [
+        *harvest,
+        "--mode",
+        "local",
+        "--record",
+        "none",
+        "--duration",
+        "2",
+    ]  # as it stands it only takes longer
     for words in (make, short, export):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
         assert done.returncode == 0, done.stdout + done.stderr
     assert load(tmp_path / "te_puke.yaml").rows == 8
     stations = json.loads((tmp_path / "te_puke.lif.json").read_text())["layouts"][0]["stations"]
-    assert {f"row/{number}" for number in range(1, 9)} < {station["stationId"] for station in stations}
+    assert {f"row/{number}" for number in range(1, 9)} < {
+        station["stationId"] for station in stations
+    }
     places = python("-c", block("docs/how-to.md", "places"), cwd=tmp_path, PYTHONPATH=str(ROOT))
     assert places.stdout.startswith("block-3/1 (1892797.98")
 
 
 def test_the_scenario_in_the_document_is_one():
     scenario = parse(block("docs/how-to.md", "surveyed"))
-    assert scenario.survey is not None and [row.id for row in scenario.survey.rows] == ["A", "B", "C"]
+    assert scenario.survey is not None and [row.id for row in scenario.survey.rows] == [
+        "A",
+        "B",
+        "C",
+    ]
 
 
 def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
@@ -51,7 +65,10 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
     assert load(out).survey == parse(imported(SAMPLE).stdout).survey
     out.write_text("rows: 3")
     again = imported(SAMPLE, "--out", out)
-    assert (again.exit_code, again.stderr) == (2, f"{out}: there is such a file; --out must name a new one\n")
+    assert (again.exit_code, again.stderr) == (
+        2,
+        f"{out}: there is such a file; --out must name a new one\n",
+    )
     assert out.read_text() == "rows: 3"
 
 
@@ -74,4 +91,7 @@ def test_what_is_wrong_is_told_on_stderr_with_exit_code_2(tmp_path):
 def test_an_import_tells_how_to_get_what_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
     told = imported(SAMPLE)
-    assert (told.exit_code, told.stderr) == (2, "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n")
+    assert (told.exit_code, told.stderr) == (
+        2,
+        "An import needs the package pyproj: pip install 'orchard-sim[survey]'\n",
+    )

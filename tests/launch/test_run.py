@@ -16,8 +16,12 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 
 FIRST_CALLS = 45  # s, simulated: two bins are full by 31 s, and a carrier brings an empty one
-FIRST_UNLOADING = 300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
-FEW = SMALL.model_copy(update={"pickers": 3, "carriers": 3, "row_length": 30.0})  # calls have more than one offer
+FIRST_UNLOADING = (
+    300  # s, simulated: the first bin of 3 rows and 2 pickers is unloaded before, with seeds 1 to 5
+)
+FEW = SMALL.model_copy(
+    update={"pickers": 3, "carriers": 3, "row_length": 30.0}
+)  # calls have more than one offer
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +55,18 @@ def lockstep(tmp_path_factory, few):
 
 def test_a_harvest_in_lockstep_is_that_of_local_mode(local, lockstep):
     assert lockstep[0]["hash"] == local["hash"]
-    own = {"mode", "hosts", "wall_seconds", "times_real_time", "recording_parts", "recording_gaps", "messages_dropped"}
-    assert {k: v for k, v in local.items() if k not in own} == {k: v for k, v in lockstep[0].items() if k not in own}
+    own = {
+        "mode",
+        "hosts",
+        "wall_seconds",
+        "times_real_time",
+        "recording_parts",
+        "recording_gaps",
+        "messages_dropped",
+    }
+    assert {k: v for k, v in local.items() if k not in own} == {
+        k: v for k, v in lockstep[0].items() if k not in own
+    }
 
 
 def test_the_summary_tells_how_good_the_harvest_was(lockstep):
@@ -64,9 +78,19 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert 0 < summary["schedule_sim_seconds"] <= summary["sim_seconds"]
     assert summary["bottleneck"] in ("pickers", "carriers", "unloading")
     assert 0 < summary["carrier_utilisation"] < 1
-    assert 5 < summary["picker_waiting_seconds"] < 300, "an exchange takes some seconds, even if the carrier is there"
+    assert 5 < summary["picker_waiting_seconds"] < 300, (
+        "an exchange takes some seconds, even if the carrier is there"
+    )
     assert summary["distance_metres"]["picker"] > 3 * 30
-    assert {"hash", "mode", "seed", "wall_seconds", "agents", "hosts", "weeds_flattened"} <= summary.keys()
+    assert {
+        "hash",
+        "mode",
+        "seed",
+        "wall_seconds",
+        "agents",
+        "hosts",
+        "weeds_flattened",
+    } <= summary.keys()
     assert {"collisions", "collisions_of_people_and_animals"} <= summary.keys()
     assert "What limits it: " in printed and "To try next: " in printed
     assert summary["hash"] in printed
@@ -89,14 +113,40 @@ def test_the_recording_holds_the_whole_run(lockstep):
 
 def test_progress_is_json_for_programs_in_every_mode():
     for mode in ("local", "lockstep"):
-        done = orchard("--rows", 3, "--mode", mode, "--hosts", 1, "--speed", 10, "--duration", 10, "--record", "none", "--progress", "json")
+        done = orchard(
+            "--rows",
+            3,
+            "--mode",
+            mode,
+            "--hosts",
+            1,
+            "--speed",
+            10,
+            "--duration",
+            10,
+            "--record",
+            "none",
+            "--progress",
+            "json",
+        )
         lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
-        assert lines and all(json.loads(line)["progress"]["rows"] == 3 for line in lines), done.stdout
+        assert lines and all(json.loads(line)["progress"]["rows"] == 3 for line in lines), (
+            done.stdout
+        )
 
 
 def test_the_hash_does_not_depend_on_processes(tmp_path, few):
     """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a recording."""
-    summary = summary_as_in_local_mode(tmp_path, FEW.model_copy(update={"seed": 2}), FIRST_CALLS, few, "--seed", 2, "--hosts", "each")
+    summary = summary_as_in_local_mode(
+        tmp_path,
+        FEW.model_copy(update={"seed": 2}),
+        FIRST_CALLS,
+        few,
+        "--seed",
+        2,
+        "--hosts",
+        "each",
+    )
     assert summary["hosts"] == len(lay_out(FEW).agents)
     assert summary["rows_picked"] >= 2, "carriers come"
 
@@ -106,8 +156,19 @@ def test_the_hash_does_not_depend_on_processes(tmp_path, few):
 @pytest.mark.parametrize("hosts", [1, 2, 5, "each"])
 @pytest.mark.parametrize("record", [True, False])
 def test_soak_the_hash_does_not_depend_on_processes(tmp_path, hosts, seed, record):
-    arguments = ["--rows", 3, "--seed", seed, "--hosts", hosts, "--record", tmp_path / "run.rrd" if record else "none"]
-    summary = summary_as_in_local_mode(tmp_path, Scenario(rows=3, seed=seed), FIRST_UNLOADING, *arguments)
+    arguments = [
+        "--rows",
+        3,
+        "--seed",
+        seed,
+        "--hosts",
+        hosts,
+        "--record",
+        tmp_path / "run.rrd" if record else "none",
+    ]
+    summary = summary_as_in_local_mode(
+        tmp_path, Scenario(rows=3, seed=seed), FIRST_UNLOADING, *arguments
+    )
     assert summary["bins_delivered"] >= 1
 
 
@@ -130,7 +191,9 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
         printed, _ = run.communicate(timeout=10)
         assert time.monotonic() - begun < 3.0
         assert run.returncode == 0
-        assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
+        assert not any(
+            child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children
+        )
     assert "To watch it" in printed
     assert seconds_of(recording) > 0.5
     folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
@@ -139,8 +202,13 @@ def test_ctrl_c_stops_everything_within_three_seconds_and_closes_the_recording(t
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_whose_pickers_are_all_broken_ends_at_once(tmp_path, mode):
-    scenario, path = scenario_file(tmp_path, driven_by(picker="Unmakeable")), tmp_path / "summary.json"
-    done = orchard(scenario, "--mode", mode, "--record", "none", "--summary", path, "--duration", 60, code=1)
+    scenario, path = (
+        scenario_file(tmp_path, driven_by(picker="Unmakeable")),
+        tmp_path / "summary.json",
+    )
+    done = orchard(
+        scenario, "--mode", mode, "--record", "none", "--summary", path, "--duration", 60, code=1
+    )
     assert (summary_of(path)["ended"], summary_of(path)["ticks"]) == ("broken", 10)
     assert "Ended because all pickers were broken, after 0:01 min" in done.stdout
     assert "broken: picker_01, since tick 0" in done.stderr

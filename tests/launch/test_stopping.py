@@ -27,24 +27,48 @@ def runs(tmp_path, monkeypatch):
     return tmp_path / "runs"
 
 
-@pytest.mark.parametrize("mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"])
+@pytest.mark.parametrize(
+    "mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"]
+)
 def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, runs, mode):
     path = tmp_path / "summary.json"
-    order = ("--rows", 3, "--hosts", 1, "--record", "none", *mode, "--duration", 3000, "--summary", path)
+    order = (
+        "--rows",
+        3,
+        "--hosts",
+        1,
+        "--record",
+        "none",
+        *mode,
+        "--duration",
+        3000,
+        "--summary",
+        path,
+    )
     with running(*order) as run, ExitStack() as stack:
         (going,) = running_here(runs)
         someone = stack.enter_context(Client.open(going.endpoint, going.run))
-        poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
+        poses, velocities = (
+            someone.hear("orchard/picker_01/pose"),
+            someone.hear("orchard/picker_01/velocity"),
+        )
         done = orchard("stop", "picker_01")
         assert done.stdout == "stopped: bin_01, picker_01\n"
         stands = assert_stands(poses)
-        until(velocities, lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0)
+        until(
+            velocities,
+            lambda velocity: velocity["tick"] > stands["tick"] and velocity["linear"]["x"] > 0.0,
+        )
         assert_stands(poses)
         done = orchard("stop", "carrier", "piker_01", code=2)
         assert "piker_01: no such agent or kind" in done.stderr
         done = orchard("stop")
-        assert re.fullmatch(r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout), done.stdout
-        assert orchard("reset", "picker_01").stdout.startswith("reset: bin_01, picker_01\nstill stopped: bin_02, ")
+        assert re.fullmatch(
+            r"stopped: bin_02, .*tractor_01\nstopped before: bin_01, picker_01\n", done.stdout
+        ), done.stdout
+        assert orchard("reset", "picker_01").stdout.startswith(
+            "reset: bin_01, picker_01\nstill stopped: bin_02, "
+        )
         assert_goes_on(poses)
         for _, _, *words in commands(block("docs/how-to.md", "emergency stop")):
             orchard(*words)
@@ -63,9 +87,17 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, r
 
 
 def assert_pauses_and_steps() -> None:
-    told = [orchard(*words).stdout for _, _, *words in commands(block("docs/how-to.md", "pause and step"))]
+    told = [
+        orchard(*words).stdout
+        for _, _, *words in commands(block("docs/how-to.md", "pause and step"))
+    ]
     first = int(told[0].removeprefix("paused: tick ").partition(",")[0])
-    then = [("paused", first), ("paused", first + 1), ("paused", first + 21), ("playing", first + 21)]
+    then = [
+        ("paused", first),
+        ("paused", first + 1),
+        ("paused", first + 21),
+        ("playing", first + 21),
+    ]
     assert told == [f"{state}: tick {tick}, {tick / 10:.1f} s\n" for state, tick in then]
     assert "pause it first" in orchard("step", code=2).stderr
 
@@ -76,7 +108,9 @@ def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(m
     monkeypatch.setattr(asking, "print_error", told.put)
     with router() as physics, ThreadPoolExecutor() as pool:
         physics.answer("orchard/stop")
-        asked = pool.submit(control, RunNote("a", physics.endpoint), of_robots(robots, is_stop=True))
+        asked = pool.submit(
+            control, RunNote("a", physics.endpoint), of_robots(robots, is_stop=True)
+        )
         question = physics.inbox.take(20.0)
         assert "has not answered yet" in told.get(timeout=20.0)
         question.reply(pack(Stopped("a", 0, robots, robots)))
@@ -102,7 +136,10 @@ def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
 
 def test_whom_physics_never_answers_is_told_that_nobody_knows(monkeypatch):
     monkeypatch.setattr(asking, "ANSWER_SECONDS", 1.0)
-    with router() as physics, pytest.raises(BusError, match="did not answer within 1 s; the command may have arrived"):
+    with (
+        router() as physics,
+        pytest.raises(BusError, match="did not answer within 1 s; the command may have arrived"),
+    ):
         physics.answer("orchard/stop")
         control(RunNote("a", physics.endpoint), of_robots([], is_stop=True))
 
@@ -121,7 +158,9 @@ def test_a_stop_stops_all_runs_here_whatever_becomes_of_one_of_them(runs, monkey
     gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:
         asked = pool.submit(stop)
-        questions = [physics.inbox.take(20.0) for physics in going]  # the second one is asked before the first one has answered
+        questions = [
+            physics.inbox.take(20.0) for physics in going
+        ]  # the second one is asked before the first one has answered
         for question, name in zip(questions, "ab", strict=True):
             question.reply(pack(Stopped(name, 0, [f"picker_{name}"], [f"picker_{name}"], True)))
             question.drop()
@@ -137,7 +176,10 @@ def test_robots_of_several_runs_are_not_reset_together(runs, capsys):
     with two_runs(runs) as going, pytest.raises(typer.Exit) as ended:
         reset()
     assert ended.value.exit_code == 2
-    lines = [f"  --connect {physics.endpoint}  (run {name})" for physics, name in zip(going, "ab", strict=True)]
+    lines = [
+        f"  --connect {physics.endpoint}  (run {name})"
+        for physics, name in zip(going, "ab", strict=True)
+    ]
     assert capsys.readouterr().err.splitlines() == ["2 runs are active here; choose one:", *lines]
 
 

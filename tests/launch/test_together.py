@@ -57,7 +57,10 @@ def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_h
     now, end = [0.0], End("run1", 5, True, "harvested", "0" * 64, {})
     for first, second in (("hear", "track"), ("track", "hear")):
         ending = Ending(lambda: now[0])
-        heard = {"hear": lambda ending=ending: ending.hear(end), "track": lambda ending=ending: ending.track(TOKEN, False)}
+        heard = {
+            "hear": lambda ending=ending: ending.hear(end),
+            "track": lambda ending=ending: ending.track(TOKEN, False),
+        }
         heard[first]()
         assert ending.end is None
         heard[second]()
@@ -124,18 +127,25 @@ class Loading:
 
 def loading(connect=None):
     credentials = SimpleNamespace(identity=lambda role: None)
-    return distributed.LaunchedRun(None, credentials, "tcp/127.0.0.1:1", Loading(), PROGRESS, connect)
+    return distributed.LaunchedRun(
+        None, credentials, "tcp/127.0.0.1:1", Loading(), PROGRESS, connect
+    )
 
 
 @pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
-def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_for(monkeypatch, signals, ended):
+def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_for(
+    monkeypatch, signals, ended
+):
     monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
     launched, keys, inbox = loading(), Keys(), Inbox()
     summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
     end = Sample("orchard/end", pack(End("run1", 0, False, "stopped: tick 0", "0" * 64, summary)))
     for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(TOKEN, False)]:
         inbox.put(item)
-    assert launched._listen(SimpleNamespace(inbox=inbox), keys) == (summary if signals == 1 else None, ended)
+    assert launched._listen(SimpleNamespace(inbox=inbox), keys) == (
+        summary if signals == 1 else None,
+        ended,
+    )
     assert launched.supervisor.asked_to_end == [distributed.PHYSICS] * signals
 
 
@@ -158,7 +168,12 @@ def test_a_run_that_is_stopped_before_physics_listens_is_stopped_when_it_does(si
 def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
     folder = tmp_path / "one.snapshots"
     with sole(folder):
-        with pytest.raises(SnapshotError, match=r"one.snapshots: the run of these snapshots is still active"), sole(folder):
+        with (
+            pytest.raises(
+                SnapshotError, match=r"one.snapshots: the run of these snapshots is still active"
+            ),
+            sole(folder),
+        ):
             pass
         with sole(tmp_path / "other.snapshots"), sole(None):
             pass
@@ -168,7 +183,19 @@ def test_nobody_else_keeps_snapshots_where_somebody_does(tmp_path):
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
-    with running(scenario_file(tmp_path, SMALL), "--mode", mode, "--hosts", 1, "--speed", 5, "--duration", 60, "--record", "none") as run:
+    with running(
+        scenario_file(tmp_path, SMALL),
+        "--mode",
+        mode,
+        "--hosts",
+        1,
+        "--speed",
+        5,
+        "--duration",
+        60,
+        "--record",
+        "none",
+    ) as run:
         (folder,) = runs_folder().glob(f"*-{run.pid}.snapshots")
         again = orchard("--resume", folder, "--record", "none", code=2)
         assert "the run of these snapshots is still active; stop it first" in again.stderr

@@ -43,7 +43,12 @@ SPEEDS = [
     (100.0, None, 9.8, ""),
     (None, None, 500.0, ""),  # as fast as possible
     (100.0, BEFORE, 603.7, ""),  # the part before it was resumed was slow
-    (100.0, BEFORE, 618.49, "the speed of 100 times real time was not kept: the machine reached 20.0"),
+    (
+        100.0,
+        BEFORE,
+        618.49,
+        "the speed of 100 times real time was not kept: the machine reached 20.0",
+    ),
 ]
 
 
@@ -57,28 +62,40 @@ def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:
     """What is printed of a harvest that went well."""
     monkeypatch.setattr("sys.argv", ["run.py"])
     result = msgspec.to_builtins(harvested()) | {"messages_refused": {}, "collisions": 0}
-    assert report(RunRequest(options, Scenario(rows=5), None, Path("none")), result, "harvested") == 0
+    assert (
+        report(RunRequest(options, Scenario(rows=5), None, Path("none")), result, "harvested") == 0
+    )
     return capsys.readouterr().out.splitlines()
 
 
 def test_three_lines_and_the_hash_are_shown_and_all_figures_if_asked_for(capsys, monkeypatch):
-    result, limit, try_next, hash_line = printed(HarvestOptions(scenario=Path("my.yaml")), capsys, monkeypatch)
+    result, limit, try_next, hash_line = printed(
+        HarvestOptions(scenario=Path("my.yaml")), capsys, monkeypatch
+    )
     assert (result.split(":")[0], limit.split(":")[0]) == ("5 of 5 rows in 16", "What limits it")
-    assert try_next.endswith("run.py study my.yaml tells how many carriers are worth it; --verbose shows all figures")
+    assert try_next.endswith(
+        "run.py study my.yaml tells how many carriers are worth it; --verbose shows all figures"
+    )
     assert hash_line == f"hash {'0' * 64}"
     whole = printed(HarvestOptions(verbose=True, rows=5, carriers=3), capsys, monkeypatch)
-    assert whole[2].endswith("run.py study --vary carriers --vary rows=5 tells how many carriers are worth it")
+    assert whole[2].endswith(
+        "run.py study --vary carriers --vary rows=5 tells how many carriers are worth it"
+    )
     assert any("collisions" in line for line in whole) and whole[-1] == hash_line
 
 
 def test_of_the_figures_what_is_unusual_is_shown():
-    assert unusual_figures({"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}, "collisions": 2}) == {
-        "stopped_seconds": {"picker_01": 3.0}
-    }
-    assert next(iter(as_table({"lost_seconds": {}}).columns[1].cells)).startswith("known of a complete harvest only")
+    assert unusual_figures(
+        {"messages_refused": {}, "stopped_seconds": {"picker_01": 3.0}, "collisions": 2}
+    ) == {"stopped_seconds": {"picker_01": 3.0}}
+    assert next(iter(as_table({"lost_seconds": {}}).columns[1].cells)).startswith(
+        "known of a complete harvest only"
+    )
     gaps = as_table({"recording_gaps": [[0.0, 5.1], [7.0, 7.3]]})
     assert list(gaps.columns[1].cells) == ["0.0 to 5.1, 7.0 to 7.3 s, which no recording shows"]
-    assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == ["64 % of the time, outside the queue"]
+    assert list(as_table({"carrier_utilisation": 0.64}).columns[1].cells) == [
+        "64 % of the time, outside the queue"
+    ]
 
 
 HERE = "tcp/127.0.0.1:7447"
@@ -95,7 +112,10 @@ def said(folder, **options) -> list[str]:
     lines = []
     request = RunRequest(HarvestOptions(**options), Scenario(), None, folder, notes=folder / "runs")
     with announced(request, "a", HERE, lines.append):
-        lines += [re.sub(r"\d\d:\d\d:\d\d", "HH:MM:SS", note.title) for note in running_here(folder / "runs")]
+        lines += [
+            re.sub(r"\d\d:\d\d:\d\d", "HH:MM:SS", note.title)
+            for note in running_here(folder / "runs")
+        ]
     return lines
 
 
@@ -104,8 +124,12 @@ def test_a_run_says_how_to_stop_it_and_leaves_a_note_that_a_user_recognizes(tmp_
         "Ctrl-C ends the run; emergency stop of the robots: .venv/bin/python run.py stop",
         "5 rows, 2 pickers, seed 1, since HH:MM:SS",
     ]
-    assert said(tmp_path, secure=tmp_path / "my roles")[0].endswith(".venv/bin/python run.py stop --secure 'my roles'")
-    assert said(tmp_path, progress="json") == ["5 rows, 2 pickers, seed 1, since HH:MM:SS"], "for programs"
+    assert said(tmp_path, secure=tmp_path / "my roles")[0].endswith(
+        ".venv/bin/python run.py stop --secure 'my roles'"
+    )
+    assert said(tmp_path, progress="json") == ["5 rows, 2 pickers, seed 1, since HH:MM:SS"], (
+        "for programs"
+    )
 
 
 def test_a_run_that_cannot_leave_a_note_says_its_endpoint(tmp_path):
@@ -120,10 +144,21 @@ def test_the_command_for_agents_left_to_others_is_whole(endpoint):
     line = how_to_join(HarvestOptions(without=["carrier", "bin_01"]), endpoint)
     words = shlex.split(line.removeprefix("carrier, bin_01: left to other processes: "))
     connect = words.pop(3)
-    assert words == [".venv/bin/python", "run.py", "--connect", "--only", "carrier", "--only", "bin_01"]
+    assert words == [
+        ".venv/bin/python",
+        "run.py",
+        "--connect",
+        "--only",
+        "carrier",
+        "--only",
+        "bin_01",
+    ]
     assert connect.endswith(":7447") and "0.0.0.0" not in connect
 
 
 def test_only_a_run_that_others_can_reach_says_where(tmp_path):
     assert how_to_join(HarvestOptions(), HERE) == ""
-    assert re.fullmatch(r"Other machines reach this run at tcp/(?!0\.0\.0\.0)[^/]+:7447", how_to_join(HarvestOptions(), "tcp/0.0.0.0:7447"))
+    assert re.fullmatch(
+        r"Other machines reach this run at tcp/(?!0\.0\.0\.0)[^/]+:7447",
+        how_to_join(HarvestOptions(), "tcp/0.0.0.0:7447"),
+    )

@@ -17,7 +17,16 @@ from orchard.launch.terminal import typed
 from orchard.report.summary import sentence
 
 ESCAPE = "\x1b[31mX"
-RAW = ("\x1b", "Traceback", "Input should be", "Value error", "Invalid value", "<bool>", "codec", "Errno")
+RAW = (
+    "\x1b",
+    "Traceback",
+    "Input should be",
+    "Value error",
+    "Invalid value",
+    "<bool>",
+    "codec",
+    "Errno",
+)
 FILES = {
     "agents.yaml": "agents: {piker: my_package.MyPicker}\n",
     "nobody.yaml": "agents: {picker_99: my_package.MyPicker}\n",
@@ -78,7 +87,10 @@ MISTAKES = [
         "--vary carriers=130..150: carriers = 130, 131, 132 and 18 more: must be null or a whole number",
     ),
     (["--rows", "101"], "command line: --rows = 101"),
-    (["--rows", "3", "--pickers", "4"], "command line: --pickers = 4, --rows = 3: must be at most one picker a row"),
+    (
+        ["--rows", "3", "--pickers", "4"],
+        "command line: --pickers = 4, --rows = 3: must be at most one picker a row",
+    ),
     (["--row-width", "4.9", "--carriers", "0"], "carriers = 0"),
     (["nothing.yaml"], "nothing.yaml: no such file"),
     (["veiw", "runs/harvest.rrd"], "veiw: no such file; did you mean the command view?"),
@@ -88,43 +100,87 @@ MISTAKES = [
     (["--hosts", "0"], "--hosts"),
     (["--duration", "-1"], "--duration"),
     (["--duration", "1e308"], "at most 6871947674"),
-    (["--only", "picker", "--connect", "tcp/127.0.0.1:9", "--seed", "0", "--resume", "last", "--mode", "realtime"], "--seed, --mode"),
+    (
+        [
+            "--only",
+            "picker",
+            "--connect",
+            "tcp/127.0.0.1:9",
+            "--seed",
+            "0",
+            "--resume",
+            "last",
+            "--mode",
+            "realtime",
+        ],
+        "--seed, --mode",
+    ),
     (["--patience", "1"], "--patience"),
     (["--patience", "1e13"], "--patience: 10000000000000.0: expected 3 to 6871947674"),
     (["--keyframes", "1e13"], "--keyframes: 1e13: expected a number up to"),
     (["--speed", "1e13"], "--speed: 1e13: expected a number above 0"),
-    (["--record", "runs/a.part2.rrd"], "a.part2.rrd: a further part of another recording has such a name"),
+    (
+        ["--record", "runs/a.part2.rrd"],
+        "a.part2.rrd: a further part of another recording has such a name",
+    ),
     (["--summary", "/nowhere/at/all.json"], "/nowhere/at"),
     (["view", "nothing.rrd"], "nothing.rrd"),
-    (["view", "bad.yaml"], "bad.yaml: it cannot be read: it is no recording; expected a file NAME.rrd"),
+    (
+        ["view", "bad.yaml"],
+        "bad.yaml: it cannot be read: it is no recording; expected a file NAME.rrd",
+    ),
     (["step", "-3"], "-3: neither a number of steps, from 1 on, nor an option"),
     (["step", "0"], "0: neither a number of steps"),
     (["step", "2.5"], "2.5: neither a number of steps"),
     (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
-    (["run", "--resume", "last"], "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand"),
+    (
+        ["run", "--resume", "last"],
+        "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand",
+    ),
     (["hand_piking"], "hand_piking: no such file; did you mean the scenario hand_picking?"),
-    (["--pickers", "9"], "command line: --pickers = 9, rows = 5: must be at most one picker a row"),  # nobody typed --rows
+    (
+        ["--pickers", "9"],
+        "command line: --pickers = 9, rows = 5: must be at most one picker a row",
+    ),  # nobody typed --rows
     (["--resume", "."], ".: no usable snapshot"),
-    (["--mode", "realtime", "--speed", "max"], "--speed: max: in realtime the wall clock sets the pace"),
+    (
+        ["--mode", "realtime", "--speed", "max"],
+        "--speed: max: in realtime the wall clock sets the pace",
+    ),
     (["stop"], "no run is active here"),
     (["stop", *NOWHERE], "tcp/127.0.0.1:9: no router answers there"),
-    (["--resume", "last", "mine.yaml", "--rows", "3"], "--resume: leave out mine.yaml, --rows: the snapshot has its scenario"),
-    (["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"], "leave out mine.yaml: the run itself defines that"),
+    (
+        ["--resume", "last", "mine.yaml", "--rows", "3"],
+        "--resume: leave out mine.yaml, --rows: the snapshot has its scenario",
+    ),
+    (
+        ["mine.yaml", "--only", "picker", "--connect", "tcp/127.0.0.1:9"],
+        "leave out mine.yaml: the run itself defines that",
+    ),
     (["agents.yaml"], "agents.yaml:1: agents.piker: not a kind (picker"),
     (["nobody.yaml"], "agents.picker_99: no such agent or kind"),
     (["bad.yaml"], "bad.yaml:1: rows = 999: "),
     (["bad.yaml"], "did you mean pickers"),
     (["bad.yaml"], "bad.yaml:4: people.workers = 'many'"),
-    ([*SHORT, "--table", b"\xff"], "?: this name is no text in UTF-8, which a run needs; expected another folder or file"),
+    (
+        [*SHORT, "--table", b"\xff"],
+        "?: this name is no text in UTF-8, which a run needs; expected another folder or file",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("arguments", "told"), MISTAKES)
-def test_a_mistake_is_told_once_with_what_would_be_right(arguments, told, tmp_path, monkeypatch, capfd):
+def test_a_mistake_is_told_once_with_what_would_be_right(
+    arguments, told, tmp_path, monkeypatch, capfd
+):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
-    code, words = said([os.fsdecode(word) if isinstance(word, bytes) else word for word in arguments], monkeypatch, capfd)
+    code, words = said(
+        [os.fsdecode(word) if isinstance(word, bytes) else word for word in arguments],
+        monkeypatch,
+        capfd,
+    )
     assert (code, words.count(told)) == (2, 1), words
     assert [raw for raw in RAW if raw in words] == []
 
@@ -139,7 +195,10 @@ USAGES = [
     (["hand_picking", "--help"], "orchard [OPTIONS] [SCENARIO.yaml]"),
     (["layout", "--help"], "orchard layout [OPTIONS] COMMAND [ARGS]..."),
     (["harvest", "--help"], "orchard harvest [OPTIONS] [SCENARIO.yaml]"),
-    (["replay", "--help"], "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag"),
+    (
+        ["replay", "--help"],
+        "orchard replay [OPTIONS] {FILE.mcap} [SCENARIO.yaml] Let the velocities in a bag",
+    ),
 ]
 
 
@@ -150,15 +209,27 @@ def test_help_is_that_of_the_command_that_was_typed(arguments, usage, monkeypatc
 
 
 def test_the_version_is_that_of_the_package(monkeypatch, capfd):
-    assert said(["--version"], monkeypatch, capfd) == (0, f"orchard {metadata.version('orchard-sim')}")
+    assert said(["--version"], monkeypatch, capfd) == (
+        0,
+        f"orchard {metadata.version('orchard-sim')}",
+    )
 
 
 def test_the_sentence_counts_rows_as_the_table_does():
-    half = harvested(finished=False, ended="stopped", rows=20, rows_picked=10, metres_picked=15.0 * 70.0, row_length=70.0)
+    half = harvested(
+        finished=False,
+        ended="stopped",
+        rows=20,
+        rows_picked=10,
+        metres_picked=15.0 * 70.0,
+        row_length=70.0,
+    )
     assert "10 of 20 rows and 75 % of their metres picked" in sentence(half)
 
 
-def test_a_disk_that_is_full_is_told_with_the_file_and_no_empty_file_is_left(tmp_path, monkeypatch, capfd):
+def test_a_disk_that_is_full_is_told_with_the_file_and_no_empty_file_is_left(
+    tmp_path, monkeypatch, capfd
+):
     pytest.importorskip("pyproj")
 
     def full(file):
@@ -166,8 +237,14 @@ def test_a_disk_that_is_full_is_told_with_the_file_and_no_empty_file_is_left(tmp
 
     monkeypatch.setattr(os, "fsync", full)
     out = tmp_path / "mine"
-    for words in (["import", ROOT / "examples" / "te_puke.geojson", "--out", out], ["export", "--lif", out]):
-        assert said(["layout", *words], monkeypatch, capfd) == (2, f"{out}: No space left on device")
+    for words in (
+        ["import", ROOT / "examples" / "te_puke.geojson", "--out", out],
+        ["export", "--lif", out],
+    ):
+        assert said(["layout", *words], monkeypatch, capfd) == (
+            2,
+            f"{out}: No space left on device",
+        )
         assert not list(tmp_path.iterdir())
 
 
@@ -176,7 +253,13 @@ def test_a_disk_that_is_full_is_told_with_the_file_and_no_empty_file_is_left(tmp
     [
         ([], {"COLUMNS": "0"}, ["--help"], 0, "Usage: run.py"),
         ([], {"NUMBA_DISABLE_JIT": "1"}, SHORT, 0, "Ended by --duration"),
-        (["unshare", "-rn"], {}, [*SHORT, "--mode", "lockstep"], 2, "`ip link set lo up` makes it work, and --mode local does without"),
+        (
+            ["unshare", "-rn"],
+            {},
+            [*SHORT, "--mode", "lockstep"],
+            2,
+            "`ip link set lo up` makes it work, and --mode local does without",
+        ),
     ],
     ids=["no width", "no compiler", "no loopback"],
 )
@@ -186,15 +269,22 @@ def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code
     there = os.environ | {"ORCHARD_RUNS": str(tmp_path)} | variable
     command = [*before, sys.executable, str(ROOT / "run.py"), *arguments]
     done = subprocess.run(command, env=there, capture_output=True, text=True, timeout=SECONDS)
-    assert (done.returncode, told in done.stdout + done.stderr) == (code, True), done.stdout + done.stderr
+    assert (done.returncode, told in done.stdout + done.stderr) == (code, True), (
+        done.stdout + done.stderr
+    )
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("option", ["--record", "--table"])
-def test_of_two_runs_that_write_to_one_place_the_second_is_refused(option, tmp_path, monkeypatch, capfd):
+def test_of_two_runs_that_write_to_one_place_the_second_is_refused(
+    option, tmp_path, monkeypatch, capfd
+):
     place = tmp_path / ("run.rrd" if option == "--record" else "tables")
     (place.touch if option == "--record" else place.mkdir)()
     with commands.alone(place):
         code, words = said([*SHORT, "--record", "none", option, place], monkeypatch, capfd)
-    assert (code, words) == (2, f"{place}: another run writes there now; name another one, or wait until it has ended")
+    assert (code, words) == (
+        2,
+        f"{place}: another run writes there now; name another one, or wait until it has ended",
+    )
     assert place.exists() == (option == "--table"), "an empty file is not left"

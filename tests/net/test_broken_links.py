@@ -55,7 +55,11 @@ class Leaving(StandIn):
 
 
 TOKEN = KEYS.of("alive", "picker_01", "a")
-GONE, BACK, LEFT = Alive(TOKEN, False), Alive(TOKEN, True), Sample(KEYS.of("left", session="a"), pack(Left(RUN)))
+GONE, BACK, LEFT = (
+    Alive(TOKEN, False),
+    Alive(TOKEN, True),
+    Sample(KEYS.of("left", session="a"), pack(Left(RUN))),
+)
 ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody replies
 
 
@@ -66,19 +70,30 @@ LEAVINGS = [
     ([*((0.1 * n, ASKS) for n in range(1, 5)), (0.45, LEFT), (0.46, GONE)], 0.46, [0.2, 0.4]),
     ([(0.01, LEFT)], LEAVE_SECONDS, None),
     ([(0.01, GONE)], LEAVE_SECONDS, None),
-    ([(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)], LEAVE_SECONDS, None),
+    (
+        [(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)],
+        LEAVE_SECONDS,
+        None,
+    ),
 ]
 
 
 @pytest.mark.parametrize(("items", "until", "told"), LEAVINGS)
-def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(items, until, told):
+def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(
+    items, until, told
+):
     bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)
     assert bus.told == told or (told is None and len(bus.told) >= 8)
 
 
-@pytest.mark.parametrize(("items", "until"), [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)])
-def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_only_as_at_an_end(items, until):
+@pytest.mark.parametrize(
+    ("items", "until"),
+    [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)],
+)
+def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_only_as_at_an_end(
+    items, until
+):
     assert waited(items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
 
 

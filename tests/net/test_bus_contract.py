@@ -41,7 +41,12 @@ class OverZenoh:
 
 class Simulated:
     def __init__(self, stack: ExitStack, network: Network, task) -> None:
-        self._stack, self._network, self._task, self._names = stack, network, task, itertools.count()
+        self._stack, self._network, self._task, self._names = (
+            stack,
+            network,
+            task,
+            itertools.count(),
+        )
         self.router = self.start_router()
 
     def start_router(self):
@@ -53,7 +58,9 @@ class Simulated:
     def _opened(self, session):
         inbox = VirtualInbox(self._network.scheduler)
         inbox.read_by(self._task)
-        return self._stack.enter_context(session(f"bus_{next(self._names)}", self._task, inbox, None))
+        return self._stack.enter_context(
+            session(f"bus_{next(self._names)}", self._task, inbox, None)
+        )
 
     def close(self, bus) -> None:
         self._network.end(bus)
@@ -75,7 +82,9 @@ def simulated(script) -> None:
 
 def _simulated(script, seed: int) -> None:
     scheduler = Scheduler()
-    network = Network(scheduler, f"contract {seed}", Delays(share=Random(seed).random()), pauses=0.1)
+    network = Network(
+        scheduler, f"contract {seed}", Delays(share=Random(seed).random()), pauses=0.1
+    )
 
     def body() -> None:
         with ExitStack() as stack:
@@ -268,7 +277,11 @@ def test_a_query_that_nobody_drops_ends_with_its_time(net):
     begun = net.router.clock()
     asker, _, query = asked(net, seconds=1.0)
     query.reply(b"!")
-    assert heard(asker, 3, Replied | Final) == [Replied(1, b"!", ""), Replied(1, b"", TIMED_OUT), Final(1)]
+    assert heard(asker, 3, Replied | Final) == [
+        Replied(1, b"!", ""),
+        Replied(1, b"", TIMED_OUT),
+        Final(1),
+    ]
     assert asker.clock() - begun >= SHORT + 0.9
     query.reply(b"late")
     assert is_silent(asker)

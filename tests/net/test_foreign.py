@@ -31,13 +31,24 @@ def harvest(fleet, scenario, name="carrier_01", seconds=HARVEST_SECONDS) -> dict
     fleet.host("--without", name)
     done = python("-I", foreign_carrier.__file__, fleet.endpoint, name, seconds=seconds)
     fleet.end()
-    return ends.get(timeout=1.0) | {"taken": int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])}
+    return ends.get(timeout=1.0) | {
+        "taken": int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])
+    }
 
 
 def assert_all_delivered(end, rows) -> None:
     summary = end["summary"]
-    assert (end["why"], end["finished"], summary["violations"], summary["jam"]) == ("harvested", True, [], [])
-    assert (summary["rows_picked"], summary["bins_delivered"], summary["collisions"]) == (rows, rows, 0)
+    assert (end["why"], end["finished"], summary["violations"], summary["jam"]) == (
+        "harvested",
+        True,
+        [],
+        [],
+    )
+    assert (summary["rows_picked"], summary["bins_delivered"], summary["collisions"]) == (
+        rows,
+        rows,
+        0,
+    )
     assert (summary["messages_refused"], summary["broken_agents"]) == ({}, [])
 
 
@@ -49,9 +60,24 @@ def test_a_carrier_written_from_keyspace_alone_brings_in_the_harvest(fleet):
 
 OTHERS = {
     "people and animals": (Scenario(rows=4, pickers=3, carriers=2), "carrier_01"),
-    "wide rows, noise": (Scenario(rows=3, carriers=1, row_width=8.0, laser={"noise": 0.01}, animals=Animals(dogs=0, cats=0)), "carrier_01"),
-    "a second line of the queue": (Scenario(rows=16, pickers=16, carriers=13, weeds=0), "carrier_13"),
-    "a dispatcher": (Scenario(rows=3, carriers=2, dispatch="examples.seams.farthest_first.FarthestFirst"), "carrier_02"),
+    "wide rows, noise": (
+        Scenario(
+            rows=3,
+            carriers=1,
+            row_width=8.0,
+            laser={"noise": 0.01},
+            animals=Animals(dogs=0, cats=0),
+        ),
+        "carrier_01",
+    ),
+    "a second line of the queue": (
+        Scenario(rows=16, pickers=16, carriers=13, weeds=0),
+        "carrier_13",
+    ),
+    "a dispatcher": (
+        Scenario(rows=3, carriers=2, dispatch="examples.seams.farthest_first.FarthestFirst"),
+        "carrier_02",
+    ),
     "an early dispatcher": (Scenario(rows=3, carriers=2, dispatch="predictive"), "carrier_02"),
 }
 
@@ -68,7 +94,11 @@ def test_it_does_so_in_other_orchards_too(fleet, what):
 def test_it_reads_nothing_of_this_program():
     text = "".join(Path(module.__file__).read_text() for module in (foreign_carrier, foreign_host))
     imports = re.findall(r"^\s*(?:import|from) ([\w.]+)", text, re.M)
-    assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {"msgpack", "zenoh", "foreign_host"}
+    assert {name.partition(".")[0] for name in imports} - sys.stdlib_module_names == {
+        "msgpack",
+        "zenoh",
+        "foreign_host",
+    }
 
 
 def test_it_ignores_a_field_that_it_does_not_know():
@@ -91,10 +121,16 @@ def test_its_digest_of_mail_is_ours():
         Reply("cat_01", 2, Where(), No("é" * 300)),
         Reply("cat_01", 3, Where(), Offer(0.1, -0.0, 2.0**40)),
     ]
-    on_the_wire = msgpack.unpackb(pack([[*heard], [(reply.sender, reply.number, reply.body) for reply in replies]]))
+    on_the_wire = msgpack.unpackb(
+        pack([[*heard], [(reply.sender, reply.number, reply.body) for reply in replies]])
+    )
     requests = foreign_host.in_order(on_the_wire[0])
-    assert [request[0] for request in requests] == [request.sender for request in in_hearing_order(heard)]
-    assert foreign_host.digest_of(requests, on_the_wire[1]) == digest_of(Mail(in_hearing_order(heard), replies))
+    assert [request[0] for request in requests] == [
+        request.sender for request in in_hearing_order(heard)
+    ]
+    assert foreign_host.digest_of(requests, on_the_wire[1]) == digest_of(
+        Mail(in_hearing_order(heard), replies)
+    )
     assert foreign_host.digest_of([], []) == digest_of(Mail())
 
 
@@ -104,22 +140,40 @@ def test_its_field_is_ours(number):
     scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number, **ONE_WAY)
     layout, route = lay_out(scenario), OneWay(lay_out(scenario))
     field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")
-    assert (field.D, field.F, field.FULL, field.PICKER) == (route.D_ROAD, route.F_ROAD, route.FULL_BIN, route.WAITING)
+    assert (field.D, field.F, field.FULL, field.PICKER) == (
+        route.D_ROAD,
+        route.F_ROAD,
+        route.FULL_BIN,
+        route.WAITING,
+    )
     assert (route.COUPLING, layout.queue.turn_off) == (field.COUPLES, field.TURN_OFF)
     assert (field.STOP, field.HOLD, field.CLEAR) == (route.STOP, route.HOLD, route.CLEAR)
-    assert (field.bottom_d, field.bottom_f, field.top_clear) == (route.outer_bottom, route.inner_bottom, route.top_clear)
+    assert (field.bottom_d, field.bottom_f, field.top_clear) == (
+        route.outer_bottom,
+        route.inner_bottom,
+        route.top_clear,
+    )
     assert (field.HEAD, field.line) == (layout.queue.head, layout.queue.place(number - 1).y)
     for lane in layout.lanes:
         assert field.lane(lane.number) == lane.y
         for side in ("east", "west"):
             distance = route.distance(30.0, 20.0, lane.number, route.sides[side])
-            assert field.distance(30.0, 20.0, lane.number, field.side(side)) == pytest.approx(distance)
+            assert field.distance(30.0, 20.0, lane.number, field.side(side)) == pytest.approx(
+                distance
+            )
 
 
 def test_its_bodies_are_ours():
     own, others = KINDS["carrier"], {name: KINDS[name] for name in PEOPLE + ANIMALS}
-    assert {name: (kind.length, kind.width, kind.speed) for name, kind in others.items()} == foreign_carrier.BYSTANDERS
-    sizes = (foreign_carrier.LENGTH, foreign_carrier.WIDTH, foreign_carrier.TOWS, foreign_carrier.BIN)
+    assert {
+        name: (kind.length, kind.width, kind.speed) for name, kind in others.items()
+    } == foreign_carrier.BYSTANDERS
+    sizes = (
+        foreign_carrier.LENGTH,
+        foreign_carrier.WIDTH,
+        foreign_carrier.TOWS,
+        foreign_carrier.BIN,
+    )
     assert sizes == (own.length, own.width, own.tows, KINDS["bin"].length)
 
 
@@ -138,14 +192,27 @@ class Walker:
         self.asked += 1
         free = not AHEAD.is_occupied(seen)
         hold = Hold(seen.tick + foreign_holder.HELD, watch=(AHEAD,))
-        return Action(Twist(0.5 if free else 0.0, 0.0, 0.0 if free else 0.5), doing="walking", state="driving", hold=hold)
+        return Action(
+            Twist(0.5 if free else 0.0, 0.0, 0.0 if free else 0.5),
+            doing="walking",
+            state="driving",
+            hold=hold,
+        )
 
 
 def test_a_foreign_client_holds_its_velocity(fleet):
     walker = Walker()
     local = played(Local(SCENARIO, {"worker_01": walker}), TICKS)
     assert TICKS / foreign_holder.HELD < walker.asked < TICKS / 5, "its zone ended some holds"
-    others = [word for name in local.engine.layout.agents if name != "worker_01" for word in ("--absent", name)]
+    others = [
+        word
+        for name in local.engine.layout.agents
+        if name != "worker_01"
+        for word in ("--absent", name)
+    ]
     fleet.physics(SCENARIO, "--duration", str(TICKS / 10), *others)
-    assert python("-I", foreign_holder.__file__, fleet.endpoint, "worker_01").stdout == f"{walker.asked} {TICKS}\n"
+    assert (
+        python("-I", foreign_holder.__file__, fleet.endpoint, "worker_01").stdout
+        == f"{walker.asked} {TICKS}\n"
+    )
     assert fleet.end() == local.engine.hash

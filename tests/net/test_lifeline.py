@@ -44,7 +44,9 @@ os._exit(0)
 def test_a_process_that_does_not_end_when_asked_ends_when_its_parent_is_gone(tmp_path):
     (tmp_path / "child.py").write_text(CHILD)
     there = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
-    subprocess.run([sys.executable, "-c", PARENT], cwd=tmp_path, env=there, timeout=SECONDS, check=True)
+    subprocess.run(
+        [sys.executable, "-c", PARENT], cwd=tmp_path, env=there, timeout=SECONDS, check=True
+    )
     child = int((tmp_path / "pid").read_text())
     if psutil.pid_exists(child):
         process = psutil.Process(child)
@@ -57,7 +59,13 @@ def test_a_process_that_does_not_end_when_asked_ends_when_its_parent_is_gone(tmp
 
 @pytest.mark.parametrize(
     ("body", "exit_code", "code"),
-    [("return 0", 0, 0), ("return 2", 2, 2), ("os._exit(0)", 0, None), ("os._exit(100)", 100, None), ("os._exit(2)", 2, None)],
+    [
+        ("return 0", 0, 0),
+        ("return 2", 2, 2),
+        ("os._exit(0)", 0, None),
+        ("os._exit(100)", 100, None),
+        ("os._exit(2)", 2, None),
+    ],
 )
 def test_only_a_process_that_ends_by_itself_says_so(body, exit_code, code, tmp_path, monkeypatch):
     program = f"""\
@@ -73,7 +81,10 @@ sys.exit(run_process("child", RouterOptions, None, body))
     with Supervisor(print) as supervisor:
         supervisor.start(ProcessSpec("child", "child", [], again=True))
         supervisor.wait(SECONDS)
-        assert (supervisor.exit_code("child"), supervisor.running["child"].line.code) == (exit_code, code)
+        assert (supervisor.exit_code("child"), supervisor.running["child"].line.code) == (
+            exit_code,
+            code,
+        )
         assert supervisor.is_over("child") == (code == 0)
         assert supervisor.has_refused() == (code == 2)
 
@@ -99,8 +110,13 @@ def test_who_thinks_for_too_long_is_named_with_the_place(told):
             assert told.there.wait(30.0)
             return Action(memory=memory)
 
-    host = SimpleNamespace(thinking="picker_01", latest=SimpleNamespace(tick=7), runners=["bin_02", "picker_01"])
+    host = SimpleNamespace(
+        thinking="picker_01", latest=SimpleNamespace(tick=7), runners=["bin_02", "picker_01"]
+    )
     process.monitor(host, seconds=0.05)
     Guard("picker_01", Brooding(), ["picker_01"]).tick(without_body("picker_01", 7), Mail(), None)
     host.thinking = ""
-    assert re.fullmatch(rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand: bin_02", told.words[0])
+    assert re.fullmatch(
+        rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand: bin_02",
+        told.words[0],
+    )

@@ -20,7 +20,9 @@ from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
 
-SLOW = pytest.param(2, "calling_agents:slow", marks=pytest.mark.processes)  # slow agents and slow handlers
+SLOW = pytest.param(
+    2, "calling_agents:slow", marks=pytest.mark.processes
+)  # slow agents and slow handlers
 
 
 @pytest.mark.parametrize(("hosts", "agents"), [(1, TOY), (2, TOY), (AGENTS, TOY), SLOW])
@@ -37,7 +39,11 @@ def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     client.session.declare_subscriber("**", lambda sample: heard.put(str(sample.key_expr)))
     fleet.share(2, TOY)
     assert fleet.end() == undisturbed
-    missing = {client.keys.of(what, name) for name in lay_out(SMALL).names for what in ("pose", "scan", "velocity")}
+    missing = {
+        client.keys.of(what, name)
+        for name in lay_out(SMALL).names
+        for what in ("pose", "scan", "velocity")
+    }
     until(heard, lambda key: missing.discard(key) or not missing)
 
 
@@ -51,8 +57,13 @@ def test_a_robot_stands_until_someone_drives_it(fleet):
     while pose["pose"]["position"]["x"] < -34.5:
         someone.drive("picker_01", pose["tick"], 0.5)
         pose = until(poses, lambda pose: True)
-    standing = until(poses, lambda later: later["tick"] > pose["tick"] + 10 and later["twist"]["linear"]["x"] == 0.0)
-    assert standing["pose"]["position"]["x"] < -33.0, "half a second after the last velocity it stands"
+    standing = until(
+        poses,
+        lambda later: later["tick"] > pose["tick"] + 10 and later["twist"]["linear"]["x"] == 0.0,
+    )
+    assert standing["pose"]["position"]["x"] < -33.0, (
+        "half a second after the last velocity it stands"
+    )
     assert someone.quit()["state"] == "quitting"
     fleet.end()
 
@@ -60,26 +71,54 @@ def test_a_robot_stands_until_someone_drives_it(fleet):
 def test_only_the_owner_drives_a_robot(fleet):
     fleet.physics(SMALL, "--absent", "picker_02", "--speed", "20")
     someone = fleet.client()
-    figures, clock, told = (someone.hear(f"orchard/{key}") for key in ("figures", "clock", "refusals"))
+    figures, clock, told = (
+        someone.hear(f"orchard/{key}") for key in ("figures", "clock", "refusals")
+    )
     fleet.host("--without", "picker_02", agents=TOY)
     tick = until(clock, lambda message: True)["tick"]
     someone.drive("picker_01", tick, 1.0)
     someone.drive("picker_02", tick, 1.0, owner="me")
     someone.drive("picker_02", tick, 1.0, owner="me")
-    someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0})
-    someone.put("orchard/picker_02/velocity", tick=tick + 10**6, linear={"x": 0.0}, angular={"z": 0.0})
-    someone.put("orchard/picker_02/velocity", tick=tick, linear={"x": float("nan")}, angular={"z": 0.0})
+    someone.put(
+        "orchard/picker_02/velocity", tick=tick, linear={"x": 0.0, "y": 1.0}, angular={"z": 0.0}
+    )
+    someone.put(
+        "orchard/picker_02/velocity", tick=tick + 10**6, linear={"x": 0.0}, angular={"z": 0.0}
+    )
+    someone.put(
+        "orchard/picker_02/velocity", tick=tick, linear={"x": float("nan")}, angular={"z": 0.0}
+    )
     someone.put("orchard/picker_99/velocity", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
-    someone.put("orchard/picker_02/velocity", run="another", tick=tick, linear={"x": 0.0}, angular={"z": 0.0})
-    wanted = {"not the owner", "not owned", "out of bounds", "future tick", "malformed", "no such robot", "other run"}
-    refused = until(figures, lambda message: sum(message["messages_refused"].values()) > len(wanted))["messages_refused"]
+    someone.put(
+        "orchard/picker_02/velocity",
+        run="another",
+        tick=tick,
+        linear={"x": 0.0},
+        angular={"z": 0.0},
+    )
+    wanted = {
+        "not the owner",
+        "not owned",
+        "out of bounds",
+        "future tick",
+        "malformed",
+        "no such robot",
+        "other run",
+    }
+    refused = until(
+        figures, lambda message: sum(message["messages_refused"].values()) > len(wanted)
+    )["messages_refused"]
     assert refused == dict.fromkeys(wanted, 1) | {"not owned": 2}
     said = [told.get(timeout=SECONDS) for _ in wanted]
-    assert {refusal["reason"]: refusal["key"] for refusal in said} == dict.fromkeys(wanted, "orchard/picker_02/velocity") | {
+    assert {refusal["reason"]: refusal["key"] for refusal in said} == dict.fromkeys(
+        wanted, "orchard/picker_02/velocity"
+    ) | {
         "not the owner": "orchard/picker_01/velocity",
         "no such robot": "orchard/picker_99/velocity",
     }
-    assert {refusal["reason"]: refusal["session"] for refusal in said} == dict.fromkeys(wanted, "") | {"not owned": "me"}
+    assert {refusal["reason"]: refusal["session"] for refusal in said} == dict.fromkeys(
+        wanted, ""
+    ) | {"not owned": "me"}
     assert told.empty(), "each key and reason once a second"
     fleet.stop()
 
@@ -134,7 +173,9 @@ def memory_in(velocities):
 def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
     fleet.physics(SMALL, "--patience", "0.5", "--speed", "10")
     someone = fleet.client()
-    lost, poses, velocities = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/pose", "hosts/*/velocities"))
+    lost, poses, velocities = (
+        someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/pose", "hosts/*/velocities")
+    )
     fleet.host("--without", "picker_01", agents=TOY)
     killed = fleet.host("--only", "picker_01", agents=TOY)
     before = until(velocities, lambda message: message["tick"] >= 5 and memory_in(message))
@@ -162,7 +203,9 @@ def test_hosts_leave_when_physics_is_gone(fleet):
 def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
     fleet.physics(SMALL)
     host = fleet.host("--without", "picker_02", agents=TOY)
-    assert any(fleet.world.error() == "physics: waiting for 1 agents: picker_02\n" for _ in range(10))
+    assert any(
+        fleet.world.error() == "physics: waiting for 1 agents: picker_02\n" for _ in range(10)
+    )
     begun = time.monotonic()
     host.signal(signal.SIGTERM)
     fleet.stop()
@@ -175,9 +218,18 @@ def test_bins_and_physics_answer_questions(fleet):
     states = someone.hear("orchard/bin_01/state")
     fleet.host(agents=TOY)
     published = until(states, lambda state: True)
-    assert (published["full"], published["fill"], published["coupled_to"]) == (False, 0.0, "picker_01")
+    assert (published["full"], published["fill"], published["coupled_to"]) == (
+        False,
+        0.0,
+        "picker_01",
+    )
     assert someone.ask("orchard/bin_01/state")[0]["coupled_to"] == "picker_01"
-    assert "other run" in someone.ask("orchard/set_simulation_state", msgpack.packb({"run": "another", "state": "quitting"}))[0]
+    assert (
+        "other run"
+        in someone.ask(
+            "orchard/set_simulation_state", msgpack.packb({"run": "another", "state": "quitting"})
+        )[0]
+    )
     answer = someone.ask("orchard/scenario")[0]
     assert answer["run"] == fleet.run
     assert Scenario.model_validate(answer["scenario"]) == SMALL
@@ -213,13 +265,18 @@ def test_agents_load_neither_the_compiler_nor_the_viewer():
     assert python("-c", code).stdout == "set()\n"
 
 
-def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(fleet, undisturbed, tmp_path):
+def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(
+    fleet, undisturbed, tmp_path
+):
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fleet.router(endpoint)
     fleet.physics(SMALL, "--duration", str(TICKS / 10), "--connect", endpoint)
     assert f"waiting for {AGENTS} agents" in fleet.world.error()
     code, _, said = fleet.start("orchard.processes.physics", "--connect", endpoint).end()
     assert code == 2
-    assert f"run {fleet.run} is active there, with prefix orchard; choose another router or prefix" in said
+    assert (
+        f"run {fleet.run} is active there, with prefix orchard; choose another router or prefix"
+        in said
+    )
     fleet.share(2, TOY)
     assert fleet.end() == undisturbed

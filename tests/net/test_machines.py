@@ -19,7 +19,12 @@ pytestmark = pytest.mark.processes
 
 PORT = 7447
 MIDDLE = [f"tcp/192.168.{n}.10:{PORT}" for n in (1, 2, 3)]  # the router, as each guest finds it
-PACE = ("--speed", "5", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
+PACE = (
+    "--speed",
+    "5",
+    "--duration",
+    str(TICKS / 10),
+)  # slow enough that a fault meets the run where it shall
 DOWN = 5.0  # s, for which links are down
 
 
@@ -30,7 +35,9 @@ def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(fle
         first, second, _ = MIDDLE
         fleet.physics(SMALL, "--connect", first, "--duration", str(TICKS / 10), before=within(one))
         fleet.host("--only", "bin", "--only", "traffic", endpoint=first, before=within(one))
-        fleet.host("--without", "bin", "--without", "traffic", endpoint=second, before=within(other))
+        fleet.host(
+            "--without", "bin", "--without", "traffic", endpoint=second, before=within(other)
+        )
         assert fleet.end() == local_hash(SMALL, TICKS)
         routing.signal(signal.SIGTERM)
         assert routing.end(10.0)[0] == 0
@@ -48,7 +55,9 @@ def test_links_that_are_down_for_five_seconds_change_nothing(fleet, undisturbed)
         for tick, guest in ((20, 2), (60, 1)):
             until(clock, lambda message, tick=tick: message["tick"] >= tick)
             with unplugged(middle, guest), pytest.raises(queue.Empty):
-                until(clock, lambda message, tick=tick: message["tick"] >= tick + 10 * DOWN, DOWN)  # five times as many would have come
+                until(
+                    clock, lambda message, tick=tick: message["tick"] >= tick + 10 * DOWN, DOWN
+                )  # five times as many would have come
         assert fleet.end() == undisturbed
 
 
@@ -57,7 +66,9 @@ def test_a_slow_link_changes_nothing(fleet, undisturbed):
     with machines("a") as (host, guest):
         slowed(host, 1, "rate", "8mbit", "burst", "16kb", "latency", "200ms")
         fleet.physics(SMALL, *PACE, "--listen", f"tcp/0.0.0.0:{PORT}", before=within(host))
-        fleet.host("--share", "0/2", agents=TOY, endpoint=f"tcp/127.0.0.1:{PORT}", before=within(host))
+        fleet.host(
+            "--share", "0/2", agents=TOY, endpoint=f"tcp/127.0.0.1:{PORT}", before=within(host)
+        )
         fleet.host("--share", "1/2", agents=TOY, endpoint=MIDDLE[0], before=within(guest))
         assert fleet.end() == undisturbed
 
@@ -65,7 +76,16 @@ def test_a_slow_link_changes_nothing(fleet, undisturbed):
 @needs_machines
 def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tmp_path):
     first, second = commands(block("docs/how-to.md", "two machines"))
-    first += ["--rows", "3", "--duration", "60", "--record", "none", "--summary", str(tmp_path / "summary.json")]
+    first += [
+        "--rows",
+        "3",
+        "--duration",
+        "60",
+        "--record",
+        "none",
+        "--summary",
+        str(tmp_path / "summary.json"),
+    ]
     with machines("a") as (host, guest):
         run_both(host, first, guest, second)
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 600)
@@ -74,7 +94,9 @@ def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tm
 def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
     path = tmp_path / "summary.json"
     left = ["--without", "carrier", "--without", "picker_01"]
-    with starting("--rows", 3, *left, "--duration", 5, "--record", "none", "--summary", path) as run:
+    with starting(
+        "--rows", 3, *left, "--duration", 5, "--record", "none", "--summary", path
+    ) as run:
         typed = shlex.split(line_with("left to other processes: ", run).partition("processes: ")[2])
         said = line_with("waiting for", run)
         assert "carrier_01, carrier_02" in said
@@ -87,8 +109,14 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
 
 
 MISTAKES = [
-    (["--connect", "tcp/127.0.0.1:9", "--only", "carrier"], "tcp/127.0.0.1:9: no router answers there"),
-    (["--connect", "tcp/127.0.0.1:9", "--record", "none"], "tcp/127.0.0.1:9: no router answers there"),
+    (
+        ["--connect", "tcp/127.0.0.1:9", "--only", "carrier"],
+        "tcp/127.0.0.1:9: no router answers there",
+    ),
+    (
+        ["--connect", "tcp/127.0.0.1:9", "--record", "none"],
+        "tcp/127.0.0.1:9: no router answers there",
+    ),
     (["--connect", "tcp/127.0.0.1:9", "--only", "carrier", "--rows", "3"], "leave out --rows"),
     (["--listen", "nonsense"], "nonsense: not an endpoint"),
     (["--listen", "tcp/127.0.0.1:99999"], "tcp/127.0.0.1:99999: 99999 is not a port"),
@@ -107,5 +135,7 @@ def test_what_cannot_be_is_named_within_ten_seconds(arguments, named):
 
 def test_a_port_in_use_is_named():
     with router() as taken:
-        done = orchard("--rows", 3, "--record", "none", "--listen", taken.endpoint, code=2, seconds=30)
+        done = orchard(
+            "--rows", 3, "--record", "none", "--listen", taken.endpoint, code=2, seconds=30
+        )
     assert f"{taken.endpoint}: cannot listen there; the port is in use" in done.stderr

@@ -48,7 +48,12 @@ def test_requests_are_heard_in_one_order_whatever_the_order_of_arrival():
     box = mailbox()
     for sender, number in [("bin_02", 1), ("bin_03", 0), ("bin_02", 0), ("bin_01", 3)]:
         box.hear("picker_01", Query(letter(sender, 4, number)))
-    assert [(heard.sender, heard.number) for heard in heard_at(box, 5)] == [("bin_01", 3), ("bin_02", 0), ("bin_02", 1), ("bin_03", 0)]
+    assert [(heard.sender, heard.number) for heard in heard_at(box, 5)] == [
+        ("bin_01", 3),
+        ("bin_02", 0),
+        ("bin_02", 1),
+        ("bin_03", 0),
+    ]
 
 
 def test_a_query_that_nobody_answers_is_told_so_in_the_tick_in_which_it_is_heard():
@@ -102,7 +107,10 @@ def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
     (heard,) = heard_at(box, 5)
     box.close()
     box.deliver(6)
-    box.write("picker_01", Action(answers=[(heard, Yes()), (Heard("bin_09", 5, 0, StateRequest()), Yes())]))
+    box.write(
+        "picker_01",
+        Action(answers=[(heard, Yes()), (Heard("bin_09", 5, 0, StateRequest()), Yes())]),
+    )
     assert query.replies[1:] == [Answered(RUN, 5, None)]
 
 
@@ -122,7 +130,9 @@ def test_a_tick_waits_for_every_request_of_the_last_one_of_which_physics_tells()
     box.hear("picker_01", Query(letter("bin_01", 4, 0)))
     box.hear("picker_01", Query(letter("bin_02", 4, 2)))
     box.hear("picker_01", Query(letter("bin_02", 5, 3)))
-    assert not box.is_settled(5, expected), "the one is of another number, the other of another tick"
+    assert not box.is_settled(5, expected), (
+        "the one is of another number, the other of another tick"
+    )
     assert box.doubts(5, expected)
     box.hear("picker_01", Query(letter("bin_02", 4, 3)))
     assert box.is_settled(5, expected) and not box.doubts(5, expected)
@@ -184,7 +194,10 @@ def test_who_joins_again_forgets_all_mail():
 def test_an_agent_has_one_owner_until_that_one_is_gone():
     one = roster(("picker_01", "a"))
     one.token("picker_01", "b", True)
-    assert one.may_join("picker_01", "b") == "it is taken, by session a; a run that is started --without picker_01 leaves it to others"
+    assert (
+        one.may_join("picker_01", "b")
+        == "it is taken, by session a; a run that is started --without picker_01 leaves it to others"
+    )
     assert one.may_join("picker_01", "a") == ""
     one.token("picker_01", "a", False)
     assert one.may_join("picker_01", "b") == ""
@@ -212,7 +225,11 @@ def action(owner="a", tick=3, x=1.0):
 def test_a_tick_takes_one_answer_from_each_owner():
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), Clock())
     answers.open(3)
-    for wrong, reason in [(action("b"), "not the owner"), (action(tick=2), "past tick"), (action(tick=4), "future tick")]:
+    for wrong, reason in [
+        (action("b"), "not the owner"),
+        (action(tick=2), "past tick"),
+        (action(tick=4), "future tick"),
+    ]:
         with pytest.raises(Refused, match=reason):
             answers.take("picker_01", *wrong)
     answers.take("picker_01", *action())
@@ -224,7 +241,10 @@ def test_a_tick_takes_one_answer_from_each_owner():
 def test_nobody_answers_in_anothers_place():
     """Of the copies of a tick's letters only the answer of the one that was asked counts."""
     asked, given = Written([("bin_01", StateRequest())], []), [Given("picker_01", 3, 0, Yes())]
-    for answers, body in (({"bin_02": Written([], given)}, None), ({"bin_01": Written([], given)}, Yes())):
+    for answers, body in (
+        ({"bin_02": Written([], given)}, None),
+        ({"bin_01": Written([], given)}, Yes()),
+    ):
         (reply,) = LocalMail({3: {"picker_01": asked}, 4: answers}).deliver(5)["picker_01"].replies
         assert (reply.sender, reply.body) == ("bin_01", body)
 

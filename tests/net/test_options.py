@@ -26,26 +26,42 @@ ORDERS = [
 @pytest.mark.parametrize(("options", "words"), ORDERS)
 def test_a_command_line_and_a_json_line_give_the_same_options(options, words, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO(msgspec.json.encode(options).decode() + "\n"))
-    assert read_options(type(options), "module", words) == read_options(type(options), "module", [FROM_STDIN]) == options
+    assert (
+        read_options(type(options), "module", words)
+        == read_options(type(options), "module", [FROM_STDIN])
+        == options
+    )
 
 
 MISTAKES = [
-    (RunOptions, ["--mode", "sideways"], "--mode: sideways: expected lockstep|realtime: wait for all agents, or for none"),
+    (
+        RunOptions,
+        ["--mode", "sideways"],
+        "--mode: sideways: expected lockstep|realtime: wait for all agents, or for none",
+    ),
     (RunOptions, ["--patience", "nan"], "--patience: nan: expected SECONDS: wall time, above 0"),
     (RunOptions, ["--listen", HERE, "--connect", HERE], "give --listen or --connect"),
     (HostOptions, [], "the following arguments are required: --connect"),
-    (HostOptions, ["--connect", HERE, "--patience", "0"], "--patience: 0: expected SECONDS: time that physics may be gone, above 0"),
+    (
+        HostOptions,
+        ["--connect", HERE, "--patience", "0"],
+        "--patience: 0: expected SECONDS: time that physics may be gone, above 0",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("kind", "words", "told"), MISTAKES)
-def test_what_is_wrong_in_a_command_line_is_told_with_what_would_be_right(kind, words, told, capsys):
+def test_what_is_wrong_in_a_command_line_is_told_with_what_would_be_right(
+    kind, words, told, capsys
+):
     with pytest.raises(SystemExit, match="2"):
         read_options(kind, "module", words)
     assert told in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("host", "family"), [("127.0.0.1", socket.AF_INET), ("[::1]", socket.AF_INET6)])
+@pytest.mark.parametrize(
+    ("host", "family"), [("127.0.0.1", socket.AF_INET), ("[::1]", socket.AF_INET6)]
+)
 def test_port_0_becomes_a_port_that_is_free(host, family):
     try:
         with socket.socket(family) as probe:
@@ -63,7 +79,9 @@ def test_a_port_that_is_given_is_taken_as_it_is():
 
 def test_other_machines_reach_all_addresses_at_one_of_this_machine(monkeypatch):
     assert from_elsewhere("tcp/192.168.1.10:7447") == "tcp/192.168.1.10:7447"
-    monkeypatch.setitem(OUTSIDE, "0.0.0.0", "127.0.0.9")  # the way to this address begins at 127.0.0.1 on any machine
+    monkeypatch.setitem(
+        OUTSIDE, "0.0.0.0", "127.0.0.9"
+    )  # the way to this address begins at 127.0.0.1 on any machine
     assert from_elsewhere("tcp/0.0.0.0:7447") == "tcp/127.0.0.1:7447"
 
 

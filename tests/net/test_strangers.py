@@ -20,13 +20,26 @@ from orchard.wire.messages import Answered, Joined, Recalled, Received, Simulati
 
 
 def test_replies_to_requests_are_refused_unless_they_are_answers(other):
-    host, asked, thrown = Run(SMALL, RUN, 1).host, SentRequest("bin_01", 7, 0, "picker_01", StateRequest()), 0
+    host, asked, thrown = (
+        Run(SMALL, RUN, 1).host,
+        SentRequest("bin_01", 7, 0, "picker_01", StateRequest()),
+        0,
+    )
     for _, payload in bad(other, "mail", 4000, 3):
         host.handle(Replied(asked, payload, ""))
         thrown += 1
     stale = [Received(RUN, 6), Received(RUN, 8), Answered(RUN, 8, None)]
-    offers = [{"type": "offer", "x": value, "y": 0.0, "distance": 1.0} for value in (math.nan, math.inf, 1e9)]
-    for payload in [*map(pack, stale), *(msgpack.packb({"type": "answered", "run": RUN, "tick": 8, "body": body}) for body in offers)]:
+    offers = [
+        {"type": "offer", "x": value, "y": 0.0, "distance": 1.0}
+        for value in (math.nan, math.inf, 1e9)
+    ]
+    for payload in [
+        *map(pack, stale),
+        *(
+            msgpack.packb({"type": "answered", "run": RUN, "tick": 8, "body": body})
+            for body in offers
+        ),
+    ]:
         host.handle(Replied(asked, payload, ""))
         thrown += 1
     assert host.refusals.counts.total() == thrown
@@ -46,38 +59,64 @@ class Crowd(StandIn):
 
 
 @pytest.mark.parametrize(
-    ("what", "type_"), [("join", Joined), ("recall", Recalled), ("stop", Stopped), ("step_simulation", SimulationState)]
+    ("what", "type_"),
+    [
+        ("join", Joined),
+        ("recall", Recalled),
+        ("stop", Stopped),
+        ("step_simulation", SimulationState),
+    ],
 )
 def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
     good, refusals = rewritten(example, run=RUN), Refusals()
     bads = [payload for _, payload in bad(other, what, 500, 4)]
     crowd = Crowd([*bads, good])
-    reply = ask(crowd, KEYS.of(what), b"", lambda payload: read_message(payload, type_, RUN), refusals=refusals)
+    reply = ask(
+        crowd,
+        KEYS.of(what),
+        b"",
+        lambda payload: read_message(payload, type_, RUN),
+        refusals=refusals,
+    )
     assert reply.run == RUN
     assert refusals.counts.total() == len(bads)
 
 
 def test_a_newcomer_hears_physics_among_others(other):
     good = next(p for _, p in other["scenario"])
-    assert fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), good]), KEYS).run == "other"
+    assert (
+        fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), good]), KEYS).run
+        == "other"
+    )
 
 
 def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):
     refusals = Refusals()
     for number in range(3000):
-        refusals.note(f"orchard/{number}\x1b[2J{'x' * 60_000}/velocity", Refused("malformed", "\x1b[2J\n" + "y" * 100_000))
+        refusals.note(
+            f"orchard/{number}\x1b[2J{'x' * 60_000}/velocity",
+            Refused("malformed", "\x1b[2J\n" + "y" * 100_000),
+        )
     assert refusals.counts == {"malformed": 3000}
     assert len(refusals._logged) == 1000
     assert all(len(key) <= 200 and key.isprintable() for key, _ in refusals._logged)
-    assert all(len(record.getMessage()) < 500 and record.getMessage().isprintable() for record in caplog.records)
+    assert all(
+        len(record.getMessage()) < 500 and record.getMessage().isprintable()
+        for record in caplog.records
+    )
 
 
 def test_reasons_and_sessions_that_are_made_up_are_bounded():
     physics = Run(SMALL, "run1", 1).physics
     for number in range(3000):
         count = {"malformed": 1} if number % 2 else {f"reason {number}": 1}
-        physics.bus.inbox.put(Sample(f"orchard/hosts/made{number}/refused", msgpack.packb({"run": "run1", "counts": count})))
+        physics.bus.inbox.put(
+            Sample(
+                f"orchard/hosts/made{number}/refused",
+                msgpack.packb({"run": "run1", "counts": count}),
+            )
+        )
         physics.bus.inbox.put(Alive(f"orchard/alive/picker_01/s{number}{'x' * 100}", True))
     while physics.arrivals.take(0.0):
         pass

@@ -26,13 +26,53 @@ from orchard.optimum.schedule import optimum
 ORCHARDS: list[dict[str, Any]] = [
     {"rows": 3, "pickers": 2, "carriers": 1},
     {"rows": 6, "pickers": 6, "carriers": 8, "route": "two-way", "row_length": 30.0},
-    {"rows": 8, "pickers": 3, "carriers": 4, "rows_to_pickers": "balanced-ends", "picking_speed": 0.3},
-    {"rows": 7, "pickers": 3, "carriers": 2, "route": "two-way", "rows_to_pickers": "manual", "bay": 30.0},
-    {"rows": 4, "pickers": 2, "carriers": 3, "metres_per_bin": 30.0, "order_in_row": "outward", "picking_speed": 0.02},
-    {"rows": 5, "pickers": 2, "carriers": 2, "bins_per_row": 0.7, "route": "two-way", "rows_to_pickers": "balanced-ends"},
-    {"rows": 5, "pickers": 4, "carriers": 3, "picking_speed": 0.5, "picking": {"spread": {"distribution": "gamma", "cv": 0.3}}},
     {
-        **{"rows": 8, "pickers": 4, "carriers": 3, "row_length": 30.0, "route": "two-way", "chargers": 2},
+        "rows": 8,
+        "pickers": 3,
+        "carriers": 4,
+        "rows_to_pickers": "balanced-ends",
+        "picking_speed": 0.3,
+    },
+    {
+        "rows": 7,
+        "pickers": 3,
+        "carriers": 2,
+        "route": "two-way",
+        "rows_to_pickers": "manual",
+        "bay": 30.0,
+    },
+    {
+        "rows": 4,
+        "pickers": 2,
+        "carriers": 3,
+        "metres_per_bin": 30.0,
+        "order_in_row": "outward",
+        "picking_speed": 0.02,
+    },
+    {
+        "rows": 5,
+        "pickers": 2,
+        "carriers": 2,
+        "bins_per_row": 0.7,
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
+    },
+    {
+        "rows": 5,
+        "pickers": 4,
+        "carriers": 3,
+        "picking_speed": 0.5,
+        "picking": {"spread": {"distribution": "gamma", "cv": 0.3}},
+    },
+    {
+        **{
+            "rows": 8,
+            "pickers": 4,
+            "carriers": 3,
+            "row_length": 30.0,
+            "route": "two-way",
+            "chargers": 2,
+        },
         **{"carrying": {"battery": {"hours": 0.2, "hours_to_charge": 0.1, "reserve": 0.75}}},
     },
 ]
@@ -55,9 +95,17 @@ def test_no_policy_beats_what_is_proven(values):
     bin_metres=st.sampled_from([None, None, 30.0]),
     policy=st.sampled_from(DISPATCH_POLICIES),
 )
-def test_no_random_harvest_beats_what_is_proven(rows, fleet, speed, route, rule, bin_metres, policy):
+def test_no_random_harvest_beats_what_is_proven(
+    rows, fleet, speed, route, rule, bin_metres, policy
+):
     work = {"picking_speed": speed, "metres_per_bin": bin_metres, "row_length": 40.0, "rows": rows}
-    values = {"pickers": min(rows, fleet[0]), "carriers": fleet[1], "route": route, "rows_to_pickers": rule, "dispatch": policy}
+    values = {
+        "pickers": min(rows, fleet[0]),
+        "carriers": fleet[1],
+        "route": route,
+        "rows_to_pickers": rule,
+        "dispatch": policy,
+    }
     layout = lay_out(empty_orchard(**work, **values))
     assert optimum(layout, 0.05).proven_seconds <= DiscreteHarvest(layout).run().seconds
 
@@ -66,21 +114,38 @@ def test_roads_that_robots_share_make_the_bound_longer():
     layout = lay_out(empty_orchard(rows=5, pickers=5, carriers=5, route="two-way"))
     free, shared = optimum(layout, 1.0, free_roads=True), optimum(layout, 1.0)
     assert free.gap == shared.gap == 0.0
-    assert 1.02 * free.proven_seconds < shared.proven_seconds <= DiscreteHarvest(layout).run().seconds
+    assert (
+        1.02 * free.proven_seconds < shared.proven_seconds <= DiscreteHarvest(layout).run().seconds
+    )
 
 
 @pytest.mark.parametrize("values", [{}, {"route": "two-way", "carriers": 2}])
 def test_the_simulator_does_not_beat_it_either(values):
-    scenario = empty_orchard(**{"rows": 3, "pickers": 3, "carriers": 3, "row_length": 20.0} | values)
-    assert 0.8 < optimum(lay_out(scenario), 0.5).proven_seconds / Stage(scenario).run_to_the_end() <= 1.0
+    scenario = empty_orchard(
+        **{"rows": 3, "pickers": 3, "carriers": 3, "row_length": 20.0} | values
+    )
+    assert (
+        0.8
+        < optimum(lay_out(scenario), 0.5).proven_seconds / Stage(scenario).run_to_the_end()
+        <= 1.0
+    )
 
 
-@pytest.mark.parametrize("values", [{"carriers": 1}, {"carriers": 2}, {"rows": 4, "pickers": 3, "carriers": 2, "route": "two-way"}])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"carriers": 1},
+        {"carriers": 2},
+        {"rows": 4, "pickers": 3, "carriers": 2, "route": "two-way"},
+    ],
+)
 def test_another_solver_finds_the_same_optimum(values):
     layout = lay_out(empty_orchard(**{"rows": 4, "pickers": 2} | values))
     found = optimum(layout, 5.0, free_roads=True)
     assert found.gap == 0.0
-    assert found.best_seconds == pytest.approx(0.1 * shortest(jobs_of(layout), layout.scenario.carrier_count), abs=0.05)
+    assert found.best_seconds == pytest.approx(
+        0.1 * shortest(jobs_of(layout), layout.scenario.carrier_count), abs=0.05
+    )
 
 
 def shortest(jobs: list[TimedJob], carriers: int) -> float:
@@ -88,7 +153,10 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
     pair which of them comes first, if one carrier does both."""
     count, pairs = len(jobs), list(combinations(range(len(jobs)), 2))
     late = float(sum(job.ready + job.approach + job.to_bay + job.to_head for job in jobs))
-    end, carrier = count, np.arange(count + 1, count + 1 + count * carriers).reshape(count, carriers)
+    end, carrier = (
+        count,
+        np.arange(count + 1, count + 1 + count * carriers).reshape(count, carriers),
+    )
     first = range(carrier.max() + 1, carrier.max() + 1 + len(pairs))
     rows: list[np.ndarray] = []
     least: list[float] = []
@@ -101,19 +169,34 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
 
     for i, job in enumerate(jobs):
         is_next = i > 0 and jobs[i - 1].picker == job.picker
-        demand(job.ready + (jobs[i - 1].going_on if is_next else 0), (i, 1), *([(i - 1, -1)] if is_next else []))
+        demand(
+            job.ready + (jobs[i - 1].going_on if is_next else 0),
+            (i, 1),
+            *([(i - 1, -1)] if is_next else []),
+        )
         demand(job.approach, (i, 1))
         demand(job.to_bay + job.to_rest, (end, 1), (i, -1))
         demand(1, *((x, 1) for x in carrier[i]))
     for number, pair in enumerate(pairs):
         for (one, other), sign in ((pair, -late), (pair[::-1], late)):
-            takes = jobs[one].to_bay + jobs[one].to_head + jobs[other].approach - 2 * late + min(sign, 0.0)
+            takes = (
+                jobs[one].to_bay
+                + jobs[one].to_head
+                + jobs[other].approach
+                - 2 * late
+                + min(sign, 0.0)
+            )
             for x, y in zip(carrier[one], carrier[other], strict=True):
                 demand(takes, (other, 1), (one, -1), (first[number], sign), (x, -late), (y, -late))
     is_choice = np.arange(first.stop) > end
     limits = Bounds(0.0, np.where(is_choice, 1.0, late))
     goal = (np.arange(first.stop) == end).astype(float)
-    solved = milp(goal, constraints=LinearConstraint(np.array(rows), np.array(least)), integrality=is_choice, bounds=limits)
+    solved = milp(
+        goal,
+        constraints=LinearConstraint(np.array(rows), np.array(least)),
+        integrality=is_choice,
+        bounds=limits,
+    )
     assert solved.success
     return float(solved.fun)
 
@@ -133,7 +216,10 @@ def test_the_same_question_has_the_same_answer():
 @pytest.mark.parametrize(
     ("own", "words"),
     [
-        ({"agents": {"picker_01": "own_agents.Eastward"}}, "built-in agents only, and not picker_01"),
+        (
+            {"agents": {"picker_01": "own_agents.Eastward"}},
+            "built-in agents only, and not picker_01",
+        ),
         ({"route": "examples.seams.signalled_route.SignalledRoute"}, "steps of your route: Signal"),
     ],
 )
@@ -144,10 +230,21 @@ def test_what_has_no_bound_is_refused_in_words(own, words):
 
 def test_the_command_bounds_all_rules_and_writes_it(tmp_path, capsys):
     (tmp_path / "my.yaml").write_text("{rows: 4, pickers: 4, carriers: 4}")
-    print_bound(BoundOptions(scenario=str(tmp_path / "my.yaml"), all_rules=True, work=1.0, summary=tmp_path / "bound.json"))
+    print_bound(
+        BoundOptions(
+            scenario=str(tmp_path / "my.yaml"),
+            all_rules=True,
+            work=1.0,
+            summary=tmp_path / "bound.json",
+        )
+    )
     summary = json.loads((tmp_path / "bound.json").read_text())
     rules = summary["rows_to_pickers"]
     assert list(rules) == ["balanced", "balanced-ends", "manual"]
-    assert summary["proven_seconds"] == min(one["proven_seconds"] for one in rules.values()) < rules["balanced"]["proven_seconds"]
+    assert (
+        summary["proven_seconds"]
+        == min(one["proven_seconds"] for one in rules.values())
+        < rules["balanced"]["proven_seconds"]
+    )
     assert Scenario(**summary["scenario"]).rows == 4
     assert "With any of these rules no harvest is shorter than 4:06 min." in capsys.readouterr().out

@@ -50,7 +50,9 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     token.undeclare()
 
 
-def test_a_logger_listens_and_opens_its_recording_before_it_shows_the_token_for_which_the_first_tick_waits(monkeypatch):
+def test_a_logger_listens_and_opens_its_recording_before_it_shows_the_token_for_which_the_first_tick_waits(
+    monkeypatch,
+):
     done, run = [], SimpleNamespace(run="run1", scenario=Scenario(rows=3).model_dump())
     executor = SimpleNamespace(submit=lambda *_: done.append("write"))
     bus = SimpleNamespace(clock=lambda: 0.0, declare_alive=done.append, executor=executor)
@@ -72,17 +74,29 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     def shown(tick):
         world.tick = tick
         frame = builder.frame([])
-        bus.inbox.put(Sample(KEYS.of("bundle"), pack(Bundle("run1", tick, [], [], [picture_of("run1", frame)]))))
+        bus.inbox.put(
+            Sample(
+                KEYS.of("bundle"), pack(Bundle("run1", tick, [], [], [picture_of("run1", frame)]))
+            )
+        )
         return frame
 
     builder.frame([])
     for name in SELDOM:
-        setattr(world, name, np.zeros_like(getattr(world, name)) if getattr(world, name).any() else getattr(world, name) + 1)
+        setattr(
+            world,
+            name,
+            np.zeros_like(getattr(world, name))
+            if getattr(world, name).any()
+            else getattr(world, name) + 1,
+        )
     changed = shown(101)
     builder.forget()
     shown(102)
     bus.inbox.put(Signal(15))
-    Logger(bus, KEYS, "run1", local.engine.layout, queue).run(SimpleNamespace(done=lambda: False, result=lambda: None))
+    Logger(bus, KEYS, "run1", local.engine.layout, queue).run(
+        SimpleNamespace(done=lambda: False, result=lambda: None)
+    )
     assert all(getattr(changed, name) is not None for name in SELDOM)
     assert changed.doing == {}
     assert queue.take().tick == 102
@@ -109,7 +123,10 @@ def test_bundles_hold_each_picture_with_what_was_said_in_its_step_before_the_run
     run.to_the_end()
     sent = [(key.removeprefix("orchard/"), payload) for key, payload in run.net.sent]
     bundles = [read(payload, Bundle) for key, payload in sent if key == "bundle"]
-    told = {what: [payload for key, payload in sent if key == what] for what in ("events", "letters", "picture")}
+    told = {
+        what: [payload for key, payload in sent if key == what]
+        for what in ("events", "letters", "picture")
+    }
     assert told == {
         "events": [pack(message) for bundle in bundles for message in bundle.events],
         "letters": [pack(message) for bundle in bundles for message in bundle.letters],
@@ -127,7 +144,9 @@ def test_bundles_hold_each_picture_with_what_was_said_in_its_step_before_the_run
     assert [frame.tick for frame in frames_] == [*range(1, ticks + 1)]
     assert {event.tick - frame.tick for frame in frames_ for event in frame.events} == {-1}
     said = sum(len(message.events) for bundle in bundles for message in bundle.events)
-    said += sum(len(talk_of(0, message.letters)) for bundle in bundles for message in bundle.letters)
+    said += sum(
+        len(talk_of(0, message.letters)) for bundle in bundles for message in bundle.letters
+    )
     assert sum(len(frame.events) for frame in frames_) == said
 
 
@@ -141,14 +160,20 @@ def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
     fleet.share(2)
     begun = time.monotonic()
     hash_ = fleet.end()
-    assert time.monotonic() - begun < ticks * SECONDS / 3, "the recorder would take 120 s for all of them"
+    assert time.monotonic() - begun < ticks * SECONDS / 3, (
+        "the recorder would take 120 s for all of them"
+    )
     assert hash_ == local_hash(Scenario(rows=3), ticks)
     code, _, complaints = slow.end()
     assert code == 0
     left_out = read_part(file).left_out
     assert left_out > ticks / 3
     assert f"{left_out} frames" in complaints
-    assert missing(file, ticks) == {"recording_parts": ["slow.rrd"], "recording_gaps": [], "messages_dropped": left_out}
+    assert missing(file, ticks) == {
+        "recording_parts": ["slow.rrd"],
+        "recording_gaps": [],
+        "messages_dropped": left_out,
+    }
     assert ticks - left_out > MOST
 
 
@@ -189,7 +214,9 @@ def battered(tmp_path_factory):
     with running("--rows", 3, *pace, "--record", file, "--summary", folder / "summary.json") as run:
         wait_for(lambda: has_begun(file))
         (first,) = loggers_of(run)
-        assert os.sched_getscheduler(first.pid) == os.SCHED_BATCH, "it interrupts those for which the run waits"
+        assert os.sched_getscheduler(first.pid) == os.SCHED_BATCH, (
+            "it interrupts those for which the run waits"
+        )
         first.kill()
         second = next_logger(run, first)
         second.kill()
@@ -224,34 +251,56 @@ def test_a_run_whose_logger_is_battered_ends_well_with_the_same_hash(battered, u
 def test_its_parts_are_one_recording(battered):
     file, summary, printed = battered
     parts = parts_of(file)
-    assert summary["recording_parts"] == [path.name for path in parts] == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
+    assert (
+        summary["recording_parts"]
+        == [path.name for path in parts]
+        == ["run.rrd", "run.part2.rrd", "run.part3.rrd"]
+    )
     assert len({RrdReader(path).recordings()[0].recording_id for path in parts}) == 1
     assert all(len(RrdReader(path).blueprints()) == 1 for path in parts)
     assert printed.strip().splitlines()[-2].endswith(f"view {file}")
 
 
-def test_the_gaps_are_named_in_the_summary_and_in_the_recording_and_are_where_nothing_is(battered, rows):
+def test_the_gaps_are_named_in_the_summary_and_in_the_recording_and_are_where_nothing_is(
+    battered, rows
+):
     _, summary, _ = battered
     gaps = summary["recording_gaps"]
     assert len(gaps) == 2
     told = lines_of(rows)
     for since, until_ in gaps:
-        assert (until_, f"logger: nothing recorded from {since:.1f} s to {until_:.1f} s: the logger was away") in told
+        assert (
+            until_,
+            f"logger: nothing recorded from {since:.1f} s to {until_:.1f} s: the logger was away",
+        ) in told
     times = {round(t, 1) for t, _ in rows["/tf", "Transform3D:translation"]}
     lost = {tick / 10 for tick in range(1, TICKS + 1)} - times
-    assert lost == {tick / 10 for since, until_ in gaps for tick in range(round(since * 10) + 1, round(until_ * 10))}
+    assert lost == {
+        tick / 10
+        for since, until_ in gaps
+        for tick in range(round(since * 10) + 1, round(until_ * 10))
+    }
     assert summary["messages_dropped"] == 0
 
 
 def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, unharmed):
     (_, summary, _), (whole, _) = battered, unharmed
     changed = [
-        key for key, course in whole.items() for since, until_ in summary["recording_gaps"] if any(since < t < until_ for t, _ in course)
+        key
+        for key, course in whole.items()
+        for since, until_ in summary["recording_gaps"]
+        if any(since < t < until_ for t, _ in course)
     ]
-    assert any(entity.startswith("/world/rows") for entity, _ in changed), "a row was picked meanwhile"
+    assert any(entity.startswith("/world/rows") for entity, _ in changed), (
+        "a row was picked meanwhile"
+    )
     for seconds in [until_ for _, until_ in summary["recording_gaps"]] + [TICKS / 10]:
         seen, meant = seen_at(rows, seconds), seen_at(whole, seconds)
-        assert {key: (seen.get(key), meant.get(key)) for key in seen.keys() | meant.keys() if seen.get(key) != meant.get(key)} == {}
+        assert {
+            key: (seen.get(key), meant.get(key))
+            for key in seen.keys() | meant.keys()
+            if seen.get(key) != meant.get(key)
+        } == {}
 
 
 class Notebook:
@@ -275,7 +324,12 @@ class Notebook:
 
 
 def picture(tick: int, **news: object) -> Frame:
-    return Frame(tick, np.zeros((1, 3)), events=[Event(tick - 1, "call", "bin_01", "", f"of tick {tick - 1}")], **news)
+    return Frame(
+        tick,
+        np.zeros((1, 3)),
+        events=[Event(tick - 1, "call", "bin_01", "", f"of tick {tick - 1}")],
+        **news,
+    )
 
 
 def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
@@ -313,7 +367,10 @@ def test_a_recorder_that_never_comes_back_costs_no_more_than_so_many_pictures():
 
 def test_what_is_left_out_leaves_its_news_to_the_next():
     pages = FrameQueue(most=1)
-    doing, picked = {"picker_01": "picking row 1", "bin_01": "empty"}, np.array([[1.0, 0.0, 0.0, 0.0]])
+    doing, picked = (
+        {"picker_01": "picking row 1", "bin_01": "empty"},
+        np.array([[1.0, 0.0, 0.0, 0.0]]),
+    )
     pages.put(picture(1, doing=doing, row_ends=picked, alive=np.array([True])))
     pages.put(picture(2, doing={"bin_01": "full"}, alive=np.array([False])))
     pages.put(picture(3))

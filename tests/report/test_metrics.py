@@ -26,13 +26,18 @@ def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_
     idle = {f"carrier_0{i}": Standing() for i in (1, 2)}
     stage = Stage(empty_orchard(), **idle)
     took = stage.run_until(lambda: bool(stage.account.jam), 900)
-    assert 600 + 70 < took < 600 + 90, "the last thing that happened is a picker that came to its waiting place"
+    assert 600 + 70 < took < 600 + 90, (
+        "the last thing that happened is a picker that came to its waiting place"
+    )
     assert "picker_01 (waiting for an empty bin) waits for bin_01" in stage.account.jam
-    assert any(line.startswith("bin_01 (full, calling) waits for a carrier") for line in stage.account.jam)
+    assert any(
+        line.startswith("bin_01 (full, calling) waits for a carrier") for line in stage.account.jam
+    )
 
 
 @pytest.mark.parametrize(
-    ("stands", "x", "named"), [("worker_01", 38.75, "worker_01 ahead"), ("carrier_02", 41.0, "bin_04 of carrier_02 ahead")]
+    ("stands", "x", "named"),
+    [("worker_01", 38.75, "worker_01 ahead"), ("carrier_02", 41.0, "bin_04 of carrier_02 ahead")],
 )
 def test_a_jam_names_who_is_in_the_way(soon_jammed, stands, x, named):
     orchard = empty_orchard(people=People(workers=1, visitors=0), dispatch=NEAREST)
@@ -93,8 +98,19 @@ def test_the_bottleneck_is_the_part_that_allows_least(changes, bottleneck):
     assert bounds.bins_per_hour == pytest.approx(3600 * bounds.terms[bottleneck])
 
 
-UNEQUAL_ROWS = {"picking": {"spread": {"distribution": "gamma", "cv": 0.3}}, "dispatch": "predictive", "carriers": 8}
-EARLY = {"pickers": 2, "carriers": 7, "row_length": 40.0, "picking_speed": 1.0, "route": "two-way", "rows_to_pickers": "balanced-ends"}
+UNEQUAL_ROWS = {
+    "picking": {"spread": {"distribution": "gamma", "cv": 0.3}},
+    "dispatch": "predictive",
+    "carriers": 8,
+}
+EARLY = {
+    "pickers": 2,
+    "carriers": 7,
+    "row_length": 40.0,
+    "picking_speed": 1.0,
+    "route": "two-way",
+    "rows_to_pickers": "balanced-ends",
+}
 LIMITS = [
     {"picking_speed": 0.05, "seed": 4, **UNEQUAL_ROWS},  # pickers allow together what each allows
     {"picking_speed": 0.05, "seed": 10, **UNEQUAL_ROWS},
@@ -106,28 +122,44 @@ LIMITS = [
 
 @pytest.mark.parametrize("changes", LIMITS)
 def test_the_long_run_comes_near_the_limit_and_keeps_to_it(changes):
-    layout = lay_out(empty_orchard(**{"rows": 4, "pickers": 4, "carriers": 4, "picking_speed": 0.1} | changes))
+    layout = lay_out(
+        empty_orchard(**{"rows": 4, "pickers": 4, "carriers": 4, "picking_speed": 0.1} | changes)
+    )
     assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
 
 
 def test_only_drives_on_which_carriers_can_fail_cost_repairs():
     """On one-way roads they drive home along 54 m of queue, where none fails."""
     fails = {"carrying": {"failure": {"mean_between": 300.0, "mean_repair": 600.0}}}
-    failing, sound = (Bounds(lay_out(empty_orchard(rows=4, route="one-way", **changes))).cycle_seconds for changes in (fails, {}))
+    failing, sound = (
+        Bounds(lay_out(empty_orchard(rows=4, route="one-way", **changes))).cycle_seconds
+        for changes in (fails, {})
+    )
     assert 0.5 * sound < (failing - sound) / 2.0 < sound - 54.0
 
 
 def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says():
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1, dispatch=NEAREST))
-    called = stage.run_until(lambda: stage.local.memories.get("carrier_01") and stage.local.memories["carrier_01"].job is not None, 90)
+    called = stage.run_until(
+        lambda: (
+            stage.local.memories.get("carrier_01")
+            and stage.local.memories["carrier_01"].job is not None
+        ),
+        90,
+    )
     took = stage.run_until(lambda: stage.world.delivered == 1, 600)
-    took += stage.run_until(lambda: abs(stage.pose("carrier_01")[0] - 35.4) < 1e-6 and stage.pose("carrier_01")[1] > 24, 200)
+    took += stage.run_until(
+        lambda: abs(stage.pose("carrier_01")[0] - 35.4) < 1e-6 and stage.pose("carrier_01")[1] > 24,
+        200,
+    )
     bounds = Bounds(stage.world.layout)
     assert called > 70
     assert bounds.cycle_seconds - 20 < took < bounds.cycle_seconds + 20
 
 
-@pytest.mark.parametrize(("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.15), (2, 6, 0.07)])
+@pytest.mark.parametrize(
+    ("pickers", "carriers", "traffic"), [(2, 1, 0.02), (4, 4, 0.15), (2, 6, 0.07)]
+)
 def test_a_harvest_takes_as_long_as_its_schedule_and_its_traffic(pickers, carriers, traffic):
     stage = harvested(pickers, carriers)
     scheduled = schedule_seconds(stage.world.layout)
@@ -157,15 +189,24 @@ def test_the_schedule_is_no_longer_than_the_harvest_with_traffic(changes, traffi
 
 
 @pytest.mark.parametrize(
-    "own", [{"agents": {"picker_01": "own_agents.Eastward"}}, {"route": "examples.seams.signalled_route.SignalledRoute"}]
+    "own",
+    [
+        {"agents": {"picker_01": "own_agents.Eastward"}},
+        {"route": "examples.seams.signalled_route.SignalledRoute"},
+    ],
 )
 def test_the_schedule_of_a_harvest_with_a_users_classes_is_that_of_the_built_in_ones(own):
     values = {"rows": 4, "pickers": 2, "carriers": 2}
-    assert schedule_seconds(lay_out(empty_orchard(**values, **own))) == schedule_seconds(lay_out(empty_orchard(**values)))
+    assert schedule_seconds(lay_out(empty_orchard(**values, **own))) == schedule_seconds(
+        lay_out(empty_orchard(**values))
+    )
 
 
 def test_an_early_policy_shortens_the_wait_of_pickers_and_with_it_the_schedule():
-    nearest, early = (lay_out(empty_orchard(rows=4, pickers=2, carriers=2, dispatch=name)) for name in ("nearest", "predictive"))
+    nearest, early = (
+        lay_out(empty_orchard(rows=4, pickers=2, carriers=2, dispatch=name))
+        for name in ("nearest", "predictive")
+    )
     assert Bounds(early).wait_seconds < Bounds(nearest).wait_seconds
     assert Bounds(early).cycle_seconds == Bounds(nearest).cycle_seconds
     assert schedule_seconds(early) < schedule_seconds(nearest)
@@ -174,25 +215,47 @@ def test_an_early_policy_shortens_the_wait_of_pickers_and_with_it_the_schedule()
 RTK = {"sensors": {"gnss": {"white": 0.01, "bias": 0.02}}}
 
 
-@pytest.mark.parametrize("changes", [{"dispatch": "nearest"}, {"dispatch": "predictive"}, {"people": People(workers=1, visitors=0)}, RTK])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"dispatch": "nearest"},
+        {"dispatch": "predictive"},
+        {"people": People(workers=1, visitors=0)},
+        RTK,
+    ],
+)
 def test_what_a_harvest_lost_adds_up_to_its_length(changes):
     scenario, seconds = empty_orchard(rows=4, pickers=2, carriers=2, **changes), 700.0
     lost = lost_seconds(lay_out(scenario), seconds)
     assert sum(lost.values()) == pytest.approx(seconds, abs=0.3)
-    assert (lost["people_and_animals"] > 0.0) == bool(scenario.people.workers or scenario.sensors.gnss.bias)
+    assert (lost["people_and_animals"] > 0.0) == bool(
+        scenario.people.workers or scenario.sensors.gnss.bias
+    )
     assert min(lost["optimum"], lost["dispatch"], lost["traffic"]) > 0.0
 
 
 def test_no_schedule_is_shorter_than_what_is_proven():
-    lost = lost_seconds(lay_out(empty_orchard(rows=5, bins_per_row=2, carriers=5, route="two-way", dispatch="rolling")), 900.0)
+    lost = lost_seconds(
+        lay_out(
+            empty_orchard(rows=5, bins_per_row=2, carriers=5, route="two-way", dispatch="rolling")
+        ),
+        900.0,
+    )
     assert lost["dispatch"] == 0.0 and sum(lost.values()) == pytest.approx(900.0, abs=0.3)
 
 
 def test_what_batteries_cost_is_not_a_loss_to_the_policy():
-    charged, endless = (empty_orchard(rows=8, pickers=2, carriers=1, carrying={"battery": battery}) for battery in ({"hours": 0.2}, {}))
+    charged, endless = (
+        empty_orchard(rows=8, pickers=2, carriers=1, carrying={"battery": battery})
+        for battery in ({"hours": 0.2}, {})
+    )
     lost, without = (lost_seconds(lay_out(scenario), 3000.0) for scenario in (charged, endless))
     assert max(lost["dispatch"], without["dispatch"]) < 60.0 and "charging" not in without
-    assert lost["charging"] > 300.0 and 0.0 <= lost["traffic"] < 60.0 and sum(lost.values()) == pytest.approx(3000.0, abs=0.3)
+    assert (
+        lost["charging"] > 300.0
+        and 0.0 <= lost["traffic"] < 60.0
+        and sum(lost.values()) == pytest.approx(3000.0, abs=0.3)
+    )
 
 
 def test_without_a_solver_nothing_is_proven_and_the_parts_still_add_up(monkeypatch):
@@ -201,7 +264,9 @@ def test_without_a_solver_nothing_is_proven_and_the_parts_still_add_up(monkeypat
     monkeypatch.setattr(bounds, "_proven", bounds._proven.__wrapped__)
     monkeypatch.setitem(sys.modules, "orchard.optimum.schedule", None)
     without = lost_seconds(layout, 700.0)
-    assert without["schedule"] == pytest.approx(with_solver["optimum"] + with_solver["dispatch"], abs=0.1)
+    assert without["schedule"] == pytest.approx(
+        with_solver["optimum"] + with_solver["dispatch"], abs=0.1
+    )
     assert without.keys() - with_solver.keys() == {"schedule"}
     assert proven_seconds(layout) is None
 
@@ -214,21 +279,35 @@ class NoTurns(TwoWay):
 
 
 def test_nothing_is_proven_of_a_users_route_on_which_robots_take_no_turns():
-    assert proven_seconds(lay_out(empty_orchard(rows=5, pickers=2, carriers=2, route="test_metrics.NoTurns"))) is None
+    assert (
+        proven_seconds(
+            lay_out(empty_orchard(rows=5, pickers=2, carriers=2, route="test_metrics.NoTurns"))
+        )
+        is None
+    )
 
 
 def test_what_a_harvest_with_a_users_agent_lost_is_not_told():
-    assert lost_seconds(lay_out(empty_orchard(agents={"picker_01": "own_agents.Eastward"})), 700.0) == {}
+    assert (
+        lost_seconds(lay_out(empty_orchard(agents={"picker_01": "own_agents.Eastward"})), 700.0)
+        == {}
+    )
 
 
 def test_the_course_of_a_harvest_ends_with_its_figures():
     summary = harvested(2, 1).account.summary()
     course, seconds = summary["history"], summary["sim_seconds"]
-    assert course["bins_delivered"][-1] == 4 and course["bins_delivered"] == sorted(course["bins_delivered"])
+    assert course["bins_delivered"][-1] == 4 and course["bins_delivered"] == sorted(
+        course["bins_delivered"]
+    )
     assert course["seconds"] == [*(10.0 * n for n in range(1, len(course["seconds"]))), seconds]
     waited = summary["state_seconds"]["picker"]
-    assert course["pickers_waited_seconds"][-1] == pytest.approx(waited["waiting"] + waited.get("calling", 0.0))
-    assert course["carriers_busy_seconds"][-1] == pytest.approx(summary["carrier_utilisation"] * seconds, abs=0.1)
+    assert course["pickers_waited_seconds"][-1] == pytest.approx(
+        waited["waiting"] + waited.get("calling", 0.0)
+    )
+    assert course["carriers_busy_seconds"][-1] == pytest.approx(
+        summary["carrier_utilisation"] * seconds, abs=0.1
+    )
     assert all(0.0 <= share <= 1.01 for share in shares(course, "pickers_waited_seconds", 2))
     assert sum(shares(course, "carriers_busy_seconds", 1)) > 0
     assert summary["scenario"]["rows"] == 4
@@ -242,4 +321,12 @@ def test_a_long_run_has_few_samples_and_a_resumed_one_continues_them(monkeypatch
     assert stage.account.summary()["history"]["seconds"] == [20.0, 40.0, 60.0, 80.0, 100.0]
     stage.account = RunFigures(stage.local.engine, time.monotonic, stage.account.as_data())
     stage.run(25.0)
-    assert stage.account.summary()["history"]["seconds"] == [20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 125.0]
+    assert stage.account.summary()["history"]["seconds"] == [
+        20.0,
+        40.0,
+        60.0,
+        80.0,
+        100.0,
+        120.0,
+        125.0,
+    ]

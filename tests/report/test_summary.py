@@ -14,7 +14,14 @@ from run_endings import harvested
 
 from orchard.report.plan import PIXELS
 from orchard.report.progress import Progress, robots
-from orchard.report.summary import Headline, clock, headline_of, limit_sentence, sentence, six_figures
+from orchard.report.summary import (
+    Headline,
+    clock,
+    headline_of,
+    limit_sentence,
+    sentence,
+    six_figures,
+)
 
 FIGURES = {
     "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "bins": 20, "row_length": 70.0,
@@ -67,7 +74,14 @@ def test_the_table_tells_for_whom_a_robot_waits():
 
 
 def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
-    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True, color_system="standard", legacy_windows=False)
+    console = Console(
+        file=io.StringIO(),
+        width=80,
+        height=24,
+        force_terminal=True,
+        color_system="standard",
+        legacy_windows=False,
+    )
     with Progress(console) as progress:
         progress.show(FIGURES, {"picker_01": "picking row 1", "picker_02": "picking row 2"}, {})
         progress.show(FIGURES, {"picker_02": "stopped"}, {})
@@ -77,26 +91,50 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
 
 
 def test_the_headline_tells_the_share_of_metres_and_the_time_left_in_eighty_columns():
-    assert headline_of(FIGURES).line() == "   61.5 s    30.0 x real time   37 % picked  1/20 bins  0:45 min left"
-    assert len(headline_of({**FIGURES, "sim_seconds": 9999.9, "times_real_time": 0.01, "metres_picked": 1400.0}).line()) <= 80
+    assert (
+        headline_of(FIGURES).line()
+        == "   61.5 s    30.0 x real time   37 % picked  1/20 bins  0:45 min left"
+    )
+    assert (
+        len(
+            headline_of(
+                {**FIGURES, "sim_seconds": 9999.9, "times_real_time": 0.01, "metres_picked": 1400.0}
+            ).line()
+        )
+        <= 80
+    )
 
 
 def test_the_headline_names_broken_agents():
     broken = [f"picker_0{i}, since tick {i}" for i in range(1, 6)]
-    assert headline_of(FIGURES | {"broken_agents": broken[:2]}).line().endswith("  0:45 min left  broken: picker_01, picker_02")
-    assert headline_of(FIGURES | {"broken_agents": broken}).line().endswith("  broken: picker_01, picker_02, picker_03 and 2 more")
+    assert (
+        headline_of(FIGURES | {"broken_agents": broken[:2]})
+        .line()
+        .endswith("  0:45 min left  broken: picker_01, picker_02")
+    )
+    assert (
+        headline_of(FIGURES | {"broken_agents": broken})
+        .line()
+        .endswith("  broken: picker_01, picker_02, picker_03 and 2 more")
+    )
 
 
 TIMES_LEFT = [
     ({}, None, 45.0),  # the schedule's rest, 1350 s
     ({}, 361.5, 10.0),  # the run's duration is over sooner
-    ({"sim_seconds": 1300.0}, None, pytest.approx(1411.5 * (1 - (525 / 70 + 1) / 40) / 30)),  # behind its schedule: the share not done
+    (
+        {"sim_seconds": 1300.0},
+        None,
+        pytest.approx(1411.5 * (1 - (525 / 70 + 1) / 40) / 30),
+    ),  # behind its schedule: the share not done
     ({"sim_seconds": 2000.0, "metres_picked": 1400.0, "bins_delivered": 20}, None, 0.0),
 ]
 
 
 @pytest.mark.parametrize(("changes", "until", "left"), TIMES_LEFT)
-def test_the_time_left_is_that_of_the_schedule_or_of_the_share_that_is_not_done(changes, until, left):
+def test_the_time_left_is_that_of_the_schedule_or_of_the_share_that_is_not_done(
+    changes, until, left
+):
     assert headline_of(FIGURES | changes).seconds_left(until) == left
 
 
@@ -104,7 +142,11 @@ def test_a_run_that_gets_ready_shows_that_it_goes_on_until_its_first_figures(mon
     monkeypatch.setattr("orchard.report.progress.STILL_SECONDS", 0.001)
     lines, told = io.StringIO(), threading.Event()
     with Progress(Console(file=lines)) as progress:
-        monkeypatch.setattr(progress, "say", lambda words: (lines.write(words + "\n"), told.set() if "so far" in words else None))
+        monkeypatch.setattr(
+            progress,
+            "say",
+            lambda words: (lines.write(words + "\n"), told.set() if "so far" in words else None),
+        )
         progress.get_ready("compiling")
         assert told.wait(30.0)
         progress.show(FIGURES, {}, {})
@@ -128,24 +170,44 @@ def test_a_program_reads_progress_as_json():
     with Progress(Console(file=out), as_json=True) as progress:
         progress.show(FIGURES, {}, {})
     (line,) = out.getvalue().splitlines()
-    assert json.loads(line) == {"progress": {name: FIGURES[name] for name in Headline.__struct_fields__}}
+    assert json.loads(line) == {
+        "progress": {name: FIGURES[name] for name in Headline.__struct_fields__}
+    }
     assert headline_of(FIGURES).pickers_waited_seconds == 15.5
-    assert headline_of({**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6, "bins": 6}).fraction == 0.5
+    assert (
+        headline_of(
+            {**FIGURES, "metres_picked": 280.0, "bins_delivered": 2, "rows": 6, "bins": 6}
+        ).fraction
+        == 0.5
+    )
 
 
 WELL = "5 of 5 rows in 16:10 min, simulated: 18.6 bins an hour"
-HALF = {"finished": False, "sim_seconds": 300.0, "rows_picked": 2, "metres_picked": 209.9, "bins_delivered": 0, "bins_per_hour": 0.0}
+HALF = {
+    "finished": False,
+    "sim_seconds": 300.0,
+    "rows_picked": 2,
+    "metres_picked": 209.9,
+    "bins_delivered": 0,
+    "bins_per_hour": 0.0,
+}
 HALVED = "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their metres picked, 0 of 5 bins delivered"
 
 
 ENDS = [
     ({}, f"{WELL}."),
     ({"ended": "stopped"}, f"{WELL}."),  # Ctrl-C came when all was done
-    ({"violations": ["a", "b"], "broken_agents": ["cat_01, since tick 9"]}, f"{WELL}; 2 violations; 1 broken agent."),
+    (
+        {"violations": ["a", "b"], "broken_agents": ["cat_01, since tick 9"]},
+        f"{WELL}; 2 violations; 1 broken agent.",
+    ),
     (HALF | {"ended": "duration"}, f"Ended by --duration {HALVED}."),
     (HALF | {"ended": "stopped"}, f"Stopped {HALVED}."),
     (HALF | {"ended": "jammed"}, f"Jammed {HALVED}."),
-    (HALF | {"ended": "stopped", "broken_agents": ["carrier_01, since tick 1"]}, f"Stopped {HALVED}; 1 broken agent."),
+    (
+        HALF | {"ended": "stopped", "broken_agents": ["carrier_01, since tick 1"]},
+        f"Stopped {HALVED}; 1 broken agent.",
+    ),
     (HALF | {"ended": "of its router"}, f"Ended (of its router) {HALVED}."),
 ]
 
@@ -157,7 +219,9 @@ def test_the_first_sentence_tells_how_the_run_ended(figures, told):
 
 def test_a_run_that_is_stopped_before_its_first_tick_has_a_sentence():
     nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})
-    assert sentence(nothing).startswith("Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %")
+    assert sentence(nothing).startswith(
+        "Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %"
+    )
 
 
 LOST = {"optimum": 721.0, "dispatch": 180.8, "traffic": 5.9, "people_and_animals": 14.3}
@@ -167,26 +231,48 @@ ABOVE = "its time is 35 % above the proven optimum without traffic"
 LIMITS = [
     ({"bottleneck": "unloading"}, "unloading", ""),
     ({}, "the carriers", ""),
-    ({"lost_seconds": LOST}, "the carriers", f"; {ABOVE}; 3:01 min were lost to the dispatch policy"),
-    ({"lost_seconds": {"schedule": 901.8, "traffic": 65.9, "people_and_animals": 14.3}}, "the carriers", "; 1:06 min were lost to traffic"),
-    ({"lost_seconds": dict.fromkeys(("schedule", "traffic", "people_and_animals"), -1.0)}, "the carriers", ""),
+    (
+        {"lost_seconds": LOST},
+        "the carriers",
+        f"; {ABOVE}; 3:01 min were lost to the dispatch policy",
+    ),
+    (
+        {"lost_seconds": {"schedule": 901.8, "traffic": 65.9, "people_and_animals": 14.3}},
+        "the carriers",
+        "; 1:06 min were lost to traffic",
+    ),
+    (
+        {"lost_seconds": dict.fromkeys(("schedule", "traffic", "people_and_animals"), -1.0)},
+        "the carriers",
+        "",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("figures", "limited_by", "lost"), LIMITS)
-def test_the_second_sentence_tells_what_limits_the_harvest_and_what_most_was_lost_to(figures, limited_by, lost):
+def test_the_second_sentence_tells_what_limits_the_harvest_and_what_most_was_lost_to(
+    figures, limited_by, lost
+):
     told = f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest without traffic{lost}."
     assert limit_sentence(harvested(**figures)) == told
 
 
 def test_six_figures_are_in_words():
-    known = {"schedule_sim_seconds": 911.3, "picker_waiting_seconds": 155.6, "carrier_utilisation": 0.664, "collisions": 0}
+    known = {
+        "schedule_sim_seconds": 911.3,
+        "picker_waiting_seconds": 155.6,
+        "carrier_utilisation": 0.664,
+        "collisions": 0,
+    }
     shown = six_figures(msgspec.to_builtins(harvested()) | known)
     assert [value for _, value, _ in shown] == ["18.6", "16:10 min", "5 of 5", "156 s", "66 %", "0"]
     assert all(note and "_" not in name + note for name, _, note in shown)
 
 
-@pytest.mark.parametrize(("seconds", "told"), [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")])
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(0.4, "0:00 min"), (3599.4, "59:59 min"), (3599.6, "1:00:00 h"), (9219.0, "2:33:39 h")],
+)
 def test_a_time_is_told_in_minutes_or_hours(seconds, told):
     assert clock(seconds) == told
 
@@ -203,7 +289,9 @@ def test_the_plan_shows_where_the_bodies_are_and_what_is_picked():
     pose = run.engine.observe()["picker_01"].pose
     shift = float(now["picker_01"].get("x")) - float(begin["picker_01"].get("x"))
     assert abs(shift / PIXELS - (pose.x - before.engine.observe()["picker_01"].pose.x)) < 0.01
-    picked = {float(metres) for name in now for metres in re.findall(r"row \d: (\S+) m picked", name)}
+    picked = {
+        float(metres) for name in now for metres in re.findall(r"row \d: (\S+) m picked", name)
+    }
     assert picked == {round(metres, 1) for metres in run.engine.world.row_picked.tolist()}
     assert max(picked) > 30.0
 

@@ -41,7 +41,10 @@ def farm(folder, tmp_path):
 
 @pytest.fixture
 def meeting(folder):
-    with ExitStack() as stack, router("tls/127.0.0.1:0", identity=Keyring.load(folder).of("physics")) as bus:
+    with (
+        ExitStack() as stack,
+        router("tls/127.0.0.1:0", identity=Keyring.load(folder).of("physics")) as bus,
+    ):
         farm = Farm(folder, bus.endpoint, "", stack)
         farm.bus = bus
         yield farm
@@ -108,8 +111,16 @@ def test_nobody_joins_in_anothers_name(farm):
     assert ben.join(HERS) == ""
     tick = ben.pose(HERS).tick
     drive = wire.Report(memory=b"where it hid the key")
-    ben.bus.publish(KEYS.of("velocities", session=ben.bus.id), pack(wire.Velocities(farm.run, tick, ben.bus.id, {HERS: drive})))
-    ben.wait(Sample, lambda sample: sample.key == KEYS.of("pose", HERS) and read(sample.payload, wire.Odometry).tick > tick)
+    ben.bus.publish(
+        KEYS.of("velocities", session=ben.bus.id),
+        pack(wire.Velocities(farm.run, tick, ben.bus.id, {HERS: drive})),
+    )
+    ben.wait(
+        Sample,
+        lambda sample: (
+            sample.key == KEYS.of("pose", HERS) and read(sample.payload, wire.Odometry).tick > tick
+        ),
+    )
     wish = wire.Join(farm.run, ben.bus.id, [HERS])
     for session in (ben.bus.id, "*", "**", f"{ben.bus.id[:3]}$*"):
         assert amy.asks("join", wish, session) == [], "it goes nowhere"
@@ -123,7 +134,10 @@ def test_nobody_joins_in_anothers_name(farm):
 def test_an_agent_hears_its_own_mail_and_no_other(meeting):
     amy, ben, asker = meeting.come("amy"), meeting.come("ben"), meeting.come("shed")
     amy.bus.answer(KEYS.of("mail", HERS))
-    for name, somebody in ((MINE, amy), (HERS, ben)):  # what amy declared first has come before what she declares second
+    for name, somebody in (
+        (MINE, amy),
+        (HERS, ben),
+    ):  # what amy declared first has come before what she declares second
         somebody.bus.answer(KEYS.of("mail", name))
         assert who_answers(asker, name, [amy, ben]) == [somebody]
 
@@ -161,7 +175,9 @@ def test_another_session_with_a_roles_certificate_may_nothing(meeting):
     """The rules name the session as well: no session is alive under another's id."""
     meeting.bus.subscribe(KEYS.of("velocity"))
     amy = meeting.keyring.of("amy")
-    with client(meeting.endpoint, identity=replace(amy, role=replace(amy.role, name="amys_sister"))) as sister:
+    with client(
+        meeting.endpoint, identity=replace(amy, role=replace(amy.role, name="amys_sister"))
+    ) as sister:
         sister.publish(KEYS.of("velocity", MINE), b"sister")
     meeting.come("amy").bus.publish(KEYS.of("velocity", MINE), b"amy")
     assert Somebody(meeting.bus, "").wait(Sample).payload == b"amy"
@@ -177,8 +193,14 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     logger.bus.declare_alive(KEYS.of("alive", MINE, logger.bus.id))
     assert logger.asks("set_simulation_state", wire.SetSimulationState(farm.run, "quitting")) == []
     assert logger.asks("join", wire.Join(farm.run, logger.bus.id, [MINE]), logger.bus.id) == []
-    logger.bus.publish(KEYS.of("refused", session=logger.bus.id), pack(wire.RefusedThere(farm.run, {"malformed": 7})))
-    counted = operator.wait(Sample, lambda sample: read(sample.payload, wire.Figures).messages_refused.get("malformed") == 7)
+    logger.bus.publish(
+        KEYS.of("refused", session=logger.bus.id),
+        pack(wire.RefusedThere(farm.run, {"malformed": 7})),
+    )
+    counted = operator.wait(
+        Sample,
+        lambda sample: read(sample.payload, wire.Figures).messages_refused.get("malformed") == 7,
+    )
     tick = read(counted.payload, wire.Figures).tick
     while (pose := logger.pose(MINE)).tick < tick:
         pass
@@ -207,8 +229,15 @@ def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
 
 def test_who_has_no_certificate_is_not_let_in(meeting):
     config = zenoh.Config()
-    tls = {"transport/link/tls/root_ca_certificate": str(meeting.keyring.folder / "amy" / AUTHORITY)}
-    settings = {"mode": "client", "connect/endpoints": [meeting.endpoint], "connect/timeout_ms": 2000, "connect/exit_on_failure": True}
+    tls = {
+        "transport/link/tls/root_ca_certificate": str(meeting.keyring.folder / "amy" / AUTHORITY)
+    }
+    settings = {
+        "mode": "client",
+        "connect/endpoints": [meeting.endpoint],
+        "connect/timeout_ms": 2000,
+        "connect/exit_on_failure": True,
+    }
     for key, value in (settings | tls | {"scouting/multicast/enabled": False}).items():
         config.insert_json5(key, json.dumps(value))
     with pytest.raises(zenoh.ZError):
@@ -232,7 +261,11 @@ def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path
     """A client that trusts the right authority, but has a certificate of another one, is still refused."""
     own = shutil.copytree(stranger / "amy", tmp_path / "amy")
     shutil.copy(meeting.keyring.folder / "amy" / AUTHORITY, own / AUTHORITY)
-    assert_not_let_in("does not accept the certificate in", meeting.endpoint, Identity(meeting.keyring.of("amy").role, own))
+    assert_not_let_in(
+        "does not accept the certificate in",
+        meeting.endpoint,
+        Identity(meeting.keyring.of("amy").role, own),
+    )
 
 
 def test_an_agent_cannot_pose_as_physics(folder, tmp_path):
@@ -246,15 +279,22 @@ def test_an_agent_cannot_pose_as_physics(folder, tmp_path):
 def test_a_certificate_holds_for_its_addresses_only(folder):
     keyring = Keyring.load(folder)
     with router("tls/127.0.0.2:0", identity=keyring.of("physics")) as elsewhere:
-        assert_not_let_in(r"does not verify .*: IP address mismatch", elsewhere.endpoint, keyring.of("amy"))
+        assert_not_let_in(
+            r"does not verify .*: IP address mismatch", elsewhere.endpoint, keyring.of("amy")
+        )
 
 
 def test_a_connection_ends_with_its_certificate(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "roles")
     authority, keyring = Authority.begin(1), Keyring.load(tmp_path / "roles")
     authority.vouch(keyring.of("physics").role, keyring.roles["physics"], ["127.0.0.1"])
-    authority.vouch(keyring.of("amy").role, keyring.roles["amy"], until=datetime.now(UTC) + timedelta(seconds=3))
-    with router("tls/127.0.0.1:0", identity=keyring.of("physics")) as bus, client(bus.endpoint, identity=keyring.of("amy")) as amy:
+    authority.vouch(
+        keyring.of("amy").role, keyring.roles["amy"], until=datetime.now(UTC) + timedelta(seconds=3)
+    )
+    with (
+        router("tls/127.0.0.1:0", identity=keyring.of("physics")) as bus,
+        client(bus.endpoint, identity=keyring.of("amy")) as amy,
+    ):
         bus.watch(KEYS.of("alive"))
         amy.declare_alive(KEYS.of("alive", MINE, amy.id))
         physics = Somebody(bus, "")
@@ -273,23 +313,53 @@ def test_every_key_has_somebody_who_may():
 
 def test_nobody_writes_what_is_anothers():
     roles = [*SERVANTS, Role("amy", "host", (MINE,)), Role("ben", "host", (HERS,))]
-    roles += [Role("eve", "bridge"), Role("ros2", "bridge", (MINE,)), Role("operating", "operating-bridge", (MINE,))]
+    roles += [
+        Role("eve", "bridge"),
+        Role("ros2", "bridge", (MINE,)),
+        Role("operating", "operating-bridge", (MINE,)),
+    ]
     rules = {rule["id"]: rule["key_exprs"] for rule in access_control(roles, KEYS)["rules"]}
     amy = Role("amy", "host").session
     written = {f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice"}
     written |= {f"orchard/hosts/{amy}/{what}" for what in ("velocities", "refused", "left")}
     assert set(rules["amy ingress put"]) == written
-    asked = {f"orchard/hosts/{amy}/join", "orchard/*/mail", "orchard/*/state", "orchard/recall", "orchard/scenario"}
+    asked = {
+        f"orchard/hosts/{amy}/join",
+        "orchard/*/mail",
+        "orchard/*/state",
+        "orchard/recall",
+        "orchard/scenario",
+    }
     asked |= {"orchard/layout", "orchard/simulation_state"}
     assert set(rules["amy ingress query"]) == set(rules["amy egress reply"]) == asked
     assert rules["amy ingress liveliness_token"] == [f"orchard/alive/{MINE}/{amy}"]
-    assert rules["logger ingress put"] == [f"orchard/hosts/{Role('logger', 'logger').session}/refused"]
+    assert rules["logger ingress put"] == [
+        f"orchard/hosts/{Role('logger', 'logger').session}/refused"
+    ]
     assert "operator ingress put" not in rules
-    control = {"orchard/set_simulation_state", "orchard/step_simulation", "orchard/reset_simulation"}
-    may = {role.name for role in roles if control.intersection(rules.get(f"{role.name} ingress query", ()))}
+    control = {
+        "orchard/set_simulation_state",
+        "orchard/step_simulation",
+        "orchard/reset_simulation",
+    }
+    may = {
+        role.name
+        for role in roles
+        if control.intersection(rules.get(f"{role.name} ingress query", ()))
+    }
     assert may == {"operator", "emergency-operator", "operating"}
-    assert not any("reset" in key for key in rules["emergency-operator ingress query"]), "it stops and pauses"
+    assert not any("reset" in key for key in rules["emergency-operator ingress query"]), (
+        "it stops and pauses"
+    )
     assert "eve ingress put" not in rules and "eve ingress liveliness_token" not in rules
-    assert rules["ros2 ingress put"] == rules["operating ingress put"] == [f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice"]
-    assert set(rules["ros2 ingress query"]) == {"orchard/scenario", "orchard/layout", "orchard/simulation_state"}
+    assert (
+        rules["ros2 ingress put"]
+        == rules["operating ingress put"]
+        == [f"orchard/{MINE}/velocity", f"orchard/{MINE}/advice"]
+    )
+    assert set(rules["ros2 ingress query"]) == {
+        "orchard/scenario",
+        "orchard/layout",
+        "orchard/simulation_state",
+    }
     assert not [name for name in rules if "delete" in name]

@@ -62,7 +62,10 @@ def test_each_agent_gets_a_role_however_long_its_name_is(tmp_path):
 
 NO_ROLES = [
     (["--role", f"{LONGEST}x=carrier"], f"{LONGEST}x: not a name for a role; use up to 64 letters"),
-    (["--role", "authority=carrier"], "authority: not a name for a role; the directory of this name"),
+    (
+        ["--role", "authority=carrier"],
+        "authority: not a name for a role; the directory of this name",
+    ),
     (["--role", "shed"], "shed: expected NAME=KIND|AGENT"),
     (["--role", "Shed!=carrier"], "Shed!: not a name for a role"),
     (["--role", "physics=carrier"], "physics is the name of two roles"),
@@ -92,15 +95,24 @@ def test_another_directorys_things_are_left_alone(tmp_path):
 
 NO_RUNS = [
     (["--secure", "nowhere"], "nowhere: no roles there"),
-    (["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"], "not secure; with --secure use an endpoint such as tls/"),
+    (
+        ["--secure", "{folder}", "--listen", "tcp/127.0.0.1:0"],
+        "not secure; with --secure use an endpoint such as tls/",
+    ),
     (["--listen", "tls/127.0.0.1:0"], "tls needs certificates; --secure DIR"),
     (["--secure", "{folder}", "--pickers", 3], "no role for"),
     (["--secure", "{folder}", "--hosts", 2], "leave out --hosts"),
     (["--secure", "{folder}", "--mode", "local"], "local mode is one process"),
     (["--secure", "{folder}", "--without", "bin_01"], "ben is the role of bin_01, picker_02"),
-    (["--secure", "{folder}", "--without", "bin_01"], "`orchard secure --role NAME=bin_01` gives the others a role of their own"),
+    (
+        ["--secure", "{folder}", "--without", "bin_01"],
+        "`orchard secure --role NAME=bin_01` gives the others a role of their own",
+    ),
     (["--secure", "{folder}/shed"], "shed: the role physics is not in it; it has shed"),
-    (["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"], "with --only choose one of them: DIR/<role>"),
+    (
+        ["--secure", "{folder}", "--connect", "tls/127.0.0.1:9", "--only", "carrier"],
+        "with --only choose one of them: DIR/<role>",
+    ),
 ]
 
 
@@ -126,21 +138,37 @@ def of_ben(own: Path, stranger: Path) -> None:
 
 
 def expired(own: Path, stranger: Path) -> None:
-    Authority.begin(30).vouch(Keyring.load(own).of("amy").role, own, until=datetime.now(UTC) - timedelta(minutes=1))
+    Authority.begin(30).vouch(
+        Keyring.load(own).of("amy").role, own, until=datetime.now(UTC) - timedelta(minutes=1)
+    )
 
 
 def with_more_names(own: Path, stranger: Path) -> None:
-    (own / "role.json").write_text((own / "role.json").read_text().replace('"picker_01"', '"picker_01", "picker_02"'))
+    (own / "role.json").write_text(
+        (own / "role.json").read_text().replace('"picker_01"', '"picker_01", "picker_02"')
+    )
 
 
 NO_USE = [  # what makes a role's directory useless -> what is said of it
     (lambda own, stranger: (own / "key.pem").unlink(), "key.pem: no such file"),
-    (lambda own, stranger: shutil.copy(stranger / "amy" / "key.pem", own), "not the key of the certificate"),
-    (lambda own, stranger: shutil.copy(stranger / "amy" / AUTHORITY, own), "not issued by authority.pem"),
+    (
+        lambda own, stranger: shutil.copy(stranger / "amy" / "key.pem", own),
+        "not the key of the certificate",
+    ),
+    (
+        lambda own, stranger: shutil.copy(stranger / "amy" / AUTHORITY, own),
+        "not issued by authority.pem",
+    ),
     (of_ben, "the certificate of ben, not of amy"),
     (expired, "UTC, not now"),
-    (lambda own, stranger: (own / "certificate.pem").write_text("nonsense"), "certificate.pem: not a certificate"),
-    (lambda own, stranger: (own / "role.json").write_text("{}"), "role.json: not as `orchard secure` wrote it"),
+    (
+        lambda own, stranger: (own / "certificate.pem").write_text("nonsense"),
+        "certificate.pem: not a certificate",
+    ),
+    (
+        lambda own, stranger: (own / "role.json").write_text("{}"),
+        "role.json: not as `orchard secure` wrote it",
+    ),
     (with_more_names, "role.json has changed .duty host, names picker_01, picker_02."),
 ]
 
@@ -153,7 +181,14 @@ def test_a_directory_of_no_use_is_named(spoil, named, roles, stranger):
 
 
 @pytest.mark.parametrize(
-    "rules", ["{}", "", "[]", '{"enabled": false}', '{"enabled": true, "default_permission": "allow", "subjects": []}']
+    "rules",
+    [
+        "{}",
+        "",
+        "[]",
+        '{"enabled": false}',
+        '{"enabled": true, "default_permission": "allow", "subjects": []}',
+    ],
 )
 def test_access_rules_that_let_all_through_are_refused(rules, roles):
     (roles / "router" / "access.json").write_text(rules)
@@ -177,7 +212,17 @@ HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")  # roles of the small sce
 
 def test_a_secured_run_is_local_mode(folder, tmp_path):
     summary, recording = tmp_path / "summary.json", tmp_path / "run.rrd"
-    orchard(scenario_file(tmp_path, SMALL), "--secure", folder, "--duration", 30, "--record", recording, "--summary", summary)
+    orchard(
+        scenario_file(tmp_path, SMALL),
+        "--secure",
+        folder,
+        "--duration",
+        30,
+        "--record",
+        recording,
+        "--summary",
+        summary,
+    )
     assert summary_of(summary)["hash"] == local_hash(SMALL, 300)
     assert summary_of(summary)["messages_refused"] == {}
     assert recording.stat().st_size > 100_000  # the logger has heard what happened
@@ -186,20 +231,40 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
 @pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
 def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tmp_path):
     """Each process with a copy of its own role's files, and nothing beside them; physics is the router, or there is one of its own."""
-    copies = {path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name)) for path in folder.iterdir()}
+    copies = {
+        path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name))
+        for path in folder.iterdir()
+    }
     where = ["--listen", "tls/127.0.0.1:0"]
     if its == "router":
-        where = ["--connect", fleet.start("orchard.processes.router", *where, "--secure", copies["router"]).line().split()[-1]]
+        where = [
+            "--connect",
+            fleet.start("orchard.processes.router", *where, "--secure", copies["router"])
+            .line()
+            .split()[-1],
+        ]
     fleet.physics(SMALL, *where, "--secure", copies["physics"], "--duration", "20")
     for role in HOSTS:
         fleet.host("--secure", copies[role])
     assert fleet.end() == local_hash(SMALL, 200)
 
 
-@pytest.mark.parametrize("killed", ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))])
+@pytest.mark.parametrize(
+    "killed",
+    ["host", *(pytest.param(one, marks=pytest.mark.soak) for one in ("physics", "router"))],
+)
 def test_who_is_killed_comes_back_as_the_same_role(killed, fleet, folder, tmp_path):
     """Under the same session, which the others may still have in mind."""
-    pace = ["--secure", str(folder / "physics"), "--speed", "15", "--duration", "20", "--snapshots", str(tmp_path / "snapshots")]
+    pace = [
+        "--secure",
+        str(folder / "physics"),
+        "--speed",
+        "15",
+        "--duration",
+        "20",
+        "--snapshots",
+        str(tmp_path / "snapshots"),
+    ]
     place = ["--listen", f"tls/127.0.0.1:{free_port()}"]
     routing = ["orchard.processes.router", *place, "--secure", str(folder / "router")]
     if killed == "router":
@@ -234,13 +299,20 @@ def test_a_secured_run_over_two_machines_is_local_mode(fleet, folder, tmp_path):
         fleet.physics(SMALL, *listen, "--duration", "20", before=within(host))
         for role in HOSTS:
             if role != "shed":
-                fleet.host("--secure", str(folder / role), endpoint="tls/127.0.0.1:7447", before=within(host))
+                fleet.host(
+                    "--secure",
+                    str(folder / role),
+                    endpoint="tls/127.0.0.1:7447",
+                    before=within(host),
+                )
         fleet.host("--secure", own, endpoint="tls/192.168.1.10:7447", before=within(guest))
         assert fleet.end() == local_hash(SMALL, 200)
 
 
 @needs_machines
-def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_two_machines(tmp_path):
+def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_two_machines(
+    tmp_path,
+):
     alone = commands(block("docs/security.md", "secured"))
     make_roles, first, second = commands(block("docs/security.md", "secured, two machines"))
     for command in (*alone, make_roles, first):  # what `second` runs follows from the run
@@ -259,7 +331,15 @@ def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_t
 
 
 def test_a_public_address_without_security_is_warned_of_once(tmp_path):
-    done = orchard(scenario_file(tmp_path, SMALL), "--listen", "tcp/0.0.0.0:0", "--duration", 1, "--record", "none")
+    done = orchard(
+        scenario_file(tmp_path, SMALL),
+        "--listen",
+        "tcp/0.0.0.0:0",
+        "--duration",
+        1,
+        "--record",
+        "none",
+    )
     assert (done.stdout + done.stderr).count("any client that reaches this address") == 1
 
 

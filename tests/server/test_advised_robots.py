@@ -36,7 +36,9 @@ def test_advice_counts_for_half_a_second_and_then_the_agent_again():
     assert counts == [True] * WATCHDOG_TICKS + [False] * 2
 
 
-@pytest.mark.parametrize(("tick", "reason"), [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")])
+@pytest.mark.parametrize(
+    ("tick", "reason"), [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")]
+)
 def test_advice_that_is_old_or_overtaken_or_of_the_future_is_refused(tick, reason):
     advised = Advised()
     advised.take(NAME, advice(6), 6)
@@ -46,18 +48,32 @@ def test_advice_that_is_old_or_overtaken_or_of_the_future_is_refused(tick, reaso
 
 @given(st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
 def test_all_of_the_agents_action_stays_but_its_velocity_and_its_hold(x, turn):
-    action = Action(Twist(1.0), [Couple("bin_01")], doing="picking row 1", state="picking", steps_done=3, hold=Hold(50))
+    action = Action(
+        Twist(1.0),
+        [Couple("bin_01")],
+        doing="picking row 1",
+        state="picking",
+        steps_done=3,
+        hold=Hold(50),
+    )
     advised = Advised()
     advised.take(NAME, advice(3, x, turn), 3)
     (got,) = advised.actions(3, {NAME: action}, {}).values()
     assert (got.twist, got.hold) == (Twist(x, 0.0, turn), None)
-    assert (got.deeds, got.doing, got.state, got.steps_done) == (action.deeds, "picking row 1", "picking", 3)
+    assert (got.deeds, got.doing, got.state, got.steps_done) == (
+        action.deeds,
+        "picking row 1",
+        "picking",
+        3,
+    )
 
 
 def test_the_deeds_of_an_agent_that_is_not_asked_are_not_done_again():
     advised = Advised()
     advised.take(NAME, advice(3), 3)
-    (got,) = advised.actions(3, {}, {NAME: Action(Twist(1.0), [Uncouple()], doing="leaving")}).values()
+    (got,) = advised.actions(
+        3, {}, {NAME: Action(Twist(1.0), [Uncouple()], doing="leaving")}
+    ).values()
     assert (got.deeds, got.doing) == ([], "leaving")
 
 
@@ -133,18 +149,35 @@ class Outside:
     def hear(self, key: str, payload: bytes) -> None:
         if key == KEYS.of("pose", NAME):
             self.speeds.append(read(payload, Odometry).twist.linear.x)
-        elif key == KEYS.of("velocity", NAME) and (wanted := read(payload, Velocity)).tick % 300 < LETS_GO:
+        elif (
+            key == KEYS.of("velocity", NAME)
+            and (wanted := read(payload, Velocity)).tick % 300 < LETS_GO
+        ):
             self._speed = min(self._speed + 0.02, 0.5 * wanted.linear.x)
-            self._net.put(None, KEYS.of("advice", NAME), pack(advice(wanted.tick, self._speed, 0.5 * wanted.angular.z)))
+            self._net.put(
+                None,
+                KEYS.of("advice", NAME),
+                pack(advice(wanted.tick, self._speed, 0.5 * wanted.angular.z)),
+            )
 
 
 def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():
     run = Run(SHORT, RUN, 20_000)
     outside = Outside(run)
     end = run.to_the_end()
-    assert (end.why, end.summary["rows_picked"], end.summary["bins_delivered"]) == ("harvested", 3, 3)
-    assert (end.summary["violations"], end.summary["messages_refused"], end.summary["collisions"]) == ([], {}, 0)
-    assert 0.4 < max(outside.speeds[:LETS_GO]) <= 0.5, "it speeds up to half of what the agent wants"
+    assert (end.why, end.summary["rows_picked"], end.summary["bins_delivered"]) == (
+        "harvested",
+        3,
+        3,
+    )
+    assert (
+        end.summary["violations"],
+        end.summary["messages_refused"],
+        end.summary["collisions"],
+    ) == ([], {}, 0)
+    assert 0.4 < max(outside.speeds[:LETS_GO]) <= 0.5, (
+        "it speeds up to half of what the agent wants"
+    )
     assert max(outside.speeds) == 1.0, "where it lets go, the agent drives"
 
 
@@ -225,8 +258,19 @@ def with_a_fault(payload: bytes, fault: dict) -> bytes:
     return msgpack.packb(message)
 
 
-FAULTS = [{"steps_done": True}, {"twist": 5}, {"twist": [101.0]}, {"unknown": 1}, {"deeds": [{"type": "dig"}]}, {"doing": b"bytes"}]
-FAULTS += [{"doing": "x" * 201}, {"twist": [0.0, 1.0]}, {"requests": [["traffic", {"type": "where"}]] * 501}]
+FAULTS = [
+    {"steps_done": True},
+    {"twist": 5},
+    {"twist": [101.0]},
+    {"unknown": 1},
+    {"deeds": [{"type": "dig"}]},
+    {"doing": b"bytes"},
+]
+FAULTS += [
+    {"doing": "x" * 201},
+    {"twist": [0.0, 1.0]},
+    {"requests": [["traffic", {"type": "where"}]] * 501},
+]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])
@@ -236,12 +280,18 @@ def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monk
     send = run.host.bus.publish
 
     def publish(key, payload, newest_wins=False):
-        send(key, with_a_fault(payload, fault) if key.endswith("/velocities") else payload, newest_wins)
+        send(
+            key,
+            with_a_fault(payload, fault) if key.endswith("/velocities") else payload,
+            newest_wins,
+        )
 
     monkeypatch.setattr(run.host.bus, "publish", publish)
     end = run.to_the_end()
     assert (end.tick, end.why) == (FEW, "duration")
-    assert not any(key.endswith("/lost") for key, _ in run.net.sent), "physics never waited for it in vain"
+    assert not any(key.endswith("/lost") for key, _ in run.net.sent), (
+        "physics never waited for it in vain"
+    )
     world, account = run.engine.world, run.engine.states.counts.ticks
     assert run.physics.run.refusal_totals.counts.total() >= FEW
     assert "picker_01: " in caplog.text
@@ -255,6 +305,10 @@ def test_velocities_that_are_too_large_for_one_message_go_in_several(monkeypatch
     monkeypatch.setattr(hosts, "MAX_PAYLOAD", 1000)
     run = Run(SMALL, "run1", TICKS)
     assert run.to_the_end().hash == local_hash(SMALL, TICKS)
-    answers = Counter(read(payload, Velocities).tick for key, payload in run.net.sent if key.endswith("/velocities"))
+    answers = Counter(
+        read(payload, Velocities).tick
+        for key, payload in run.net.sent
+        if key.endswith("/velocities")
+    )
     assert answers[0] > 2
     assert run.physics.run.refusal_totals.counts.total() == 0

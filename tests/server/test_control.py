@@ -23,7 +23,10 @@ from orchard.sim.engine import Engine
 from orchard.tables.tables import Tables
 from orchard.wire.messages import Angular, Linear, Odometry, Velocity, read
 
-ERRING = with_changes(SMALL, **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01})
+ERRING = with_changes(
+    SMALL,
+    **{"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02, "sensors.odometry.heading": 0.01},
+)
 
 
 def test_the_clock_stands_while_the_run_is_paused():
@@ -75,7 +78,10 @@ class Late(Inbox):
         tick = self._engine.tick
         if self.at < 0 and tick >= self._from and seconds > 0.0:
             self.at = tick
-            return Sample(KEYS.of("velocity", "picker_01"), pack(Velocity(RUN, tick, Linear(0.5), Angular(0.0))))
+            return Sample(
+                KEYS.of("velocity", "picker_01"),
+                pack(Velocity(RUN, tick, Linear(0.5), Angular(0.0))),
+            )
         return super().take(seconds, enough)
 
 
@@ -84,7 +90,9 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
     run = Run(SMALL, RUN, 20)
     bus, engine = run.physics.bus, Engine.begin(SMALL)
     names = list(engine.layout.agents)
-    physics = RunLoop(bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=4.0, duration=2.0, absent=names))
+    physics = RunLoop(
+        bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=4.0, duration=2.0, absent=names)
+    )
     bus.inbox, poses = Late(engine, 3), {}
 
     def see(key: str, payload: bytes) -> None:
@@ -99,7 +107,9 @@ def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(
 
 
 def asked(someone, what: str, **fields):
-    (reply,) = someone.ask(f"orchard/{what}", msgpack.packb({"run": someone.run} | fields) if fields else b"")
+    (reply,) = someone.ask(
+        f"orchard/{what}", msgpack.packb({"run": someone.run} | fields) if fields else b""
+    )
     return reply["tick"], reply["state"]
 
 
@@ -111,7 +121,9 @@ def test_a_run_is_paused_before_it_begins_stepped_and_played(fleet, undisturbed)
     assert asked(someone, "set_simulation_state", state="paused") == (0, "paused")
     fleet.share(2, TOY)
     for _ in range(3):
-        assert until(clock, lambda message: True)["tick"] == 0, "it stands, and is told again and again"
+        assert until(clock, lambda message: True)["tick"] == 0, (
+            "it stands, and is told again and again"
+        )
     for n in (1, 2, 10):
         tick, state = asked(someone, "step_simulation", steps=n)
         assert state == "paused"
@@ -125,7 +137,9 @@ def test_a_run_that_plays_does_no_single_steps(fleet):
     someone = fleet.client()
     ends = someone.hear("orchard/end")
     assert asked(someone, "set_simulation_state", state="playing") == (0, "stopped")
-    (error,) = someone.ask("orchard/step_simulation", msgpack.packb({"run": someone.run, "steps": 3}))
+    (error,) = someone.ask(
+        "orchard/step_simulation", msgpack.packb({"run": someone.run, "steps": 3})
+    )
     assert "not paused" in error
     fleet.share(1)
     fleet.end()
@@ -159,7 +173,9 @@ def test_the_end_of_a_run_ends_the_steps_of_a_query(fleet):
 
 def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     """It may be silent for 0.2 s; between two clocks of a pause 0.5 s pass."""
-    others = [word for name in lay_out(SMALL).agents if name != "traffic" for word in ("--absent", name)]
+    others = [
+        word for name in lay_out(SMALL).agents if name != "traffic" for word in ("--absent", name)
+    ]
     fleet.physics(SMALL, "--patience", "0.2", *others)
     someone = fleet.client()
     clock, lost = (someone.hear(f"orchard/{what}") for what in ("clock", "lost"))
@@ -190,15 +206,27 @@ def test_a_run_that_is_reset_begins_again_and_is_as_if_it_had_not_been(fleet, tm
     until(alive, lambda up: not up)
     until(alive, lambda up: up)
     (info,) = someone.ask("orchard/scenario")
-    assert (info["run"], info["tick"], info["scenario"]["seed"]) == (fleet.run, 0, ERRING.seed if seed is None else seed)
+    assert (info["run"], info["tick"], info["scenario"]["seed"]) == (
+        fleet.run,
+        0,
+        ERRING.seed if seed is None else seed,
+    )
     assert asked(someone, "simulation_state") == (0, "paused")
     asked(someone, "set_simulation_state", state="playing")
     scenario = ERRING if seed is None else ERRING.model_copy(update={"seed": seed})
     said = [fleet.world.line() for _ in range(2)]
     assert said[0].startswith("reset: tick 20"), said
     assert fleet.end() == leave_tables(scenario, tmp_path / "local")
-    for name in ("bodies", "events", "messages", "calls", "exchanges"):  # those of before the reset are gone
-        local, after = (pq.read_table(tmp_path / folder / f"{name}.parquet") for folder in ("local", "reset"))
+    for name in (
+        "bodies",
+        "events",
+        "messages",
+        "calls",
+        "exchanges",
+    ):  # those of before the reset are gone
+        local, after = (
+            pq.read_table(tmp_path / folder / f"{name}.parquet") for folder in ("local", "reset")
+        )
         assert after.equals(local, check_metadata=True), name
 
 

@@ -9,7 +9,16 @@ from contextlib import suppress
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from command_line import ROOT, line_with, orchard, running, scenario_file, starting, summary_of, wait_until_simulated
+from command_line import (
+    ROOT,
+    line_with,
+    orchard,
+    running,
+    scenario_file,
+    starting,
+    summary_of,
+    wait_until_simulated,
+)
 from local_runs import driven_by, local_hash
 from stage import empty_orchard
 
@@ -28,7 +37,11 @@ def undisturbed():
 
 
 def process_of(run: subprocess.Popen, word: str) -> psutil.Process:
-    return next(child for child in psutil.Process(run.pid).children(recursive=True) if f"orchard.processes.{word}" in child.cmdline())
+    return next(
+        child
+        for child in psutil.Process(run.pid).children(recursive=True)
+        if f"orchard.processes.{word}" in child.cmdline()
+    )
 
 
 def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
@@ -49,7 +62,18 @@ def end(run: subprocess.Popen) -> str:
 def battered(tmp_path_factory):
     """A run of which a host and physics are killed, and all processes are ended by signals that run.py has not sent: (folder, printed)."""
     folder = tmp_path_factory.mktemp("battered")
-    order = ("--hosts", 2, "--speed", 5, "--record", folder / "run.rrd", "--summary", folder / "summary.json", "--table", folder / "tables")
+    order = (
+        "--hosts",
+        2,
+        "--speed",
+        5,
+        "--record",
+        folder / "run.rrd",
+        "--summary",
+        folder / "summary.json",
+        "--table",
+        folder / "tables",
+    )
     with running(*PACE, *order) as run:
         wait_until_simulated(run, 2.0)
         process_of(run, "agents").kill()
@@ -57,7 +81,11 @@ def battered(tmp_path_factory):
         process_of(run, "physics").kill()
         printed += line_with("starting it again", run)
         line_with("real time", run)
-        for word, number in (("agents", signal.SIGTERM), ("logger", signal.SIGINT), ("physics", signal.SIGTERM)):
+        for word, number in (
+            ("agents", signal.SIGTERM),
+            ("logger", signal.SIGINT),
+            ("physics", signal.SIGTERM),
+        ):
             process_of(run, word).send_signal(number)
         printed += end(run)
     return folder, printed
@@ -65,16 +93,42 @@ def battered(tmp_path_factory):
 
 def test_whatever_is_killed_the_same_run_goes_on(battered, undisturbed):
     folder, printed = battered
-    assert re.findall(r"(agents|physics).* ended with code -9; starting it again", printed) == ["agents", "physics"]
+    assert re.findall(r"(agents|physics).* ended with code -9; starting it again", printed) == [
+        "agents",
+        "physics",
+    ]
     assert summary_of(folder / "summary.json")["hash"] == undisturbed
 
 
 @pytest.mark.soak
 def test_a_dispatcher_that_is_killed_and_then_resumed_elsewhere_plans_on_as_it_would_have(tmp_path):
     """With `rolling`, which remembers what it has decided."""
-    roads = {"rows": 6, "pickers": 3, "carriers": 2, "row_length": 20.0, "route": "two-way", "rows_to_pickers": "balanced-ends"}
-    scenario, path, seconds = empty_orchard(**roads, dispatch="rolling"), tmp_path / "summary.json", 200.0
-    command = (scenario_file(tmp_path, scenario), "--hosts", 1, "--speed", 30, "--duration", seconds, "--record", "none", "--summary", path)
+    roads = {
+        "rows": 6,
+        "pickers": 3,
+        "carriers": 2,
+        "row_length": 20.0,
+        "route": "two-way",
+        "rows_to_pickers": "balanced-ends",
+    }
+    scenario, path, seconds = (
+        empty_orchard(**roads, dispatch="rolling"),
+        tmp_path / "summary.json",
+        200.0,
+    )
+    command = (
+        scenario_file(tmp_path, scenario),
+        "--hosts",
+        1,
+        "--speed",
+        30,
+        "--duration",
+        seconds,
+        "--record",
+        "none",
+        "--summary",
+        path,
+    )
     with running(*command) as run:
         wait_until_simulated(run, 20.0)
         process_of(run, "agents").kill()
@@ -84,18 +138,38 @@ def test_a_dispatcher_that_is_killed_and_then_resumed_elsewhere_plans_on_as_it_w
         printed = end(run)
     folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
     for mode in ("local", "lockstep"):
-        orchard("--resume", folder, "--mode", mode, "--speed", 30, "--duration", seconds, "--record", "none", "--summary", path)
+        orchard(
+            "--resume",
+            folder,
+            "--mode",
+            mode,
+            "--speed",
+            30,
+            "--duration",
+            seconds,
+            "--record",
+            "none",
+            "--summary",
+            path,
+        )
         assert summary_of(path)["hash"] == local_hash(scenario, round(10 * seconds))
 
 
 def test_a_signal_that_run_py_has_not_sent_is_a_death_too(battered):
     for word in ("agents \\d", "logger", "physics"):
-        assert re.search(rf"{word} ended with code 1(43|30); starting it again", battered[1]), battered[1]
+        assert re.search(rf"{word} ended with code 1(43|30); starting it again", battered[1]), (
+            battered[1]
+        )
 
 
 def test_the_tables_of_a_run_that_is_killed_have_each_row_once(battered):
-    rows, bodies = pq.read_table(battered[0] / "tables" / "bodies.parquet"), lay_out(Scenario(rows=3)).names
-    assert rows["tick"].to_pylist() == [tick for tick in range(1, round(SECONDS * 10) + 1) for _ in bodies]
+    rows, bodies = (
+        pq.read_table(battered[0] / "tables" / "bodies.parquet"),
+        lay_out(Scenario(rows=3)).names,
+    )
+    assert rows["tick"].to_pylist() == [
+        tick for tick in range(1, round(SECONDS * 10) + 1) for _ in bodies
+    ]
     assert rows["name"].to_pylist() == [*bodies] * round(SECONDS * 10)
 
 
@@ -108,10 +182,28 @@ def test_a_signal_to_all_stops_the_run_and_it_goes_on_where_it_was(tmp_path, und
             process.terminate()
         printed = end(run)
     assert "again" not in printed
-    folder, ticks = re.search(r"To go on: .* --resume (\S+)", printed).group(1), summary_of(path)["ticks"]
-    assert max(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).glob("tick-*")) == ticks >= 50
+    folder, ticks = (
+        re.search(r"To go on: .* --resume (\S+)", printed).group(1),
+        summary_of(path)["ticks"],
+    )
+    assert (
+        max(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).glob("tick-*"))
+        == ticks
+        >= 50
+    )
     for mode in ("local", "lockstep"):
-        orchard("--resume", folder, "--mode", mode, "--duration", SECONDS, "--record", "none", "--summary", path)
+        orchard(
+            "--resume",
+            folder,
+            "--mode",
+            mode,
+            "--duration",
+            SECONDS,
+            "--record",
+            "none",
+            "--summary",
+            path,
+        )
         assert summary_of(path)["hash"] == undisturbed
 
 
@@ -123,13 +215,25 @@ def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
         run.send_signal(signal.SIGINT)
         printed, _ = run.communicate(timeout=60)
         assert "Traceback" not in printed
-        assert run.returncode in (1, 130), "there was nothing to finish yet; 130 is what a shell shows while it is still loading"
+        assert run.returncode in (1, 130), (
+            "there was nothing to finish yet; 130 is what a shell shows while it is still loading"
+        )
         assert not physics.is_running()
 
 
 def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path):
-    done = orchard(scenario_file(tmp_path, driven_by(picker_01="Stillborn")), "--hosts", 2, "--record", "none", code=1)
-    assert re.search(r"agents \d ended with code 7, 5 times in a row; giving up on it; these stand: .*picker_01", done.stdout)
+    done = orchard(
+        scenario_file(tmp_path, driven_by(picker_01="Stillborn")),
+        "--hosts",
+        2,
+        "--record",
+        "none",
+        code=1,
+    )
+    assert re.search(
+        r"agents \d ended with code 7, 5 times in a row; giving up on it; these stand: .*picker_01",
+        done.stdout,
+    )
     assert re.search(r"the run cannot begin without .*picker_01", done.stderr)
     assert "picker_02" not in done.stderr
 
@@ -138,7 +242,13 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path):
 def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path):
     arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"
-    done = orchard(scenario_file(tmp_path, driven_by(picker_01="Mortal")), *arguments, "--summary", path, code=1)
+    done = orchard(
+        scenario_file(tmp_path, driven_by(picker_01="Mortal")),
+        *arguments,
+        "--summary",
+        path,
+        code=1,
+    )
     assert "broken: picker_01, its process died again and again" in done.stderr
     assert re.search("no answer to tick 20 from .*picker_01.*: no longer waited for", done.stdout)
     assert summary_of(path)["ticks"] == 400

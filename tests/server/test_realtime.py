@@ -16,7 +16,16 @@ from orchard.net.mailbox import STALE_TICKS, LatestObservations, RealtimeMailbox
 from orchard.net.refusals import Refused
 from orchard.server.barriers import SLACK, Delays, LockstepBarrier, RealtimeBarrier
 from orchard.server.commands import UnownedCommands
-from orchard.wire.messages import Angular, Answered, AskedOf, Linear, Received, Report, Seen, Velocity
+from orchard.wire.messages import (
+    Angular,
+    Answered,
+    AskedOf,
+    Linear,
+    Received,
+    Report,
+    Seen,
+    Velocity,
+)
 
 STEP = 0.125  # s of wall time to a tick
 COUPLE = Couple("bin_01")
@@ -58,13 +67,24 @@ def test_a_velocity_drives_on_until_its_half_second_is_over_and_an_older_one_is_
 @pytest.mark.parametrize(
     ("first", "later", "steps"),
     [(0.01, 0.06, 4), (0.01, 0.02, 5), (0.09, 0.06, 5), (0.09, 0.02, 6)],
-    ids=["misses its own step", "misses it, and is in time for another", "half a second", "one step more"],
+    ids=[
+        "misses its own step",
+        "misses it, and is in time for another",
+        "half a second",
+        "one step more",
+    ],
 )
-def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_step_more(first, later, steps):
+def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_step_more(
+    first, later, steps
+):
     """The velocity for tick 0 comes 0.05 s after the pose. `first` and `later`: s from a pose to its step; the answers of others decide."""
     clock = Clock()
     unowned, moved = UnownedCommands(clock), 0
-    moments = [(0.05, "comes"), (first, "step"), *((0.1 * tick + later, "step") for tick in range(1, 10))]
+    moments = [
+        (0.05, "comes"),
+        (first, "step"),
+        *((0.1 * tick + later, "step") for tick in range(1, 10)),
+    ]
     begun, tick = clock.now, 0
     for moment, what in sorted(moments):
         clock.now = begun + moment
@@ -100,7 +120,11 @@ def test_the_newest_velocity_counts_although_it_is_late():
     assert one.actions()["picker_01"].twist == Twist(0.5)
     one.take("picker_01", *driving(2, 0.7))
     assert one.actions()["picker_01"].twist == Twist(0.7)
-    for wrong, reason in [(driving(1), "past tick"), (driving(2), "answered already"), (driving(9), "future tick")]:
+    for wrong, reason in [
+        (driving(1), "past tick"),
+        (driving(2), "answered already"),
+        (driving(9), "future tick"),
+    ]:
         with pytest.raises(Refused, match=reason):
             one.take("picker_01", *wrong)
     with pytest.raises(Refused, match="not the owner"):
@@ -186,7 +210,9 @@ def test_answers_come_when_they_come_and_silence_ends():
     box = RealtimeMailbox(RUN)
     box.join(5)
     box.deliver(5)
-    one, _ = box.write("bin_01", Action(requests=[("picker_01", StateRequest()), ("picker_02", StateRequest())]))
+    one, _ = box.write(
+        "bin_01", Action(requests=[("picker_01", StateRequest()), ("picker_02", StateRequest())])
+    )
     assert box.is_settled(6, [AskedOf("picker_01", "bin_01", 7)]), "no tick waits for mail"
     box.replied(one, pack(Received(RUN, 5)))
     box.replied(one, pack(Answered(RUN, 11, Yes())))
@@ -267,5 +293,9 @@ def test_a_whole_harvest_in_realtime(fleet):
     fleet.share(2)
     fleet.end(10_000.0)
     summary = ends.get()["summary"]
-    assert (summary["finished"], summary["bins_delivered"], summary["mode"]) == (True, 3, "realtime")
+    assert (summary["finished"], summary["bins_delivered"], summary["mode"]) == (
+        True,
+        3,
+        "realtime",
+    )
     assert {"ticks_late", "velocities_missed"} <= summary.keys()

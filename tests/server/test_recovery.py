@@ -19,7 +19,12 @@ from orchard.sim.engine import Engine
 from orchard.sim.snapshot import as_file, newest
 from orchard.wire.keys import Keys
 
-PACE = ("--speed", "15", "--duration", str(TICKS / 10))  # slow enough that a fault meets the run where it shall
+PACE = (
+    "--speed",
+    "15",
+    "--duration",
+    str(TICKS / 10),
+)  # slow enough that a fault meets the run where it shall
 
 
 def wait_for_tick(fleet, tick):
@@ -32,9 +37,15 @@ def end(process):
 
 
 @pytest.mark.parametrize(
-    "dispatch", ["predictive", *(pytest.param(name, marks=pytest.mark.soak) for name in ("farthest-first", "nearest"))]
+    "dispatch",
+    [
+        "predictive",
+        *(pytest.param(name, marks=pytest.mark.soak) for name in ("farthest-first", "nearest")),
+    ],
 )
-def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_nothing(fleet, dispatch):
+def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_nothing(
+    fleet, dispatch
+):
     scenario = empty_orchard(dispatch=dispatch)
     fleet.physics(scenario, "--speed", "30", "--duration", "90")
     fleet.share(2)
@@ -45,11 +56,17 @@ def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_n
     assert fleet.end() == local_hash(scenario, 900)
 
 
-def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(fleet, tmp_path):
+def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(
+    fleet, tmp_path
+):
     """3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in time."""
-    fleet.physics(SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots"))
+    fleet.physics(
+        SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots")
+    )
     someone = fleet.client()
-    lost, velocities, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock"))
+    lost, velocities, clock = (
+        someone.hear(f"orchard/{key}") for key in ("lost", "picker_01/velocity", "clock")
+    )
     fleet.host("--without", "picker_01", agents=TOY)
     hung = fleet.host("--only", "picker_01", agents=TOY)
     until(velocities, lambda velocity: velocity["tick"] >= 20)
@@ -62,7 +79,9 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     fleet.stop()
     assert "no answer" in fleet.world.complaints
     assert "joining again" in hung.complaints
-    assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, "and the person that resumes the run is told"
+    assert newest(tmp_path / "snapshots", []).lost == {"picker_01": named["tick"]}, (
+        "and the person that resumes the run is told"
+    )
 
 
 def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fleet):
@@ -98,12 +117,20 @@ def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
     wait_for_tick(fleet, 30)
     end(fleet.hosts[0])
     fleet.wait(lambda: False, 10.0)
-    assert re.search(r"no answer to tick \d+ yet from .*: waiting for up to 12 s more", fleet.world.complaints)
+    assert re.search(
+        r"no answer to tick \d+ yet from .*: waiting for up to 12 s more", fleet.world.complaints
+    )
     assert "no longer waited for" not in fleet.world.complaints
 
 
-def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own_and_whole(fleet, undisturbed, tmp_path):
-    keeping, folder, gone = killed_with_snapshots(fleet, tmp_path), tmp_path / "snapshots", tmp_path / "scenario.yaml"
+def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own_and_whole(
+    fleet, undisturbed, tmp_path
+):
+    keeping, folder, gone = (
+        killed_with_snapshots(fleet, tmp_path),
+        tmp_path / "snapshots",
+        tmp_path / "scenario.yaml",
+    )
     gone.unlink()
     torn = max(folder.glob("tick-*.snapshot"))
     torn.write_bytes(torn.read_bytes()[:1000])
@@ -113,11 +140,17 @@ def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_th
     (folder / "tick-000000998.snapshot").write_bytes(as_file(alien)[1])
     fleet.world = fleet.start("orchard.processes.physics", str(gone), *keeping)
     assert fleet.end() == undisturbed
-    for words in (torn.name, "tick-000000999.snapshot: is no regular file", "tick-000000998.snapshot: of another run, another"):
+    for words in (
+        torn.name,
+        "tick-000000999.snapshot: is no regular file",
+        "tick-000000998.snapshot: of another run, another",
+    ):
         assert words in fleet.world.complaints
 
 
-def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed, tmp_path):
+def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(
+    fleet, undisturbed, tmp_path
+):
     keeping = killed_with_snapshots(fleet, tmp_path)
     for path in (tmp_path / "snapshots").glob("tick-*.snapshot"):
         path.write_bytes(path.read_bytes()[:1000])
@@ -127,7 +160,9 @@ def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(fleet, un
 
 
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
-def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(fleet, tmp_path, seconds, is_there):
+def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(
+    fleet, tmp_path, seconds, is_there
+):
     keeping = killed_with_snapshots(fleet, tmp_path)
     for host in fleet.hosts:
         end(host)
@@ -137,7 +172,9 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(f
         fleet.wait(lambda: False, seconds)
         fleet.host("--share", f"{number}/4")
     fleet.world.end()
-    assert ("no longer waited for" not in fleet.world.complaints) == is_there, fleet.world.complaints
+    assert ("no longer waited for" not in fleet.world.complaints) == is_there, (
+        fleet.world.complaints
+    )
 
 
 def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards(tmp_path):
@@ -148,8 +185,12 @@ def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards
     before.keep()
     before.account.snapshot_writer.finish()
     snapshot = last(tmp_path)
-    totals = RunLoop(StandIn(Net(), "physics2"), Keys(), Engine.resume(snapshot), options, snapshot).run.refusal_totals
+    totals = RunLoop(
+        StandIn(Net(), "physics2"), Keys(), Engine.resume(snapshot), options, snapshot
+    ).run.refusal_totals
     assert totals.total() == {"malformed": 3, "not all": 1}
     totals.note("a key", Refused("past tick"))
     totals.hear("host1", {"malformed": 3, "not all": 1})
-    assert totals.total() == {"malformed": 4, "not all": 1, "past tick": 1}, "a session that is still there counts once"
+    assert totals.total() == {"malformed": 4, "not all": 1, "past tick": 1}, (
+        "a session that is still there counts once"
+    )

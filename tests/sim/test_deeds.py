@@ -16,11 +16,16 @@ from orchard.sim.engine import Engine
 
 def beside(kind: str = "picker", off: float = 0.0, aside: float = 0.0, yaw: float = 0.0) -> Yard:
     distance = {"picker": 2.25, "carrier": 1.9, "tractor": 5.0}[kind]
-    return yard((kind, Pose(1, 1, NORTH)), ("bin", Pose(1 - aside, 1 - distance + off, NORTH + yaw)))
+    return yard(
+        (kind, Pose(1, 1, NORTH)), ("bin", Pose(1 - aside, 1 - distance + off, NORTH + yaw))
+    )
 
 
 @pytest.mark.parametrize("kind", ["picker", "carrier"])
-@pytest.mark.parametrize("yaw", [0.0, math.pi / 2, -math.pi / 2, math.pi, math.radians(4.9), math.pi / 2 - math.radians(4.9)])
+@pytest.mark.parametrize(
+    "yaw",
+    [0.0, math.pi / 2, -math.pi / 2, math.pi, math.radians(4.9), math.pi / 2 - math.radians(4.9)],
+)
 def test_a_bin_at_the_coupling_point_couples_at_any_quarter_turn_and_stays_where_it_is(kind, yaw):
     spot = beside(kind, off=0.06, aside=-0.06, yaw=yaw)
     before = spot.world.pose.copy()
@@ -51,10 +56,16 @@ def test_coupling_and_uncoupling_want_both_to_stand():
     spot = beside()
     spot.drive(1, picker_01=Twist(0.5))
     assert "moves" in spot.do("picker_01", Couple("bin_02"))[0].detail  # it moved a tick ago
-    assert "moves" in spot.drive(1, deeds=[("picker_01", Couple("bin_02"))], picker_01=Twist(0.5))[0].detail  # it wants to
+    assert (
+        "moves"
+        in spot.drive(1, deeds=[("picker_01", Couple("bin_02"))], picker_01=Twist(0.5))[0].detail
+    )  # it wants to
     spot = beside()
     assert spot.do("picker_01", Couple("bin_02"))[0].what == "coupled"
-    assert "bin_02 moves" in spot.drive(1, deeds=[("picker_01", Uncouple())], bin_02=Twist(0.1))[0].detail
+    assert (
+        "bin_02 moves"
+        in spot.drive(1, deeds=[("picker_01", Uncouple())], bin_02=Twist(0.1))[0].detail
+    )
     assert "bin_02 moves" in spot.do("picker_01", Uncouple())[0].detail
     assert spot.do("picker_01", Uncouple())[0].what == "uncoupled"
     assert spot.coupled("bin_02") == ""
@@ -62,7 +73,9 @@ def test_coupling_and_uncoupling_want_both_to_stand():
 
 def test_a_bin_is_coupled_to_one_robot_and_a_robot_to_one_bin():
     bins = ("bin", Pose(-2.25, 0, EAST)), ("bin", Pose(-2.25, 9, EAST))
-    pair = yard(("picker", Pose(0, 0, EAST)), bins[0], ("carrier", Pose(-4.15, 0, math.pi)), bins[1])
+    pair = yard(
+        ("picker", Pose(0, 0, EAST)), bins[0], ("carrier", Pose(-4.15, 0, math.pi)), bins[1]
+    )
     pair.do("picker_01", Couple("bin_02"))
     assert "coupled" in pair.do("carrier_03", Couple("bin_02"))[0].detail
     assert "has a bin" in pair.do("picker_01", Couple("bin_04"))[0].detail
@@ -78,7 +91,9 @@ def weed_and_worker(distance: float) -> Yard:
 def test_a_weed_is_flattened_when_something_moves_within_a_metre():
     near = weed_and_worker(0.99)
     near.drive(1, worker_01=Twist(0.1))
-    assert [(e.what, e.whom) for e in near.do("weed_02", Flatten())] == [("weed flattened", "worker_01")]
+    assert [(e.what, e.whom) for e in near.do("weed_02", Flatten())] == [
+        ("weed flattened", "worker_01")
+    ]
     assert not near.of("alive", "weed_02")
     assert near.do("weed_02", Flatten())[0].what == "deed refused"
 
@@ -93,7 +108,9 @@ def test_a_weed_is_not_flattened_by_what_stands_or_is_farther():
 
 
 def test_a_weed_is_flattened_across_a_corner_by_the_straight_distance():
-    corner = yard(("dog", Pose(0, 0, EAST)), ("weed", Pose(0.5 + 0.25 + 0.8, 0.4 + 0.25 + 0.8, EAST)))
+    corner = yard(
+        ("dog", Pose(0, 0, EAST)), ("weed", Pose(0.5 + 0.25 + 0.8, 0.4 + 0.25 + 0.8, EAST))
+    )
     corner.drive(1, dog_01=Twist(0.001))
     assert corner.do("weed_02", Flatten())[0].what == "deed refused"
     corner.put("weed_02", 0.5 + 0.25 + 0.7, 0.4 + 0.25 + 0.7, EAST)

@@ -40,7 +40,10 @@ def happens(what: str, who: str, whom: str = "", detail: str = "") -> Event:
 
 
 def couple(world: World, robot: str, bin_: str) -> None:
-    world.coupled[world.index[robot]], world.coupled[world.index[bin_]] = world.index[bin_], world.index[robot]
+    world.coupled[world.index[robot]], world.coupled[world.index[bin_]] = (
+        world.index[bin_],
+        world.index[robot],
+    )
 
 
 def test_an_orchard_in_order_violates_nothing(checker, world):
@@ -57,7 +60,10 @@ WRONG = {  # what is set in a new world -> what is said of it
         {"coupled": {"bin_01": "nobody", "picker_01": "picker_02"}},
         "picker_01 is coupled to picker_02; a coupling needs a picker or carrier and a bin",
     ),
-    "a metre that is picked into no bin": ({"row_ends": {(1, 0): 1.0}}, "1.000 m are picked, but 0.000 m are in bins or delivered"),
+    "a metre that is picked into no bin": (
+        {"row_ends": {(1, 0): 1.0}},
+        "1.000 m are picked, but 0.000 m are in bins or delivered",
+    ),
     "a row that is longer than a row": (
         {"row_ends": {(0, 0): 71.0}, "fill": {"bin_01": 70.0, "bin_02": 1.0}},
         "row 1 was picked for 0 m, and now for 71 m; this may only grow, to 70 m",
@@ -83,13 +89,20 @@ def test_a_delivery_that_nobody_made_is_named(checker, world):
 def test_a_bin_on_two_robots_is_named(checker, world):
     world.coupled[world.index["carrier_01"]] = world.index["bin_01"]
     found = after(checker, world)
-    assert "tick 1: bin_01 is not at one place: it is on picker_01, and coupled to carrier_01 and picker_01" in found
-    assert "tick 1: bin_03 is not at one place: it is on carrier_01, and coupled to no robot" in found
+    assert (
+        "tick 1: bin_01 is not at one place: it is on picker_01, and coupled to carrier_01 and picker_01"
+        in found
+    )
+    assert (
+        "tick 1: bin_03 is not at one place: it is on carrier_01, and coupled to no robot" in found
+    )
 
 
 def test_a_bin_that_is_unloaded_without_a_carrier_is_named(checker, world):
     world.bay_ticks[world.index["bin_01"]] = 7
-    assert checker.end(world, finished=False) == ["tick 0: bin_01 is being unloaded, but is on no carrier"]
+    assert checker.end(world, finished=False) == [
+        "tick 0: bin_01 is being unloaded, but is on no carrier"
+    ]
 
 
 @pytest.mark.parametrize("metres", [-0.5, 70.5])
@@ -104,7 +117,9 @@ def test_a_row_that_grows_back_is_named(checker, world):
     world.row_ends[1, 0] = world.fill[world.index["bin_01"]] = 1.0
     assert after(checker, world) == []
     world.row_ends[1, 0] = world.fill[world.index["bin_01"]] = 0.5
-    assert after(checker, world) == ["tick 2: row 2 was picked for 1 m, and now for 0.5 m; this may only grow, to 70 m"]
+    assert after(checker, world) == [
+        "tick 2: row 2 was picked for 1 m, and now for 0.5 m; this may only grow, to 70 m"
+    ]
 
 
 def test_a_row_that_is_picked_twice_is_named(checker, world):
@@ -118,7 +133,12 @@ FULL = happens("bin full", "bin_01", "picker_01")
 TAKEN = happens("coupled", "carrier_01", "bin_01")
 
 
-TWICE = [FULL, TAKEN, happens("uncoupled", "carrier_01", "bin_01"), happens("coupled", "carrier_02", "bin_01")]
+TWICE = [
+    FULL,
+    TAKEN,
+    happens("uncoupled", "carrier_01", "bin_01"),
+    happens("coupled", "carrier_02", "bin_01"),
+]
 ELSEWHERE = [FULL, TAKEN, happens("unloaded", "bin_01", "carrier_02")]
 
 
@@ -136,17 +156,24 @@ def test_a_call_that_does_not_end_in_one_exchange_is_named(checker, world, event
     assert len(found) == 1 or events is ELSEWHERE, "an unloading that nobody counts is named too"
 
 
-def test_a_call_that_is_open_when_the_harvest_is_over_is_named_and_one_that_is_open_when_the_time_is_over_is_not(checker, world):
+def test_a_call_that_is_open_when_the_harvest_is_over_is_named_and_one_that_is_open_when_the_time_is_over_is_not(
+    checker, world
+):
     after(checker, world, FULL, happens("coupled", "picker_01", "bin_03"))
     assert checker.end(world, finished=False) == []
-    assert checker.end(world, finished=True) == ["tick 1: the harvest is over, but bin_01's call did not end in an exchange"]
+    assert checker.end(world, finished=True) == [
+        "tick 1: the harvest is over, but bin_01's call did not end in an exchange"
+    ]
 
 
 def test_a_picker_that_got_no_empty_bin_is_named(checker, world):
     after(checker, world, FULL, TAKEN)
     world.delivered = 1
     after(checker, world, happens("unloaded", "bin_01", "carrier_01"))
-    assert "the harvest is over, but picker_01 got no empty bin for bin_01" in checker.end(world, finished=True)[-1]
+    assert (
+        "the harvest is over, but picker_01 got no empty bin for bin_01"
+        in checker.end(world, finished=True)[-1]
+    )
 
 
 @pytest.mark.parametrize("other", ["picker_02", "worker_01", "bin_03"])
@@ -154,13 +181,19 @@ def test_a_body_in_another_is_named(checker, world, other):
     x, y, _ = world.pose[world.index[other]]
     world.pose[world.index["carrier_02"]] = x + 0.5, y, 0.3
     found = checker.end(world, finished=False)
-    assert any("overlaps" in violation and "carrier_02" in violation and other in violation for violation in found), found
+    assert any(
+        "overlaps" in violation and "carrier_02" in violation and other in violation
+        for violation in found
+    ), found
 
 
 def test_a_robot_in_a_tree_is_named(checker, world):
     x, y = world.layout.walls[4, :2]
     world.pose[world.index["picker_01"], :2] = x, y
-    assert f"tick 0: picker_01 overlaps a fence, trunk or post, at ({x:.2f}, {y:.2f})" in checker.end(world, finished=False)
+    assert (
+        f"tick 0: picker_01 overlaps a fence, trunk or post, at ({x:.2f}, {y:.2f})"
+        in checker.end(world, finished=False)
+    )
 
 
 def test_bodies_are_looked_at_once_a_second(checker, world):
@@ -179,7 +212,10 @@ def test_a_stopped_robot_that_moves_and_a_pair_that_is_stopped_by_half_are_named
     world.stopped[i], world.twist[i, 0] = True, 0.5
     checker.update(world, [])
     assert "tick 0: picker_01 moves, but is stopped" in checker.violations
-    assert "tick 0: picker_01 is stopped, but bin_01, which is coupled to it, is not" in checker.violations
+    assert (
+        "tick 0: picker_01 is stopped, but bin_01, which is coupled to it, is not"
+        in checker.violations
+    )
 
 
 def test_states_that_do_not_add_up_to_the_run_are_named(world):
@@ -203,13 +239,18 @@ def test_states_go_on_from_data(world):
     assert resumed.faults(world) == []
 
 
-WORDS = st.lists(st.sampled_from(["picker_01", "bin_01", "bin_03", "carrier", "carrier_01", "tractor"]), max_size=2)
+WORDS = st.lists(
+    st.sampled_from(["picker_01", "bin_01", "bin_03", "carrier", "carrier_01", "tractor"]),
+    max_size=2,
+)
 SWITCHES = st.lists(st.tuples(st.integers(0, 1400), st.booleans(), WORDS), max_size=8)
 
 
 @settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
 @given(SCENARIOS, SWITCHES, st.integers(0, 1400))
-def test_no_run_violates_anything_whoever_is_stopped_and_wherever_the_checker_begins(scenario, switches, begins):
+def test_no_run_violates_anything_whoever_is_stopped_and_wherever_the_checker_begins(
+    scenario, switches, begins
+):
     local = Local(scenario)
     for tick in range(1500):
         for _, stop, words in [switch for switch in switches if switch[0] == tick]:
@@ -222,7 +263,12 @@ def test_no_run_violates_anything_whoever_is_stopped_and_wherever_the_checker_be
             late.update(local.engine.world, events)
             states.update(local.engine.world, local.actions)
     world = local.engine.world
-    assert late.end(world, finished=False) == local.engine.invariants.end(world, finished=False) == states.faults(world) == []
+    assert (
+        late.end(world, finished=False)
+        == local.engine.invariants.end(world, finished=False)
+        == states.faults(world)
+        == []
+    )
 
 
 def test_a_call_of_before_a_snapshot_is_known_after_it():
@@ -246,8 +292,26 @@ orchard.sim.engine.step = step
 
 
 def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
-    arguments = ["--mode", "local", "--rows", "3", "--duration", "2", "--record", "none", "--summary", "summary.json"]
-    done = python("-c", f"{SABOTAGE}from orchard.__main__ import main; main()", *arguments, code=1, cwd=tmp_path, PYTHONPATH=PATH)
+    arguments = [
+        "--mode",
+        "local",
+        "--rows",
+        "3",
+        "--duration",
+        "2",
+        "--record",
+        "none",
+        "--summary",
+        "summary.json",
+    ]
+    done = python(
+        "-c",
+        f"{SABOTAGE}from orchard.__main__ import main; main()",
+        *arguments,
+        code=1,
+        cwd=tmp_path,
+        PYTHONPATH=PATH,
+    )
     assert "violated: tick 1: " in done.stderr
     assert "m are picked, but" in (tmp_path / "summary.json").read_text()
 
@@ -256,5 +320,7 @@ def test_a_violation_in_physics_is_exit_code_1(tmp_path):
     everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic", "dispatch")
                  for word in ("--absent", kind)]  # fmt: skip
     program = "from orchard.processes.physics import main; sys.exit(main(sys.argv[1:]))"
-    done = python("-c", SABOTAGE + program, "--duration", 2, *everybody, code=1, cwd=tmp_path, PYTHONPATH=PATH)
+    done = python(
+        "-c", SABOTAGE + program, "--duration", 2, *everybody, code=1, cwd=tmp_path, PYTHONPATH=PATH
+    )
     assert "violated: tick 1: " in done.stdout

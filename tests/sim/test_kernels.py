@@ -20,7 +20,11 @@ CODE = bytes(range(256)) * 40
 TICKS = 20
 SECONDS = 120.0  # that the writers may take on a busy machine
 PROGRAM = f"from local_runs import local_hash; from orchard.field.scenario import Scenario; print(local_hash(Scenario(rows=3), {TICKS}))"
-LOADED = ("move.quaternions", "holds.begin_holds", "move.overlaps")  # kernels that every start loads
+LOADED = (
+    "move.quaternions",
+    "holds.begin_holds",
+    "move.overlaps",
+)  # kernels that every start loads
 
 
 def simulated(cache_folder) -> subprocess.CompletedProcess:
@@ -68,7 +72,9 @@ def test_kernels_of_other_sources_go_once_no_program_has_used_them_for_a_day(tmp
 
 def test_torn_and_changed_kernels_are_compiled_anew_in_the_same_run_and_said_in_one_line(kept):
     for name, damage in zip(LOADED, (tear, flip, lambda path: path.write_bytes(b"")), strict=True):
-        files = [*kept.glob(f"{name}-*.nbc")]  # more than one, if another test has compiled it for another processor
+        files = [
+            *kept.glob(f"{name}-*.nbc")
+        ]  # more than one, if another test has compiled it for another processor
         assert files
         for file in files:
             damage(file)
@@ -78,7 +84,9 @@ def test_torn_and_changed_kernels_are_compiled_anew_in_the_same_run_and_said_in_
         f"compiled kernels in {kept} are torn or changed; they are compiled anew, which takes up to a minute"
     ]
     load = KernelFiles(kept).load
-    assert all(any(load(file.name) for file in kept.glob(f"{name}-*.nbc")) for name in LOADED), "they are mended for the next start"
+    assert all(any(load(file.name) for file in kept.glob(f"{name}-*.nbc")) for name in LOADED), (
+        "they are mended for the next start"
+    )
 
 
 def test_any_flipped_bit_or_cut_is_found(tmp_path, caplog):
@@ -127,10 +135,14 @@ def test_a_folder_that_cannot_be_made_is_no_reason_not_to_start(tmp_path, caplog
 
 
 def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, caplog):
-    program = "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
+    program = (
+        "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
+    )
     program += "for i in range(100): KernelFiles(Path(sys.argv[1])).keep('a.nbc', bytes([i % 2]) * 200_000)"
     files, codes = KernelFiles(tmp_path), (None, bytes(200_000), bytes([1]) * 200_000)
-    writers = [subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], cwd=ROOT) for _ in range(2)]
+    writers = [
+        subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], cwd=ROOT) for _ in range(2)
+    ]
     deadline = time.monotonic() + SECONDS
     try:
         while None in [writer.poll() for writer in writers]:
@@ -149,8 +161,15 @@ def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, capl
 def test_two_that_start_at_once_without_kernels_both_reach_the_hash(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": PATH}
     start = [sys.executable, "-c", PROGRAM]
-    both = [subprocess.Popen(start, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
-    assert [process.communicate(timeout=240) for process in both] == [(local_hash(Scenario(rows=3), TICKS) + "\n", "")] * 2
+    both = [
+        subprocess.Popen(
+            start, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    assert [process.communicate(timeout=240) for process in both] == [
+        (local_hash(Scenario(rows=3), TICKS) + "\n", "")
+    ] * 2
 
 
 @pytest.mark.soak

@@ -34,13 +34,21 @@ class Holder:
     holds = True
 
     def __init__(self, twist=STILL, until=10**9, acts=None, **zones):
-        self.twist, self.until, self.zones, self.acts, self.asked = twist, until, zones, acts or {}, []
+        self.twist, self.until, self.zones, self.acts, self.asked = (
+            twist,
+            until,
+            zones,
+            acts or {},
+            [],
+        )
 
     def tick(self, seen, mail, memory):
         self.asked.append(seen.tick)
         answers = [(heard, No("no")) for heard in mail.requests]
         hold = Hold(min(seen.tick + self.until, 10**10), **self.zones)
-        return Action(self.twist, memory=memory, answers=answers, hold=hold, **self.acts.get(seen.tick, {}))
+        return Action(
+            self.twist, memory=memory, answers=answers, hold=hold, **self.acts.get(seen.tick, {})
+        )
 
 
 def stage_of(scenario=None, **agents):
@@ -57,7 +65,9 @@ def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
 
 def same_run(scenario, ticks):
     """Assert that holds change neither the hash nor a figure of a run, and return the share of agents that were asked."""
-    runs = {holds: Stage(scenario, holds=holds, is_hashed=True) for holds in (Lookahead, IgnoredHolds)}
+    runs = {
+        holds: Stage(scenario, holds=holds, is_hashed=True) for holds in (Lookahead, IgnoredHolds)
+    }
     for run in runs.values():
         run.run(ticks / 10)
     on, ignored = runs[Lookahead], runs[IgnoredHolds]
@@ -80,7 +90,12 @@ def test_holds_change_no_result_of_a_whole_harvest_and_few_are_asked(dispatch):
 
 
 def test_holds_change_no_result_where_a_bin_keeps_the_speed_of_its_picker():
-    same_run(empty_orchard(rows=3, carriers=3, row_length=30.0, metres_per_bin=27.1, dispatch="predictive"), 1500)
+    same_run(
+        empty_orchard(
+            rows=3, carriers=3, row_length=30.0, metres_per_bin=27.1, dispatch="predictive"
+        ),
+        1500,
+    )
 
 
 @given(SCENARIOS, st.data())
@@ -112,7 +127,9 @@ def test_a_call_that_is_no_longer_repeated_is_forgotten_however_long_the_carrier
 
 
 def test_a_walker_that_turns_at_the_edge_of_the_place_where_it_lingers_holds_for_no_time():
-    seen = Observation("dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32))
+    seen = Observation(
+        "dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32)
+    )
     assert ticks_within(seen, WalkerMemory(0.0, 0.0, 0), Twist(yaw=1.0)) == MOST_HOLD
     assert ticks_within(seen, WalkerMemory(0.0, 0.0, 0), Twist(1.0)) == 0
 
@@ -128,7 +145,10 @@ def test_an_agent_that_says_nothing_of_holds_is_asked_at_every_tick():
 
 
 def test_a_hold_ends_at_its_tick_and_its_velocity_is_applied_until_then():
-    stage = stage_of(visitor_01=(visitor := Holder(Twist(0.5), until=3)), scenario=empty_orchard(people=People(workers=0, visitors=1)))
+    stage = stage_of(
+        visitor_01=(visitor := Holder(Twist(0.5), until=3)),
+        scenario=empty_orchard(people=People(workers=0, visitors=1)),
+    )
     x, y, _ = stage.pose("visitor_01")
     stage.run(0.7)
     assert visitor.asked == [0, 3, 6]
@@ -149,7 +169,9 @@ def test_mail_ends_a_hold_a_request_and_the_reply_to_an_own_one():
 
 
 def test_a_refused_step_ends_a_hold():
-    stage = stage_of(picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder())  # its bin stays, and soon holds it back
+    stage = stage_of(
+        picker_01=(picker := Holder(Twist(1.0))), bin_01=Holder()
+    )  # its bin stays, and soon holds it back
     stage.run(0.6)
     refused = int(stage.world.refused[stage.world.index["picker_01"]])
     assert refused > 0
@@ -195,7 +217,9 @@ def test_a_zone_that_becomes_occupied_or_free_ends_a_hold():
     stage.run(13)
     entered, left = watcher.asked[1:]
     assert 30 < entered < left < 100
-    assert left - entered == pytest.approx((1.0 + 0.55) / 0.05, abs=6)  # the zone's width, and the visitor's length
+    assert left - entered == pytest.approx(
+        (1.0 + 0.55) / 0.05, abs=6
+    )  # the zone's width, and the visitor's length
 
 
 def test_a_still_zone_ends_a_hold_at_each_change_in_it():
@@ -206,7 +230,9 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
 
 
 def test_another_freer_side_ends_a_hold_a_change_on_one_side_does_not():
-    stage, watcher = passed_by(1.5, -32.5, freer_within=3.0)  # on its right, and on its way to the left
+    stage, watcher = passed_by(
+        1.5, -32.5, freer_within=3.0
+    )  # on its right, and on its way to the left
     sides = []
     for _ in range(110):
         sides.append(is_left_freer(stage.local.engine.observe()["worker_01"].scan, 3.0))
@@ -216,7 +242,11 @@ def test_another_freer_side_ends_a_hold_a_change_on_one_side_does_not():
     assert watcher.asked == [0, *changes]
 
 
-scans = arrays(np.float32, st.sampled_from([60, 180]), elements=st.one_of(st.just(np.inf), st.floats(0.0, 10.0, width=32)))
+scans = arrays(
+    np.float32,
+    st.sampled_from([60, 180]),
+    elements=st.one_of(st.just(np.inf), st.floats(0.0, 10.0, width=32)),
+)
 
 
 @given(scans, st.floats(0.1, 10.0))
@@ -276,7 +306,10 @@ def test_a_class_derived_from_a_built_in_one_is_asked_at_every_tick_unless_it_sa
     assert asked(HoldingVisitor, "worker_01") < 25
 
 
-@pytest.mark.parametrize("hold", [5, Hold(-1), Hold(5, watch=(AHEAD,) * 9), Hold(5, watch=(Zone(float("nan"), 1.0, 0.0, 1.0),))])
+@pytest.mark.parametrize(
+    "hold",
+    [5, Hold(-1), Hold(5, watch=(AHEAD,) * 9), Hold(5, watch=(Zone(float("nan"), 1.0, 0.0, 1.0),))],
+)
 def test_a_hold_that_is_none_breaks_the_agent(hold, caplog):
     class Wrong:
         Memory, holds = dict, True
@@ -293,7 +326,9 @@ class Impatient:
     Memory, holds = dict, True
 
     def tick(self, seen, mail, memory):
-        return Action(Twist(0.0, 0.0, 0.5) if seen.tick >= 9 else STILL, memory=memory, hold=Hold(600))
+        return Action(
+            Twist(0.0, 0.0, 0.5) if seen.tick >= 9 else STILL, memory=memory, hold=Hold(600)
+        )
 
 
 def test_a_wrong_hold_is_named_with_its_agent_tick_and_difference(caplog):
@@ -302,7 +337,9 @@ def test_a_wrong_hold_is_named_with_its_agent_tick_and_difference(caplog):
     assert caplog.text.count("holds wrongly") == 1
     assert "worker_01 holds wrongly, tick 9: its answer.twist" in caplog.text
     (told,) = local.engine.violations()
-    assert told.startswith("worker_01 holds wrongly, tick 9: its answer.twist"), "so the exit code of a run is 1"
+    assert told.startswith("worker_01 holds wrongly, tick 9: its answer.twist"), (
+        "so the exit code of a run is 1"
+    )
 
 
 def test_ours_hold_rightly(caplog):

@@ -35,15 +35,26 @@ def test_40_ticks_of_an_eighth_turn_per_second_are_exactly_90_degrees():
     assert turned.pose("picker_01").yaw == pytest.approx(0.0, abs=2e-14)
 
 
-@given(st.floats(-3, 3), st.floats(-3, 3), st.one_of(st.floats(-6.3, 6.3), st.floats(-1e-7, 1e-7), st.just(0.0)), st.floats(-3.1, 3.1))
+@given(
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.one_of(st.floats(-6.3, 6.3), st.floats(-1e-7, 1e-7), st.just(0.0)),
+    st.floats(-3.1, 3.1),
+)
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
 def test_a_step_follows_its_arc(forward, left, turn, yaw):
     """Compare with the closed form where that is well conditioned, else with a thousand small straight steps."""
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:
-        north, east = math.sin(yaw + turn * 0.1) - math.sin(yaw), math.cos(yaw + turn * 0.1) - math.cos(yaw)
-        expected = 2.0 + (forward * north + left * east) / turn, -1.0 + (left * north - forward * east) / turn
+        north, east = (
+            math.sin(yaw + turn * 0.1) - math.sin(yaw),
+            math.cos(yaw + turn * 0.1) - math.cos(yaw),
+        )
+        expected = (
+            2.0 + (forward * north + left * east) / turn,
+            -1.0 + (left * north - forward * east) / turn,
+        )
     else:
         middle = yaw + turn * (np.arange(1000) + 0.5) * 1e-4
         expected = (
@@ -54,7 +65,10 @@ def test_a_step_follows_its_arc(forward, left, turn, yaw):
     assert math.cos(end - yaw - turn * 0.1) == pytest.approx(1.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("kind", "speed", "eighths"), [("picker", 1, 1), ("tractor", 1, 1), ("worker", 1, 8), ("dog", 3, 16)])
+@pytest.mark.parametrize(
+    ("kind", "speed", "eighths"),
+    [("picker", 1, 1), ("tractor", 1, 1), ("worker", 1, 8), ("dog", 3, 16)],
+)
 def test_nothing_is_faster_than_its_kind(kind, speed, eighths):
     fast = yard((kind, Pose(0, 0, EAST)))
     fast.drive(1, **{f"{kind}_01": Twist(x=-99.0)})
@@ -97,7 +111,13 @@ CROWD = [
     ("bin", Pose(-2.25, 0, 0)), ("picker", Pose(0, 0, 0)), ("carrier", Pose(0, 2, 0)), ("tractor", Pose(0, -3, 0.3)),
     ("worker", Pose(2, 0, 3)), ("visitor", Pose(2, 1.5, -2)), ("dog", Pose(-2, 2, 1)), ("cat", Pose(3.3, 1.0, 0)), ("weed", Pose(0, 0, 0)),
 ]  # fmt: skip
-PEN = [(-5.0, 0.0, 0.5, 6.0), (5.0, 0.0, 0.5, 6.0), (0.0, -6.0, 5.0, 0.5), (0.0, 5.0, 5.0, 0.5), (2.0, 3.0, 0.25, 0.25)]
+PEN = [
+    (-5.0, 0.0, 0.5, 6.0),
+    (5.0, 0.0, 0.5, 6.0),
+    (0.0, -6.0, 5.0, 0.5),
+    (0.0, 5.0, 5.0, 0.5),
+    (2.0, 3.0, 0.25, 0.25),
+]
 twist = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-6, 6))
 
 
@@ -118,7 +138,9 @@ def test_what_is_in_the_way_stops_a_body_and_is_told_once():
     wall.drive(5, picker_01=AHEAD)
     assert wall.pose("picker_01").x == pytest.approx(0.2)
     assert not wall.of("twist", "picker_01").any()
-    assert [(event.tick, event.who, event.whom) for event in wall.told("collision")] == [(2, "picker_01", "")]
+    assert [(event.tick, event.who, event.whom) for event in wall.told("collision")] == [
+        (2, "picker_01", "")
+    ]
     assert "fence" in wall.told("collision")[0].detail
     wall.drive(1, picker_01=Twist(-1.0))
     wall.drive(3, picker_01=AHEAD)
@@ -182,10 +204,16 @@ def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it
 @given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))
 def test_a_turn_sweeps_nothing_beyond_its_reach_but_nearly_all_within(name, angle, turn):
     kind = KINDS[name]
-    boxes = [(0.0, kind.length / 2, kind.width / 2), *([(-kind.tows, 0.5, 0.5)] if kind.tows else [])]
+    boxes = [
+        (0.0, kind.length / 2, kind.width / 2),
+        *([(-kind.tows, 0.5, 0.5)] if kind.tows else []),
+    ]
     reach = sense._reach(kind, bool(kind.tows))
     for metres, may_be_swept in ((reach, False), (reach - 3 * sense.TURN_MARGIN, True)):
         points = np.array([[metres * math.cos(angle), metres * math.sin(angle)]])
         assert may_be_swept or not sense._swept(points, boxes, turn)
-        is_clear = all(sense._gaps(points[:, 0], np.abs(points[:, 1]), box) >= sense.TURN_MARGIN for box in boxes)
+        is_clear = all(
+            sense._gaps(points[:, 0], np.abs(points[:, 1]), box) >= sense.TURN_MARGIN
+            for box in boxes
+        )
         assert not (may_be_swept and is_clear) or sense._swept(points, boxes, 2.0 * PI)

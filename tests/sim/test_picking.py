@@ -20,7 +20,10 @@ def test_a_row_from_end_to_end_fills_a_bin():
     assert row.world.row_picked.tolist() == [70.0, 0.0, 0.0]
     assert row.of("fill", "bin_02") == 70.0
     assert row.world.full[row.world.index["bin_02"]]
-    assert [(e.what, e.who, e.whom) for e in row.events] == [("row picked", "picker_01", "bin_02"), ("bin full", "bin_02", "picker_01")]
+    assert [(e.what, e.who, e.whom) for e in row.events] == [
+        ("row picked", "picker_01", "bin_02"),
+        ("bin full", "bin_02", "picker_01"),
+    ]
     assert row.events[0].tick == 705  # 70.55 m at 0.1 m a tick
     assert row.events[0].detail == "row 1"
 
@@ -61,7 +64,9 @@ NOTHING_IS_PICKED = {
     "between two lanes": partial(picker_with_bin, y=LANE - 2.75),
     "without a bin": partial(yard, ("picker", Pose(ROW_WEST, LANE, EAST))),
     "by a carrier": carrier_with_bin,
-    "by one that passes on the headland": partial(picker_with_bin, x=ROW_WEST - 0.05, y=LANE + 3, yaw=-math.pi / 2),
+    "by one that passes on the headland": partial(
+        picker_with_bin, x=ROW_WEST - 0.05, y=LANE + 3, yaw=-math.pi / 2
+    ),
 }
 
 
@@ -90,7 +95,10 @@ def test_a_part_inside_a_row_is_picked_up_to_the_edge_where_the_picker_drives_ou
     assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4) and not row.world.row_ends.any()
     row.drive(40, **train(x=0.5))
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 0.0, 6.1, 65.8])
-    assert (row.world.row_picked[0], row.of("fill", "bin_02")) == (pytest.approx(1.9), pytest.approx(1.9))
+    assert (row.world.row_picked[0], row.of("fill", "bin_02")) == (
+        pytest.approx(1.9),
+        pytest.approx(1.9),
+    )
     row.world.row_ends[0, 1] = 63.0  # picked from the east end up to x = -28.5
     row.drive(20, **train(x=0.5))
     assert row.world.row_ends[0].tolist() == pytest.approx([0.0, 65.8, 0.0, 0.0])

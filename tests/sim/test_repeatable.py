@@ -64,7 +64,9 @@ def test_a_step_that_is_accounted_for_later_counts_the_same(asked):
         for local in (at_once, later):
             local.tick()
             if tick == 30:
-                assert "picker_01" in local.engine.stop(["picker_01"]), "it drives, and stands from now on"
+                assert "picker_01" in local.engine.stop(["picker_01"]), (
+                    "it drives, and stands from now on"
+                )
             if tick == 60:
                 local.engine.reset()
     assert ASKED[asked](later.engine) == ASKED[asked](at_once.engine)
@@ -92,7 +94,12 @@ def test_the_hash_is_the_same_on_another_processor(request):
     """Kernels for another processor are kept from one session of tests to the next, as those for this one are."""
     program = "from local_runs import harvest_hash; print(harvest_hash())"
     kernels = str(request.config.cache.mkdir("kernels"))
-    assert python("-c", program, **ANY_PROCESSOR, PYTHONPATH=PATH, NUMBA_CACHE_DIR=kernels).stdout.strip() == harvest_hash()
+    assert (
+        python(
+            "-c", program, **ANY_PROCESSOR, PYTHONPATH=PATH, NUMBA_CACHE_DIR=kernels
+        ).stdout.strip()
+        == harvest_hash()
+    )
 
 
 NONE_SEEN = np.zeros(0, dtype=np.float32)
@@ -104,7 +111,13 @@ def hash_of(world: World, ranges: np.ndarray, mail: dict[str, bytes]) -> str:
 
 def _nudge(array: np.ndarray) -> None:
     flat = array.reshape(-1)
-    flat[0] = ~flat[0] if array.dtype == bool else flat[0] + 1 if array.dtype.kind == "i" else np.nextafter(flat[0], np.inf)
+    flat[0] = (
+        ~flat[0]
+        if array.dtype == bool
+        else flat[0] + 1
+        if array.dtype.kind == "i"
+        else np.nextafter(flat[0], np.inf)
+    )
 
 
 @pytest.mark.parametrize("part", ["pose", "coupled", "fill", "row_ends", "alive"])
@@ -118,7 +131,17 @@ def test_the_last_bit_of_every_part_counts(part):
 def test_scans_deliveries_mail_and_all_ticks_before_count():
     world = World(lay_out(Scenario()))
     ranges = Scanner(world).scan(world).ranges
-    hashes = [hash_of(world, ranges, mail) for mail in ({}, {"a": b"xy"}, {"a": b"x"}, {"b": b"xy"}, {"ax": b"y"}, {"a": b"x", "b": b"y"})]
+    hashes = [
+        hash_of(world, ranges, mail)
+        for mail in (
+            {},
+            {"a": b"xy"},
+            {"a": b"x"},
+            {"b": b"xy"},
+            {"ax": b"y"},
+            {"a": b"x", "b": b"y"},
+        )
+    ]
     changed = ranges.copy()
     changed[-1] = 9.0
     hashes += [hash_of(world, changed, {}), next_digest(bytes(31) + b"x", world, ranges, {}).hex()]
@@ -129,4 +152,6 @@ def test_scans_deliveries_mail_and_all_ticks_before_count():
 
 def test_mail_counts_by_name_and_not_by_arrival():
     world = World(lay_out(Scenario()))
-    assert hash_of(world, NONE_SEEN, {"a": b"1", "b": b"2"}) == hash_of(world, NONE_SEEN, {"b": b"2", "a": b"1"})
+    assert hash_of(world, NONE_SEEN, {"a": b"1", "b": b"2"}) == hash_of(
+        world, NONE_SEEN, {"b": b"2", "a": b"1"}
+    )

@@ -20,7 +20,9 @@ EXACT = 1e-9  # m; a beam that passes a corner this near may hit or miss it
 AHEAD = 90  # of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first right of it
 
 coordinates = st.one_of(st.integers(-12, 12).map(float), st.floats(-12.0, 12.0))
-yaws = st.one_of(st.integers(-3, 4).map(lambda quarter: quarter * math.pi / 2), st.floats(-math.pi, math.pi))
+yaws = st.one_of(
+    st.integers(-3, 4).map(lambda quarter: quarter * math.pi / 2), st.floats(-math.pi, math.pi)
+)
 poses = st.builds(Pose, coordinates, coordinates, yaws)
 field_poses = st.builds(Pose, st.floats(-55.0, 55.0), st.floats(-45.0, 40.0), yaws)
 bodies = st.lists(st.tuples(st.sampled_from(sorted(KINDS)), poses), min_size=1, max_size=7)
@@ -38,7 +40,13 @@ def assert_agrees_with_raycaster(world) -> None:
     for i, ranges in enumerate(np.split(Scanner(world).ranges(world), ends[:-1])):
         least, most = bounds_of(world, i, EXACT)
         wrong = ~((least <= ranges) & (ranges <= most))
-        assert not wrong.any(), (world.layout.names[i], np.flatnonzero(wrong), least[wrong], ranges[wrong], most[wrong])
+        assert not wrong.any(), (
+            world.layout.names[i],
+            np.flatnonzero(wrong),
+            least[wrong],
+            ranges[wrong],
+            most[wrong],
+        )
 
 
 @given(bodies, walls)
@@ -72,13 +80,18 @@ def test_a_fence_3_m_before_the_front_edge_is_seen_at_3_m_and_askew_at_more():
 
 
 def test_ranges_count_counter_clockwise_from_the_right():
-    world = world_of(("worker", Pose(0, 0, math.pi / 2)), walls=[(3.0, 0.275, 1.0, 1.0)])  # east of one who faces north
+    world = world_of(
+        ("worker", Pose(0, 0, math.pi / 2)), walls=[(3.0, 0.275, 1.0, 1.0)]
+    )  # east of one who faces north
     assert scan_of(world)[0] == pytest.approx(2.0, abs=1e-6)
     assert np.isinf(scan_of(world)[90:]).all()
 
 
 def test_a_bin_looks_all_around():
-    world = world_of(("bin", Pose(0, 0, 0)), walls=[(x, y, 0.5, 0.5) for x, y in ((3, 0), (0, 4), (-5, 0), (0, -6))])
+    world = world_of(
+        ("bin", Pose(0, 0, 0)),
+        walls=[(x, y, 0.5, 0.5) for x, y in ((3, 0), (0, 4), (-5, 0), (0, -6))],
+    )
     assert scan_of(world)[[0, 15, 30, 45]] == pytest.approx([2.5, 3.5, 4.5, 5.5], abs=1e-6)
 
 
@@ -115,7 +128,9 @@ def test_a_scan_that_was_kept_does_not_change():
 
 def noisy(seed: int = 1, noise: float = 0.02, tick: int = 0):
     workers = ("worker", Pose(0, 0, 0)), ("worker", Pose(0, 1.5, 0))
-    world = world_of(*workers, walls=[(8.0, 0, 1.0, 90.0)], seed=seed, laser=LaserSettings(noise=noise))
+    world = world_of(
+        *workers, walls=[(8.0, 0, 1.0, 90.0)], seed=seed, laser=LaserSettings(noise=noise)
+    )
     world.tick = tick
     return Scanner(world).scan(world)
 
@@ -133,7 +148,9 @@ def test_noise_has_the_deviation_that_the_scenario_sets_and_no_bias():
     assert len(errors) > 3000
     assert abs(errors.mean()) < 0.002
     assert errors.std() == pytest.approx(0.02, rel=0.05)
-    assert np.mean(np.abs(errors) < 0.02) == pytest.approx(0.683, abs=0.03)  # the normal distribution's share
+    assert np.mean(np.abs(errors) < 0.02) == pytest.approx(
+        0.683, abs=0.03
+    )  # the normal distribution's share
 
 
 def test_noise_stays_within_the_range_and_off_beams_without_a_return():
@@ -147,7 +164,14 @@ def test_noise_stays_within_the_range_and_off_beams_without_a_return():
 
 def test_a_range_that_noise_pushes_beyond_ten_metres_is_no_return():
     scans = [
-        scan_of(world_of(("picker", Pose(0, 0, 0)), walls=[(1.25 + 9.99 + 1.0, 0, 1.0, 30.0)], seed=seed, laser=LaserSettings(noise=0.02)))
+        scan_of(
+            world_of(
+                ("picker", Pose(0, 0, 0)),
+                walls=[(1.25 + 9.99 + 1.0, 0, 1.0, 30.0)],
+                seed=seed,
+                laser=LaserSettings(noise=0.02),
+            )
+        )
         for seed in range(20)
     ]
     ahead = np.array([scan[88:92] for scan in scans])
@@ -167,7 +191,11 @@ def test_everybody_is_told_its_place_and_its_hitch():
     assert picker.hitch.name == "bin_02" and picker.hitch.scan.tobytes() == scans[1].tobytes()
     assert picker.scan.tobytes() == scans[0].tobytes()
     assert picker.hitch.pose == pytest.approx(told.pose("bin_02"), abs=1e-15)
-    assert bin_.hitch.name == "picker_01" and bin_.hitch.scan is None and bin_.hitch.twist == (0.3, 0.0, 0.0)
+    assert (
+        bin_.hitch.name == "picker_01"
+        and bin_.hitch.scan is None
+        and bin_.hitch.twist == (0.3, 0.0, 0.0)
+    )
     assert (bin_.fill, bin_.full) == (70.0, True)
     told.world.coupled[:] = NONE
     assert observe(told.world, scans)["picker_01"].hitch is None

@@ -76,12 +76,17 @@ def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_tim
 @pytest.mark.parametrize("white, bias", [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
 def test_errors_of_positions_have_the_deviation_that_the_scenario_sets(white, bias):
     """480 independent numbers of one tick: their deviation is right to some 3 %."""
-    found, wanted = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}), math.hypot(white, bias)
+    found, wanted = (
+        over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}),
+        math.hypot(white, bias),
+    )
     assert found.std() == pytest.approx(wanted, rel=0.1)
     assert abs(found.mean()) < 3 * wanted / math.sqrt(found.size)
     east, north = found[..., 0].ravel(), found[..., 1].ravel()
     assert abs(np.corrcoef(east, north)[0, 1]) < 0.2, "x and y have errors of their own"
-    assert abs(np.corrcoef(found[:, 0, 0].ravel(), found[:, 0, 1].ravel())[0, 1]) < 0.3, "so has each robot"
+    assert abs(np.corrcoef(found[:, 0, 0].ravel(), found[:, 0, 1].ravel())[0, 1]) < 0.3, (
+        "so has each robot"
+    )
 
 
 def test_the_white_error_is_new_at_each_tick_and_the_slow_one_forgets_itself_in_its_time():
@@ -90,7 +95,9 @@ def test_the_white_error_is_new_at_each_tick_and_the_slow_one_forgets_itself_in_
     assert abs(correlation(white, 1)) < 0.15
     for i, ticks in enumerate((5, 20, 40), start=1):
         assert correlation(slow, i) == pytest.approx(math.exp(-ticks * TIME_STEP / 2.0), abs=0.12)
-    assert slow[:, 3].std() == pytest.approx(0.03, rel=0.1), "it is as large later as at the beginning"
+    assert slow[:, 3].std() == pytest.approx(0.03, rel=0.1), (
+        "it is as large later as at the beginning"
+    )
 
 
 def correlation(found: np.ndarray, later: int) -> float:
@@ -101,8 +108,16 @@ def test_only_robots_have_receivers_and_each_knows_its_accuracy():
     world, scans = world_of(with_changes(Scenario(rows=3), **RTK))
     truth = observe(world, scans)
     seen = Sensors(world).measured(truth)
-    moved = {name for name, i in seen.names.items() if seen.states[i].tobytes() != truth.states[i].tobytes()}
-    assert moved == set(seen.accuracies) == {"picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01"}
+    moved = {
+        name
+        for name, i in seen.names.items()
+        if seen.states[i].tobytes() != truth.states[i].tobytes()
+    }
+    assert (
+        moved
+        == set(seen.accuracies)
+        == {"picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01"}
+    )
     assert set(seen.accuracies.values()) == {math.sqrt(0.01**2 + 0.02**2)}
 
 
@@ -119,7 +134,9 @@ def test_a_bar_measures_without_errors():
 
 def test_odometry_drifts_by_its_constants_and_stands_while_the_robot_stands():
     """A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends by an angle for each metre."""
-    world, scans = world_of(erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001}))
+    world, scans = world_of(
+        erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001})
+    )
     sensors, i = Sensors(world), world.index["picker_01"]
     start = world.pose[i].copy()
     world.twist[i] = 1.0, 0.0, 0.0
@@ -129,7 +146,9 @@ def test_odometry_drifts_by_its_constants_and_stands_while_the_robot_stands():
     x, y, yaw = (world.reckoned[i] - start).tolist()
     assert ahead != 1.0 and bend != 0.0
     assert yaw == pytest.approx(50.0 * bend)
-    assert (x, y) == pytest.approx((ahead / bend * math.sin(yaw), ahead / bend * (1 - math.cos(yaw))), rel=1e-3)
+    assert (x, y) == pytest.approx(
+        (ahead / bend * math.sin(yaw), ahead / bend * (1 - math.cos(yaw))), rel=1e-3
+    )
     world.twist[i] = 0.0
     before = world.reckoned.copy()
     sensors.advance()
@@ -162,22 +181,37 @@ def test_on_the_wire_pose_is_what_is_measured_and_truth_what_is_so():
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
     local, run = played(scenario, 30), Run(scenario, "run1", 31)
     assert run.to_the_end().hash == local_hash(scenario, 31)
-    views = {"pose": local.engine.observe(), "truth": local.engine.truth(), "odometry": local.engine.odometry()}
+    views = {
+        "pose": local.engine.observe(),
+        "truth": local.engine.truth(),
+        "odometry": local.engine.odometry(),
+    }
     for what, view in views.items():
-        heard = [read(payload, Odometry) for key, payload in run.net.sent if key == KEYS.of(what, "picker_01")]
+        heard = [
+            read(payload, Odometry)
+            for key, payload in run.net.sent
+            if key == KEYS.of(what, "picker_01")
+        ]
         assert heard[30] == odometry_of("run1", view["picker_01"])
     xs = {what: view["picker_01"].x for what, view in views.items()}
     assert len(set(xs.values())) == 3 and max(xs.values()) - min(xs.values()) < 0.5
-    pictures = [read(payload, Picture) for key, payload in run.net.sent if key == KEYS.of("picture")]
+    pictures = [
+        read(payload, Picture) for key, payload in run.net.sent if key == KEYS.of("picture")
+    ]
     (picture,) = [picture for picture in pictures if picture.tick == 30]
-    assert np.frombuffer(picture.poses).reshape(-1, 3)[views["truth"].names["picker_01"], 0] == xs["truth"]
+    assert (
+        np.frombuffer(picture.poses).reshape(-1, 3)[views["truth"].names["picker_01"], 0]
+        == xs["truth"]
+    )
 
 
 def test_a_robot_that_drives_filters_white_errors_and_follows_its_odometry():
     chance, place, found = np.random.default_rng(1), None, []
     for tick in range(2000):
         x, y = 0.1 * tick + chance.normal(0.0, 0.05), chance.normal(0.0, 0.05)
-        place = place_of(Observation("picker_01", tick, x, y, (0.0, 1.0), Twist(1.0), np.zeros(180)), place)
+        place = place_of(
+            Observation("picker_01", tick, x, y, (0.0, 1.0), Twist(1.0), np.zeros(180)), place
+        )
         found.append((place.x - 0.1 * tick, place.y))
     assert np.std(found[100:]) == pytest.approx(0.05 * math.sqrt(GAIN / (2 - GAIN)), rel=0.1)
 
@@ -187,7 +221,9 @@ def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
     chance, place = np.random.default_rng(1), None
     for tick in range(200):
         x = 0.1 * tick + chance.normal(0.0, 0.02)
-        place = place_of(Observation("picker_01", tick, x, 0.0, (0.0, 1.0), Twist(1.3), np.zeros(180)), place)
+        place = place_of(
+            Observation("picker_01", tick, x, 0.0, (0.0, 1.0), Twist(1.3), np.zeros(180)), place
+        )
     assert place.share == pytest.approx(1 / 1.3, abs=0.02)
     assert place.x == pytest.approx(19.9, abs=0.03)
 
@@ -205,7 +241,14 @@ def test_our_agents_finish_a_harvest_with_the_rtk_of_the_documents():
 
 
 LIMITS = [
-    {"rows": 3, "row_length": 40.0, "carriers": 1, "seed": 440002, "dispatch": "predictive-farthest", **TWO_WAY},
+    {
+        "rows": 3,
+        "row_length": 40.0,
+        "carriers": 1,
+        "seed": 440002,
+        "dispatch": "predictive-farthest",
+        **TWO_WAY,
+    },
     {"rows": 7, "row_length": 30.0, "carriers": 4, "seed": 250282},
 ]
 
@@ -213,20 +256,32 @@ LIMITS = [
 @pytest.mark.parametrize("changes", LIMITS)
 def test_a_harvest_finishes_with_odometry_at_its_limits(changes):
     """Carriers passed gates without their places, and one turned into a bin again and again."""
-    sensors = {"gnss": {"white": 0.02, "bias": 0.02}, "odometry": {"distance": 0.1, "heading": 0.05}}
+    sensors = {
+        "gnss": {"white": 0.02, "bias": 0.02},
+        "odometry": {"distance": 0.1, "heading": 0.05},
+    }
     finishes(empty_orchard(sensors=sensors, **changes))
 
 
-@pytest.mark.parametrize("what, most", [("gnss.white", 0.1), ("gnss.bias", 0.03), ("odometry.distance", 0.1)])
+@pytest.mark.parametrize(
+    "what, most", [("gnss.white", 0.1), ("gnss.bias", 0.03), ("odometry.distance", 0.1)]
+)
 def test_errors_that_robots_cannot_master_are_refused(what, most):
-    with pytest.raises(ScenarioError, match=f"sensors.{what} = .*: must be a number from 0.0 to {most}"):
+    with pytest.raises(
+        ScenarioError, match=f"sensors.{what} = .*: must be a number from 0.0 to {most}"
+    ):
         with_changes(Scenario(), **{f"sensors.{what}": most + 0.01})
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(1, 6))
-@pytest.mark.parametrize("route, dispatch", [("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting")])
-def test_our_agents_finish_harvests_with_rtk_on_each_route_with_many_policies_and_seeds(route, dispatch, seed):
+@pytest.mark.parametrize(
+    "route, dispatch",
+    [("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting")],
+)
+def test_our_agents_finish_harvests_with_rtk_on_each_route_with_many_policies_and_seeds(
+    route, dispatch, seed
+):
     finishes(with_changes(Scenario(route=route, dispatch=dispatch, seed=seed), **RTK, **DRIFT))
 
 
@@ -248,7 +303,9 @@ def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
     bin_ = stage.world.index[name]
     stage.world.coupled[[stage.world.index["carrier_01"], bin_]] = NONE
     stage.world.pose[bin_, :2] += x, y
-    stage.give("carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01"))  # so that no bin calls it away
+    stage.give(
+        "carrier_01", [TakeBin(bin=name)], job=Job(name, 1, "east", "picker_01")
+    )  # so that no bin calls it away
     stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)
     assert stage.happened("deed refused", "carrier_01")
 
@@ -258,6 +315,10 @@ def test_a_robot_that_has_tried_all_places_tries_the_first_one_again():
     name = stage.bin_of("carrier_01")
     stage.world.coupled[[stage.world.index["carrier_01"], stage.world.index[name]]] = NONE
     job = Job(name, 1, "east", "picker_01")
-    stage.give("carrier_01", [TakeBin(bin=name, tried=len(SEARCH) - 1, at=stage.pose("carrier_01")[:2])], job=job)
+    stage.give(
+        "carrier_01",
+        [TakeBin(bin=name, tried=len(SEARCH) - 1, at=stage.pose("carrier_01")[:2])],
+        job=job,
+    )
     stage.world.pose[stage.world.index["carrier_01"], 0] += 1.5
     stage.run_until(lambda: stage.bin_of("carrier_01") == name, 60.0)

@@ -23,7 +23,18 @@ from orchard.local import Local
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import examine, last
 from orchard.sim.restore import world_from
-from orchard.sim.snapshot import HEAD, KEPT, LARGEST, VERSION, Snapshot, SnapshotError, as_file, newest, read, store
+from orchard.sim.snapshot import (
+    HEAD,
+    KEPT,
+    LARGEST,
+    VERSION,
+    Snapshot,
+    SnapshotError,
+    as_file,
+    newest,
+    read,
+    store,
+)
 
 
 def assert_usable_or_refused(path: Path, data: bytes) -> None:
@@ -77,7 +88,9 @@ def test_the_first_snapshot_of_another_run_takes_the_place_of_one_of_the_same_ti
     assert newest(written, []).run == "other" and len(list(written.glob("tick-*"))) == 1
 
 
-def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_most_and_newest(tmp_path):
+def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_most_and_newest(
+    tmp_path,
+):
     own, other = local_at(10).snapshot(), local_at(12).snapshot()
     own.run, other.run = "own", "other"
     store(*as_file(own), tmp_path, own.run)
@@ -93,7 +106,10 @@ def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_mos
 DAMAGES = [
     (lambda data: data[: len(data) // 2], "truncated or changed"),
     (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "truncated or changed"),
-    (lambda data: data.replace(b"snapshot 9", b"snapshot 8", 1), "version 8; this program reads version 9"),
+    (
+        lambda data: data.replace(b"snapshot 9", b"snapshot 8", 1),
+        "version 8; this program reads version 9",
+    ),
     (lambda data: b"", "not a snapshot"),
     (lambda data: b"PK" + data, "not a snapshot"),
 ]
@@ -122,11 +138,15 @@ def good(tmp_path_factory) -> bytes:
 @given(junk=st.binary(max_size=200), at=st.integers(0, 10**6))
 def test_whatever_bytes_are_in_a_file_it_is_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
     at %= len(good)
-    assert_usable_or_refused(tmp_path_factory.getbasetemp() / "junk.snapshot", good[:at] + junk + good[at + len(junk) :])
+    assert_usable_or_refused(
+        tmp_path_factory.getbasetemp() / "junk.snapshot", good[:at] + junk + good[at + len(junk) :]
+    )
 
 
 @given(junk=st.binary(max_size=20), at=st.integers(0, 10**6))
-def test_a_false_payload_with_a_right_checksum_is_a_snapshot_or_refused(tmp_path_factory, good, junk, at):
+def test_a_false_payload_with_a_right_checksum_is_a_snapshot_or_refused(
+    tmp_path_factory, good, junk, at
+):
     payload = good.split(b"\n", 2)[2]
     at %= len(payload)
     payload = payload[:at] + junk + payload[at + len(junk) :]
@@ -144,7 +164,9 @@ def snapshot():
 
 def filed(path, tree):
     payload = tree if isinstance(tree, bytes) else msgpack.packb(tree)
-    path.write_bytes(HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+    path.write_bytes(
+        HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+    )
     return path
 
 
@@ -164,7 +186,13 @@ def on_a_weed(tree):
     """Couple the first picker to a weed, and the weed to the picker."""
     index = lay_out(Scenario(rows=3)).index
     picker, fruit, weed = (index[name] for name in ("picker_01", "bin_01", "weed_01"))
-    return array(array(array(tree, "coupled", "<i8", fruit, -1), "coupled", "<i8", picker, weed), "coupled", "<i8", weed, picker)
+    return array(
+        array(array(tree, "coupled", "<i8", fruit, -1), "coupled", "<i8", picker, weed),
+        "coupled",
+        "<i8",
+        weed,
+        picker,
+    )
 
 
 FALSE = {
@@ -197,7 +225,9 @@ FALSE = {
     "no memories": lambda t: t | {"memories": dict.fromkeys(t["memories"], b"\xc1\xc1")},
     "nobody remembers": lambda t: t | {"memories": {"nobody": b"\x80"}},
     "nobody owned": lambda t: t | {"owned": ["nobody"]},
-    "other agents' memories": lambda t: t | {"memories": {**t["memories"], "picker_01": b"\x81\xa4plan\xa1x"}},
+    "other agents' memories": lambda t: (
+        t | {"memories": {**t["memories"], "picker_01": b"\x81\xa4plan\xa1x"}}
+    ),
     "short hash": lambda t: t | {"digest": b"x"},
     "odd run": lambda t: t | {"run": "a/*"},
     "other scenario": lambda t: t | {"scenario": {"rows": 20}},
@@ -206,7 +236,9 @@ FALSE = {
     "no states": lambda t: t | {"figures": {"states": {}}},
     "no invariants": lambda t: t | {"figures": {"invariants": 3}},
     "wall of text": lambda t: t | {"figures": t["figures"] | {"wall_seconds": []}},
-    "wall of refusals": lambda t: t | {"figures": t["figures"] | {"refused": {"counts": {"malformed": -1}}}},
+    "wall of refusals": lambda t: (
+        t | {"figures": t["figures"] | {"refused": {"counts": {"malformed": -1}}}}
+    ),
     "harvest": lambda t: t | {"figures": t["figures"] | {"harvest": 1}},
     "deep": lambda t: b"\x91" * 100_000,
     "nothing": lambda t: b"",
@@ -258,8 +290,15 @@ def test_a_file_that_is_too_large_is_refused_for_that(tmp_path):
 
 
 def test_letters_to_nobody_go_nowhere(tmp_path, snapshot):
-    written = {"nobody": {"requests": [["nowhere", {"type": "where"}]], "answers": [["nobody", 3, 0, {"type": "yes"}]]}}
-    lost = snapshot | {"letters": [*snapshot["letters"], [11, written], [2**60, written], [-5, written]]}
+    written = {
+        "nobody": {
+            "requests": [["nowhere", {"type": "where"}]],
+            "answers": [["nobody", 3, 0, {"type": "yes"}]],
+        }
+    }
+    lost = snapshot | {
+        "letters": [*snapshot["letters"], [11, written], [2**60, written], [-5, written]]
+    }
     for tree in (snapshot, lost):
         local = resumed(tmp_path / "letters.snapshot", tree)
         local.tick()

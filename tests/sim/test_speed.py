@@ -48,7 +48,10 @@ def plain_ranges(world: World, i: int) -> np.ndarray:
     laser = KINDS[world.layout.starts[i].kind].laser
     x, y, yaw = world.pose[i].tolist()
     x, y = x + laser.ahead * np.cos(yaw), y + laser.ahead * np.sin(yaw)
-    angles, ranges = yaw + laser.first + laser.increment * np.arange(laser.beams), np.full(laser.beams, np.inf)
+    angles, ranges = (
+        yaw + laser.first + laser.increment * np.arange(laser.beams),
+        np.full(laser.beams, np.inf),
+    )
     for wall in world.layout.walls.tolist():
         if np.hypot(wall[0] - x, wall[1] - y) <= LASER_RANGE + np.hypot(wall[2], wall[3]):
             ranges = np.minimum(ranges, distance_to_box(x, y, angles, (*wall, 0.0)))
@@ -76,7 +79,9 @@ def carriers_tick(rows: int) -> float:
     local = Local(Scenario(rows=rows, carriers=1))
     carrier, route = local.agents["carrier_01"], route_of(local.engine.layout)
     seen = local.engine.observe().of(["carrier_01"])["carrier_01"]
-    seen = msgspec.structs.replace(seen, x=route.D_ROAD, y=20.0, orientation=(-math.sqrt(0.5), math.sqrt(0.5)))
+    seen = msgspec.structs.replace(
+        seen, x=route.D_ROAD, y=20.0, orientation=(-math.sqrt(0.5), math.sqrt(0.5))
+    )
     memory = carrier.Memory(plan=route.go_to_lane(rows, route.east))
     return seconds(lambda: [carrier.tick(seen, Mail(), memory) for _ in range(50)], 10)
 

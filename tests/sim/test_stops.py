@@ -30,8 +30,13 @@ def driven() -> Stage:
     return stage
 
 
-@pytest.mark.parametrize(("stopped", "reset"), [("picker_01", "picker_01"), ("picker_01", "bin_01"), ("bin_01", "picker_01")])
-def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_reset(driven, stopped, reset):
+@pytest.mark.parametrize(
+    ("stopped", "reset"),
+    [("picker_01", "picker_01"), ("picker_01", "bin_01"), ("bin_01", "picker_01")],
+)
+def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_reset(
+    driven, stopped, reset
+):
     assert sorted(driven.local.engine.stop([stopped])) == ["bin_01", "picker_01"]
     where = driven.pose("picker_01"), driven.pose("bin_01")
     driven.run(5.0)
@@ -79,7 +84,9 @@ def test_a_word_that_means_no_robot_is_refused_and_nobody_is_stopped(driven, wor
     assert not driven.world.stopped.any()
 
 
-def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_not_concern_it(driven):
+def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_not_concern_it(
+    driven,
+):
     engine = driven.local.engine
     engine.stop(["picker"])
     assert engine.stop(["picker_01"]) == []
@@ -158,7 +165,10 @@ def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
 
 
 def ask(someone: Client, stop: bool, *names: str, **changes) -> object:
-    (reply,) = someone.ask("orchard/stop", msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes))
+    (reply,) = someone.ask(
+        "orchard/stop",
+        msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes),
+    )
     return reply
 
 
@@ -188,18 +198,30 @@ def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
 def test_what_is_refused_is_answered_with_the_reason_and_stops_nobody(fleet):
     fleet.physics(SMALL, "--absent", "picker_01")
     someone = fleet.client()
-    assert ask(someone, True, "picker_01", "piker") == "no such robot: piker: no such agent or kind; there are bin, carrier, picker"
+    assert (
+        ask(someone, True, "picker_01", "piker")
+        == "no such robot: piker: no such agent or kind; there are bin, carrier, picker"
+    )
     assert ask(someone, True, run="another").startswith("other run")
     assert ask(someone, "yes").startswith("malformed")
     assert someone.ask("orchard/stop", b"nonsense")[0].startswith("malformed")
-    assert ask(someone, False) == {"run": fleet.run, "tick": 0, "changed": [], "stopped": [], "kept": False}
+    assert ask(someone, False) == {
+        "run": fleet.run,
+        "tick": 0,
+        "changed": [],
+        "stopped": [],
+        "kept": False,
+    }
     fleet.stop()
 
 
 def test_the_latch_outlives_the_agent_and_its_host(fleet):
     fleet.physics(SMALL, "--speed", "10")
     someone = fleet.client()
-    poses, velocities = someone.hear("orchard/picker_01/pose"), someone.hear("orchard/picker_01/velocity")
+    poses, velocities = (
+        someone.hear("orchard/picker_01/pose"),
+        someone.hear("orchard/picker_01/velocity"),
+    )
     fleet.host("--without", "picker_01")
     killed = fleet.host("--only", "picker_01")
     old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["owner"]
@@ -218,7 +240,15 @@ NONE = [word for name in agent_names(SMALL) for word in ("--absent", name)]
 
 
 def kept_in(folder: Path) -> list[str]:
-    return ["--speed", "10", "--snapshots", str(folder / "snapshots"), "--snapshot-every", "1000", *NONE]
+    return [
+        "--speed",
+        "10",
+        "--snapshots",
+        str(folder / "snapshots"),
+        "--snapshot-every",
+        "1000",
+        *NONE,
+    ]
 
 
 def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
@@ -237,7 +267,9 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
     fleet.stop()
 
 
-def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_outlives_physics(fleet, tmp_path):
+def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_outlives_physics(
+    fleet, tmp_path
+):
     keep = kept_in(tmp_path)
     fleet.all.disk_seconds = 20.0
     fleet.physics(SMALL, *keep)
@@ -249,7 +281,9 @@ def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_
     assert (sorted(told["stopped"]), told["kept"]) == (["bin_01", "picker_01"], False)
     answers = [ask(someone, True, "picker_01") for _ in range(20)]
     assert answers[-1]["kept"], "the same stop again, until the disk has it"
-    assert all(answer["changed"] == [] and answer["stopped"] == told["stopped"] for answer in answers)
+    assert all(
+        answer["changed"] == [] and answer["stopped"] == told["stopped"] for answer in answers
+    )
     fleet.world.kill()
     fleet.physics(SMALL, *keep, "--resume")
     assert ask(fleet.client(), False)["changed"] == told["stopped"]

@@ -29,7 +29,11 @@ def store(tmp_path_factory):
 
 def carried_out(command, folder, store):
     """Carry out a command of the document, with an orchard or two in place of twenty. Return what it said."""
-    _, *words = command.replace("my_policy.MyPolicy", POLICY).replace("found.json", f"{folder}/found.json").split()
+    _, *words = (
+        command.replace("my_policy.MyPolicy", POLICY)
+        .replace("found.json", f"{folder}/found.json")
+        .split()
+    )
     small = [] if "--orchard" in words else ["--orchard", "small-fast"]
     return orchard(*words, *small, "--workers", "1", "--out", store).stdout
 
@@ -43,21 +47,33 @@ def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows()
         assert len({getattr(one, key) for one in known.values()}) == 2
 
 
-def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_the_simulator(tmp_path, store):
+def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_the_simulator(
+    tmp_path, store
+):
     every, some, check = block("docs/bounds.md", "benchmark").splitlines()
     assert "of what is proven possible" in carried_out(every, tmp_path, store)
 
     said = carried_out(f"{some} --summary found.json", tmp_path, store)
     found = json.loads((tmp_path / "found.json").read_text())
-    assert list(found["scores"]) == sorted(found["scores"], key=lambda policy: -found["scores"][policy])
+    assert list(found["scores"]) == sorted(
+        found["scores"], key=lambda policy: -found["scores"][policy]
+    )
     assert {*found["scores"]} == {*DISPATCH_POLICIES, POLICY}
-    assert all(0.3 < proven / took <= 1.0 for one in found["harvests"] for proven, took in zip(one["proven"], one["seconds"], strict=True))
+    assert all(
+        0.3 < proven / took <= 1.0
+        for one in found["harvests"]
+        for proven, took in zip(one["proven"], one["seconds"], strict=True)
+    )
     score, (best, *_) = f"{100.0 * found['scores'][POLICY]:.1f}", found["scores"]
-    assert re.search(rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said)
+    assert re.search(
+        rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said
+    )
     assert re.search(rf"^ *small-slow( +\d+\.\d){{{1 + len(found['scores'])}}}$", said, re.M)
     known = {name: orchards()[name] for name in ("small-fast", "small-slow")}
     with Store(store) as opened:
-        again = Benchmark(POLICY, known, opened, Workers(lambda: None, 1)).run()  # none of these workers can work
+        again = Benchmark(
+            POLICY, known, opened, Workers(lambda: None, 1)
+        ).run()  # none of these workers can work
     assert again is not None and asdict(again) == found
 
     checked = carried_out(check, tmp_path, store)
@@ -72,18 +88,44 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("own_policies.Missing",), 2, r"command line: POLICY = own_policies.Missing: cannot be used: .* no attribute 'Missing'"),
-        (("missing.Policy",), 2, r"POLICY = missing.Policy: cannot be used: .* modules are imported from the directory"),
-        (("own_policies.BinReport",), 2, r"POLICY = own_policies.BinReport: cannot be used: TypeError"),
+        (
+            ("own_policies.Missing",),
+            2,
+            r"command line: POLICY = own_policies.Missing: cannot be used: .* no attribute 'Missing'",
+        ),
+        (
+            ("missing.Policy",),
+            2,
+            r"POLICY = missing.Policy: cannot be used: .* modules are imported from the directory",
+        ),
+        (
+            ("own_policies.BinReport",),
+            2,
+            r"POLICY = own_policies.BinReport: cannot be used: TypeError",
+        ),
         (("predictve",), 2, r"POLICY = 'predictve': must be .*; did you mean predictive\?"),
-        (("--summary", "{store}"), 2, r"--summary: .*benchmark.db, .*benchmark.db: two of these are one file"),
+        (
+            ("--summary", "{store}"),
+            2,
+            r"--summary: .*benchmark.db, .*benchmark.db: two of these are one file",
+        ),
         (("--orchard", "tiny"), 2, r"--orchard: tiny: no such orchard; there are small-fast, "),
-        (("own_policies.Raising", *SMALL), 1, r"Raising, tick \d+: LookupError: no such bin here \(.*own_policies.py, line \d+\)"),
-        (("own_policies.Idle", *SMALL), 0, r"never finished, .* carrier that was not sent: 3 of small-fast, 3 of small-slow"),
+        (
+            ("own_policies.Raising", *SMALL),
+            1,
+            r"Raising, tick \d+: LookupError: no such bin here \(.*own_policies.py, line \d+\)",
+        ),
+        (
+            ("own_policies.Idle", *SMALL),
+            0,
+            r"never finished, .* carrier that was not sent: 3 of small-fast, 3 of small-slow",
+        ),
     ],
 )
 def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
-    done = orchard("benchmark", *[word.format(store=store) for word in words], "--out", store, code=code)
+    done = orchard(
+        "benchmark", *[word.format(store=store) for word in words], "--out", store, code=code
+    )
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
 

@@ -51,7 +51,13 @@ def found(path: Path) -> dict:
 
 @pytest.fixture(scope="module")
 def undisturbed(folder) -> dict:
-    run = orchard(*words(folder, "quiet.db"), "--summary", folder / "quiet.json", "--csv", folder / "quiet.csv")
+    run = orchard(
+        *words(folder, "quiet.db"),
+        "--summary",
+        folder / "quiet.json",
+        "--csv",
+        folder / "quiet.csv",
+    )
     summary = found(folder / "quiet.json")
     assert summary["answer"] in run.stdout
     assert summary["orchard"] == "3 rows of 70 m, one bin a row, 2 pickers, two-way"
@@ -79,22 +85,43 @@ ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats":
 @pytest.mark.parametrize("prices", [{}, {"picker_per_hour": 25.0, "carrier_per_hour": 8.0}])
 def test_the_library_the_command_and_the_page_give_one_answer(folder, tmp_path, prices):
     """Told nothing but the orchard, and each with a store of its own."""
-    scenario = Scenario(rows=6, row_length=40.0, pickers=3, picking_rate=40.0, bins_per_row=2, **ALONE, prices=prices)
+    scenario = Scenario(
+        rows=6,
+        row_length=40.0,
+        pickers=3,
+        picking_rate=40.0,
+        bins_per_row=2,
+        **ALONE,
+        prices=prices,
+    )
     files = Files(tmp_path, "rent")
     page = StudyRun(scenario, StudySettings(), files)
     page._listener.join(SECONDS)
-    orchard("study", files.scenario, "--summary", tmp_path / "command.json", "--out", tmp_path / "command.db")
+    orchard(
+        "study",
+        files.scenario,
+        "--summary",
+        tmp_path / "command.json",
+        "--out",
+        tmp_path / "command.db",
+    )
     library = study(scenario, options=StudyOptions(store=tmp_path / "library.db", workers=1))
     assert page.result is not None and library.stopped_by == "certain" and library.beyond == {}
     assert page.result.answer == library.answer == found(tmp_path / "command.json")["answer"]
     assert page.result.table == library.table
-    assert 1 < library.best["carriers"] < max(library.varied["carriers"]), "it lies inside what was tried"
+    assert 1 < library.best["carriers"] < max(library.varied["carriers"]), (
+        "it lies inside what was tried"
+    )
 
 
 def test_the_whole_answer_is_written(folder, undisturbed):
-    assert {"answer", "best", "undecided", "beyond", "table", "notes", "stopped_by"} <= set(undisturbed)
+    assert {"answer", "best", "undecided", "beyond", "table", "notes", "stopped_by"} <= set(
+        undisturbed
+    )
     assert [row["setting"] for row in undisturbed["table"]] == [
-        {"carriers": carriers, "dispatch": policy} for carriers in (1, 2, 3) for policy in ("nearest", "predictive")
+        {"carriers": carriers, "dispatch": policy}
+        for carriers in (1, 2, 3)
+        for policy in ("nearest", "predictive")
     ]
     assert len((folder / "quiet.csv").read_text().splitlines()) == 7
 
@@ -102,7 +129,16 @@ def test_the_whole_answer_is_written(folder, undisturbed):
 def test_two_sentences_come_first_and_the_table_fits_80_columns_and_python_says_the_same(folder):
     """Of a study that is told nothing but the orchard: how many carriers, in the long run."""
     (folder / "plain.yaml").write_text(SCENARIO.replace("gamma", "none") + "tractor: false\n")
-    run = orchard("study", folder / "plain.yaml", "--workers", "2", "--budget", "2h", "--out", folder / "plain.db")
+    run = orchard(
+        "study",
+        folder / "plain.yaml",
+        "--workers",
+        "2",
+        "--budget",
+        "2h",
+        "--out",
+        folder / "plain.db",
+    )
     assert run.returncode == 0, run.stderr
     sentences, *table = run.stdout.splitlines()
     said = r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows .*, one bin a row, 2 pickers, two-way, .*\."
@@ -126,7 +162,9 @@ def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, 
     assert number == signal.SIGKILL or "stopped; the runs so far are kept" in said
     assert "Traceback" not in said
     psutil.wait_procs(children, SECONDS)
-    assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+    assert not [
+        child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE
+    ]
     before = known(folder / store)
     run = orchard(*words(folder, store), "--summary", summary, "--progress", "json")
     assert found(summary) == undisturbed
@@ -157,7 +195,13 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("options", "told"), MISTAKES)
 def test_mistakes_are_told_with_exit_code_2(options, told, mistakes, tmp_path):
-    said = mistakes("--vary", "rows=3,4", "--model", "fast", *[option.format(runs=tmp_path) for option in options])
+    said = mistakes(
+        "--vary",
+        "rows=3,4",
+        "--model",
+        "fast",
+        *[option.format(runs=tmp_path) for option in options],
+    )
     assert all(words in said for words in told), said
     assert "Traceback" not in said
 
@@ -180,7 +224,9 @@ def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes
     """Nothing is told that may follow from a fault of the file: here a price, and the number of rows."""
     (tmp_path / "bad.yaml").write_text("rows: 999\nprices: {per_bin: -1}\n")
     options = "--goal cost_per_bin --model slow --within 3 --workers 0 --csv /no/such/folder/file.csv --out README.md"
-    said = mistakes(tmp_path / "bad.yaml", "--vary", "carriers=0..5", "--vary", "pickers=20", *options.split())
+    said = mistakes(
+        tmp_path / "bad.yaml", "--vary", "carriers=0..5", "--vary", "pickers=20", *options.split()
+    )
     assert [line.removeprefix(str(tmp_path))[:22] for line in said.splitlines()] == [
         "--within: 3: expected ",
         "--model: slow: expecte",
@@ -194,8 +240,13 @@ def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes
 
 
 def test_of_a_file_that_cannot_be_read_only_what_is_wrong_anyway_is_told(mistakes):
-    said = mistakes("no_such.yaml", "--vary", "seed=1,2", "--vary", "pickers=20", "--goal", "cost_per_bin")
-    assert [line.split(": ")[:2] for line in said.splitlines()] == [["--vary seed=1,2", "seed"], ["no_such.yaml", "no such file"]]
+    said = mistakes(
+        "no_such.yaml", "--vary", "seed=1,2", "--vary", "pickers=20", "--goal", "cost_per_bin"
+    )
+    assert [line.split(": ")[:2] for line in said.splitlines()] == [
+        ["--vary seed=1,2", "seed"],
+        ["no_such.yaml", "no such file"],
+    ]
 
 
 def test_a_budget_too_short_for_one_run_is_exit_code_1(folder):
@@ -212,8 +263,28 @@ def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     with Store(folder / "violated.db") as store:
         for seed in range(scenario.seed, scenario.seed + 5):
             run = PlannedRun.of(scenario, seed, "full", "harvest")
-            store.keep(replace(sound, key=run.key, seed=seed, model="full", ended="violated", violations="bin_01: is in two places"))
-    options = "--model", "full", "--horizon", "harvest", "--vary", "carriers=2", "--workers", "1", "--budget", "1s"
+            store.keep(
+                replace(
+                    sound,
+                    key=run.key,
+                    seed=seed,
+                    model="full",
+                    ended="violated",
+                    violations="bin_01: is in two places",
+                )
+            )
+    options = (
+        "--model",
+        "full",
+        "--horizon",
+        "harvest",
+        "--vary",
+        "carriers=2",
+        "--workers",
+        "1",
+        "--budget",
+        "1s",
+    )
     run = orchard("study", folder / "my.yaml", *options, "--out", folder / "violated.db", code=1)
     assert "bin_01: is in two places" in run.stderr
 
@@ -223,5 +294,7 @@ def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch, c
         raise StoreFailed("full.db: a run cannot be kept: disk I/O error")
 
     monkeypatch.setattr("orchard.launch.study.study", fail)
-    code = commands.app(["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")], standalone_mode=False)
+    code = commands.app(
+        ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")], standalone_mode=False
+    )
     assert (code, capfd.readouterr().err) == (1, "full.db: a run cannot be kept: disk I/O error\n")

@@ -10,14 +10,22 @@ from orchard.field.scenario import check, parse
 SMALL = "rows: 3\npickers: 2\npicking_rate: 40\nprices: {carrier_per_hour: 6}\n"
 SHORT = ["--budget", "1s", "--model", "fast", "--workers", "1"]
 BLOCKS = [("study", "rent"), ("study", "vary"), ("study", "own"), ("bounds", "policies")]
-COMMANDS = [command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))]
+COMMANDS = [
+    command for page, name in BLOCKS for command in commands(block(f"docs/{page}.md", name))
+]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=range(len(COMMANDS)))
 def test_the_commands_of_the_study_run(command, tmp_path):
-    for name in ("rent.yaml", "undisturbed", "hand_picking"):  # a file has precedence over a scenario of the package
+    for name in (
+        "rent.yaml",
+        "undisturbed",
+        "hand_picking",
+    ):  # a file has precedence over a scenario of the package
         (tmp_path / name).write_text(SMALL)
-    done = orchard(*command[2:], *SHORT, "--out", tmp_path / "studies.db", code=None, folder=tmp_path)
+    done = orchard(
+        *command[2:], *SHORT, "--out", tmp_path / "studies.db", code=None, folder=tmp_path
+    )
     is_too_short = "the budget is too short for one run" in done.stderr  # on a busy machine
     assert done.returncode == int(is_too_short), done.stdout + done.stderr
     assert "bins an hour" in done.stdout or "there was no time" in done.stdout
@@ -28,7 +36,9 @@ def test_the_scenario_of_the_study_is_one():
 
 
 def test_the_document_says_what_was_measured():
-    assert " ".join(result().answer.split()) in " ".join((ROOT / "docs" / "study.md").read_text().split())
+    assert " ".join(result().answer.split()) in " ".join(
+        (ROOT / "docs" / "study.md").read_text().split()
+    )
     assert f"{result().answer.partition('. The orchard')[0]}." in (ROOT / "README.md").read_text()
     assert result().best["carriers"] < max(result().varied["carriers"]), "the answer lies inside"
     assert parse(SCENARIO) == check(result().scenario)

@@ -9,14 +9,25 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.local import Local
 from orchard.study.runs import PlannedRun, RunFailed, do
 
-SCENARIO = Scenario(rows=3, row_length=60.0, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0)
+SCENARIO = Scenario(
+    rows=3,
+    row_length=60.0,
+    people={"workers": 0, "visitors": 0},
+    animals={"dogs": 0, "cats": 0},
+    weeds=0,
+)
 
 
 def test_both_models_tell_nearly_the_same():
-    fast, full = (do(PlannedRun(SCENARIO, model), time.time() + 1000.0) for model in ("fast", "full"))
+    fast, full = (
+        do(PlannedRun(SCENARIO, model), time.time() + 1000.0) for model in ("fast", "full")
+    )
     assert (fast.ended, fast.bins, full.ended, full.bins) == ("harvested", 3, "harvested", 3)
     assert fast.sim_seconds == pytest.approx(full.sim_seconds, rel=0.04)
-    assert (fast.bound_bins_per_hour, fast.bottleneck) == (full.bound_bins_per_hour, full.bottleneck)
+    assert (fast.bound_bins_per_hour, fast.bottleneck) == (
+        full.bound_bins_per_hour,
+        full.bottleneck,
+    )
     assert fast.key != full.key and fast.scenario == full.scenario
 
 
@@ -38,7 +49,9 @@ def test_an_error_in_a_run_is_told_with_the_run_and_does_not_end_the_program(err
         raise error
 
     monkeypatch.setattr("orchard.study.runs._fast", fail)
-    with pytest.raises(RunFailed, match=rf"seed 1, fast model, rolling: {type(error).__name__}: {error}"):
+    with pytest.raises(
+        RunFailed, match=rf"seed 1, fast model, rolling: {type(error).__name__}: {error}"
+    ):
         do(PlannedRun(SCENARIO, "fast"), time.time())
 
 
@@ -53,14 +66,22 @@ WRONG_POLICIES = [
 
 @pytest.mark.parametrize("horizon", ["harvest", "long"])
 @pytest.mark.parametrize(("policy", "words"), WRONG_POLICIES)
-def test_what_is_wrong_with_a_policy_is_told_with_its_place_in_the_users_own_file_and_not_in_a_library(policy, words, horizon):
+def test_what_is_wrong_with_a_policy_is_told_with_its_place_in_the_users_own_file_and_not_in_a_library(
+    policy, words, horizon
+):
     fault = rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line \d+\)$"
     with pytest.raises(RunFailed, match=fault):
-        do(PlannedRun(with_changes(SCENARIO, dispatch=f"own_policies.{policy}"), "fast", horizon), time.time())
+        do(
+            PlannedRun(with_changes(SCENARIO, dispatch=f"own_policies.{policy}"), "fast", horizon),
+            time.time(),
+        )
 
 
 def test_a_full_run_tells_what_failed_in_a_policy_of_the_users_own():
-    record = do(PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "full"), time.time() + 1000.0)
+    record = do(
+        PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "full"),
+        time.time() + 1000.0,
+    )
     assert record.ended == "harvested"
     refused, broken = record.faults.splitlines()
     assert re.fullmatch(r"refused decisions of the dispatch policy: [1-9]\d*", refused)

@@ -12,7 +12,16 @@ from xml.etree import ElementTree
 
 import msgspec
 import pytest
-from made_studies import a_result, a_row, by_both, by_carriers, by_policies, carriers, checked, interval
+from made_studies import (
+    a_result,
+    a_row,
+    by_both,
+    by_carriers,
+    by_policies,
+    carriers,
+    checked,
+    interval,
+)
 from made_surveys import UNEQUAL, orchard_of
 from PIL import Image
 from rich.console import Console
@@ -23,25 +32,43 @@ from orchard.study.result import StudyResult
 from orchard.study.settings import varied_of
 from orchard.study.words import answer, number_words, orchard_words, value_words
 
-NINE, TEN, ELEVEN = (a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2)))
+NINE, TEN, ELEVEN = (
+    a_row(rate, 0.6, setting=carriers(n)) for n, rate in ((9, 84.1), (10, 84.0), (11, 84.2))
+)
 PRICED = replace(NINE, cost_per_bin=interval(7.7, 0.05))
 LONE = replace(NINE, bins_per_hour=interval(84.1))
 JAMMED = a_row(None, setting=carriers(12))
-BOTH = [a_row(90.0 - n, 0.6, setting={"carriers": n, "dispatch": name}) for n in (8, 9) for name in ("nearest", "predictive")]
+BOTH = [
+    a_row(90.0 - n, 0.6, setting={"carriers": n, "dispatch": name})
+    for n in (8, 9)
+    for name in ("nearest", "predictive")
+]
 
 
 def of(*table, best=None, ties=(), unsure=(), **changes):
     unsure = [row.setting for row in unsure]
-    return a_result(list(table), (best or table[0]).setting, tuple(row.setting for row in ties), undecided=unsure, **changes)
+    return a_result(
+        list(table),
+        (best or table[0]).setting,
+        tuple(row.setting for row in ties),
+        undecided=unsure,
+        **changes,
+    )
 
 
 ANSWERS = [
-    (of(NINE, TEN, ELEVEN, ties=(TEN, ELEVEN)), "9 carriers: 84.1 ± 0.6 bins an hour; one more gains less than 2 %."),
+    (
+        of(NINE, TEN, ELEVEN, ties=(TEN, ELEVEN)),
+        "9 carriers: 84.1 ± 0.6 bins an hour; one more gains less than 2 %.",
+    ),
     (
         of(replace(NINE, lead=interval(0.018, 0.019)), TEN, ties=(TEN,)),
         "9 carriers: 84.1 ± 0.6 bins an hour; the best mean is 1.8 ± 1.9 % ahead, where 2 % count.",
     ),
-    (of(NINE, TEN, ELEVEN, ties=(ELEVEN,)), "9 carriers: 84.1 ± 0.6 bins an hour; 11 gain less than 2 %."),
+    (
+        of(NINE, TEN, ELEVEN, ties=(ELEVEN,)),
+        "9 carriers: 84.1 ± 0.6 bins an hour; 11 gain less than 2 %.",
+    ),
     (
         of(PRICED, TEN, ties=(TEN,), horizon="long"),
         "9 carriers: 84.1 ± 0.6 bins an hour, 7.70 a bin in the long run; one more gains less than 2 %.",
@@ -62,13 +89,19 @@ ANSWERS = [
         of(NINE, TEN, best=TEN, unsure=(NINE,), stopped_by="seeds"),
         "10 carriers: 84.0 ± 0.6 bins an hour; 80 runs of each are too few to tell 9 from 10.",
     ),
-    (of(replace(LONE, replications=1), stopped_by="budget"), "9 carriers: 84.1 bins an hour in the one run so far."),
+    (
+        of(replace(LONE, replications=1), stopped_by="budget"),
+        "9 carriers: 84.1 bins an hour in the one run so far.",
+    ),
     (
         of(NINE, TEN, best=TEN, ties=(NINE,), beyond={"carriers": 11}),
         "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers may be better.",
     ),
     (
-        of(replace(LONE, setting={"carriers": 1, "picking_rate": 2.0}), beyond={"picking_rate": 2.5}),
+        of(
+            replace(LONE, setting={"carriers": 1, "picking_rate": 2.0}),
+            beyond={"picking_rate": 2.5},
+        ),
         "1 carrier, picking rate 2: 84.1 bins an hour; the range is too small, as picking rate 2.5 may be better.",
     ),
     (
@@ -80,10 +113,23 @@ ANSWERS = [
     (of(NINE, goal="harvest_seconds"), "9 carriers: 856 s for the harvest, 84.1 bins an hour."),
     (of(replace(LONE, setting={})), "this scenario: 84.1 bins an hour."),
     (of(replace(LONE, setting=carriers(1))), "1 carrier: 84.1 bins an hour."),
-    (of(replace(LONE, setting=carriers(None)), TEN, ties=(TEN,)), "automatic carriers: 84.1 bins an hour; 10 is within 2 % of it."),
+    (
+        of(replace(LONE, setting=carriers(None)), TEN, ties=(TEN,)),
+        "automatic carriers: 84.1 bins an hour; 10 is within 2 % of it.",
+    ),
     (of(replace(LONE, setting={"picking_speed": 0.03})), "picking speed 0.03: 84.1 bins an hour."),
     (
-        of(replace(LONE, setting={"people.workers": 4, "route": "two-way", "carriers": 9, "dispatch": "nearest"})),
+        of(
+            replace(
+                LONE,
+                setting={
+                    "people.workers": 4,
+                    "route": "two-way",
+                    "carriers": 9,
+                    "dispatch": "nearest",
+                },
+            )
+        ),
         "9 carriers, 4 workers with nearest on two-way: 84.1 bins an hour.",
     ),
     (
@@ -91,22 +137,37 @@ ANSWERS = [
         "8 carriers with nearest: 82.0 ± 0.6 bins an hour; 8 carriers with predictive, 9 carriers with nearest and "
         "9 carriers with predictive are within 2 % of it.",
     ),
-    (by_policies(), "predictive: 72.8 ± 1.2 bins an hour; predictive-farthest is within 2 % of it."),
     (
-        of(replace(NINE, check=checked(83.2, 0.5, -0.011)), replace(TEN, check=checked(83.0, 0.5, -0.012))),
+        by_policies(),
+        "predictive: 72.8 ± 1.2 bins an hour; predictive-farthest is within 2 % of it.",
+    ),
+    (
+        of(
+            replace(NINE, check=checked(83.2, 0.5, -0.011)),
+            replace(TEN, check=checked(83.0, 0.5, -0.012)),
+        ),
         "9 carriers: 84.1 ± 0.6 bins an hour; the simulator says 83.2 ± 0.5, 1.1 % less.",
     ),
     (
-        of(replace(NINE, check=checked(83.2, 0.5, -0.011, jammed=1)), replace(TEN, check=checked(86.0, 0.5, 0.024))),
+        of(
+            replace(NINE, check=checked(83.2, 0.5, -0.011, jammed=1)),
+            replace(TEN, check=checked(86.0, 0.5, 0.024)),
+        ),
         "9 carriers: 84.1 ± 0.6 bins an hour; the simulator says 83.2 ± 0.5, 1.1 % less, and 1 of 3 of its runs jammed, "
         "and prefers 10 carriers with 86.0 ± 0.5.",
     ),
-    (of(replace(LONE, check=checked(84.1, 0.0, 0.0))), "9 carriers: 84.1 bins an hour; the simulator says 84.1, the same."),
+    (
+        of(replace(LONE, check=checked(84.1, 0.0, 0.0))),
+        "9 carriers: 84.1 bins an hour; the simulator says 84.1, the same.",
+    ),
     (
         of(replace(LONE, harvest_seconds=interval(1210.0), proven_seconds=1000.0)),
         "9 carriers: 84.1 bins an hour; 21 % above the proven optimum without traffic.",
     ),
-    (of(replace(LONE, check=checked(84.1, 0.0, 0.0, jammed=3))), "9 carriers: 84.1 bins an hour; in the simulator it jams."),
+    (
+        of(replace(LONE, check=checked(84.1, 0.0, 0.0, jammed=3))),
+        "9 carriers: 84.1 bins an hour; in the simulator it jams.",
+    ),
 ]
 
 
@@ -115,13 +176,19 @@ def test_the_answer_is_one_sentence_and_one_about_its_orchard(result, told):
     first, orchard = answer(result).split(" The orchard: ")
     assert first == told
     limit = number_words(result.best_row.bound_bins_per_hour)
-    assert orchard == f"{result.orchard}; without traffic the carriers would allow {limit} bins an hour."
+    assert (
+        orchard
+        == f"{result.orchard}; without traffic the carriers would allow {limit} bins an hour."
+    )
 
 
 @pytest.mark.parametrize(
     ("result", "told"),
     [
-        (a_result([JAMMED, replace(JAMMED, setting=carriers(13))], None), "All 2 settings jammed: some robots waited for ever."),
+        (
+            a_result([JAMMED, replace(JAMMED, setting=carriers(13))], None),
+            "All 2 settings jammed: some robots waited for ever.",
+        ),
         (a_result([JAMMED], None), "12 carriers jammed: some robots waited for ever."),
         (a_result([], None), "No setting has been run yet."),
     ],
@@ -131,14 +198,24 @@ def test_a_study_without_a_best_setting_says_why(result, told):
 
 
 def test_no_value_has_the_words_of_its_key():
-    values = {"picking.failure.mean_between": "never", "prices.per_bin": "none", "carriers": "automatic"}
+    values = {
+        "picking.failure.mean_between": "never",
+        "prices.per_bin": "none",
+        "carriers": "automatic",
+    }
     assert {key: value_words(None, key) for key in values} == values
 
 
 def test_many_equal_settings_are_counted_and_not_all_named():
     result = by_policies()
-    more = [replace(result.table[0], setting={"dispatch": name}) for name in ("mine.Policy", "yours.Policy")]
-    rows = [replace(row, standing="equal") if row.standing == "worse" else row for row in (*result.table, *more)]
+    more = [
+        replace(result.table[0], setting={"dispatch": name})
+        for name in ("mine.Policy", "yours.Policy")
+    ]
+    rows = [
+        replace(row, standing="equal") if row.standing == "worse" else row
+        for row in (*result.table, *more)
+    ]
     told = answer(replace(result, table=rows))
     assert "; nearest, longest-waiting, farthest-first and 3 more are within 2 % of it." in told
 
@@ -156,7 +233,10 @@ def whole():
 
 
 def hostile():
-    rows = [a_row(80.0 + n, 0.5, setting={"dispatch": name}) for n, name in enumerate(("nearest", HOSTILE))]
+    rows = [
+        a_row(80.0 + n, 0.5, setting={"dispatch": name})
+        for n, name in enumerate(("nearest", HOSTILE))
+    ]
     return a_result(rows, {"dispatch": HOSTILE}, notes=[HOSTILE], answer=HOSTILE)
 
 
@@ -173,8 +253,21 @@ def test_the_table_fits_and_loses_nothing(width):
     text = " ".join("\n".join(lines).split())
     assert "…" not in text
     best = next(line for line in lines if line.startswith("10 *"))
-    assert all(cell in best for cell in ("72.8", "2.88", "0.5", "316", "77 %", "79.2", "carriers", "71.9"))
-    assert all(cell in text for cell in ("±0.6", "±0.03", "±1.0", "(92%)", "±0.5", "-1.1 %", "5 runs of each by the fast model"))
+    assert all(
+        cell in best for cell in ("72.8", "2.88", "0.5", "316", "77 %", "79.2", "carriers", "71.9")
+    )
+    assert all(
+        cell in text
+        for cell in (
+            "±0.6",
+            "±0.03",
+            "±1.0",
+            "(92%)",
+            "±0.5",
+            "-1.1 %",
+            "5 runs of each by the fast model",
+        )
+    )
     assert sum(line.startswith("9 =") for line in lines) == 1
     jammed = next(line for line in lines if "jammed" in line)
     assert "20" in jammed and "unloading" in jammed
@@ -182,7 +275,10 @@ def test_the_table_fits_and_loses_nothing(width):
 
 
 def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
-    rows = [replace(row, setting=row.setting | {"dispatch": "my_policies.TheOneThatIsBest"}) for row in whole().table]
+    rows = [
+        replace(row, setting=row.setting | {"dispatch": "my_policies.TheOneThatIsBest"})
+        for row in whole().table
+    ]
     lines = printed(a_result(rows, rows[6].setting), 80)
     assert max(map(len, lines)) <= 80 and "…" not in "".join(lines)
 
@@ -201,11 +297,16 @@ def test_what_looks_like_an_order_to_the_terminal_is_shown_as_it_is():
 
 def test_the_csv_has_every_figure_with_its_unit(tmp_path):
     table.save_csv(whole(), tmp_path / "study.csv")
-    lines = {line["carriers"]: line for line in csv.DictReader(io.StringIO((tmp_path / "study.csv").read_text()))}
+    lines = {
+        line["carriers"]: line
+        for line in csv.DictReader(io.StringIO((tmp_path / "study.csv").read_text()))
+    }
     assert list(lines) == [str(row.setting["carriers"]) for row in whole().table]
     ten, twenty = lines["10"], lines["20"]
     assert float(ten["bins_per_hour_mean"]) == 72.8
-    assert [float(ten[f"cost_per_bin_{end}"]) for end in ("low", "high")] == pytest.approx([2.8547, 2.9147], abs=1e-4)
+    assert [float(ten[f"cost_per_bin_{end}"]) for end in ("low", "high")] == pytest.approx(
+        [2.8547, 2.9147], abs=1e-4
+    )
     told = [ten[name] for name in ("standing", "check_jammed", "check_difference", "lead_high")]
     assert told == ["best", "1", "-0.011", "0.015"]
     assert (twenty["jammed"], twenty["bins_per_hour_mean"], twenty["check_jammed"]) == ("5", "", "")
@@ -218,7 +319,11 @@ def words_of(axes):
 
 def test_the_picture_has_rates_above_costs():
     rates, costs = picture.figure(whole()).axes
-    assert (rates.get_ylabel(), costs.get_ylabel(), costs.get_xlabel()) == ("bins an hour", "cost of a bin", "carriers")
+    assert (rates.get_ylabel(), costs.get_ylabel(), costs.get_xlabel()) == (
+        "bins an hour",
+        "cost of a bin",
+        "carriers",
+    )
     assert {"bound", "fast model", "simulator", "best", "jammed"} == set(words_of(rates))
 
 
@@ -226,8 +331,16 @@ def test_two_keys_are_a_line_for_each_value_of_the_second():
     (rates,) = picture.figure(by_both()).axes
     assert rates.get_xlabel() == "carriers"
     assert {"nearest", "farthest-first", "predictive"} < set(words_of(rates))
-    lines = [line for line in rates.lines if line.get_label() in ("nearest", "farthest-first", "predictive")]
-    assert len({line.get_marker() for line in lines}) == len({line.get_linestyle() for line in lines}) == 3, "told apart in grey"
+    lines = [
+        line
+        for line in rates.lines
+        if line.get_label() in ("nearest", "farthest-first", "predictive")
+    ]
+    assert (
+        len({line.get_marker() for line in lines})
+        == len({line.get_linestyle() for line in lines})
+        == 3
+    ), "told apart in grey"
 
 
 def test_values_that_are_no_numbers_stand_side_by_side():
@@ -239,10 +352,15 @@ def test_values_that_are_no_numbers_stand_side_by_side():
 
 def test_a_unit_of_the_scenario_stands_at_the_axis():
     rows = [a_row(80.0, setting={"picking_speed": speed}) for speed in (0.03, 1.0)]
-    assert picture.figure(a_result(rows, rows[0].setting)).axes[0].get_xlabel() == "picking speed, m/s"
+    assert (
+        picture.figure(a_result(rows, rows[0].setting)).axes[0].get_xlabel() == "picking speed, m/s"
+    )
 
 
-@pytest.mark.parametrize("result", [a_result([], None), a_result([a_row(None)], None), a_result([a_row(80.0)], carriers(9))])
+@pytest.mark.parametrize(
+    "result",
+    [a_result([], None), a_result([a_row(None)], None), a_result([a_row(80.0)], carriers(9))],
+)
 def test_a_study_that_has_hardly_begun_has_a_picture(result):
     assert picture.inline_svg(result).startswith("<svg")
 
@@ -293,11 +411,20 @@ def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
     text = (tmp_path / "study.html").read_text()
     read = Structure(text)
     assert read.open == [] and {"svg", "table", "h1", "pre", "title"} <= set(read.tags)
-    assert {"script", "link", "img"}.isdisjoint(read.tags) and "http" not in text.replace("http://www.w3.org", "")
+    assert {"script", "link", "img"}.isdisjoint(read.tags) and "http" not in text.replace(
+        "http://www.w3.org", ""
+    )
     assert "<b:" not in text and 'lang="en"' in text
     words = "".join(read.words)
-    assert f"The orchard: {MADE_OF}" in words and "10 carriers: 2.88 ± 0.03 a bin" in words and "The budget allowed 3 seeds" in words
-    assert "orchard study scenario.yaml --vary carriers=1,2,4,6,8,9,10,12,14,20 --goal cost_per_bin" in words
+    assert (
+        f"The orchard: {MADE_OF}" in words
+        and "10 carriers: 2.88 ± 0.03 a bin" in words
+        and "The budget allowed 3 seeds" in words
+    )
+    assert (
+        "orchard study scenario.yaml --vary carriers=1,2,4,6,8,9,10,12,14,20 --goal cost_per_bin"
+        in words
+    )
     scenario = text[text.index("<pre>") + 5 : text.index("</pre>")]
     assert parse(scenario) == Scenario(rows=20, pickers=10)
 
@@ -305,12 +432,19 @@ def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
 def test_the_command_for_a_study_has_all_digits_and_names_the_model():
     by_full = replace(
         a_result([replace(NINE, model="full")], None),
-        varied={"picking_speed": [0.123456789, None], "tractor": [True], "people": [{"workers": 0}]},
+        varied={
+            "picking_speed": [0.123456789, None],
+            "tractor": [True],
+            "people": [{"workers": 0}],
+        },
         within=0.0123456,
     )
     told = report.command(by_full)
     assert "--vary picking_speed=0.123456789,null --vary tractor=true --vary " in told
-    assert varied_of([word for word in shlex.split(told) if word.startswith("people=")]) == ({"people": [{"workers": 0}]}, [])
+    assert varied_of([word for word in shlex.split(told) if word.startswith("people=")]) == (
+        {"people": [{"workers": 0}]},
+        [],
+    )
     assert told.endswith(" --within 0.0123456 --model full")
 
 
@@ -324,8 +458,14 @@ def test_the_report_escapes_what_others_have_named():
 def test_the_orchard_is_named_without_what_varies():
     assert whole().orchard == MADE_OF
     scenario = Scenario(rows=3, row_length=60.5, carriers=1)
-    assert orchard_words(scenario) == "3 rows of 60.5 m, one bin a row, 2 pickers, 1 carrier, two-way, rolling dispatch"
-    assert orchard_words(scenario, ["rows", "row_length", "pickers", "route", "dispatch"]) == "rows, one bin a row, 1 carrier"
+    assert (
+        orchard_words(scenario)
+        == "3 rows of 60.5 m, one bin a row, 2 pickers, 1 carrier, two-way, rolling dispatch"
+    )
+    assert (
+        orchard_words(scenario, ["rows", "row_length", "pickers", "route", "dispatch"])
+        == "rows, one bin a row, 1 carrier"
+    )
     assert orchard_words(orchard_of(UNEQUAL)).startswith("4 rows, as surveyed, ")
 
 

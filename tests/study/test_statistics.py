@@ -20,9 +20,14 @@ from orchard.study.comparing import LOOKS, Comparison, compare, interval
 
 def test_the_t_interval_is_that_of_the_nist_handbook() -> None:
     values = np.linspace(-1.0, 1.0, 195)
-    values = 9.261460 + 0.022789 * (values - values.mean()) / values.std(ddof=1)  # any values with this mean and deviation
+    values = 9.261460 + 0.022789 * (values - values.mean()) / values.std(
+        ddof=1
+    )  # any values with this mean and deviation
     found = interval(list(values), 0.95)
-    assert (found.low, found.high) == (pytest.approx(9.258242, abs=2e-6), pytest.approx(9.264679, abs=2e-6))
+    assert (found.low, found.high) == (
+        pytest.approx(9.258242, abs=2e-6),
+        pytest.approx(9.264679, abs=2e-6),
+    )
 
 
 def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
@@ -42,12 +47,18 @@ def studies() -> list[tuple[list[float], Comparison]]:
 
     def of(number: int, means: list[float]) -> Comparison:
         def value(i: int, seed: int) -> float:
-            common, own = (normal(*draw(number, name, seed, 2)) for name in ("common", f"setting {i}"))
+            common, own = (
+                normal(*draw(number, name, seed, 2)) for name in ("common", f"setting {i}")
+            )
             return means[i] + DEVIATION * (0.3 * common + 0.95 * own)
 
         return compared(value, range(len(means)), WITHIN)[0]
 
-    return [(means, of(number, means)) for number in range(STUDIES) for means in [KINDS[number % len(KINDS)]]]
+    return [
+        (means, of(number, means))
+        for number in range(STUDIES)
+        for means in [KINDS[number % len(KINDS)]]
+    ]
 
 
 def least(studies: int) -> int:
@@ -62,14 +73,23 @@ def test_what_is_told_of_settings_is_true_of_all_of_them_together(studies: list)
         leads = [max(means) / mean - 1.0 for mean in means]
         stands = [found.standing(i) for i in range(len(means))]
         right.append(
-            all(lead >= WITHIN if one == "worse" else lead < WITHIN for lead, one in zip(leads, stands, strict=True) if one != "unknown")
+            all(
+                lead >= WITHIN if one == "worse" else lead < WITHIN
+                for lead, one in zip(leads, stands, strict=True)
+                if one != "unknown"
+            )
         )
     assert sum(right) >= least(STUDIES)
-    assert sum(one for one, (means, _) in zip(right, studies, strict=True) if means == ALIKE) >= least(STUDIES // 4)
+    assert sum(
+        one for one, (means, _) in zip(right, studies, strict=True) if means == ALIKE
+    ) >= least(STUDIES // 4)
 
 
 def test_most_studies_end_with_the_setting_that_needs_fewest_robots(studies: list) -> None:
-    answers = {tuple(means): [found.best for one, found in studies if one == means and not found.undecided] for means in KINDS}
+    answers = {
+        tuple(means): [found.best for one, found in studies if one == means and not found.undecided]
+        for means in KINDS
+    }
     for means, fewest in zip(KINDS, (0, 0, 2, 1), strict=True):
         assert len(answers[tuple(means)]) >= 0.6 * STUDIES / len(KINDS)
         assert answers[tuple(means)].count(fewest) >= 0.9 * len(answers[tuple(means)])
@@ -79,21 +99,47 @@ def test_too_few_runs_are_no_equality() -> None:
     """Two settings that are alike, as far as a run of each tells; and two whose interval is wider than what is worth it."""
     for samples in ([[60.0], [60.0]], [[60.0, 62.0, 58.0], [60.1, 58.0, 61.9]]):
         found = compare(dict(enumerate(samples)), {0: 1, 1: 2}, True, 0.95, 0.02)
-        assert {found.standing(0), found.standing(1)} == {"equal", "unknown"} and len(found.undecided) == 1
-    sure = compare({0: [60.0, 60.1, 59.9, 60.0, 60.1], 1: [60.1, 60.0, 60.0, 60.1, 60.0]}, {0: 1, 1: 2}, True, 0.95, 0.02)
-    assert (sure.standing(0), sure.standing(1), sure.best, sure.undecided) == ("equal", "equal", 0, [])
+        assert {found.standing(0), found.standing(1)} == {"equal", "unknown"} and len(
+            found.undecided
+        ) == 1
+    sure = compare(
+        {0: [60.0, 60.1, 59.9, 60.0, 60.1], 1: [60.1, 60.0, 60.0, 60.1, 60.0]},
+        {0: 1, 1: 2},
+        True,
+        0.95,
+        0.02,
+    )
+    assert (sure.standing(0), sure.standing(1), sure.best, sure.undecided) == (
+        "equal",
+        "equal",
+        0,
+        [],
+    )
 
 
 def test_less_is_better_where_the_goal_says_so() -> None:
-    found = compare({0: [3.0, 3.1, 2.9, 3.0, 3.1], 1: [2.0, 2.0, 1.9, 2.1, 2.1]}, {0: 0, 1: 0}, False, 0.95, 0.02)
+    found = compare(
+        {0: [3.0, 3.1, 2.9, 3.0, 3.1], 1: [2.0, 2.0, 1.9, 2.1, 2.1]},
+        {0: 0, 1: 0},
+        False,
+        0.95,
+        0.02,
+    )
     assert (found.best, found.standing(0), found.undecided) == (1, "worse", [])
 
 
 def test_seeds_that_agree_by_chance_tell_little() -> None:
     """A failure that one seed in ten has: five seeds without it say nothing."""
     values = {0: [21.4], 1: [20.0]}
-    assert compare({i: one * 5 for i, one in values.items()}, {0: 2, 1: 1}, True, 0.95, 0.02).undecided == [1]
-    assert compare({i: one * 20 for i, one in values.items()}, {0: 2, 1: 1}, True, 0.95, 0.02).standing(1) == "worse"
+    assert compare(
+        {i: one * 5 for i, one in values.items()}, {0: 2, 1: 1}, True, 0.95, 0.02
+    ).undecided == [1]
+    assert (
+        compare(
+            {i: one * 20 for i, one in values.items()}, {0: 2, 1: 1}, True, 0.95, 0.02
+        ).standing(1)
+        == "worse"
+    )
     sure = compare(values, {0: 2, 1: 1}, True, 0.95, 0.02, without_chance=[0, 1])
     assert (sure.best, sure.standing(1)) == (0, "worse")
 
@@ -109,8 +155,13 @@ def test_it_is_known_how_many_replications_would_decide() -> None:
 def test_a_setting_on_the_edge_of_what_is_worth_it_does_not_take_runs_for_ever() -> None:
     """It is undecided until it is known to half of that, and is never said to be equal or worse."""
     five = {0: [61.2, 62.0, 60.6, 61.9, 60.3], 1: [60.0, 61.0, 59.0, 60.0, 60.0]}
-    found = [compare({i: values * times for i, values in five.items()}, {0: 2, 1: 1}, True, 0.95, 0.02) for times in (1, 2)]
-    assert [one.undecided for one in found] == [[1], []] and found[0].replications_needed() == found[1].count == 10
+    found = [
+        compare({i: values * times for i, values in five.items()}, {0: 2, 1: 1}, True, 0.95, 0.02)
+        for times in (1, 2)
+    ]
+    assert [one.undecided for one in found] == [[1], []] and found[
+        0
+    ].replications_needed() == found[1].count == 10
     assert [one.standing(1) for one in found] == ["unknown", "unknown"]
 
 
@@ -150,8 +201,13 @@ def test_intervals_over_replications_hold_the_published_figures_of_the_repairman
         all_of_them = interval(values, 0.999)
         assert all_of_them.low <= truth <= all_of_them.high
         assert all_of_them.high - all_of_them.low < 0.2 * truth
-        studies = [interval(values[first : first + REPLICATIONS], 0.95) for first in range(0, len(values), REPLICATIONS)]
-        assert sum(one.low <= truth <= one.high for one in studies) >= stats.binom.ppf(0.001, SHOPS, 0.95)
+        studies = [
+            interval(values[first : first + REPLICATIONS], 0.95)
+            for first in range(0, len(values), REPLICATIONS)
+        ]
+        assert sum(one.low <= truth <= one.high for one in studies) >= stats.binom.ppf(
+            0.001, SHOPS, 0.95
+        )
 
 
 # Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic Simulation Optimization, 2011).
@@ -162,7 +218,9 @@ ASKED = 100
 def test_a_comparison_finds_the_published_best_of_five_designs_as_surely_as_it_says() -> None:
     found = [
         compared(
-            lambda i, seed, number=number: MEANS[i] + sqrt(VARIANCES[i]) * normal(*draw(number, f"design {i}", seed, 2)),
+            lambda i, seed, number=number: (
+                MEANS[i] + sqrt(VARIANCES[i]) * normal(*draw(number, f"design {i}", seed, 2))
+            ),
             [0] * 5,
             is_max=False,
         )[0]

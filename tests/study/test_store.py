@@ -49,7 +49,10 @@ def test_many_keys_are_looked_up(path, record):
 
 def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(path, record, monkeypatch):
     monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
-    with pytest.raises(StoreError, match=r"studies\.db: is a store of version .*, and this is 9\.9\.9\+abc; --anew forgets its runs"):
+    with pytest.raises(
+        StoreError,
+        match=r"studies\.db: is a store of version .*, and this is 9\.9\.9\+abc; --anew forgets its runs",
+    ):
         Store(path)
     monkeypatch.undo()
     with Store(path, anew=True) as same:
@@ -68,7 +71,9 @@ def test_a_file_that_is_no_store_stays_as_it_is(tmp_path, content):
         path.write_bytes(content)
     before = path.read_bytes()
     for anew in (False, True):
-        with pytest.raises(StoreError, match=r"mine\.db: is no store of a study; it stays as it is"):
+        with pytest.raises(
+            StoreError, match=r"mine\.db: is no store of a study; it stays as it is"
+        ):
             Store(path, anew)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -76,11 +81,17 @@ def test_a_file_that_is_no_store_stays_as_it_is(tmp_path, content):
 
 @pytest.mark.parametrize(
     ("broken_by", "told"),
-    [("DELETE FROM software", "is no store of a study"), ("DROP TABLE runs", "the runs in it cannot be read: no such table")],
+    [
+        ("DELETE FROM software", "is no store of a study"),
+        ("DROP TABLE runs", "the runs in it cannot be read: no such table"),
+    ],
 )
 def test_a_store_that_another_program_has_changed_is_told(path, record, broken_by, told):
     execute(path, broken_by)
-    with pytest.raises((StoreError, StoreFailed), match=rf"studies\.db: {told}"), Store(path) as again:
+    with (
+        pytest.raises((StoreError, StoreFailed), match=rf"studies\.db: {told}"),
+        Store(path) as again,
+    ):
         again.known([record.key])
 
 
@@ -106,7 +117,9 @@ def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeyp
     keys = []
     for name, text in (("one", source), ("two", source), ("three", source + "    early = True\n")):
         (tmp_path / f"policy_{name}.py").write_text(text)
-        keys.append(PlannedRun(with_changes(SCENARIO, dispatch=f"policy_{name}.Mine"), "fast").own_source)
+        keys.append(
+            PlannedRun(with_changes(SCENARIO, dispatch=f"policy_{name}.Mine"), "fast").own_source
+        )
     assert keys[0] == keys[1] != keys[2]
     assert PlannedRun(SCENARIO, "fast").own_source == ""
 
@@ -126,7 +139,9 @@ def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     known = runs.own_source((("dispatch", "plot_policy.Mine"),))
-    assert sorted(known) == sorted(text.encode() for name, text in files.items() if name != "plot_other.py")
+    assert sorted(known) == sorted(
+        text.encode() for name, text in files.items() if name != "plot_other.py"
+    )
 
 
 def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, record, monkeypatch):
@@ -171,7 +186,9 @@ def test_a_damaged_run_is_named_and_passed_over(path, record, change, told):
 
 def test_a_damaged_run_is_told_and_done_again(path, record):
     execute(path, "UPDATE runs SET bins_per_hour = 'many'")
-    found = study(SCENARIO, {}, StudyOptions(model="fast", horizon="harvest", store=path, workers=1))
+    found = study(
+        SCENARIO, {}, StudyOptions(model="fast", horizon="harvest", store=path, workers=1)
+    )
     assert [note for note in found.notes if "studies.db: 1 of the runs in it were damaged" in note]
     with Store(path) as mended:
         assert mended.known([record.key])[record.key].bins_per_hour == record.bins_per_hour

@@ -21,9 +21,14 @@ from orchard.study.study import StudyOptions, checked_settings, row_of, study
 from orchard.study.words import setting_words
 
 
-def problems(*words: str, scenario: Scenario | None = None, options: StudyOptions | None = None) -> list[str]:
+def problems(
+    *words: str, scenario: Scenario | None = None, options: StudyOptions | None = None
+) -> list[str]:
     varied, faults = varied_of(words)
-    return [*map(str, faults), *map(str, checked_settings(scenario or Scenario(), varied, options or StudyOptions())[1])]
+    return [
+        *map(str, faults),
+        *map(str, checked_settings(scenario or Scenario(), varied, options or StudyOptions())[1]),
+    ]
 
 
 def settings_of(scenario: Scenario, varied: dict) -> list[Setting]:
@@ -33,7 +38,13 @@ def settings_of(scenario: Scenario, varied: dict) -> list[Setting]:
 
 
 def test_values_are_numbers_words_and_ranges() -> None:
-    words = "carriers=1..3,null", "rows=10..20..5", "picking_speed=0.03,1", "dispatch=nearest,my.Own", "tractor=false,true"
+    words = (
+        "carriers=1..3,null",
+        "rows=10..20..5",
+        "picking_speed=0.03,1",
+        "dispatch=nearest,my.Own",
+        "tractor=false,true",
+    )
     varied, faults = varied_of([*words, 'people={"workers": 0, "visitors": 1},{}'])
     assert not faults
     assert varied == {
@@ -49,12 +60,17 @@ def test_values_are_numbers_words_and_ranges() -> None:
 def test_each_combination_is_a_setting_and_a_scenario() -> None:
     assert [setting.values for setting in settings_of(Scenario(), {})] == [{}]
     found = settings_of(Scenario(rows=10), {"people.workers": [0, 4], "carriers": [3, 4]})
-    assert [setting.words for setting in found] == [f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)]
+    assert [setting.words for setting in found] == [
+        f"people.workers={w}, carriers={c}" for w in (0, 4) for c in (3, 4)
+    ]
     assert found[1].scenario == with_changes(Scenario(rows=10), carriers=4, **{"people.workers": 0})
 
 
 MISTAKES = [
-    (["carriers=0..5"], "--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 120"),
+    (
+        ["carriers=0..5"],
+        "--vary carriers=0..5: carriers = 0: must be null or a whole number from 1 to 120",
+    ),
     (["carrier=1..3"], "--vary carrier=1..3: carrier: unknown key; did you mean carriers?"),
     (["carriers=5..1"], "--vary carriers=5..1: 5..1: this range is empty"),
     (["carriers=1..9..0"], "--vary carriers=1..9..0: 1..9..0: this range is empty"),
@@ -64,10 +80,19 @@ MISTAKES = [
     (["carriers=1..3,2"], "--vary carriers=1..3,2: 2: given twice"),
     (["carriers=1,2", "carriers=3"], "--vary carriers=3: carriers: this key varies already"),
     (["rows=1..999999999"], "--vary rows=1..999999999: 1..999999999: more than 10,000 values"),
-    (["rows=3..20", "pickers=2..20", "carriers=1..40"], "--vary rows, pickers, carriers: 13,680 settings; at most 10,000"),
+    (
+        ["rows=3..20", "pickers=2..20", "carriers=1..40"],
+        "--vary rows, pickers, carriers: 13,680 settings; at most 10,000",
+    ),
     (["seed=1..5"], "--vary seed=1..5: seed: each replication has its own seed"),
-    (["prices.per_bin=-1,2"], "--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0"),
-    (["picking_speed=NaN"], "--vary picking_speed=nan: picking_speed = nan: must be null or a number from 0.001 to 1.0"),
+    (
+        ["prices.per_bin=-1,2"],
+        "--vary prices.per_bin=-1,2: prices.per_bin = -1: must be null or a number from 0.0",
+    ),
+    (
+        ["picking_speed=NaN"],
+        "--vary picking_speed=nan: picking_speed = nan: must be null or a number from 0.001 to 1.0",
+    ),
     (
         ["picking_rate=20", "picking_speed=0.3,0.5"],
         "the setting picking_rate=20, picking_speed=0.3: picking_speed = 0.3, picking_rate = 20.0: at",
@@ -88,7 +113,9 @@ def test_mistakes_are_told_with_their_place(words: list[str], told: str) -> None
 def test_all_mistakes_are_told_at_once() -> None:
     assert len(problems("carriers=0..2", "rows=2,3", "dispach=nearest")) == 3
     assert len(problems("tractor", "rows=3..2", "pickers=2", "pickers=3")) == 3
-    of_each_kind = problems("tractor", "rows=2,3", "dispatch=no_such.Policy", options=StudyOptions(goal="cost_per_bin"))
+    of_each_kind = problems(
+        "tractor", "rows=2,3", "dispatch=no_such.Policy", options=StudyOptions(goal="cost_per_bin")
+    )
     assert [line.split(":")[0] for line in of_each_kind] == [
         "--vary tractor",
         "--vary rows=2,3",
@@ -98,7 +125,12 @@ def test_all_mistakes_are_told_at_once() -> None:
 
 
 def test_a_bin_costs_its_share_of_the_hour_and_its_own_price() -> None:
-    prices = {"picker_per_hour": 15.0, "carrier_per_hour": 6.0, "overhead_per_hour": 10.0, "per_bin": 2.0}
+    prices = {
+        "picker_per_hour": 15.0,
+        "carrier_per_hour": 6.0,
+        "overhead_per_hour": 10.0,
+        "per_bin": 2.0,
+    }
     (setting,) = settings_of(Scenario(pickers=4, rows=8, carriers=5, prices=prices), {})
     assert setting.cost_per_bin(50.0) == pytest.approx((4 * 15 + 5 * 6 + 10) / 50 + 2)
     assert settings_of(Scenario(), {})[0].cost_per_bin(50.0) is None
@@ -106,12 +138,17 @@ def test_a_bin_costs_its_share_of_the_hour_and_its_own_price() -> None:
 
 def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
     own = Scenario(agents={"picker": "own_agents.Eastward"})
-    assert problems(scenario=own, options=StudyOptions(goal="cost_per_bin", horizon="long", model="fast")) == [
+    assert problems(
+        scenario=own, options=StudyOptions(goal="cost_per_bin", horizon="long", model="fast")
+    ) == [
         "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin",
         "--model fast: agents: only the full model knows agents of your own (picker); choose --model full",
     ]
     (no_errors,) = problems(scenario=Scenario(sensors={"odometry": {"distance": 0.01}}))
-    assert no_errors == "--model both: sensors: only the full model knows errors of sensors; choose --model full"
+    assert (
+        no_errors
+        == "--model both: sensors: only the full model knows errors of sensors; choose --model full"
+    )
     own_step = problems(scenario=Scenario(route="examples.seams.signalled_route.SignalledRoute"))
     assert own_step == [
         "--model both: route = examples.seams.signalled_route.SignalledRoute: only the full model knows steps of your own (Signal); "
@@ -132,19 +169,27 @@ def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
     quiet = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
     changes = [{}, {"people.visitors": 1}, {"animals.cats": 1}, {"picking_speed": 0.5, "picking.spread.distribution": "gamma"},
                {"picking.failure.mean_between": 600.0}, {"carrying.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
-    random = [settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random for change in changes]
+    random = [
+        settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random
+        for change in changes
+    ]
     assert random == [False, True, True, True, True, True, True]
 
 
 def test_a_policy_of_the_users_own_may_draw_by_the_seed() -> None:
     undisturbed = load_or_shipped(Path("undisturbed"))
-    assert [setting.is_random for setting in settings_of(undisturbed, {"dispatch": ["nearest", "my.Own"]})] == [False, True]
+    assert [
+        setting.is_random
+        for setting in settings_of(undisturbed, {"dispatch": ["nearest", "my.Own"]})
+    ] == [False, True]
 
 
 QUIET = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
 CHANCE = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}}, **QUIET)
 VARIED = {"carriers": [1, 2, 3], "dispatch": ["nearest", "own_policies.Idle"]}
-AMPLE = StudyOptions(model="fast", horizon="harvest", budget_seconds=10_000.0, within=0.05, workers=1)
+AMPLE = StudyOptions(
+    model="fast", horizon="harvest", budget_seconds=10_000.0, within=0.05, workers=1
+)
 
 
 def table(result: StudyResult) -> dict:
@@ -172,8 +217,14 @@ def test_the_best_is_told_with_its_interval_and_how_the_others_stand(result):
     best = rows[result.best["carriers"]]
     assert best.bins_per_hour.mean > 0.95 * max(row.bins_per_hour.mean for row in rows.values())
     assert best.bins_per_hour.low < best.bins_per_hour.mean < best.bins_per_hour.high
-    assert rows[1].standing == "worse" and rows[1].lead.low > 0.05  # one carrier for two pickers is far too few
-    assert all(row.standing == "equal" or row.setting in result.undecided for n, row in rows.items() if n > result.best["carriers"])
+    assert (
+        rows[1].standing == "worse" and rows[1].lead.low > 0.05
+    )  # one carrier for two pickers is far too few
+    assert all(
+        row.standing == "equal" or row.setting in result.undecided
+        for n, row in rows.items()
+        if n > result.best["carriers"]
+    )
     assert setting_words(result.best) in result.answer
 
 
@@ -186,7 +237,9 @@ def test_all_rows_of_a_table_have_the_same_seeds(result, told):
 
 def test_a_setting_that_jams_is_told_and_counted(result):
     jammed = [row for row in result.table if row.setting["dispatch"] == "own_policies.Idle"]
-    assert [(row.jammed, row.bins_per_hour) for row in jammed] == [(row.replications, None) for row in jammed]
+    assert [(row.jammed, row.bins_per_hour) for row in jammed] == [
+        (row.replications, None) for row in jammed
+    ]
     assert [row.jammed for row in jammed] == [1, 1, 1]  # one jam is enough to leave the race
     assert sum("own_policies.Idle jams" in note for note in result.notes) == 3
 
@@ -198,7 +251,9 @@ def test_partial_results_are_told(result, told):
 
 
 def test_other_workers_and_another_order_give_the_same_table(result, folder):
-    assert table(study(CHANCE, VARIED, replace(AMPLE, workers=2, store=folder / "second.db"))) == table(result)
+    assert table(
+        study(CHANCE, VARIED, replace(AMPLE, workers=2, store=folder / "second.db"))
+    ) == table(result)
 
 
 def test_what_is_known_is_not_run_again(result, folder, monkeypatch):
@@ -238,35 +293,64 @@ def test_faults_of_a_policy_of_the_users_own_are_told(tmp_path):
 
 
 def test_without_chance_one_run_stands_for_all_seeds(tmp_path):
-    settled = study(Scenario(rows=3, metres_per_bin=35.0, **QUIET), {"carriers": [1, 2]}, replace(AMPLE, store=tmp_path / "s.db"))
+    settled = study(
+        Scenario(rows=3, metres_per_bin=35.0, **QUIET),
+        {"carriers": [1, 2]},
+        replace(AMPLE, store=tmp_path / "s.db"),
+    )
     assert [row.replications for row in settled.table] == [1, 1]
     assert settled.stopped_by == "certain"
     assert any("nothing in these settings is random" in note for note in settled.notes)
-    assert all(0.5 * row.harvest_seconds.mean < row.proven_seconds <= row.harvest_seconds.mean for row in settled.table)
-    assert settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, rolling dispatch"
+    assert all(
+        0.5 * row.harvest_seconds.mean < row.proven_seconds <= row.harvest_seconds.mean
+        for row in settled.table
+    )
+    assert (
+        settled.orchard == "3 rows of 70 m, a bin every 35 m, 2 pickers, two-way, rolling dispatch"
+    )
     assert any(note.startswith("drives to the ends of rows take 44.2 %") for note in settled.notes)
 
 
 def test_a_setting_that_jams_once_has_no_figures():
     once = PlannedRun(Scenario(rows=3, **QUIET), "fast").do(math.inf)
     row = row_of(Setting({}, Scenario()), [once, replace(once, ended="jammed")], 0.95)
-    assert (row.bins_per_hour, row.harvest_seconds, row.jammed, row.standing) == (None, None, 1, "jammed")
+    assert (row.bins_per_hour, row.harvest_seconds, row.jammed, row.standing) == (
+        None,
+        None,
+        1,
+        "jammed",
+    )
 
 
 def test_part_full_bins_of_one_harvest_are_told(tmp_path):
-    told = study(Scenario(rows=3, metres_per_bin=50.0, **QUIET), {}, replace(AMPLE, store=tmp_path / "s.db"))
-    assert any("5 bins have the fruit of 4.2, so a full one costs 19.0 % more" in note for note in told.notes), told.notes
+    told = study(
+        Scenario(rows=3, metres_per_bin=50.0, **QUIET), {}, replace(AMPLE, store=tmp_path / "s.db")
+    )
+    assert any(
+        "5 bins have the fruit of 4.2, so a full one costs 19.0 % more" in note
+        for note in told.notes
+    ), told.notes
 
 
 def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_path):
     options = replace(AMPLE, horizon="long", store=tmp_path / "s.db")
-    shares = [study(Scenario(rows=rows, **QUIET), {"rows_to_pickers": ["balanced"]}, options).notes for rows in (3, 4)]
-    assert [any("some pickers get more rows" in note for note in notes) for notes in shares] == [True, False]
+    shares = [
+        study(Scenario(rows=rows, **QUIET), {"rows_to_pickers": ["balanced"]}, options).notes
+        for rows in (3, 4)
+    ]
+    assert [any("some pickers get more rows" in note for note in notes) for notes in shares] == [
+        True,
+        False,
+    ]
 
 
 def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_path):
     """Rows are longer by so little that the harvest hardly changes, though for certain; shorter ones were not tried."""
-    settled = study(Scenario(rows=3, **QUIET), {"row_length": [70.0, 70.2, 70.4]}, replace(AMPLE, store=tmp_path / "s.db"))
+    settled = study(
+        Scenario(rows=3, **QUIET),
+        {"row_length": [70.0, 70.2, 70.4]},
+        replace(AMPLE, store=tmp_path / "s.db"),
+    )
     assert [row.standing for row in settled.table] == ["best", "equal", "equal"]
     assert settled.beyond == {"row_length": pytest.approx(69.8)}
     assert "the range is too small, as row length 69.8 may be better" in settled.answer
@@ -274,34 +358,64 @@ def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_
 
 def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_best(tmp_path):
     varied = {"dispatch": ["assignment", "predictive"], "people": [{"workers": 0}, {"visitors": 0}]}
-    told = study(Scenario(rows=12, pickers=6, carriers=2, **QUIET), varied, replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
+    told = study(
+        Scenario(rows=12, pickers=6, carriers=2, **QUIET),
+        varied,
+        replace(AMPLE, horizon="long", store=tmp_path / "s.db"),
+    )
     assert told.best == {"dispatch": "predictive", "people": {"workers": 0}}
-    assert sum(bool(re.match("dispatch=assignment, .* jams: picker_.*: too few carriers come to it", note)) for note in told.notes) == 2
+    assert (
+        sum(
+            bool(
+                re.match(
+                    "dispatch=assignment, .* jams: picker_.*: too few carriers come to it", note
+                )
+            )
+            for note in told.notes
+        )
+        == 2
+    )
     assert inline_svg(told)
 
 
 def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):
     """Of three pickers with one or two carriers; but the last number for which there is room has no one beyond it."""
-    told = study(Scenario(rows=6, pickers=3, **QUIET), {"carriers": [1, 2]}, replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
+    told = study(
+        Scenario(rows=6, pickers=3, **QUIET),
+        {"carriers": [1, 2]},
+        replace(AMPLE, horizon="long", store=tmp_path / "s.db"),
+    )
     assert (told.best, told.beyond) == ({"carriers": 2}, {"carriers": 3})
     assert told.answer.startswith("At least 2 carriers: ")
     full = Scenario(rows=3, row_length=20.0, route="two-way", **QUIET)
     most = most_carriers(full)
-    last = study(full, {"carriers": [1, most]}, replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
+    last = study(
+        full, {"carriers": [1, most]}, replace(AMPLE, horizon="long", store=tmp_path / "s.db")
+    )
     assert last.beyond == {}
 
 
-@pytest.mark.parametrize("changes", [{}, {"prices": {"picker_per_hour": 15.0, "carrier_per_hour": 6.0}}])
+@pytest.mark.parametrize(
+    "changes", [{}, {"prices": {"picker_per_hour": 15.0, "carrier_per_hour": 6.0}}]
+)
 def test_a_study_that_is_told_nothing_tries_as_many_carriers_as_it_takes(changes, tmp_path):
     """The answer lies inside what was tried, with its neighbours, and is the same wherever the numbers begin."""
     scenario = Scenario(rows=6, pickers=3, picking_speed=0.3, **QUIET, **changes)
-    found = study(scenario, options=replace(AMPLE, horizon="long", within=0.02, store=tmp_path / "s.db"))
+    found = study(
+        scenario, options=replace(AMPLE, horizon="long", within=0.02, store=tmp_path / "s.db")
+    )
     tried, best = found.varied["carriers"], found.best["carriers"]
-    assert {best - 1, best + 1} - {0} <= set(tried) and max(tried) >= 1.5 * best and found.beyond == {}
+    assert (
+        {best - 1, best + 1} - {0} <= set(tried) and max(tried) >= 1.5 * best and found.beyond == {}
+    )
     assert found.goal == ("cost_per_bin" if changes else "bins_per_hour")
     rows = {row.setting["carriers"]: row for row in found.table}
     assert list(rows) == tried
-    behind = {number: max(row.bins_per_hour.mean for row in found.table) / rows[number].bins_per_hour.mean - 1.0 for number in tried}
+    behind = {
+        number: max(row.bins_per_hour.mean for row in found.table) / rows[number].bins_per_hour.mean
+        - 1.0
+        for number in tried
+    }
     assert changes or behind[best] < 0.02 <= behind[best - 1]
 
 
@@ -309,10 +423,18 @@ def test_an_orchard_without_room_for_more_carriers_says_so(tmp_path):
     scenario = Scenario(rows=10, row_length=20.0, pickers=8, carriers=3, picking_rate=60.0, **QUIET)
     found = study(scenario, options=replace(AMPLE, horizon="long", store=tmp_path / "s.db"))
     most = most_carriers(scenario)
-    assert found.best == {"carriers": most} and f"the orchard has room for {most} carriers, no more" in found.notes
+    assert (
+        found.best == {"carriers": most}
+        and f"the orchard has room for {most} carriers, no more" in found.notes
+    )
 
 
-NUMBERS = [(3, [1, 2, 3], [4, 5]), (8, [4, 5, 6, 7, 8], [9, 10, 12]), (3, [3, 4, 5], [1]), (8, [4, 8, 12], [6])]
+NUMBERS = [
+    (3, [1, 2, 3], [4, 5]),
+    (8, [4, 5, 6, 7, 8], [9, 10, 12]),
+    (3, [3, 4, 5], [1]),
+    (8, [4, 8, 12], [6]),
+]
 
 
 @pytest.mark.parametrize(("answer", "tried", "more"), NUMBERS)
@@ -323,35 +445,65 @@ def test_a_range_widens_until_the_answer_is_inside(answer, tried, more):
 
 def test_settings_with_and_without_chance_are_compared(tmp_path):
     scenario = with_changes(CHANCE, carriers=1)
-    mixed = study(scenario, {"picking.spread.distribution": ["none", "gamma"]}, replace(AMPLE, store=tmp_path / "s.db"))
-    assert mixed.table[0].replications == 1 and mixed.table[1].replications >= 5 and mixed.table[1].lead is not None
+    mixed = study(
+        scenario,
+        {"picking.spread.distribution": ["none", "gamma"]},
+        replace(AMPLE, store=tmp_path / "s.db"),
+    )
+    assert (
+        mixed.table[0].replications == 1
+        and mixed.table[1].replications >= 5
+        and mixed.table[1].lead is not None
+    )
     assert mixed.best is not None
 
 
 def test_what_costs_nothing_is_compared(tmp_path):
-    free = study(with_changes(CHANCE, **{"prices.carrier_per_hour": 0.0}), {"carriers": [1, 2]}, replace(AMPLE, store=tmp_path / "s.db"))
-    assert free.best == {"carriers": 1} and [row.cost_per_bin.mean for row in free.table] == [0.0, 0.0]
+    free = study(
+        with_changes(CHANCE, **{"prices.carrier_per_hour": 0.0}),
+        {"carriers": [1, 2]},
+        replace(AMPLE, store=tmp_path / "s.db"),
+    )
+    assert free.best == {"carriers": 1} and [row.cost_per_bin.mean for row in free.table] == [
+        0.0,
+        0.0,
+    ]
 
 
 def test_a_used_budget_is_told(tmp_path):
-    short = study(CHANCE, {"carriers": [1, 2, 3]}, replace(AMPLE, budget_seconds=1e-3, store=tmp_path / "s.db"))
+    short = study(
+        CHANCE,
+        {"carriers": [1, 2, 3]},
+        replace(AMPLE, budget_seconds=1e-3, store=tmp_path / "s.db"),
+    )
     assert short.stopped_by == "budget" and short.best is None and short.table == []
     assert any("there was no time for a run of 3 settings" in note for note in short.notes)
 
 
 def test_the_long_run_and_costs(tmp_path):
     scenario = with_changes(CHANCE, prices={"picker_per_hour": 15.0, "carrier_per_hour": 6.0})
-    options = replace(AMPLE, goal="cost_per_bin", horizon="long", model="both", within=0.1, store=tmp_path / "s.db")
+    options = replace(
+        AMPLE,
+        goal="cost_per_bin",
+        horizon="long",
+        model="both",
+        within=0.1,
+        store=tmp_path / "s.db",
+    )
     long = study(scenario, {"carriers": [1, 2]}, options)
     for row in long.table:
         rate = (2 * 15 + row.setting["carriers"] * 6) / row.bins_per_hour.mean
-        assert row.cost_per_bin.mean == pytest.approx(rate, rel=0.02)  # the mean of costs is not quite the cost of the mean
+        assert row.cost_per_bin.mean == pytest.approx(
+            rate, rel=0.02
+        )  # the mean of costs is not quite the cost of the mean
         assert row.harvest_seconds is None and row.check is None
     assert long.best == min(long.table, key=lambda row: row.cost_per_bin.mean).setting
     assert "in the long run" in long.answer
 
 
-def test_a_budget_for_one_run_of_each_gives_an_answer_that_says_how_little_it_knows(tmp_path, monkeypatch):
+def test_a_budget_for_one_run_of_each_gives_an_answer_that_says_how_little_it_knows(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(module, "LOOKS", ())
     one = study(CHANCE, {"carriers": [1, 2, 3]}, replace(AMPLE, store=tmp_path / "s.db"))
     assert {row.replications for row in one.table} == {1}
@@ -366,7 +518,9 @@ def test_the_simulator_confirms_the_best_two_on_the_same_seeds(tmp_path):
     assert sum(check is not None for check in checks.values()) == 2
     best = next(row for row in both.table if row.setting == both.best)
     assert best.check.replications == 1 and best.check.jammed == 0  # nothing is random
-    assert best.check.difference == pytest.approx(best.check.bins_per_hour.mean / best.bins_per_hour.mean - 1.0)
+    assert best.check.difference == pytest.approx(
+        best.check.bins_per_hour.mean / best.bins_per_hour.mean - 1.0
+    )
     assert abs(best.check.difference) < 0.05
     assert "the simulator says" in both.answer
 
@@ -376,8 +530,22 @@ def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_
     scenario = Scenario(rows=20, pickers=10, carriers=10, picking_speed=0.8, **QUIET)
     scenario = with_changes(scenario, picking={"spread": {"distribution": "gamma", "cv": 0.15}})
     options = replace(AMPLE, within=0.02, workers=2, store=tmp_path / "s.db")
-    three = study(scenario, {"dispatch": ["nearest", "longest-waiting", "farthest-first", "own_policies.FarthestOfMine"]}, options)
+    three = study(
+        scenario,
+        {
+            "dispatch": [
+                "nearest",
+                "longest-waiting",
+                "farthest-first",
+                "own_policies.FarthestOfMine",
+            ]
+        },
+        options,
+    )
     assert three.best["dispatch"] in ("farthest-first", "own_policies.FarthestOfMine")
-    assert {row.setting["dispatch"] for row in three.table if row.standing == "worse"} >= {"nearest", "longest-waiting"}
+    assert {row.setting["dispatch"] for row in three.table if row.standing == "worse"} >= {
+        "nearest",
+        "longest-waiting",
+    }
     two = study(scenario, {"dispatch": ["nearest", "longest-waiting"]}, options)
     assert "worse" not in [row.standing for row in two.table]

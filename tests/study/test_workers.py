@@ -51,7 +51,9 @@ def test_a_worker_that_dies_between_two_rounds_of_work_is_replaced():
 
 def test_ctrl_c_at_the_terminal_is_the_parents():
     with processes(1) as workers:
-        assert [signals for _, signals in workers.do(blocked_signals, [1], always)] == [{signal.SIGINT}]
+        assert [signals for _, signals in workers.do(blocked_signals, [1], always)] == [
+            {signal.SIGINT}
+        ]
     assert signal.SIGINT not in blocked_signals(None)
 
 
@@ -88,7 +90,9 @@ def eventually(holds) -> None:
 def test_stop_does_not_wait_for_long_work(tmp_path):
     told = tmp_path / "pid"
     with processes(1) as workers:
-        assert list(workers.do(slow, [told], lambda: not told.exists() or not told.read_text())) == []
+        assert (
+            list(workers.do(slow, [told], lambda: not told.exists() or not told.read_text())) == []
+        )
     eventually(lambda: is_gone(int(told.read_text())))
 
 
@@ -101,7 +105,9 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     )
     (tmp_path / "parent.py").write_text(script)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE)])}
-    parent = subprocess.Popen([sys.executable, str(tmp_path / "parent.py"), str(told)], env=environment)
+    parent = subprocess.Popen(
+        [sys.executable, str(tmp_path / "parent.py"), str(told)], env=environment
+    )
     try:
         eventually(lambda: told.exists() and bool(told.read_text()))
     finally:
@@ -112,15 +118,24 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
 
 def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) -> subprocess.Popen:
     """One of dask's programs, on one machine of the test."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE), str(HERE.parent / "support")])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(
+            [str(HERE.parent.parent), str(HERE), str(HERE.parent / "support")]
+        )
+    }
     command = [*before, sys.executable, "-m", f"distributed.cli.{module}", *map(str, arguments)]
     return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
 
 
-def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wrong_clock(tmp_path, monkeypatch):
+def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wrong_clock(
+    tmp_path, monkeypatch
+):
     file = tmp_path / "scheduler.json"
     scenario = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}})
-    varied, common = {"carriers": [1, 2]}, {"model": "fast", "budget_seconds": 10_000.0, "within": 0.2}
+    varied, common = (
+        {"carriers": [1, 2]},
+        {"model": "fast", "budget_seconds": 10_000.0, "within": 0.2},
+    )
     with ExitStack() as stack:
 
         def started(*words: object) -> None:
@@ -128,19 +143,35 @@ def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wro
             stack.callback(process.wait, PATIENCE)
             stack.callback(process.kill)
 
-        started("dask_scheduler", "--host", "127.0.0.1", "--port", 0, "--scheduler-file", file, "--no-dashboard", "--no-show")
+        started(
+            "dask_scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            0,
+            "--scheduler-file",
+            file,
+            "--no-dashboard",
+            "--no-show",
+        )
         for _ in range(2):
             started("dask_worker", "--scheduler-file", file, "--no-nanny", "--nthreads", 1, "--no-dashboard",
                     "--local-directory", tmp_path)  # fmt: skip
         address = address_in(file)
         eventually(lambda: workers_at(address) == 2)
         with scheduled(address) as workers:
-            done = list(workers.do(double, [(number, tmp_path / "died") for number in NUMBERS], always))
+            done = list(
+                workers.do(double, [(number, tmp_path / "died") for number in NUMBERS], always)
+            )
         assert sorted(result for _, result in done) == [2 * number for number in NUMBERS]
         assert workers_at(address) == 1  # the other one died
-        there = study(scenario, varied, StudyOptions(**common, scheduler=address, store=tmp_path / "there.db"))
+        there = study(
+            scenario, varied, StudyOptions(**common, scheduler=address, store=tmp_path / "there.db")
+        )
         monkeypatch.setattr("orchard.study.workers.APART", -600.0)  # so no two clocks agree
-        clocks = r"clocks of workers differ from that of this machine: tcp://\S+ by [+-]0 s; set them"
+        clocks = (
+            r"clocks of workers differ from that of this machine: tcp://\S+ by [+-]0 s; set them"
+        )
         with pytest.raises(WorkersError, match=clocks), scheduled(address):
             pass
     here = study(scenario, varied, StudyOptions(**common, workers=1, store=tmp_path / "here.db"))
@@ -175,22 +206,78 @@ ADDRESS = "tcp://192.168.1.10:8786"
 @needs_machines
 def test_two_machines_give_the_same_table_as_one(tmp_path):
     (tmp_path / "my.yaml").write_text(SCENARIO)
-    orchard("study", tmp_path / "my.yaml", *QUESTION, "--out", tmp_path / "here.db", "--summary", tmp_path / "here.json")
+    orchard(
+        "study",
+        tmp_path / "my.yaml",
+        *QUESTION,
+        "--out",
+        tmp_path / "here.db",
+        "--summary",
+        tmp_path / "here.json",
+    )
     with machines("study") as (host, guest), ExitStack() as stack:
         for machine, module, *arguments in (
-            (host, "dask_scheduler", "--host", "192.168.1.10", "--port", 8786, "--no-dashboard", "--no-show"),
-            (host, "dask_worker", ADDRESS, "--no-nanny", "--nthreads", 1, "--no-dashboard", "--local-directory", tmp_path / "a"),
-            (guest, "dask_worker", ADDRESS, "--no-nanny", "--nthreads", 1, "--no-dashboard", "--local-directory", tmp_path / "b"),
+            (
+                host,
+                "dask_scheduler",
+                "--host",
+                "192.168.1.10",
+                "--port",
+                8786,
+                "--no-dashboard",
+                "--no-show",
+            ),
+            (
+                host,
+                "dask_worker",
+                ADDRESS,
+                "--no-nanny",
+                "--nthreads",
+                1,
+                "--no-dashboard",
+                "--local-directory",
+                tmp_path / "a",
+            ),
+            (
+                guest,
+                "dask_worker",
+                ADDRESS,
+                "--no-nanny",
+                "--nthreads",
+                1,
+                "--no-dashboard",
+                "--local-directory",
+                tmp_path / "b",
+            ),
         ):
             process = dask_process(module, *arguments, before=tuple(within(machine)))
             stack.callback(process.wait, PATIENCE)
             stack.callback(process.kill)
         wait_for_workers(host)
-        options = ["--out", tmp_path / "there.db", "--summary", tmp_path / "there.json", "--scheduler", ADDRESS]
-        command = [*within(host), sys.executable, "run.py", "study", tmp_path / "my.yaml", *QUESTION, *options]
-        there = subprocess.run([*map(str, command)], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+        options = [
+            "--out",
+            tmp_path / "there.db",
+            "--summary",
+            tmp_path / "there.json",
+            "--scheduler",
+            ADDRESS,
+        ]
+        command = [
+            *within(host),
+            sys.executable,
+            "run.py",
+            "study",
+            tmp_path / "my.yaml",
+            *QUESTION,
+            *options,
+        ]
+        there = subprocess.run(
+            [*map(str, command)], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS
+        )
         assert there.returncode == 0, there.stderr
-    tables = [json.loads((tmp_path / name).read_text())["table"] for name in ("here.json", "there.json")]
+    tables = [
+        json.loads((tmp_path / name).read_text())["table"] for name in ("here.json", "there.json")
+    ]
     assert tables[0] == tables[1]
 
 
@@ -199,4 +286,9 @@ def wait_for_workers(machine: str) -> None:
         "import sys; from distributed import Client\n"
         "with Client(sys.argv[1], timeout=60) as client: client.wait_for_workers(2, timeout=60)\n"
     )
-    subprocess.run([*within(machine), sys.executable, "-c", script, ADDRESS], check=True, timeout=PATIENCE, env=os.environ)
+    subprocess.run(
+        [*within(machine), sys.executable, "-c", script, ADDRESS],
+        check=True,
+        timeout=PATIENCE,
+        env=os.environ,
+    )

@@ -18,7 +18,9 @@ def make_sense(what: str, payload: bytes) -> bool:
     if what == "velocities" and not refusal_of(payload, VelocityParts, RUN):
         return True  # each part counts by itself
     types = [type_ for type_ in (TABLE[what].message, *TABLE[what].replies) if type_ is not None]
-    return any(not refusal_of(payload, type_, RUN) for type_ in types) or (what in EMPTY and not payload)
+    return any(not refusal_of(payload, type_, RUN) for type_ in types) or (
+        what in EMPTY and not payload
+    )
 
 
 def refusal_of(payload: bytes, type_: type, run: str) -> str:
@@ -32,7 +34,11 @@ def refusal_of(payload: bytes, type_: type, run: str) -> str:
 def bad(messages, what: str, count: int, seed: int):
     """(key, payload): of another run and damaged, or of this run and damaged so that they are no messages."""
     chance = random.Random(f"{what} {seed}")
-    sources = [(key, p) for key, payload in messages[what] for p in (payload, rewritten(payload, run=RUN))]
+    sources = [
+        (key, p) for key, payload in messages[what] for p in (payload, rewritten(payload, run=RUN))
+    ]
     kinds = [(key, mutants(payload, chance)) for key, payload in sources]
     thrown = ((key, next(of)) for key, of in itertools.cycle(kinds))
-    return itertools.islice(((key, payload) for key, payload in thrown if not make_sense(what, payload)), count)
+    return itertools.islice(
+        ((key, payload) for key, payload in thrown if not make_sense(what, payload)), count
+    )

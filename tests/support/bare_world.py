@@ -82,7 +82,10 @@ def overlapping(world: World) -> list[tuple[str, str]]:
     """Return the pairs of things that overlap; the name of a wall is its number."""
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    things, names = np.vstack([boxes, world.fixed.walls]), [*world.layout.names, *map(str, range(len(world.fixed.walls)))]
+    things, names = (
+        np.vstack([boxes, world.fixed.walls]),
+        [*world.layout.names, *map(str, range(len(world.fixed.walls)))],
+    )
     apart = np.hypot(*(boxes[:, None, :2] - things[None, :, :2]).T)
     near = np.argwhere(boxes[:, None, RADIUS] + things[None, :, RADIUS] > apart.T)
     return [(names[i], names[j]) for i, j in near if i < j and overlap(boxes[i], things[j])]

@@ -25,7 +25,9 @@ FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "-
          "--disable-component-update", "--disable-sync", "--force-prefers-reduced-motion")  # fmt: skip
 
 
-def open_browser(chromium: str, driver: str, profile: str, downloads: str, *flags: str) -> webdriver.Chrome:
+def open_browser(
+    chromium: str, driver: str, profile: str, downloads: str, *flags: str
+) -> webdriver.Chrome:
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
     for flag in (*FLAGS, *flags, f"--user-data-dir={profile}"):
@@ -68,7 +70,9 @@ class Browser:
         """Have the default orchard on the page that is open, as a user sets it, or on a new one: pictures and dialogs do not stay."""
         is_open = self.driver.current_url == f"{address}/"
         if is_open and not self.driver.find_elements(By.CSS_SELECTOR, ".q-dialog"):
-            self.driver.execute_script("scrollTo(0, 0); document.querySelectorAll('iframe').forEach(it => it.removeAttribute('src'))")
+            self.driver.execute_script(
+                "scrollTo(0, 0); document.querySelectorAll('iframe').forEach(it => it.removeAttribute('src'))"
+            )
             self.click("[data-preset=default]")
             self.turn_to("Plan")
         else:
@@ -85,16 +89,26 @@ class Browser:
 
     def _connect(self) -> None:
         """Wait until the server knows the page. Before, NiceGUI may load the page again, and what was clicked is lost."""
-        self.until(lambda: self.driver.execute_script("return window.did_handshake"), "the page is connected")
+        self.until(
+            lambda: self.driver.execute_script("return window.did_handshake"),
+            "the page is connected",
+        )
 
     def _is_default(self) -> bool:
         fields = {"rows": "5", "pickers": "2", "seed": "1", "weeds": "10"}
         look = "return arguments[0].map(it => document.querySelector(`[data-field=${it}]`)?.value)"
         is_right = not self.driver.find_elements(By.CSS_SELECTOR, ".field.wrong")
-        return is_right and self.tree_lines() == 6 and self.driver.execute_script(look, [*fields]) == [*fields.values()]
+        return (
+            is_right
+            and self.tree_lines() == 6
+            and self.driver.execute_script(look, [*fields]) == [*fields.values()]
+        )
 
     def one(self, css: str) -> WebElement:
-        return self.until(lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None), f"{css} is on the page")
+        return self.until(
+            lambda: next(iter(self.driver.find_elements(By.CSS_SELECTOR, css)), None),
+            f"{css} is on the page",
+        )
 
     def view(self, name: str) -> WebElement:
         return self.one(f"[data-view={name}]")
@@ -131,7 +145,11 @@ class Browser:
         self.until(lambda: self._pressed(self._button(path, words)), f"{words} can be chosen")
 
     def _button(self, path: str, words: str) -> WebElement:
-        return next(button for button in self.driver.find_elements(By.CSS_SELECTOR, f"[data-field={path}] button") if button.text == words)
+        return next(
+            button
+            for button in self.driver.find_elements(By.CSS_SELECTOR, f"[data-field={path}] button")
+            if button.text == words
+        )
 
     @fresh
     def pick(self, path: str, words: str) -> None:
@@ -156,7 +174,9 @@ class Browser:
     def _unchoose(self) -> list[WebElement]:
         chosen = self.driver.find_elements(By.CSS_SELECTOR, "[data-view=runs] [aria-checked=true]")
         for run in chosen[:1]:
-            self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", run)  # not under the bar on top
+            self.driver.execute_script(
+                "arguments[0].scrollIntoView({block: 'center'})", run
+            )  # not under the bar on top
             self._pressed(run)
         return chosen
 
@@ -166,12 +186,18 @@ class Browser:
     def saved(self, downloads: Path) -> Path:
         before = set(downloads.iterdir())
         self.press("save")
-        return self.until(lambda: next((path for path in downloads.glob("*.yaml") if path not in before), None), "a file is saved")
+        return self.until(
+            lambda: next((path for path in downloads.glob("*.yaml") if path not in before), None),
+            "a file is saved",
+        )
 
     @fresh
     def fill(self, path: str, value: object) -> None:
         """Replace the text of a field, as soon as it can be filled in; '' leaves it empty."""
-        self.until(lambda: self.field(path).is_displayed() and self.field(path).is_enabled(), f"{path} can be filled in")
+        self.until(
+            lambda: self.field(path).is_displayed() and self.field(path).is_enabled(),
+            f"{path} can be filled in",
+        )
         self.field(path).send_keys(Keys.CONTROL, "a")
         self.field(path).send_keys(str(value) or Keys.DELETE)
 

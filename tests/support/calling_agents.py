@@ -38,14 +38,29 @@ class Caller:
         memory.replies += sum(reply.body is not None for reply in mail.replies)
         memory.unanswered += sum(reply.body is None for reply in mail.replies)
         state = BinState(True, float(memory.heard), self.name)
-        answers = [(heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3]
+        answers = [
+            (heard, state) for heard in mail.requests if self._draw(heard.sender, seen.tick) % 3
+        ]
         friends = [self.names[self._draw(f"to {i}", seen.tick) % len(self.names)] for i in range(2)]
         requests = [(name, StateRequest()) for name in friends]
-        twist = Twist(0.01 * (memory.heard % 5), 0.0, 0.001 * (memory.replies % 7) - 0.001 * (memory.unanswered % 3))
-        return Action(twist, requests=requests, answers=answers, memory=memory, doing="calling", steps_done=seen.tick)
+        twist = Twist(
+            0.01 * (memory.heard % 5),
+            0.0,
+            0.001 * (memory.replies % 7) - 0.001 * (memory.unanswered % 3),
+        )
+        return Action(
+            twist,
+            requests=requests,
+            answers=answers,
+            memory=memory,
+            doing="calling",
+            steps_done=seen.tick,
+        )
 
     def _draw(self, what: str, tick: int) -> int:
-        return int.from_bytes(hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest())
+        return int.from_bytes(
+            hashlib.blake2b(f"{self.name} {what} {tick}".encode(), digest_size=4).digest()
+        )
 
 
 def cast(layout: Layout, names: object = None) -> dict[str, Caller]:

@@ -19,23 +19,36 @@ SECONDS = 240.0  # that any one run may take on a busy machine
 PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are found
 
 
-def orchard(*arguments: object, code: int | None = 0, seconds: float = SECONDS, folder: Path = ROOT) -> subprocess.CompletedProcess:
+def orchard(
+    *arguments: object, code: int | None = 0, seconds: float = SECONDS, folder: Path = ROOT
+) -> subprocess.CompletedProcess:
     """Run it in a folder to its end, which has this exit code; None: any. It forks, too.
 
     What a user gets wrong, code 2, ends without a traceback.
     """
     words = [*map(str, arguments)]
-    process = Forked("run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH}, forks=True, folder=folder)
+    process = Forked(
+        "run", words, os.environ | {"COLUMNS": "200", "PYTHONPATH": PATH}, forks=True, folder=folder
+    )
     out, err = process.communicate(timeout=seconds)
     assert code in (process.returncode, None), out + err
     assert code != 2 or "Traceback" not in err, err
     return subprocess.CompletedProcess(["run.py", *words], process.returncode, out, err)
 
 
-def python(*words: object, code: int = 0, cwd: Path = ROOT, seconds: float = SECONDS, **environment: str) -> subprocess.CompletedProcess:
+def python(
+    *words: object, code: int = 0, cwd: Path = ROOT, seconds: float = SECONDS, **environment: str
+) -> subprocess.CompletedProcess:
     """Run a Python program of its own to its end, which has this exit code."""
     there = os.environ | {"COLUMNS": "200"} | environment
-    done = subprocess.run([sys.executable, *map(str, words)], cwd=cwd, env=there, capture_output=True, text=True, timeout=seconds)
+    done = subprocess.run(
+        [sys.executable, *map(str, words)],
+        cwd=cwd,
+        env=there,
+        capture_output=True,
+        text=True,
+        timeout=seconds,
+    )
     assert done.returncode == code, done.stdout + done.stderr
     return done
 
@@ -70,7 +83,11 @@ def starting(*arguments: object):
         yield process
     finally:
         with suppress(psutil.NoSuchProcess):  # it has just ended
-            for child in [*psutil.Process(process.pid).children(recursive=True)] if process.poll() is None else []:
+            for child in (
+                [*psutil.Process(process.pid).children(recursive=True)]
+                if process.poll() is None
+                else []
+            ):
                 child.kill()
         process.kill()
         with suppress(ValueError):  # the test has read it to its end

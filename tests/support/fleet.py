@@ -32,7 +32,9 @@ class Process:
         command = [*before, sys.executable, "-m", module, *arguments]
         if before:
             pipe = subprocess.PIPE
-            self._popen = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=pipe, stderr=pipe, text=True)
+            self._popen = subprocess.Popen(
+                command, cwd=ROOT, env=environment, stdout=pipe, stderr=pipe, text=True
+            )
         else:
             self._popen = Forked(module, arguments, environment)
 
@@ -96,11 +98,19 @@ class Fleet:
         self.endpoint, _, self.run = found.groups()
 
     def host(
-        self, *arguments: str, agents: str = "orchard.agents.catalogue:make_agents", endpoint: str = "", before: Sequence[str] = ()
+        self,
+        *arguments: str,
+        agents: str = "orchard.agents.catalogue:make_agents",
+        endpoint: str = "",
+        before: Sequence[str] = (),
     ) -> Process:
         """`endpoint`: where it finds the others, if that is not where physics says."""
         where = ("--connect", endpoint or self.endpoint)
-        self.hosts.append(self.start("orchard.processes.agents", *where, "--agents", agents, *arguments, before=before))
+        self.hosts.append(
+            self.start(
+                "orchard.processes.agents", *where, "--agents", agents, *arguments, before=before
+            )
+        )
         return self.hosts[-1]
 
     def share(self, hosts: int, agents: str = "orchard.agents.catalogue:make_agents") -> None:
@@ -146,11 +156,19 @@ class AnyClient:
     keys = Keys()
 
     def drive(self, name: str, tick: int, x: float, **message) -> None:
-        self.put(self.keys.of("velocity", name), tick=tick, linear={"x": x}, angular={"z": 0.0}, **message)
+        self.put(
+            self.keys.of("velocity", name),
+            tick=tick,
+            linear={"x": x},
+            angular={"z": 0.0},
+            **message,
+        )
 
     def join(self, name: str, owner: str = "me") -> dict:
         """The reply to a session that wants to own an agent."""
-        return self.ask(self.keys.of("join", session=owner), self._of_run(owner=owner, names=[name]))[0]
+        return self.ask(
+            self.keys.of("join", session=owner), self._of_run(owner=owner, names=[name])
+        )[0]
 
     def quit(self) -> dict:
         """End the run, as a person does."""
@@ -186,19 +204,30 @@ class Client(AnyClient):
 
     def tokens(self, keys: str) -> queue.Queue:
         heard = queue.Queue()
-        self.session.liveliness().declare_subscriber(keys, lambda sample: heard.put(sample.kind == zenoh.SampleKind.PUT), history=True)
+        self.session.liveliness().declare_subscriber(
+            keys, lambda sample: heard.put(sample.kind == zenoh.SampleKind.PUT), history=True
+        )
         return heard
 
     def declare(self, token: str):
         return self.session.liveliness().declare_token(token)
 
     def put(self, key: str, **message) -> None:
-        self.session.put(key, self._of_run(**message), congestion_control=zenoh.CongestionControl.BLOCK)
+        self.session.put(
+            key, self._of_run(**message), congestion_control=zenoh.CongestionControl.BLOCK
+        )
 
     def ask(self, key: str, payload: bytes = b"") -> list:
         """All replies to a get: maps, or the texts of errors."""
-        replies = list(self.session.get(key, payload=payload, timeout=20.0, consolidation=zenoh.ConsolidationMode.NONE))
-        return [msgpack.unpackb(r.ok.payload.to_bytes()) if r.ok else r.err.payload.to_string() for r in replies]
+        replies = list(
+            self.session.get(
+                key, payload=payload, timeout=20.0, consolidation=zenoh.ConsolidationMode.NONE
+            )
+        )
+        return [
+            msgpack.unpackb(r.ok.payload.to_bytes()) if r.ok else r.err.payload.to_string()
+            for r in replies
+        ]
 
 
 def until(heard: queue.Queue, wanted, seconds: float = SECONDS):
@@ -214,8 +243,15 @@ def assert_stands(poses, ticks: int = 20) -> dict:
     """From now on, and whatever it did before, a robot does not move for so many ticks; its last pose."""
     for _ in range(poses.qsize()):
         poses.get()
-    first = until(poses, lambda pose: not any([*pose["twist"]["linear"].values(), *pose["twist"]["angular"].values()]))
-    last = until(poses, lambda pose: pose["pose"] != first["pose"] or pose["tick"] >= first["tick"] + ticks)
+    first = until(
+        poses,
+        lambda pose: (
+            not any([*pose["twist"]["linear"].values(), *pose["twist"]["angular"].values()])
+        ),
+    )
+    last = until(
+        poses, lambda pose: pose["pose"] != first["pose"] or pose["tick"] >= first["tick"] + ticks
+    )
     assert last["pose"] == first["pose"]
     return last
 

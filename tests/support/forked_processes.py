@@ -54,7 +54,10 @@ class Forked:
         folder: Path = ROOT,
     ) -> None:
         self._module, ends = module, [os.pipe() for _ in range(1 if leads else 2)]
-        self.stdout, self.stderr = os.fdopen(ends[0][0]), io.StringIO() if leads else os.fdopen(ends[1][0], errors="backslashreplace")
+        self.stdout, self.stderr = (
+            os.fdopen(ends[0][0]),
+            io.StringIO() if leads else os.fdopen(ends[1][0], errors="backslashreplace"),
+        )
         self.returncode: int | None = None
         request = {
             "module": module,
@@ -64,7 +67,9 @@ class Forked:
             "forks": forks,
             "folder": str(folder),
         }
-        self.pid, self._exit = server().fork(request | {"is_child": bool(stdin)}, [ends[0][1], ends[-1][1], stdin])
+        self.pid, self._exit = server().fork(
+            request | {"is_child": bool(stdin)}, [ends[0][1], ends[-1][1], stdin]
+        )
         for _, end in ends:
             os.close(end)
 
@@ -140,7 +145,10 @@ def linked() -> tuple[socket.socket, socket.socket]:
 def server() -> Server:
     """It ends with the tests of this process."""
     own, other = linked()
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(PATHS), "COLUMNS": "200"}  # Rich reads its width when it is imported
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(PATHS),
+        "COLUMNS": "200",
+    }  # Rich reads its width when it is imported
     command = [sys.executable, "-m", "forked_processes", str(other.fileno())]
     process = subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[other.fileno()])
     other.close()
@@ -191,7 +199,10 @@ def become(files: Sequence[int]) -> None:
     for file, number in zip(files, (1, 2, 0), strict=True):
         os.dup2(file, number)
     os.closerange(3, 1024)
-    sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1, closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
+    sys.stdout, sys.stderr = (
+        os.fdopen(1, "w", buffering=1, closefd=False),
+        os.fdopen(2, "w", buffering=1, closefd=False),
+    )
 
 
 def preload() -> None:

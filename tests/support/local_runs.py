@@ -9,8 +9,17 @@ from orchard.field.scenario import Animals, People, Scenario
 from orchard.local import Local
 from orchard.sim.lookahead import Lookahead
 
-SMALL = Scenario(rows=3, carriers=1, people=People(workers=1, visitors=0), animals=Animals(dogs=0, cats=0), weeds=1, tractor=False)
-ALONE = dict(people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False)
+SMALL = Scenario(
+    rows=3,
+    carriers=1,
+    people=People(workers=1, visitors=0),
+    animals=Animals(dogs=0, cats=0),
+    weeds=1,
+    tractor=False,
+)
+ALONE = dict(
+    people=People(workers=0, visitors=0), animals=Animals(dogs=0, cats=0), weeds=0, tractor=False
+)
 SHORT = Scenario(rows=3, carriers=1, row_length=30.0, **ALONE)  # a harvest of 7 minutes
 AGENTS = 10  # of the small scenario
 TICKS = 120
@@ -21,7 +30,9 @@ HARVEST_TICKS = 1500  # includes the exchanges of 3 rows with 2 pickers
 
 def driven_by(**classes: str) -> Scenario:
     """The small orchard, in which classes of `own_agents` drive kinds or robots."""
-    return SMALL.model_copy(update={"agents": {name: f"own_agents.{class_}" for name, class_ in classes.items()}})
+    return SMALL.model_copy(
+        update={"agents": {name: f"own_agents.{class_}" for name, class_ in classes.items()}}
+    )
 
 
 def played(run: Local | Scenario, until: int, **agents: Agent) -> Local:
@@ -41,7 +52,10 @@ def local_hash(scenario, ticks, agents=None, holds=Lookahead):
 def start_afresh(local: Local) -> None:
     """Replace all agents as another process would: new agents, and their memories from bytes."""
     local.agents = make_agents(local.engine.layout)
-    local.memories = {name: unpack(pack(memory), local.agents[name].Memory) for name, memory in local.memories.items()}
+    local.memories = {
+        name: unpack(pack(memory), local.agents[name].Memory)
+        for name, memory in local.memories.items()
+    }
 
 
 def local_at(tick: int) -> Local:

@@ -45,7 +45,20 @@ def machines(*guests: str):
 
 
 def _plug(host: str, guest: str, n: int) -> None:
-    _ip("link", "add", f"v{n}", "netns", host, "type", "veth", "peer", "name", "eth0", "netns", guest)
+    _ip(
+        "link",
+        "add",
+        f"v{n}",
+        "netns",
+        host,
+        "type",
+        "veth",
+        "peer",
+        "name",
+        "eth0",
+        "netns",
+        guest,
+    )
     for name, end, address in ((host, f"v{n}", 10), (guest, "eth0", 11)):
         _ip("-n", name, "address", "add", f"192.168.{n}.{address}/24", "dev", end)
         _ip("-n", name, "link", "set", end, "up")
@@ -55,12 +68,31 @@ def within(name: str) -> list[str]:
     return ["ip", "netns", "exec", name]
 
 
-def run_both(host: str, first: list[str], guest: str, second: list[str], here: Path | None = None, there: Path | None = None) -> None:
+def run_both(
+    host: str,
+    first: list[str],
+    guest: str,
+    second: list[str],
+    here: Path | None = None,
+    there: Path | None = None,
+) -> None:
     """Run a command that leaves carriers to others, and the guest's once it waits for them. Both must end well."""
-    one = subprocess.Popen([*within(host), *first], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    one = subprocess.Popen(
+        [*within(host), *first],
+        cwd=here,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     try:
         said = line_with("carrier: left to other processes", one)
-        other = subprocess.run([*within(guest), *second], cwd=there, capture_output=True, text=True, timeout=3 * SECONDS)
+        other = subprocess.run(
+            [*within(guest), *second],
+            cwd=there,
+            capture_output=True,
+            text=True,
+            timeout=3 * SECONDS,
+        )
         rest, _ = one.communicate(timeout=SECONDS)
     finally:
         one.kill()
@@ -79,4 +111,8 @@ def unplugged(host: str, *guests: int):
 
 def slowed(host: str, guest: int, *bucket: str) -> None:
     """A token bucket at the host's end of a cable: `rate 1mbit burst 16kb latency 50ms`."""
-    subprocess.run(["tc", "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket], check=True, timeout=20)
+    subprocess.run(
+        ["tc", "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket],
+        check=True,
+        timeout=20,
+    )

@@ -28,10 +28,17 @@ def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
 
 
 def checked(rate: float, half: float, difference: float, jammed: int = 0) -> Check:
-    return Check(bins_per_hour=interval(rate, half), difference=difference, replications=3, jammed=jammed)
+    return Check(
+        bins_per_hour=interval(rate, half), difference=difference, replications=3, jammed=jammed
+    )
 
 
-def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str, Any], ...] = (), **changes: Any) -> StudyResult:
+def a_result(
+    table: list[Row],
+    best: dict[str, Any] | None,
+    ties: tuple[dict[str, Any], ...] = (),
+    **changes: Any,
+) -> StudyResult:
     """A study of these rows, in which all that is neither best nor a tie is worse."""
     varied: dict[str, list[Any]] = {}
     for row in table:
@@ -41,7 +48,14 @@ def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str
     stands = {id(row): "best" if row.setting == best else "equal" if row.setting in ties else
               "unknown" if row.setting in undecided else row.standing for row in table}  # fmt: skip
     scenario = Scenario(rows=20, pickers=10)
-    shown = [replace(row, standing=stands[id(row)], lead=NEAR if row.setting == best and row.lead == FAR else row.lead) for row in table]
+    shown = [
+        replace(
+            row,
+            standing=stands[id(row)],
+            lead=NEAR if row.setting == best and row.lead == FAR else row.lead,
+        )
+        for row in table
+    ]
     result = dict(answer="", orchard=orchard_words(scenario, varied), best=best, table=shown,
                   goal="bins_per_hour", horizon="harvest", confidence=0.95, within=0.02, scenario=scenario.model_dump(), varied=varied,
                   wall_seconds=12.3, stopped_by="certain", undecided=undecided, seconds_needed=None, beyond={}, notes=[],
@@ -50,7 +64,10 @@ def a_result(table: list[Row], best: dict[str, Any] | None, ties: tuple[dict[str
 
 
 def compared(
-    value: Callable[[int, int], float], robots: Sequence[int], within: float = 0.02, is_max: bool = True
+    value: Callable[[int, int], float],
+    robots: Sequence[int],
+    within: float = 0.02,
+    is_max: bool = True,
 ) -> tuple[Comparison, dict[int, list[float]]]:
     """Compare settings with these values by setting and seed, look by look, until nothing is undecided. Return also what was seen."""
     for look in LOOKS:
@@ -65,32 +82,67 @@ def carriers(number: int) -> dict[str, int]:
     return {"carriers": number}
 
 
-RATES = {1: 7.9, 2: 15.8, 4: 31.6, 6: 50.2, 8: 66.0, 9: 70.4, 10: 72.8, 12: 73.0, 14: 73.1, 20: 73.2}  # carriers -> bins an hour
-PRICES = {number: (10 * 15.0 + number * 6.0) / rate for number, rate in RATES.items()}  # a bin, at 15 an hour for a picker, 6 for a carrier
+RATES = {
+    1: 7.9,
+    2: 15.8,
+    4: 31.6,
+    6: 50.2,
+    8: 66.0,
+    9: 70.4,
+    10: 72.8,
+    12: 73.0,
+    14: 73.1,
+    20: 73.2,
+}  # carriers -> bins an hour
+PRICES = {
+    number: (10 * 15.0 + number * 6.0) / rate for number, rate in RATES.items()
+}  # a bin, at 15 an hour for a picker, 6 for a carrier
 
 
 def by_carriers(**changes: Any) -> StudyResult:
     """20 rows and 10 pickers with more and more carriers, the cheapest of which is best; 20 of them jammed."""
     bound = {number: min(8.0 * number, 79.2) for number in RATES}
     rows = [
-        a_row(rate, 0.6, setting=carriers(n), cost_per_bin=interval(PRICES[n], 0.03), bound_bins_per_hour=bound[n])
+        a_row(
+            rate,
+            0.6,
+            setting=carriers(n),
+            cost_per_bin=interval(PRICES[n], 0.03),
+            bound_bins_per_hour=bound[n],
+        )
         for n, rate in RATES.items()
         if n != 20
     ]
     jammed = a_row(None, setting=carriers(20), bound_bins_per_hour=79.2, bottleneck="unloading")
-    return a_result([*rows, jammed], carriers(10), (carriers(9),), **{"goal": "cost_per_bin"} | changes)
+    return a_result(
+        [*rows, jammed], carriers(10), (carriers(9),), **{"goal": "cost_per_bin"} | changes
+    )
 
 
 def by_policies() -> StudyResult:
-    rates = {"nearest": 59.5, "longest-waiting": 68.8, "farthest-first": 68.9, "predictive": 72.8, "predictive-farthest": 72.7}
-    rows = [a_row(rate, 1.2, setting={"dispatch": name}, bound_bins_per_hour=79.2) for name, rate in rates.items()]
+    rates = {
+        "nearest": 59.5,
+        "longest-waiting": 68.8,
+        "farthest-first": 68.9,
+        "predictive": 72.8,
+        "predictive-farthest": 72.7,
+    }
+    rows = [
+        a_row(rate, 1.2, setting={"dispatch": name}, bound_bins_per_hour=79.2)
+        for name, rate in rates.items()
+    ]
     return a_result(rows, {"dispatch": "predictive"}, ({"dispatch": "predictive-farthest"},))
 
 
 def by_both() -> StudyResult:
     gains = {"nearest": 0.8, "farthest-first": 0.92, "predictive": 1.0}
     rows = [
-        a_row(rate * gain, 0.9, setting={"carriers": n, "dispatch": name}, bound_bins_per_hour=min(8.0 * n, 79.2))
+        a_row(
+            rate * gain,
+            0.9,
+            setting={"carriers": n, "dispatch": name},
+            bound_bins_per_hour=min(8.0 * n, 79.2),
+        )
         for name, gain in gains.items()
         for n, rate in RATES.items()
     ]

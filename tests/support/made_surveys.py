@@ -11,7 +11,10 @@ from stage import empty_orchard
 from orchard.field.scenario import Scenario
 from orchard.field.survey import CLOSEST, FURTHEST
 
-CIRCUIT, THERE = "EPSG:2107", complex(400_000.0, 800_000.0)  # Bay of Plenty 2000, and its middle: there its metres are those on the ground
+CIRCUIT, THERE = (
+    "EPSG:2107",
+    complex(400_000.0, 800_000.0),
+)  # Bay of Plenty 2000, and its middle: there its metres are those on the ground
 
 
 class Row(NamedTuple):
@@ -28,18 +31,33 @@ UNEQUAL = (Row(0.0, 0.0, 29.0), Row(5.3, 3.5, 21.3), Row(13.1, 1.0, 30.2), Row(1
 @st.composite
 def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
     """Rows within all limits, in whole centimetres."""
-    gaps = draw(st.lists(st.floats(CLOSEST, FURTHEST).map(lambda gap: round(gap, 2)), min_size=fewest - 1, max_size=most - 1))
+    gaps = draw(
+        st.lists(
+            st.floats(CLOSEST, FURTHEST).map(lambda gap: round(gap, 2)),
+            min_size=fewest - 1,
+            max_size=most - 1,
+        )
+    )
     shortest = draw(st.floats(50.0, 140.0))
-    ends = [(round(draw(st.floats(0.0, 29.0)), 2), round(shortest + draw(st.floats(0.0, 29.0)), 2)) for _ in range(len(gaps) + 1)]
+    ends = [
+        (round(draw(st.floats(0.0, 29.0)), 2), round(shortest + draw(st.floats(0.0, 29.0)), 2))
+        for _ in range(len(gaps) + 1)
+    ]
     souths = [round(sum(gaps[:i]), 2) for i in range(len(ends))]
     west = min(start for start, _ in ends)
-    return [Row(south, round(start - west, 2), round(end - start, 2)) for south, (start, end) in zip(souths, ends, strict=True)]
+    return [
+        Row(south, round(start - west, 2), round(end - start, 2))
+        for south, (start, end) in zip(souths, ends, strict=True)
+    ]
 
 
 def orchard_of(rows: list[Row] | tuple[Row, ...], **changes: Any) -> Scenario:
     listed = [{"id": f"r{number}", **row._asdict()} for number, row in enumerate(rows, start=1)]
     return empty_orchard(
-        rows=len(rows), row_length=round(max(row.start + row.length for row in rows), 6), survey={"rows": listed}, **changes
+        rows=len(rows),
+        row_length=round(max(row.start + row.length for row in rows), 6),
+        survey={"rows": listed},
+        **changes,
     )
 
 
@@ -47,9 +65,14 @@ def points_of(row: Row) -> list[complex]:
     return [complex(row.start + row.length * share / 4, -row.south) for share in range(5)]
 
 
-def write_geojson(path: Path, lines: dict[str, list[complex]], yaw: float = 0.0, crs: str = CIRCUIT) -> Path:
+def write_geojson(
+    path: Path, lines: dict[str, list[complex]], yaw: float = 0.0, crs: str = CIRCUIT
+) -> Path:
     """Write lines in the frame of the rows, turned by `yaw`, rad, and shifted there, as a GeoJSON file."""
-    turned = {name: [THERE + point * cmath.exp(1j * yaw) for point in points] for name, points in lines.items()}
+    turned = {
+        name: [THERE + point * cmath.exp(1j * yaw) for point in points]
+        for name, points in lines.items()
+    }
     features = [
         {
             "type": "Feature",

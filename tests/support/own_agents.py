@@ -158,7 +158,14 @@ class Injector(Eastward):
         requests = [("picker_02", Here(ESCAPE[:64]))] if observation.tick % 3 == 0 else []
         answers = [(heard, No(ESCAPE)) for heard in mail.requests]
         doing = f"{ESCAPE} {observation.tick}"
-        return Action(deeds=[Couple(ESCAPE[:64])], requests=requests, answers=answers, memory=memory, doing=doing, waits_for=ESCAPE)
+        return Action(
+            deeds=[Couple(ESCAPE[:64])],
+            requests=requests,
+            answers=answers,
+            memory=memory,
+            doing=doing,
+            waits_for=ESCAPE,
+        )
 
 
 class Scribbler(Eastward):

@@ -22,7 +22,9 @@ class AtOnce(Own):
 
     def assign(self, now, bins, carriers, memory):
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        return [Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)]
+        return [
+            Assignment(report.name, carrier) for report, carrier in zip(bins, free, strict=False)
+        ]
 
 
 class OneAtATime(Own):
@@ -75,6 +77,11 @@ class FarthestOfMine(Own):
     """Farthest first, as a reader of docs/extending.md would write it."""
 
     def assign(self, now, bins, carriers, memory):
-        far = sorted((report for report in bins if report.seconds_to_full <= 0.0), key=lambda report: -report.lane)
+        far = sorted(
+            (report for report in bins if report.seconds_to_full <= 0.0),
+            key=lambda report: -report.lane,
+        )
         free = [carrier.name for carrier in carriers if carrier.is_next]
-        return [Assignment(report.name, carrier) for report, carrier in zip(far, free, strict=False)]
+        return [
+            Assignment(report.name, carrier) for report, carrier in zip(far, free, strict=False)
+        ]

@@ -25,7 +25,9 @@ ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
 def skip_without_packages() -> None:
     """Skip the file that calls this where the page cannot be."""
     for package in () if ON_CI else ("nicegui", "selenium", "axe_core_python"):
-        pytest.importorskip(package, reason=f"{package} is missing: pip install 'orchard-sim[app,dev]'")
+        pytest.importorskip(
+            package, reason=f"{package} is missing: pip install 'orchard-sim[app,dev]'"
+        )
 
 
 def page(*arguments: object) -> list[str]:
@@ -46,8 +48,12 @@ def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> 
 @contextmanager
 def served(runs: Path):
     port = free_port()
-    plain = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # or NiceGUI thinks it is the test
-    process = subprocess.Popen(page("--port", port, "--runs", runs), cwd=ROOT, stdout=subprocess.DEVNULL, env=plain)
+    plain = {
+        name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"
+    }  # or NiceGUI thinks it is the test
+    process = subprocess.Popen(
+        page("--port", port, "--runs", runs), cwd=ROOT, stdout=subprocess.DEVNULL, env=plain
+    )
     address = f"http://127.0.0.1:{port}"
     try:
         wait_for(process, address)
@@ -61,7 +67,9 @@ def served(runs: Path):
 def chromium_with(folder: Path, downloads: Path, *flags: str):
     """A browser with a profile in a folder of its own. `flags`: more of its options."""
     if None in PROGRAMS:
-        (pytest.fail if ON_CI else pytest.skip)("chromium and chromedriver are missing (.ci/apt-packages.txt)")
+        (pytest.fail if ON_CI else pytest.skip)(
+            "chromium and chromedriver are missing (.ci/apt-packages.txt)"
+        )
     from browser import Browser, open_browser
 
     driver = open_browser(*PROGRAMS, str(folder), str(downloads), *flags)

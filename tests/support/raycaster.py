@@ -17,12 +17,25 @@ TOUCH = 1e-9  # m: on the edge of a box
 FAR_AWAY = (1000.0, 1000.0, 0.25, 0.25)
 
 
-def world_of(*bodies: tuple[str, Pose], walls: list[tuple[float, float, float, float]] | None = None, **scenario) -> World:
+def world_of(
+    *bodies: tuple[str, Pose],
+    walls: list[tuple[float, float, float, float]] | None = None,
+    **scenario,
+) -> World:
     """A world with just these bodies, (kind, pose), in this order, uncoupled, and these walls, (x, y, half length, half width)."""
-    nobody = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
-    starts = tuple(Start(f"{kind}_{i + 1:02d}", kind, Pose(*pose)) for i, (kind, pose) in enumerate(bodies))
+    nobody = {
+        "people": People(workers=0, visitors=0),
+        "animals": Animals(dogs=0, cats=0),
+        "weeds": 0,
+    }
+    starts = tuple(
+        Start(f"{kind}_{i + 1:02d}", kind, Pose(*pose)) for i, (kind, pose) in enumerate(bodies)
+    )
     chosen = Scenario(**{"rows": 3, **nobody, **scenario})
-    lanes = tuple(Lane(i + 1, 10.75 - 5.5 * i, chosen.mean_picking_speed, ROW_WEST, chosen.row_length, 5.0) for i in range(chosen.rows))
+    lanes = tuple(
+        Lane(i + 1, 10.75 - 5.5 * i, chosen.mean_picking_speed, ROW_WEST, chosen.row_length, 5.0)
+        for i in range(chosen.rows)
+    )
     return World(Layout(chosen, lanes, (), {}, starts, np.array(walls or [FAR_AWAY])))
 
 
@@ -44,13 +57,25 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
     x, y = x + kind.laser.ahead * np.cos(yaw), y + kind.laser.ahead * np.sin(yaw)
-    angles, boxes = yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams), np.array(boxes_seen_by(world, me))
-    distances = np.array([distance_to_box(x, y, angles, boxes.T[..., None], inflate) for inflate in (-slack, 0.0, slack)])
+    angles, boxes = (
+        yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams),
+        np.array(boxes_seen_by(world, me)),
+    )
+    distances = np.array(
+        [
+            distance_to_box(x, y, angles, boxes.T[..., None], inflate)
+            for inflate in (-slack, 0.0, slack)
+        ]
+    )
     least, most = distances.min(axis=(0, 1)), distances.max(axis=0).min(axis=0)
-    return np.where(least <= LASER_RANGE + slack, least - slack, np.inf), np.where(most <= LASER_RANGE - slack, most + slack, np.inf)
+    return np.where(least <= LASER_RANGE + slack, least - slack, np.inf), np.where(
+        most <= LASER_RANGE - slack, most + slack, np.inf
+    )
 
 
-def distance_to_box(x: float, y: float, angles: np.ndarray, box: Sequence, inflate: float = 0.0) -> np.ndarray:
+def distance_to_box(
+    x: float, y: float, angles: np.ndarray, box: Sequence, inflate: float = 0.0
+) -> np.ndarray:
     """Metres along each ray to where it first meets a box's edge, +inf where it does not: the method of slabs.
 
     The numbers of the box may be columns of those of many boxes: then there is a row for each box.
@@ -61,7 +86,10 @@ def distance_to_box(x: float, y: float, angles: np.ndarray, box: Sequence, infla
     along, across = c * (x - box_x) + s * (y - box_y), c * (y - box_y) - s * (x - box_x)
     outside = np.maximum(abs(along) - half_length, abs(across) - half_width)
     enter, leave = -np.inf, np.inf
-    for at, towards, half in ((along, np.cos(angles - yaw), half_length), (across, np.sin(angles - yaw), half_width)):
+    for at, towards, half in (
+        (along, np.cos(angles - yaw), half_length),
+        (across, np.sin(angles - yaw), half_width),
+    ):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             one, other = (-half - at) / towards, (half - at) / towards
         parallel_outside = (towards == 0.0) & (abs(at) > half)

@@ -30,7 +30,13 @@ RUN = "run1"
 
 
 class Query(AnyQuery):
-    def __init__(self, key: str, payload: bytes, replied: Callable[[Replied], None] = lambda reply: None, ticket: object = None) -> None:
+    def __init__(
+        self,
+        key: str,
+        payload: bytes,
+        replied: Callable[[Replied], None] = lambda reply: None,
+        ticket: object = None,
+    ) -> None:
         self.key, self.payload = key, payload
         self.replies, self.errors, self.dropped = [], [], False
         self._replied, self._ticket = replied, ticket
@@ -125,15 +131,39 @@ class StandIn:
 class Run:
     """Physics and one host with all agents, each in its thread."""
 
-    def __init__(self, scenario, run: str, ticks: int, net: Net | None = None, cast: Callable[..., dict] = make_agents) -> None:
+    def __init__(
+        self,
+        scenario,
+        run: str,
+        ticks: int,
+        net: Net | None = None,
+        cast: Callable[..., dict] = make_agents,
+    ) -> None:
         """`cast`: returns the agents of a layout."""
         self.net, self.engine = net or Net(), Engine.begin(scenario)
-        self.physics = RunLoop(StandIn(self.net, "physics1"), KEYS, self.engine, RunOptions(duration=ticks / 10, run=run))
-        self.host = Host(StandIn(self.net, HOST), KEYS, run, "lockstep", self.engine.layout, cast(self.engine.layout))
+        self.physics = RunLoop(
+            StandIn(self.net, "physics1"),
+            KEYS,
+            self.engine,
+            RunOptions(duration=ticks / 10, run=run),
+        )
+        self.host = Host(
+            StandIn(self.net, HOST),
+            KEYS,
+            run,
+            "lockstep",
+            self.engine.layout,
+            cast(self.engine.layout),
+        )
 
     def to_the_end(self):
         """The end that physics tells."""
-        ends, run = [], threading.Thread(target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True)
+        ends, run = (
+            [],
+            threading.Thread(
+                target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True
+            ),
+        )
         self.physics.arrivals.listen()
         self.host.listen()
         run.start()
@@ -200,7 +230,12 @@ def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]
 
     of_run.net.on_put = ask_too
     of_run.to_the_end()
-    queries = [(query.key, payload) for query in of_run.net.queries for payload in (query.payload, *query.replies) if payload]
+    queries = [
+        (query.key, payload)
+        for query in of_run.net.queries
+        for payload in (query.payload, *query.replies)
+        if payload
+    ]
     found: dict[str, list[tuple[str, bytes]]] = {what: [] for what in TABLE}
     for key, payload in of_run.net.sent + queries:
         what = key.rsplit("/", 1)[1]
@@ -208,7 +243,9 @@ def recorded(scenario, run: str, ticks: int) -> dict[str, list[tuple[str, bytes]
     for what, key in TABLE.items():
         for message in [type_ for type_ in (key.message, *key.replies) if type_ is not None]:
             example = pack(EXAMPLES[message])
-            found[what].append((KEYS.of(what, "picker_01", "stranger"), rewritten(example, run=run)))
+            found[what].append(
+                (KEYS.of(what, "picker_01", "stranger"), rewritten(example, run=run))
+            )
     return {what: messages[:: max(1, len(messages) // 40)] for what, messages in found.items()}
 
 
@@ -225,7 +262,10 @@ NUMBERS = [-1, 2**63, 2**64 - 1, -(2**63), 1.5, math.nan, math.inf, -math.inf, 1
 TEXTS = ["", "nobody_99", "picker_01\n", "\x1b[2J\x00", "../../*", "**", b"", b"\xff" * 57]
 TREES = [[], {}, [[]], {"a": {}}, [None] * 300, {1: 2}, {b"x": 1}, [math.nan] * 7, {"x" * 300: 0}]
 JUNK = [None, True, *NUMBERS, *TEXTS, *TREES, msgpack.Timestamp(1, 1), msgpack.ExtType(5, b"ab")]
-BAD_ARRAYS = [struct.pack("<f", number) for number in (math.nan, -math.inf, -1.0)] + [b"\0", struct.pack("<d", math.nan)]
+BAD_ARRAYS = [struct.pack("<f", number) for number in (math.nan, -math.inf, -1.0)] + [
+    b"\0",
+    struct.pack("<d", math.nan),
+]
 
 
 def of_bytes(payload: bytes, chance: random.Random) -> bytes:
@@ -233,7 +273,9 @@ def of_bytes(payload: bytes, chance: random.Random) -> bytes:
     at, some = chance.randrange(len(payload)), chance.randbytes(chance.randrange(1, 9))
     return chance.choice(
         [
-            lambda: payload[:at] + bytes([payload[at] ^ 1 << chance.randrange(8)]) + payload[at + 1 :],
+            lambda: (
+                payload[:at] + bytes([payload[at] ^ 1 << chance.randrange(8)]) + payload[at + 1 :]
+            ),
             lambda: payload[:at],
             lambda: payload[:at] + some + payload[at:],
             lambda: payload[:at] + some + payload[at + len(some) :],
@@ -252,11 +294,19 @@ def of_fields(value, chance: random.Random):
         if chance.random() < 0.15:
             return {name: part for name, part in value.items() if name != key}
         if chance.random() < 0.15:
-            return value | {chance.choice(["unknown", "run ", 7, b"run", HUGE[: chance.choice([300, 70_000])]]): chance.choice(JUNK)}
+            return value | {
+                chance.choice(
+                    ["unknown", "run ", 7, b"run", HUGE[: chance.choice([300, 70_000])]]
+                ): chance.choice(JUNK)
+            }
         return value | {key: of_fields(value[key], chance)}
     if isinstance(value, list) and value and chance.random() < 0.8:
         at = chance.randrange(len(value))
-        return value[:at] + [of_fields(value[at], chance)] * chance.choice([0, 1, 1, 2, 50]) + value[at + 1 :]
+        return (
+            value[:at]
+            + [of_fields(value[at], chance)] * chance.choice([0, 1, 1, 2, 50])
+            + value[at + 1 :]
+        )
     if isinstance(value, bytes) and value and chance.random() < 0.8:
         at, bad = 8 * chance.randrange(1 + len(value) // 8), chance.choice(BAD_ARRAYS)
         return value[:at] + bad + value[at + len(bad) * chance.randrange(2) :]
@@ -282,5 +332,8 @@ def doubled(tree: dict) -> bytes:
 
 
 def oversized() -> list[bytes]:
-    packed = [msgpack.packb(tree) for tree in ({"run": "x" * (MAX_PAYLOAD - 20)}, [[]] * (MAX_PAYLOAD // 2))]
+    packed = [
+        msgpack.packb(tree)
+        for tree in ({"run": "x" * (MAX_PAYLOAD - 20)}, [[]] * (MAX_PAYLOAD // 2))
+    ]
     return [bytes(MAX_PAYLOAD + 1), *packed, bytes(1 << 22)]

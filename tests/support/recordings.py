@@ -13,8 +13,12 @@ from orchard.sim.frames import FrameBuilder
 from orchard.view.files import parts_of
 from orchard.view.recorder import Recorder
 
-SECONDS = 90.0  # of the harvest whose recording tests share: its pickers wait for empty bins from 80 s on
-History = dict[tuple[str, str], list[tuple[float, object]]]  # (entity, component) -> (s, simulated, value) in the order of time
+SECONDS = (
+    90.0  # of the harvest whose recording tests share: its pickers wait for empty bins from 80 s on
+)
+History = dict[
+    tuple[str, str], list[tuple[float, object]]
+]  # (entity, component) -> (s, simulated, value) in the order of time
 
 
 def starts(layout: Layout) -> np.ndarray:
@@ -51,13 +55,19 @@ class Rows:
 
     def _take(self, chunk: object) -> None:
         batch = chunk.to_record_batch()
-        for row in batch.drop_columns([n for n in batch.schema.names if n == "sim_time"]).to_pylist() if chunk.is_static else ():
+        for row in (
+            batch.drop_columns([n for n in batch.schema.names if n == "sim_time"]).to_pylist()
+            if chunk.is_static
+            else ()
+        ):
             self.static.update({key: value for key, value in row.items() if value is not None})
         if not chunk.is_static:
             seconds = [time.value / 1e9 for time in batch["sim_time"]]
             names = [name for name in batch.schema.names if ":" in name]
             lists = {name: batch[name].to_pylist() for name in names}
-            self.rows += [(t, {name: lists[name][i] for name in names}) for i, t in enumerate(seconds)]
+            self.rows += [
+                (t, {name: lists[name][i] for name in names}) for i, t in enumerate(seconds)
+            ]
 
     def values(self, component: str) -> list[tuple[float, object]]:
         return [(t, row[component]) for t, row in self.rows if row.get(component) is not None]
@@ -68,7 +78,11 @@ def chunks(path: Path) -> list:
 
 
 def entities_with(path: Path, component: str) -> set[str]:
-    return {chunk.entity_path for chunk in chunks(path) if component in chunk.to_record_batch().schema.names}
+    return {
+        chunk.entity_path
+        for chunk in chunks(path)
+        if component in chunk.to_record_batch().schema.names
+    }
 
 
 def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]]:
@@ -76,7 +90,10 @@ def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]
     seen = {}
     for t, row in Rows(path, "/tf").rows:
         if t <= seconds + 1e-9:
-            (x, y, _), (_, _, z, w) = row["Transform3D:translation"][0], row["Transform3D:quaternion"][0]
+            (x, y, _), (_, _, z, w) = (
+                row["Transform3D:translation"][0],
+                row["Transform3D:quaternion"][0],
+            )
             seen[row["Transform3D:child_frame"][0]] = (x, y, 2 * np.arctan2(z, w))
     return seen
 
@@ -90,7 +107,9 @@ def rows_of(file: Path) -> History:
                 times = [time_.value / 1e9 for time_ in batch["sim_time"]]
                 for name in (name for name in batch.schema.names if ":" in name):
                     found.setdefault((chunk.entity_path, name), []).extend(
-                        (t, value) for t, value in zip(times, batch[name].to_pylist(), strict=True) if value is not None
+                        (t, value)
+                        for t, value in zip(times, batch[name].to_pylist(), strict=True)
+                        if value is not None
                     )
     return {key: sorted(rows, key=lambda row: row[0]) for key, rows in found.items()}
 
@@ -106,8 +125,16 @@ def seen_at(rows: History, seconds: float) -> dict[tuple[str, str], object]:
         if entity.startswith(("/world", "/canopy", "/pins")):
             past = [row for row in course if row[0] <= seconds]
             newest.update({(entity, component): past[-1]} if past else {})
-    cleared = {entity: t for (entity, component), (t, _) in newest.items() if component == "Clear:is_recursive"}
-    return {key: value for key, (t, value) in newest.items() if t > cleared.get(key[0], -1.0) and value != []}
+    cleared = {
+        entity: t
+        for (entity, component), (t, _) in newest.items()
+        if component == "Clear:is_recursive"
+    }
+    return {
+        key: value
+        for key, (t, value) in newest.items()
+        if t > cleared.get(key[0], -1.0) and value != []
+    }
 
 
 def seconds_of(recording: Path) -> float:
@@ -124,5 +151,9 @@ def texts_in(path: Path) -> list[str]:
     for chunk in chunks(path):
         for row in chunk.to_record_batch().to_pylist():
             for name, values in row.items():
-                found += [text for text in values or () if isinstance(text, str)] if name.startswith(("TextLog:", "State")) else []
+                found += (
+                    [text for text in values or () if isinstance(text, str)]
+                    if name.startswith(("TextLog:", "State"))
+                    else []
+                )
     return found

@@ -15,7 +15,17 @@ from orchard.net.bus import Bus, Final, Replied, Sample
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring, host_roles, make
 from orchard.wire.keys import Keys
-from orchard.wire.messages import Angular, Join, Joined, Linear, Odometry, Report, Velocities, Velocity, read
+from orchard.wire.messages import (
+    Angular,
+    Join,
+    Joined,
+    Linear,
+    Odometry,
+    Report,
+    Velocities,
+    Velocity,
+    read,
+)
 
 KEYS = Keys()
 MINE, HERS = "picker_01", "picker_02"
@@ -24,7 +34,12 @@ WISHES = [f"amy={MINE}", f"ben={HERS},bin_01", "shed=carrier"]
 
 def make_roles(path: Path, *addresses: str) -> Path:
     """What `run.py secure` makes, for the small scenario: a role for each of two pickers, one for the carriers, two for the rest."""
-    make(path, host_roles(agent_names(SMALL), WISHES, lambda rest: shares(rest, 2)), list(addresses), 30)
+    make(
+        path,
+        host_roles(agent_names(SMALL), WISHES, lambda rest: shares(rest, 2)),
+        list(addresses),
+        30,
+    )
     return path
 
 
@@ -33,7 +48,9 @@ class Somebody:
         self.bus, self.run = bus, run
 
     def drive(self, name: str, tick: int) -> None:
-        self.bus.publish(KEYS.of("velocity", name), pack(Velocity(self.run, tick, Linear(1.0), Angular(0.0))))
+        self.bus.publish(
+            KEYS.of("velocity", name), pack(Velocity(self.run, tick, Linear(1.0), Angular(0.0)))
+        )
 
     def drive_as(self, session: str, owner: str, name: str, tick: int) -> None:
         velocities = Velocities(self.run, tick, owner, {name: Report(Twist(1.0))})
@@ -44,7 +61,9 @@ class Somebody:
         return read(reply.payload, Joined).refused.get(name, "")
 
     def asks(self, what: str, message=None, session: str = "*") -> list[Replied]:
-        self.bus.ask(KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS)
+        self.bus.ask(
+            KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS
+        )
         replies = []
         while not isinstance(item := self.wait(Replied | Final), Final):
             replies.append(item)
@@ -60,7 +79,9 @@ class Somebody:
         raise AssertionError(f"no {type_.__name__} came")
 
     def pose(self, name: str) -> Odometry:
-        return read(self.wait(Sample, lambda sample: sample.key == KEYS.of("pose", name)).payload, Odometry)
+        return read(
+            self.wait(Sample, lambda sample: sample.key == KEYS.of("pose", name)).payload, Odometry
+        )
 
     def sees_it_move(self, name: str, driving) -> Odometry:
         """The first pose of a robot that is not the next one, while a session drives it."""
@@ -73,7 +94,15 @@ class Somebody:
 
 class Farm:
     def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
-        self.keyring, self.endpoint, self.run, self._stack = Keyring.load(folder), endpoint, run, stack
+        self.keyring, self.endpoint, self.run, self._stack = (
+            Keyring.load(folder),
+            endpoint,
+            run,
+            stack,
+        )
 
     def come(self, role: str) -> Somebody:
-        return Somebody(self._stack.enter_context(client(self.endpoint, identity=self.keyring.of(role))), self.run)
+        return Somebody(
+            self._stack.enter_context(client(self.endpoint, identity=self.keyring.of(role))),
+            self.run,
+        )

@@ -56,11 +56,18 @@ class SimulatedFleet(Fleet):
         assert not before
         self._count += 1
         name = f"{module.rpartition('.')[2]}_{self._count}"
-        return Process(self, SimulatedProcess(self.all, ProcessSpec(name, module, arguments), arguments, self._count, 0.2))
+        return Process(
+            self,
+            SimulatedProcess(
+                self.all, ProcessSpec(name, module, arguments), arguments, self._count, 0.2
+            ),
+        )
 
     def wait(self, is_so: Callable[[], bool], seconds: float = SECONDS) -> bool:
         """Let virtual time pass until something is so. Return whether it is, within so many seconds."""
-        with self.all.entered():  # not for longer: pytest has an output of its own for each phase of a test
+        with (
+            self.all.entered()
+        ):  # not for longer: pytest has an output of its own for each phase of a test
             self.scheduler.run(is_so, self.scheduler.now + seconds)
         return is_so()
 
@@ -76,7 +83,9 @@ class Process:
         return f"{self._process.spec.module.rpartition('.')[2]}: {self._next(self._process.complaints)}"
 
     def _next(self, lines: list[str]) -> str:
-        assert self._fleet.wait(lambda: bool(lines) or self._process.code is not None), "the process says nothing"
+        assert self._fleet.wait(lambda: bool(lines) or self._process.code is not None), (
+            "the process says nothing"
+        )
         return f"{lines.pop(0)}\n" if lines else ""
 
     @property
@@ -84,7 +93,9 @@ class Process:
         return "\n".join(self._process.complaints)
 
     def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
-        assert self._fleet.wait(lambda: self._process.code is not None, seconds), "the process does not end"
+        assert self._fleet.wait(lambda: self._process.code is not None, seconds), (
+            "the process does not end"
+        )
         return self._process.code, "\n".join(self._process.printed), self.complaints
 
     def signal(self, number: signal.Signals) -> None:
@@ -141,7 +152,9 @@ class Client(AnyClient):
 
     def _session(self, take: Callable[[Item], None]):
         self._fleet.network.pauses = 0.0
-        return self._fleet.network.open(f"client_{len(self._fleet.network.sessions)}", PassingInbox(self._fleet.scheduler, take))
+        return self._fleet.network.open(
+            f"client_{len(self._fleet.network.sessions)}", PassingInbox(self._fleet.scheduler, take)
+        )
 
     def hear(self, key: str) -> Heard:
         heard = Heard(self._fleet)
@@ -158,7 +171,9 @@ class Client(AnyClient):
 
     def tokens(self, keys: str) -> Heard:
         heard = Heard(self._fleet)
-        self._session(lambda item: heard.put(item.up) if isinstance(item, Alive) else None).watch(keys)
+        self._session(lambda item: heard.put(item.up) if isinstance(item, Alive) else None).watch(
+            keys
+        )
         return heard
 
     def declare(self, token: str) -> "Token":

@@ -13,8 +13,15 @@ from orchard.server.figures import RunFigures
 from orchard.sim.lookahead import Lookahead
 from orchard.sim.world import NONE
 
-ONE_WAY = {"route": "one-way", "rows_to_pickers": "balanced"}  # all pickers begin in the west, and the queue lies in the east
-NOBODY_ABOUT = {"people": People(workers=0, visitors=0), "animals": Animals(dogs=0, cats=0), "weeds": 0}
+ONE_WAY = {
+    "route": "one-way",
+    "rows_to_pickers": "balanced",
+}  # all pickers begin in the west, and the queue lies in the east
+NOBODY_ABOUT = {
+    "people": People(workers=0, visitors=0),
+    "animals": Animals(dogs=0, cats=0),
+    "weeds": 0,
+}
 
 
 def empty_orchard(**changes) -> Scenario:
@@ -49,7 +56,13 @@ class Driven:
 class Stage:
     """An orchard that a test runs until a condition holds. Each wait is bounded in simulated time."""
 
-    def __init__(self, scenario: Scenario, holds: type[Lookahead] = Lookahead, is_hashed: bool = False, **agents: Agent) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        holds: type[Lookahead] = Lookahead,
+        is_hashed: bool = False,
+        **agents: Agent,
+    ) -> None:
         self.local = Local(scenario, holds=holds, is_hashed=is_hashed)
         self.local.agents |= agents
         self.account = RunFigures(self.local.engine, time.monotonic)
@@ -67,7 +80,9 @@ class Stage:
         assert self.world.tick == 0, "put bodies before the first tick"
         i = self.world.index[name]
         dx, dy = x - self.world.pose[i, 0], y - self.world.pose[i, 1]
-        assert self.world.coupled[i] == NONE or heading == "EAST", "put a robot with a bin facing east"
+        assert self.world.coupled[i] == NONE or heading == "EAST", (
+            "put a robot with a bin facing east"
+        )
         if self.world.coupled[i] != NONE:
             self.world.pose[self.world.coupled[i], :2] += dx, dy
         self.world.pose[i] = x, y, HEADINGS[heading]
@@ -94,7 +109,9 @@ class Stage:
         """Run until a condition holds, and return the seconds that it took. An assertion fails if it takes longer than allowed."""
         start = self.world.tick
         while not condition():
-            assert self.world.tick - start < seconds * 10, f"not within {seconds} s; {self.who_is_where()}"
+            assert self.world.tick - start < seconds * 10, (
+                f"not within {seconds} s; {self.who_is_where()}"
+            )
             self.tick()
         return (self.world.tick - start) / 10
 
@@ -131,11 +148,15 @@ class Stage:
 
     # -- assertions
 
-    def assert_at(self, name: str, x: float | None = None, y: float | None = None, heading: str | None = None) -> None:
+    def assert_at(
+        self, name: str, x: float | None = None, y: float | None = None, heading: str | None = None
+    ) -> None:
         """Assert that a body is at a place and faces a heading, to a micrometre and a microradian."""
         here = self.pose(name)
         for got, wanted, axis in ((here[0], x, "x"), (here[1], y, "y")):
-            assert wanted is None or abs(got - wanted) < 1e-6, f"{name}: {axis} = {got}, not {wanted}"
+            assert wanted is None or abs(got - wanted) < 1e-6, (
+                f"{name}: {axis} = {got}, not {wanted}"
+            )
         off = 0.0 if heading is None else angle_between(here[2], HEADINGS[heading])
         assert abs(off) < 1e-6, f"{name} faces {here[2]}, not {heading}"
 

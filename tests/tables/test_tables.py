@@ -29,7 +29,13 @@ from orchard.tables.exchanges import calls, exchanges
 from orchard.tables.folder import GrowingTable, as_table, check_folder, complete, last_tick
 from orchard.tables.tables import Tables
 
-ALL = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES, "calls": CALLS, "exchanges": EXCHANGES}
+ALL = {
+    "bodies": BODIES,
+    "events": EVENTS,
+    "messages": MESSAGES,
+    "calls": CALLS,
+    "exchanges": EXCHANGES,
+}
 SHORT = ("--rows", 3, "--mode", "local", "--duration", 1, "--record", "none")
 TICKS = 60
 GNSS = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
@@ -72,7 +78,11 @@ def whole(tmp_path_factory):
         tables.update(local.engine, happened, written)
         figures.update(local.engine.world, happened, local.engine.answers)
         events += happened
-        letters += [type_of(body) for one in written.values() for body in [*(r for _, r in one.requests), *(a.body for a in one.answers)]]
+        letters += [
+            type_of(body)
+            for one in written.values()
+            for body in [*(r for _, r in one.requests), *(a.body for a in one.answers)]
+        ]
         poses.append(local.engine.world.pose.copy())
         twists.append(local.engine.world.twist.copy())
     tables.close()
@@ -84,8 +94,13 @@ def test_each_body_has_a_row_for_each_tick_with_the_same_bits_as_in_the_world(wh
     table, names = pq.read_table(folder / "bodies.parquet"), local.engine.layout.names
     assert table["tick"].to_pylist() == [t for t in range(1, HARVEST_TICKS + 1) for _ in names]
     assert table["name"].to_pylist() == [*names] * HARVEST_TICKS
-    for columns, known in ((("x", "y", "yaw"), poses), (("linear_x", "linear_y", "angular_z"), twists)):
-        stored = np.stack([table[column].to_numpy() for column in columns], axis=1).reshape(known.shape)
+    for columns, known in (
+        (("x", "y", "yaw"), poses),
+        (("linear_x", "linear_y", "angular_z"), twists),
+    ):
+        stored = np.stack([table[column].to_numpy() for column in columns], axis=1).reshape(
+            known.shape
+        )
         assert stored.tobytes() == known.tobytes()
 
 
@@ -98,10 +113,17 @@ def test_the_measured_poses_have_the_same_bits_as_those_that_agents_observe(tmp_
         reckoned.append(local.engine.odometry().states[:, :4])  # at its end
     tables.close()
     measured.append(local.engine.observe().states[:, :2])
-    robots = [i for i, name in enumerate(local.engine.layout.names) if kind_of(name) in ("picker", "carrier")]
+    robots = [
+        i
+        for i, name in enumerate(local.engine.layout.names)
+        if kind_of(name) in ("picker", "carrier")
+    ]
     stored = stored_poses(tmp_path, ("x", "y"), robots)
     assert (stored_poses(tmp_path, MEASURED, robots) != stored).any(axis=1).all()
-    assert stored_poses(tmp_path, MEASURED, robots).tobytes() == np.concatenate([states[robots] for states in measured[1:]]).tobytes()
+    assert (
+        stored_poses(tmp_path, MEASURED, robots).tobytes()
+        == np.concatenate([states[robots] for states in measured[1:]]).tobytes()
+    )
     stored = stored_poses(tmp_path, RECKONED, robots)
     known = np.concatenate([states[robots] for states in reckoned])
     assert np.hstack([stored[:, :2], quaternions(stored)]).tobytes() == known.tobytes()
@@ -114,17 +136,25 @@ def stored_poses(folder, columns: tuple[str, ...], bodies: list[int]) -> np.ndar
     return stored.reshape(TICKS, -1, len(columns))[:, bodies].reshape(-1, len(columns))
 
 
-@pytest.mark.parametrize(("errors", "told"), [({}, ()), (GNSS, MEASURED), (ODOMETRY, RECKONED), (GNSS | ODOMETRY, MEASURED + RECKONED)])
+@pytest.mark.parametrize(
+    ("errors", "told"),
+    [({}, ()), (GNSS, MEASURED), (ODOMETRY, RECKONED), (GNSS | ODOMETRY, MEASURED + RECKONED)],
+)
 def test_what_is_measured_exactly_is_null(tmp_path, errors, told):
     run(Local(with_changes(Scenario(rows=3), **errors)), tmp_path, 2).close()
     for row in rows_of(tmp_path, "bodies"):
         is_robot = kind_of(row["name"]) in ("picker", "carrier", "tractor")
-        assert {name for name in MEASURED + RECKONED if row[name] is not None} == {*(told if is_robot else ())}
+        assert {name for name in MEASURED + RECKONED if row[name] is not None} == {
+            *(told if is_robot else ())
+        }
 
 
 def test_a_body_that_is_not_blocked_drives_as_it_wanted(whole):
     table = pq.read_table(whole[0] / "bodies.parquet")
-    wanted, done = (np.stack([table[f"{before}{name}"].to_numpy() for name in ("linear_x", "angular_z")]) for before in ("cmd_", ""))
+    wanted, done = (
+        np.stack([table[f"{before}{name}"].to_numpy() for name in ("linear_x", "angular_z")])
+        for before in ("cmd_", "")
+    )
     moved = (done != 0.0).any(axis=0)
     assert moved.any() and (wanted != 0.0).any()
     assert (wanted[:, moved] == done[:, moved]).all()
@@ -141,11 +171,16 @@ def test_the_states_add_up_to_those_of_the_summary(whole):
 
 def test_the_events_and_the_messages_are_those_of_the_run(whole):
     folder, _, _, events, letters, *_ = whole
-    told = [(row["tick"], row["what"], row["who"], row["whom"] or "", row["detail"] or "") for row in rows_of(folder, "events")]
+    told = [
+        (row["tick"], row["what"], row["who"], row["whom"] or "", row["detail"] or "")
+        for row in rows_of(folder, "events")
+    ]
     assert told == [(e.tick, e.what, e.who, e.whom, e.detail) for e in events]
     messages = rows_of(folder, "messages")
     assert sorted(row["type"] for row in messages) == sorted(letters)
-    assert [(row["tick"], row["sender"]) for row in messages] == sorted((row["tick"], row["sender"]) for row in messages)
+    assert [(row["tick"], row["sender"]) for row in messages] == sorted(
+        (row["tick"], row["sender"]) for row in messages
+    )
     fetch = next(row for row in messages if row["type"] == "fetch")
     assert msgspec.json.decode(fetch["content"], type=Fetch).lane in (1, 2, 3)
 
@@ -153,7 +188,9 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
 def test_the_exchanges_waited_as_long_as_the_summary_says(whole):
     folder, _, figures, *_ = whole
     found = rows_of(folder, "exchanges")
-    assert [row["waited_seconds"] for row in found if row["supplied"] is not None] == sorted(figures.waits, key=figures.waits.index)
+    assert [row["waited_seconds"] for row in found if row["supplied"] is not None] == sorted(
+        figures.waits, key=figures.waits.index
+    )
     first = found[0]
     assert first["full"] < first["left"] < first["brought"] < first["supplied"] < first["fetched"]
 
@@ -176,7 +213,9 @@ def test_the_page_names_each_column():
     page = (ROOT / "docs" / "reference.md").read_text()
     for name, schema in ALL.items():
         told = {
-            word for line in re.findall(rf"(?<=^\| column of `{name}`)(?:.*\n\|.*)+", page, re.M) for word in re.findall(r"`(\w+)`", line)
+            word
+            for line in re.findall(rf"(?<=^\| column of `{name}`)(?:.*\n\|.*)+", page, re.M)
+            for word in re.findall(r"`(\w+)`", line)
         }
         assert told >= {*schema.names}, name
 
@@ -189,8 +228,13 @@ def undisturbed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("most", [50, folders.MOST_ROWS])
-@pytest.mark.parametrize(("kept", "dead", "is_closed"), [(20, 33, False), (0, 9, False), (20, 20, False), (31, 31, True), (20, 45, True)])
-def test_a_run_that_is_resumed_leaves_each_row_once(tmp_path, undisturbed, monkeypatch, most, kept, dead, is_closed):
+@pytest.mark.parametrize(
+    ("kept", "dead", "is_closed"),
+    [(20, 33, False), (0, 9, False), (20, 20, False), (31, 31, True), (20, 45, True)],
+)
+def test_a_run_that_is_resumed_leaves_each_row_once(
+    tmp_path, undisturbed, monkeypatch, most, kept, dead, is_closed
+):
     """The snapshot is of the tick `kept`; the rows reach until `dead`, at which the program is killed or the run stopped."""
     monkeypatch.setattr(folders, "MOST_ROWS", most)
     local = Local(ERRING)
@@ -205,7 +249,9 @@ def test_a_run_that_is_resumed_leaves_each_row_once(tmp_path, undisturbed, monke
         tables.close()
     run(Local.resume(snapshot), tmp_path, TICKS).close()
     assert read(tmp_path) == undisturbed
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(f"{name}.parquet" for name in ALL)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        f"{name}.parquet" for name in ALL
+    )
 
 
 def test_a_file_that_a_kill_has_torn_is_no_part_of_the_table_and_goes(tmp_path, undisturbed):
@@ -220,17 +266,26 @@ def test_a_file_that_a_kill_has_torn_is_no_part_of_the_table_and_goes(tmp_path, 
 
 @settings(max_examples=25)  # each waits for the disk
 @given(st.lists(st.integers(1, 4), max_size=12), st.integers(0, 12), st.integers(1, 9))
-def test_what_is_removed_from_a_growing_table_is_what_comes_again(tmp_path_factory, steps, until, most):
+def test_what_is_removed_from_a_growing_table_is_what_comes_again(
+    tmp_path_factory, steps, until, most
+):
     """Steps of some ticks are written one after another; then all from a tick on are written again."""
     folder = tmp_path_factory.mktemp("growing") / "events.parquet"
     rows = [(t, "collision", f"dog_{t}", None, None) for t in range(sum(steps))]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(folders, "MOST_ROWS", most)
         for begin in (0, until):
-            table, left = GrowingTable(folder, EVENTS, begin), [row for row in rows if row[0] >= begin]
+            table, left = (
+                GrowingTable(folder, EVENTS, begin),
+                [row for row in rows if row[0] >= begin],
+            )
             for step in steps:
                 part, left = left[:step], left[step:]
-                table.add(EVENTS.empty_table().from_pylist([dict(zip(EVENTS.names, row, strict=True)) for row in part], EVENTS))
+                table.add(
+                    EVENTS.empty_table().from_pylist(
+                        [dict(zip(EVENTS.names, row, strict=True)) for row in part], EVENTS
+                    )
+                )
         table.finish()
     assert [row["tick"] for row in pq.read_table(folder).to_pylist()] == [row[0] for row in rows]
 
@@ -246,7 +301,10 @@ def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
     before = (tmp_path / "tables" / "bodies.parquet" / "000001.parquet").read_bytes()
     done = orchard(*SHORT, "--table", tmp_path / "tables", code=2)
     assert done.stdout == ""
-    assert done.stderr == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names another folder\n"
+    assert (
+        done.stderr
+        == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names another folder\n"
+    )
     assert (tmp_path / "tables" / "bodies.parquet" / "000001.parquet").read_bytes() == before
 
 
@@ -259,7 +317,10 @@ def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path
 
 def test_a_file_in_place_of_the_folder_is_told(tmp_path):
     (tmp_path / "tables").write_text("")
-    with pytest.raises(OSError, match="tables: tables cannot be written there: File exists; --table DIR names another folder"):
+    with pytest.raises(
+        OSError,
+        match="tables: tables cannot be written there: File exists; --table DIR names another folder",
+    ):
         check_folder(tmp_path / "tables", SMALL)
 
 
@@ -279,13 +340,19 @@ def test_a_folder_that_can_only_be_read_is_told_in_words(tmp_path, monkeypatch, 
 def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_resumed(tmp_path):
     run(Local(SMALL), tmp_path, 5).close()
     check_folder(tmp_path, SMALL, 5)
-    with pytest.raises(ValueError, match="the tables there end at tick 5, and the run goes on at tick 6: rows would be missing"):
+    with pytest.raises(
+        ValueError,
+        match="the tables there end at tick 5, and the run goes on at tick 6: rows would be missing",
+    ):
         check_folder(tmp_path, SMALL, 6)
     with pytest.raises(ValueError, match="the tables there are of another scenario"):
         check_folder(tmp_path, SMALL.model_copy(update={"seed": 7}), 5)
     complete(tmp_path, {"ticks": 5, "scenario": {}})
     check_folder(tmp_path, SMALL, 5)
-    with pytest.raises(ValueError, match="are of a run that ended at tick 5, and this one goes on at tick 4: its rows would be lost"):
+    with pytest.raises(
+        ValueError,
+        match="are of a run that ended at tick 5, and this one goes on at tick 4: its rows would be lost",
+    ):
         check_folder(tmp_path, SMALL, 4)
     (tmp_path / "bodies.parquet" / "000001.parquet").write_text("no table")
     with pytest.raises(ValueError, match="the tables there cannot be read"):
@@ -307,8 +374,13 @@ def test_a_disk_that_becomes_full_is_logged_once_and_told_at_the_end(tmp_path, m
     tables.close()
     monkeypatch.undo()
     (told,) = [record.getMessage() for record in caplog.records]
-    assert told == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on without them"
-    assert complete(tmp_path, {"ticks": 7, "scenario": {}}) == [f"{tmp_path}: the tables end at tick 5, and the run at tick 7"]
+    assert (
+        told
+        == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on without them"
+    )
+    assert complete(tmp_path, {"ticks": 7, "scenario": {}}) == [
+        f"{tmp_path}: the tables end at tick 5, and the run at tick 7"
+    ]
     assert last_tick(tmp_path) == 5
 
 
@@ -320,11 +392,19 @@ def test_a_summary_becomes_one_row():
     assert row == {
         "hash": "ab", "ticks": 5, "lost_seconds.traffic": 1.5, "violations": "[]", "scenario": '{"rows":3}', "history.seconds": [1.0, 2.0],
     }  # fmt: skip
-    assert table.schema.field("lost_seconds.traffic").metadata == {b"unit": b"s, which add up to the harvest's length"}
+    assert table.schema.field("lost_seconds.traffic").metadata == {
+        b"unit": b"s, which add up to the harvest's length"
+    }
 
 
 def message(tick, sender, recipient, type_, content="{}"):
-    return {"tick": tick, "sender": sender, "recipient": recipient, "type": type_, "content": content}
+    return {
+        "tick": tick,
+        "sender": sender,
+        "recipient": recipient,
+        "type": type_,
+        "content": content,
+    }
 
 
 def test_a_carrier_that_does_not_come_is_followed_by_the_next():
@@ -346,7 +426,9 @@ def test_tables_that_begin_in_the_middle_of_an_exchange_have_no_false_rows():
     assert exchanges([coupled, {**coupled, "what": "unloaded", "who": "bin_09"}]) == []
 
 
-def test_a_stopped_robot_is_stopped_in_the_rows_and_says_again_what_it_said_after_the_reset(tmp_path):
+def test_a_stopped_robot_is_stopped_in_the_rows_and_says_again_what_it_said_after_the_reset(
+    tmp_path,
+):
     local = Local(SMALL)
     tables = run(local, tmp_path, 3)
     local.engine.stop(["picker_01"])
@@ -357,5 +439,7 @@ def test_a_stopped_robot_is_stopped_in_the_rows_and_says_again_what_it_said_afte
     tables.close()
     rows = rows_of(tmp_path, "bodies", "picker_01")
     states = [row["state"] for row in rows]
-    assert [states.count(state) for state in STATES] == local.engine.states.counts.ticks["picker_01"]
+    assert [states.count(state) for state in STATES] == local.engine.states.counts.ticks[
+        "picker_01"
+    ]
     assert [row["doing"] == STOPPED for row in rows] == [t == 3 for t in range(9)]

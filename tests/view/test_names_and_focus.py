@@ -18,24 +18,38 @@ from orchard.view.scenery import MODELS
 from orchard.view.talk import gathered, level_of, line_of
 
 
-@pytest.mark.parametrize(("size", "named"), [({"rows": 20, "pickers": 20}, 35), ({"rows": 100, "pickers": 50, "carriers": 100}, 65)])
-def test_no_name_on_the_plan_covers_another_where_there_is_no_room_it_is_left_out(size: dict, named: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("size", "named"),
+    [({"rows": 20, "pickers": 20}, 35), ({"rows": 100, "pickers": 50, "carriers": 100}, 65)],
+)
+def test_no_name_on_the_plan_covers_another_where_there_is_no_room_it_is_left_out(
+    size: dict, named: int, tmp_path: Path
+) -> None:
     layout = lay_out(Scenario(**size))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
-    ((_, labels),), scale = Rows(path, "/plan/names").values("Points3D:labels"), points_to_metres(layout)
+    ((_, labels),), scale = (
+        Rows(path, "/plan/names").values("Points3D:labels"),
+        points_to_metres(layout),
+    )
     assert len(labels) == len(points) == named
     middles = np.array(points)[:, :2] - (0.0, DROP * scale)
     wide, high = 28.0 * scale, 22.0 * scale  # of a name such as P01, as Rerun writes it
     apart = np.abs(middles[:, None] - middles[None])
-    covered = [(labels[a], labels[b]) for a, b in np.argwhere((apart[..., 0] < wide) & (apart[..., 1] < high)) if a < b]
+    covered = [
+        (labels[a], labels[b])
+        for a, b in np.argwhere((apart[..., 0] < wide) & (apart[..., 1] < high))
+        if a < b
+    ]
     assert covered == []
 
 
 @pytest.mark.parametrize(("rows", "numbered"), [(20, 20), (100, 25)])
 def test_no_number_of_a_row_covers_another(rows: int, numbered: int, tmp_path: Path) -> None:
     layout = lay_out(Scenario(rows=rows))
-    shown = Rows(recording_of(tmp_path / "rows.rrd", layout, [Frame(0, starts(layout))]), "/plan/rows").static
+    shown = Rows(
+        recording_of(tmp_path / "rows.rrd", layout, [Frame(0, starts(layout))]), "/plan/rows"
+    ).static
     places = np.array(shown["Points3D:positions"])[:, 1]
     assert (len(places), shown["Points3D:labels"][0]) == (numbered, "1")
     assert min(-np.diff(places)) > 22.0 * points_to_metres(layout)
@@ -50,13 +64,22 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
     assert np.hypot(*(np.array(place)[:2] - poses[i, :2])) < 2.0
 
 
-@pytest.mark.parametrize(("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"])
-def test_the_camera_stays_with_a_robot_for_a_while_and_then_glides_to_an_exchange_or_cuts_to_one_that_is_far(robot, glides, layout) -> None:
+@pytest.mark.parametrize(
+    ("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"]
+)
+def test_the_camera_stays_with_a_robot_for_a_while_and_then_glides_to_an_exchange_or_cuts_to_one_that_is_far(
+    robot, glides, layout
+) -> None:
     focus, poses = Focus(layout), starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
-    assert focus.follow(Frame(0, poses, states=states))[:2] == pytest.approx(poses[layout.index["picker_01"], :2])
+    assert focus.follow(Frame(0, poses, states=states))[:2] == pytest.approx(
+        poses[layout.index["picker_01"], :2]
+    )
     goal = poses[layout.index[robot], :2]
-    far = [np.hypot(*(focus.follow(Frame(tick, poses, states={robot: "handling a bin"}))[:2] - goal)) for tick in range(1, 400)]
+    far = [
+        np.hypot(*(focus.follow(Frame(tick, poses, states={robot: "handling a bin"}))[:2] - goal))
+        for tick in range(1, 400)
+    ]
     begun = round(HOLD * 10) - 1
     assert far[:begun] == [far[0]] * begun
     assert far[begun:] == sorted(far[begun:], reverse=True) and far[-1] < 0.5
@@ -67,7 +90,13 @@ def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path)
     robots = [name for name in layout.names if name.startswith(("picker", "carrier"))]
     for seconds in np.arange(0.0, SECONDS, 5.0):
         poses = poses_at(recording, float(seconds))
-        assert min(np.hypot(poses[FOCUS][0] - poses[name][0], poses[FOCUS][1] - poses[name][1]) for name in robots) < 8.0
+        assert (
+            min(
+                np.hypot(poses[FOCUS][0] - poses[name][0], poses[FOCUS][1] - poses[name][1])
+                for name in robots
+            )
+            < 8.0
+        )
 
 
 @pytest.mark.parametrize("rows", [5, 20])
@@ -77,16 +106,28 @@ def test_a_page_gets_the_spaces_and_the_plan_alone_the_work_first(rows: int) -> 
 
 
 def test_events_read_like_sentences() -> None:
-    assert line_of(Event(0, "call", "bin_01", "carrier_02", "lane 3 east")) == "bin_01 > carrier_02: call, lane 3 east"
-    assert line_of(Event(0, "row picked", "picker_01", "", "row picked: 3")) == "picker_01: row picked: 3"
+    assert (
+        line_of(Event(0, "call", "bin_01", "carrier_02", "lane 3 east"))
+        == "bin_01 > carrier_02: call, lane 3 east"
+    )
+    assert (
+        line_of(Event(0, "row picked", "picker_01", "", "row picked: 3"))
+        == "picker_01: row picked: 3"
+    )
     assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
 
 
 def test_what_is_asked_of_many_and_answered_by_many_is_one_line_each() -> None:
     carriers = [f"carrier_{i:02d}" for i in range(1, 6)]
     calls = [Event(0, "Call", "bin_01", carrier, "who is free? row 1") for carrier in carriers]
-    offers = [Event(0, "Offer", carrier, "bin_01", f"I am, {10 * i} m away") for i, carrier in enumerate(carriers)]
-    come, full = Event(0, "Come", "bin_01", "carrier_02", "come, row 1"), Event(0, "bin full", "bin_02", "picker_02", "row 2")
+    offers = [
+        Event(0, "Offer", carrier, "bin_01", f"I am, {10 * i} m away")
+        for i, carrier in enumerate(carriers)
+    ]
+    come, full = (
+        Event(0, "Come", "bin_01", "carrier_02", "come, row 1"),
+        Event(0, "bin full", "bin_02", "picker_02", "row 2"),
+    )
     assert [line_of(event) for event in gathered([full, *calls, *offers, come])] == [
         "bin_02 > picker_02: bin full, row 2",
         "bin_01 > 5 carriers: Call, who is free? row 1",
@@ -94,13 +135,23 @@ def test_what_is_asked_of_many_and_answered_by_many_is_one_line_each() -> None:
         "bin_01 > carrier_02: come, row 1",
     ]
     (two,) = gathered(offers[1:3])
-    assert line_of(two) == "carrier_02, carrier_03 > bin_01: Offer, I am, 10 m away; I am, 20 m away"
+    assert (
+        line_of(two) == "carrier_02, carrier_03 > bin_01: Offer, I am, 10 m away; I am, 20 m away"
+    )
 
 
 def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
-    assert {level_of(what) for what in ("Where", "Position", "State", "BinState", "Places")} == {"DEBUG"}
-    assert {level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")} == {"INFO"}
-    assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == ("WARN", "WARN", "ERROR")
+    assert {level_of(what) for what in ("Where", "Position", "State", "BinState", "Places")} == {
+        "DEBUG"
+    }
+    assert {
+        level_of(what) for what in ("Call", "Offer", "Come", "Here", "row picked", "unloaded")
+    } == {"INFO"}
+    assert (level_of("stopped"), level_of("nothing recorded"), level_of("lost")) == (
+        "WARN",
+        "WARN",
+        "ERROR",
+    )
 
 
 HATS = {"worker": 0.2}  # m above the height of the kind
@@ -118,7 +169,9 @@ def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
         accessor = scene["accessors"][part["attributes"][attribute]]
         assert accessor["componentType"] == kind
         offset = begin + 8 + scene["bufferViews"][accessor["bufferView"]]["byteOffset"]
-        flat = np.frombuffer(data, np.float32 if kind == FLOAT else np.uint8, accessor["count"] * columns, offset)
+        flat = np.frombuffer(
+            data, np.float32 if kind == FLOAT else np.uint8, accessor["count"] * columns, offset
+        )
         return flat.reshape(-1, columns)
 
     return values("POSITION", FLOAT, 3), values("COLOR_0", BYTE, 4)[:, :3].astype(float)
@@ -128,7 +181,9 @@ def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
 def test_the_model_of_a_body_fills_its_size_and_no_more_and_has_its_colour(kind):
     (places, colours), size = vertices(kind), KINDS[kind]
     assert places.min(axis=0) == pytest.approx([-size.length / 2, -size.width / 2, 0.0], abs=1e-4)
-    assert places.max(axis=0) == pytest.approx([size.length / 2, size.width / 2, size.height + HATS.get(kind, 0.0)], abs=1e-4)
+    assert places.max(axis=0) == pytest.approx(
+        [size.length / 2, size.width / 2, size.height + HATS.get(kind, 0.0)], abs=1e-4
+    )
     assert np.abs(colours - size.colour).max(axis=1).min() < 15, "no face in the sun has it"
 
 

@@ -83,9 +83,24 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
     coupled[picker] = LAYOUT.index["bin_01"]
     begun = {"doing": {"picker_01": "picking row 1"}, "states": {"picker_01": "picking"}}
-    early = Frame(1, poses, coupled=coupled.copy(), fill=np.zeros(len(poses)), alive=alive.copy(), row_ends=np.zeros((3, 4)), **begun)
+    early = Frame(
+        1,
+        poses,
+        coupled=coupled.copy(),
+        fill=np.zeros(len(poses)),
+        alive=alive.copy(),
+        row_ends=np.zeros((3, 4)),
+        **begun,
+    )
     alive[weed], coupled[picker] = False, -1
-    late = Frame(60, poses, coupled=coupled, fill=np.zeros(len(poses)), alive=alive, row_ends=np.eye(3, 4) * [70.0, 0.0, 0.0, 0.0])
+    late = Frame(
+        60,
+        poses,
+        coupled=coupled,
+        fill=np.zeros(len(poses)),
+        alive=alive,
+        row_ends=np.eye(3, 4) * [70.0, 0.0, 0.0, 0.0],
+    )
     recording_of(path, LAYOUT, [early], "a")
     further = Recorder(LAYOUT, "a", before(path, "a").file)
     further.gap(1, 60, "the logger was away")
@@ -102,7 +117,11 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
 
 def test_a_recorder_for_which_frames_wait_records_the_same_in_fewer_pieces(tmp_path):
     frames_ = course(range(701))
-    apart, together, torn = recording_of(tmp_path / "apart.rrd", LAYOUT, frames_), tmp_path / "together.rrd", tmp_path / "torn.rrd"
+    apart, together, torn = (
+        recording_of(tmp_path / "apart.rrd", LAYOUT, frames_),
+        tmp_path / "together.rrd",
+        tmp_path / "torn.rrd",
+    )
     recorder = Recorder(LAYOUT, "a", together)
     recorder.waiting = lambda: 1
     for frame in frames_:
@@ -111,9 +130,13 @@ def test_a_recorder_for_which_frames_wait_records_the_same_in_fewer_pieces(tmp_p
     torn.write_bytes(together.read_bytes())
     assert 450 < before(torn, "a").last < 700, "much waits, but not without end"
     recorder.close()
-    pieces = [[chunk for chunk in chunks(path) if not chunk.is_static] for path in (apart, together)]
+    pieces = [
+        [chunk for chunk in chunks(path) if not chunk.is_static] for path in (apart, together)
+    ]
     assert len(pieces[1]) < len(pieces[0]) / 4
     known, seen = rows_of(apart), rows_of(together)
     assert known.keys() == seen.keys()
     assert [key for key in known if key[0] != "/tf" and known[key] != seen[key]] == []
-    assert all(poses_at(apart, seconds) == poses_at(together, seconds) for seconds in (0.0, 12.3, 70.0))
+    assert all(
+        poses_at(apart, seconds) == poses_at(together, seconds) for seconds in (0.0, 12.3, 70.0)
+    )

@@ -35,8 +35,16 @@ def why_no_renderer() -> str:
     """What the headless viewer lacks here, or ''."""
     if not glob.glob("/usr/share/vulkan/icd.d/*.json") + glob.glob("/etc/vulkan/icd.d/*.json"):
         return "no Vulkan driver: apt-get install the list in .ci/apt-packages.txt"
-    missing = [library for library in ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr") if find_library(library) is None]
-    return f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)" if missing else ""
+    missing = [
+        library
+        for library in ("xkbcommon-x11", "X11-xcb", "Xcursor", "Xi", "Xrandr")
+        if find_library(library) is None
+    ]
+    return (
+        f"missing for the headless viewer: {', '.join(missing)} (see .ci/apt-packages.txt)"
+        if missing
+        else ""
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,26 +62,43 @@ def picture(client: ViewerClient, seconds: float, view: str) -> np.ndarray:
 class TestInTheViewer:
     def test_no_view_complains(self, viewer: ViewerClient) -> None:
         picture(viewer, 40.0, "At work")
-        assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
+        assert [
+            (view.name, report.summary)
+            for view in viewer.get_state().views
+            for report in view.reports
+        ] == []
 
     def test_the_picture_is_not_blank_and_moves(self, viewer: ViewerClient) -> None:
         early, late = picture(viewer, 5.0, "At work"), picture(viewer, 60.0, "At work")
         assert early.std() > 20
         assert np.abs(early - late).max(axis=2).mean() > 0.3
 
-    def test_robots_are_where_the_plan_says(self, viewer: ViewerClient, layout: Layout, harvested: list[Frame]) -> None:
+    def test_robots_are_where_the_plan_says(
+        self, viewer: ViewerClient, layout: Layout, harvested: list[Frame]
+    ) -> None:
         plan, frame = picture(viewer, 85.0, "Plan"), harvested[849]
         for name in ("picker_01", "picker_02"):
             column, row = on_the_plan(plan, layout, *frame.poses[layout.index[name]][:2])
             around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)
-            assert np.abs(around - STATES["waiting"]).sum(axis=1).min() < 90, f"no waiting pin at {name}"
+            assert np.abs(around - STATES["waiting"]).sum(axis=1).min() < 90, (
+                f"no waiting pin at {name}"
+            )
 
     @pytest.mark.soak
     def test_the_largest_orchard_opens_well(self, tmp_path: Path) -> None:
         layout = lay_out(Scenario(rows=20, pickers=20))
-        with looking_at(WINDOW, recording_of(tmp_path / "large.rrd", layout, frames(layout, 2.0))) as viewer:
-            assert picture(viewer, 1.0, "At work").std() > 20 and picture(viewer, 1.0, "Plan").std() > 20
-            assert [(view.name, report.summary) for view in viewer.get_state().views for report in view.reports] == []
+        with looking_at(
+            WINDOW, recording_of(tmp_path / "large.rrd", layout, frames(layout, 2.0))
+        ) as viewer:
+            assert (
+                picture(viewer, 1.0, "At work").std() > 20
+                and picture(viewer, 1.0, "Plan").std() > 20
+            )
+            assert [
+                (view.name, report.summary)
+                for view in viewer.get_state().views
+                for report in view.reports
+            ] == []
 
 
 def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[int, int]:
@@ -88,7 +113,9 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
 SOFTWARE = "--enable-unsafe-swiftshader"  # WebGL without a graphics card
 SECONDS = 240.0  # that the viewer may take on a busy machine
 END = 30_000  # tick: the viewer plays four times as fast as life, and must not come there while the test looks
-NEAR = 40  # sum of the differences of a colour's three parts; leaves are 59 from a pin that is green
+NEAR = (
+    40  # sum of the differences of a colour's three parts; leaves are 59 from a pin that is green
+)
 
 
 @pytest.fixture
@@ -97,9 +124,16 @@ def address(tmp_path: Path) -> Iterator[str]:
     skip_without_packages()
     layout = lay_out(Scenario(rows=3))
     names = ("picker_01", "picker_02")
-    for file, ticks, state in (("run.rrd", (0, 10), "picking"), ("run.part2.rrd", (END, END + 10), "calling")):
+    for file, ticks, state in (
+        ("run.rrd", (0, 10), "picking"),
+        ("run.part2.rrd", (END, END + 10), "calling"),
+    ):
         doing = dict.fromkeys(names, state)
-        recording_of(tmp_path / file, layout, [Frame(tick, starts(layout), doing, states=doing) for tick in ticks])
+        recording_of(
+            tmp_path / file,
+            layout,
+            [Frame(tick, starts(layout), doing, states=doing) for tick in ticks],
+        )
     line = [sys.executable, str(ROOT / "run.py"), "view", "run.rrd", "--web", str(free_pair())]
     with subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
         try:
@@ -110,18 +144,26 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 def pixels(browser, colour: tuple[int, int, int]) -> int:
     """How many pixels of the first view, which follows the work, have about this colour."""
-    picture = np.array(Image.open(io.BytesIO(browser.driver.get_screenshot_as_png())).convert("RGB")).astype(int)
+    picture = np.array(
+        Image.open(io.BytesIO(browser.driver.get_screenshot_as_png())).convert("RGB")
+    ).astype(int)
     high, wide, _ = picture.shape
     view = picture[high // 10 : high // 2, : 2 * wide // 3]
     return int((np.abs(view - colour).sum(axis=2) < NEAR).sum())
 
 
-def test_a_recording_opens_whole_at_its_beginning_with_robots_in_view(address: str, tmp_path: Path) -> None:
+def test_a_recording_opens_whole_at_its_beginning_with_robots_in_view(
+    address: str, tmp_path: Path
+) -> None:
     with chromium_with(tmp_path / "profile", tmp_path, SOFTWARE) as browser:
         browser.driver.set_window_size(900, 700)
         browser.driver.get(address)
-        browser.until(lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", SECONDS)
+        browser.until(
+            lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", SECONDS
+        )
         assert pixels(browser, KINDS["picker"].colour) > 5
         assert pixels(browser, STATES["calling"]) == 0
     with urlopen(parse_qs(urlsplit(address).query)["url"][0], timeout=SECONDS) as answer:
-        assert answer.read() == b"".join(part.read_bytes() for part in parts_of(tmp_path / "run.rrd"))
+        assert answer.read() == b"".join(
+            part.read_bytes() for part in parts_of(tmp_path / "run.rrd")
+        )

@@ -26,7 +26,20 @@ from orchard.view.reader import optimize
 from orchard.view.recorder import Recorder, hits
 from orchard.view.scenery import PATCH
 
-LAYERS = {"recording", "world", "canopy", "scans", "pins", "plan", "metrics", "events", "talk", "legend", "focus", "tf"}
+LAYERS = {
+    "recording",
+    "world",
+    "canopy",
+    "scans",
+    "pins",
+    "plan",
+    "metrics",
+    "events",
+    "talk",
+    "legend",
+    "focus",
+    "tf",
+}
 
 
 def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
@@ -35,17 +48,29 @@ def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("seconds", [0.1, 12.3, 71.0, SECONDS])
-def test_every_body_is_drawn_where_the_frame_says(layout: Layout, harvested: list[Frame], recording: Path, seconds: float) -> None:
+def test_every_body_is_drawn_where_the_frame_says(
+    layout: Layout, harvested: list[Frame], recording: Path, seconds: float
+) -> None:
     seen, meant = poses_at(recording, seconds), harvested[round(seconds * 10) - 1].poses
     assert set(seen) == {*layout.names, FOCUS}
-    assert [name for i, name in enumerate(layout.names) if not same_pose(seen[name], meant[i])] == []
+    assert [
+        name for i, name in enumerate(layout.names) if not same_pose(seen[name], meant[i])
+    ] == []
 
 
-def test_the_recording_shows_the_start_before_the_first_step(layout: Layout, harvested: list[Frame], tmp_path: Path) -> None:
+def test_the_recording_shows_the_start_before_the_first_step(
+    layout: Layout, harvested: list[Frame], tmp_path: Path
+) -> None:
     path = recording_of(tmp_path / "start.rrd", layout, [harvested[0]])
     seen = poses_at(path, 0.0)
-    assert [start.name for start in layout.starts if not same_pose(seen[start.name], np.array(start.pose))] == []
-    assert Rows(path, "/world/pickers/picker_01").values("StateChange:state") == [(0.0, ["picking row 1"])]
+    assert [
+        start.name
+        for start in layout.starts
+        if not same_pose(seen[start.name], np.array(start.pose))
+    ] == []
+    assert Rows(path, "/world/pickers/picker_01").values("StateChange:state") == [
+        (0.0, ["picking row 1"])
+    ]
     assert [t for t, _ in Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")] == [0.0]
 
 
@@ -60,30 +85,49 @@ def test_layers_are_separate_and_time_is_physics_time(recording: Path) -> None:
 def test_every_body_has_a_shape_in_a_frame_of_its_own(layout: Layout, recording: Path) -> None:
     shaped = {path.split("/")[-1] for path in entities_with(recording, "Asset3D:blob")}
     assert set(layout.names) <= shaped
-    assert Rows(recording, "/world/pickers/picker_01").static["CoordinateFrame:frame"] == ["picker_01"]
+    assert Rows(recording, "/world/pickers/picker_01").static["CoordinateFrame:frame"] == [
+        "picker_01"
+    ]
 
 
 def test_what_a_robot_does_is_its_state_and_the_colour_of_its_pin(recording: Path) -> None:
-    said = [(t, state[0]) for t, state in Rows(recording, "/world/pickers/picker_01").values("StateChange:state")]
-    assert said[:3] == [(0.0, "picking row 1"), (70.1, "leaving the full bin of row 1"), (77.0, "waiting for an empty bin")]
+    said = [
+        (t, state[0])
+        for t, state in Rows(recording, "/world/pickers/picker_01").values("StateChange:state")
+    ]
+    assert said[:3] == [
+        (0.0, "picking row 1"),
+        (70.1, "leaving the full bin of row 1"),
+        (77.0, "waiting for an empty bin"),
+    ]
     r, g, b = STATES["waiting"]
     _, colour = Rows(recording, "/pins/picker_01").values("Points3D:colors")[-1]
     assert colour == [r << 24 | g << 16 | b << 8 | 255]
 
 
 def test_scans_are_thinned_and_in_the_frame_of_their_robot(layout: Layout, tmp_path: Path) -> None:
-    ranges = np.where(np.arange(180) < 90, np.float32(4.0), np.float32(np.inf))  # a wall 4 m around, and nothing to the left
-    course = [Frame(tick, starts(layout), scans=[ranges for _ in layout.starts]) for tick in range(21)]
-    clouds = Rows(recording_of(tmp_path / "scans.rrd", layout, course), "/scans/carrier_01").values("Points3D:positions")
+    ranges = np.where(
+        np.arange(180) < 90, np.float32(4.0), np.float32(np.inf)
+    )  # a wall 4 m around, and nothing to the left
+    course = [
+        Frame(tick, starts(layout), scans=[ranges for _ in layout.starts]) for tick in range(21)
+    ]
+    clouds = Rows(recording_of(tmp_path / "scans.rrd", layout, course), "/scans/carrier_01").values(
+        "Points3D:positions"
+    )
     assert [t for t, _ in clouds] == [0.0, 0.5, 1.0, 1.5, 2.0]
     points = np.array(clouds[0][1])
     assert len(points) == 45  # every second beam of the 90 that hit
     assert np.all(points[:, :2] * 32 == np.round(points[:, :2] * 32))
-    assert np.hypot(points[:, 0] - KINDS["carrier"].laser.ahead, points[:, 1]) == pytest.approx(4.0, abs=0.03)
+    assert np.hypot(points[:, 0] - KINDS["carrier"].laser.ahead, points[:, 1]) == pytest.approx(
+        4.0, abs=0.03
+    )
 
 
 def test_hits_leaves_out_what_is_not_there() -> None:
-    sweeps = np.array([[np.inf, 2.0, np.inf, 3.0, 10.0], [1.0, 10.0, 10.0, 10.0, np.inf]], np.float32)
+    sweeps = np.array(
+        [[np.inf, 2.0, np.inf, 3.0, 10.0], [1.0, 10.0, 10.0, 10.0, np.inf]], np.float32
+    )
     points, lengths = hits(sweeps, KINDS["picker"].laser, every=1)
     assert points.shape == (3, 3)
     assert lengths.tolist() == [2, 1]
@@ -98,53 +142,100 @@ def test_a_row_turns_pale_as_it_is_picked_and_its_fruit_goes(recording: Path) ->
     assert len(painted) == 36  # at the beginning, and every 2 m of 70
     assert len(set(painted[0][1])) == 1 and len(set(painted[10][1])) == 2
     assert painted[10][1][0] != painted[0][1][0]  # from the west
-    assert [len(points) for _, points in fruit] == sorted((len(points) for _, points in fruit), reverse=True)
+    assert [len(points) for _, points in fruit] == sorted(
+        (len(points) for _, points in fruit), reverse=True
+    )
     assert fruit[-1][1] == []
 
 
-def test_a_row_that_is_picked_from_the_east_and_inside_turns_pale_there(layout: Layout, tmp_path: Path) -> None:
-    picked = np.array([[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4])  # 10 m from the east end, and 25 to 30 m from the west end
+def test_a_row_that_is_picked_from_the_east_and_inside_turns_pale_there(
+    layout: Layout, tmp_path: Path
+) -> None:
+    picked = np.array(
+        [[0.0, 10.0, 30.0, 45.0], [0.0] * 4, [0.0] * 4]
+    )  # 10 m from the east end, and 25 to 30 m from the west end
     path = recording_of(tmp_path / "east.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
     (_, colours), = Rows(path, "/world/rows/row_01").values("Mesh3D:vertex_colors")  # fmt: skip
-    assert [piece for piece in range(35) if colours[4 * piece] != colours[0]] == [13, 14, *range(30, 35)]
+    assert [piece for piece in range(35) if colours[4 * piece] != colours[0]] == [
+        13,
+        14,
+        *range(30, 35),
+    ]
 
 
 def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) -> None:
     i, j, n = layout.index["picker_01"], layout.index["bin_01"], np.arange(len(layout.starts))
     course = [
-        Frame(tick, starts(layout), fill=np.where(n == j, metres, 0.0), coupled=np.where(n == i, other, -1))
+        Frame(
+            tick,
+            starts(layout),
+            fill=np.where(n == j, metres, 0.0),
+            coupled=np.where(n == i, other, -1),
+        )
         for tick, (metres, other) in enumerate([(0.0, j), (35.0, j), (70.0, -1)])
     ]
     path = recording_of(tmp_path / "bins.rrd", layout, course)
-    heights = [pose[0][2] for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")]
+    heights = [
+        pose[0][2]
+        for _, pose in Rows(path, "/world/bins/bin_01/fruit").values("InstancePoses3D:translations")
+    ]
     assert heights == sorted(heights) and len(heights) == 3
-    flags = [scale[0][0] for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")]
+    flags = [
+        scale[0][0]
+        for _, scale in Rows(path, "/world/bins/bin_01/full").values("InstancePoses3D:scales")
+    ]
     assert [flag > 0.5 for flag in flags] == [False, False, True]
-    assert [len(bars) for _, bars in Rows(path, "/world/pickers/picker_01/bar").values("LineStrips3D:strips")] == [1, 0]
+    assert [
+        len(bars)
+        for _, bars in Rows(path, "/world/pickers/picker_01/bar").values("LineStrips3D:strips")
+    ] == [1, 0]
 
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
-    layout, picked = lay_out(orchard_of(UNEQUAL)), np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
-    return layout, recording_of(tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_ends=picked)])
+    layout, picked = (
+        lay_out(orchard_of(UNEQUAL)),
+        np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]),
+    )
+    return layout, recording_of(
+        tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_ends=picked)]
+    )
 
 
-def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(surveyed: tuple[Layout, Path]) -> None:
+def test_surveyed_rows_and_their_trees_are_drawn_where_they_are(
+    surveyed: tuple[Layout, Path],
+) -> None:
     layout, path = surveyed
     trees = Rows(path, "/world/trees").static["InstancePoses3D:translations"]
-    assert np.array(trees)[:, :2] == pytest.approx(np.array([(x, line.y) for line in layout.lines for x in line.trees_x]), abs=1e-4)
+    assert np.array(trees)[:, :2] == pytest.approx(
+        np.array([(x, line.y) for line in layout.lines for x in line.trees_x]), abs=1e-4
+    )
     for lane in layout.lanes:
-        ground = np.array(Rows(path, f"/world/rows/row_{lane.number:02d}").static["Mesh3D:vertex_positions"])
-        assert (ground[:, 0].min(), ground[:, 0].max()) == pytest.approx((lane.west, lane.east), abs=1e-4)
+        ground = np.array(
+            Rows(path, f"/world/rows/row_{lane.number:02d}").static["Mesh3D:vertex_positions"]
+        )
+        assert (ground[:, 0].min(), ground[:, 0].max()) == pytest.approx(
+            (lane.west, lane.east), abs=1e-4
+        )
         assert np.ptp(ground[:, 1]) == pytest.approx(lane.width - 1.2, abs=1e-4)
     scales = np.array(Rows(path, "/canopy/pergola").static["InstancePoses3D:scales"])
-    assert set(scales[:, 1].round(4)) == {round((lane.width - 0.5) / PATCH, 4) for lane in layout.lanes}
-    painted = [Rows(path, f"/world/rows/row_0{n}").values("Mesh3D:vertex_colors")[0][1] for n in (1, 2, 3)]
-    assert [len(set(colours)) for colours in painted] == [1, 2, 1] and painted[0][0] != painted[2][0]
+    assert set(scales[:, 1].round(4)) == {
+        round((lane.width - 0.5) / PATCH, 4) for lane in layout.lanes
+    }
+    painted = [
+        Rows(path, f"/world/rows/row_0{n}").values("Mesh3D:vertex_colors")[0][1] for n in (1, 2, 3)
+    ]
+    assert [len(set(colours)) for colours in painted] == [1, 2, 1] and painted[0][0] != painted[2][
+        0
+    ]
 
 
 def test_lines_in_which_carriers_charge_have_a_colour_of_their_own() -> None:
-    layout = lay_out(Scenario(carriers=20, carrying={"battery": {"hours": 8.0, "hours_to_charge": 1.0}}, chargers=2))
+    layout = lay_out(
+        Scenario(
+            carriers=20, carrying={"battery": {"hours": 8.0, "hours_to_charge": 1.0}}, chargers=2
+        )
+    )
     colours = {round(part.at[1], 2): part.colour for part in scenery.queue_lines(layout)}
     assert {y for y, colour in colours.items() if colour == CHARGING} == {
         round(y + side, 2) for y in layout.charging_lines for side in (-1.1, 1.1)
@@ -176,8 +267,17 @@ def test_the_legend_names_every_state_each_laser_flags_and_the_queue(recording: 
 
 def test_what_is_said_again_is_no_news(layout: Layout, tmp_path: Path) -> None:
     call = Event(0, "call", "bin_01", "carrier_01", "")
-    path = recording_of(tmp_path / "again.rrd", layout, [Frame(tick, starts(layout), events=[call]) for tick in (0, 20, 40, 400)])
-    assert [level[0] for _, level in Rows(path, "/events").values("TextLog:level")] == ["INFO", "DEBUG", "DEBUG", "INFO"]
+    path = recording_of(
+        tmp_path / "again.rrd",
+        layout,
+        [Frame(tick, starts(layout), events=[call]) for tick in (0, 20, 40, 400)],
+    )
+    assert [level[0] for _, level in Rows(path, "/events").values("TextLog:level")] == [
+        "INFO",
+        "DEBUG",
+        "DEBUG",
+        "INFO",
+    ]
 
 
 def test_a_live_recording_is_served_on_the_loopback_only(layout: Layout) -> None:
@@ -227,8 +327,12 @@ os.kill(os.getpid(), signal.SIGKILL)
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_recording_opens_after_a_kill(tmp_path: Path) -> None:
     path, root = tmp_path / "killed.rrd", Path(__file__).parents[2]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(root / "tests" / "support"), str(root)])}
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(path)], env=environment, timeout=60, check=False)
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(root / "tests" / "support"), str(root)])
+    }
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, str(path)], env=environment, timeout=60, check=False
+    )
     assert killed.returncode < 0
     assert max(t for t, _ in Rows(path, "/tf").rows) == 20.0
     optimize(path)

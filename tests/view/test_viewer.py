@@ -44,7 +44,9 @@ def told(stand_in: Path) -> list[str]:
 
 def test_without_the_variable_it_is_the_one_of_the_package(monkeypatch):
     monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
-    done = subprocess.run([viewer_program(), "--version"], capture_output=True, text=True, timeout=SECONDS)
+    done = subprocess.run(
+        [viewer_program(), "--version"], capture_output=True, text=True, timeout=SECONDS
+    )
     assert done.returncode == 0
     assert "rerun" in done.stdout
 
@@ -62,7 +64,10 @@ DISK_FULL = "Error: couldn't encode messages: No space left on device (os error 
 
 NOT_PACKED = [
     (f"sys.exit({DISK_FULL!r})", "No space left on device"),
-    ("sys.exit('Error: it is no recording')", "Rerun's program has ended with exit code 1: it is no recording"),
+    (
+        "sys.exit('Error: it is no recording')",
+        "Rerun's program has ended with exit code 1: it is no recording",
+    ),
     ("os.kill(os.getpid(), 9)", "Rerun's program has ended with exit code -9"),
     ("time.sleep(30)", "Rerun's program takes longer than 2 s"),
 ]
@@ -71,8 +76,14 @@ NOT_PACKED = [
 @pytest.mark.parametrize(("ends", "why"), NOT_PACKED)
 def test_why_a_recording_is_not_packed_is_said_in_words(stand_in, tmp_path, monkeypatch, ends, why):
     monkeypatch.setattr("orchard.view.reader.PACK_SECONDS", 2)
-    stand_in.write_text(f"#!{sys.executable}\nimport os, sys, time\nif os.environ.get('RUST_LOG') != 'error': sys.exit('INFO')\n{ends}\n")
-    with pytest.raises(OSError, match=re.escape(f"run.rrd: it stays as it was recorded, neither packed nor repaired: {why}") + "$"):
+    stand_in.write_text(
+        f"#!{sys.executable}\nimport os, sys, time\nif os.environ.get('RUST_LOG') != 'error': sys.exit('INFO')\n{ends}\n"
+    )
+    with pytest.raises(
+        OSError,
+        match=re.escape(f"run.rrd: it stays as it was recorded, neither packed nor repaired: {why}")
+        + "$",
+    ):
         optimize(tmp_path / "run.rrd")
 
 
@@ -81,16 +92,22 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
     for part in parts:
         part.write_bytes(HEAD)
     orchard("view", parts[0])
-    assert told(stand_in) == ["--bind", "127.0.0.1", *map(str, parts)], "and no other machine can send it data"
+    assert told(stand_in) == ["--bind", "127.0.0.1", *map(str, parts)], (
+        "and no other machine can send it data"
+    )
 
 
 def test_a_live_run_is_shown_by_it_in_a_window_and_to_browsers(stand_in):
     open_viewer("rerun+http://127.0.0.1:9/proxy").wait(SECONDS)
-    assert told(stand_in) == ["--bind", "127.0.0.1", "rerun+http://127.0.0.1:9/proxy"], "and no other machine can send it data"
+    assert told(stand_in) == ["--bind", "127.0.0.1", "rerun+http://127.0.0.1:9/proxy"], (
+        "and no other machine can send it data"
+    )
     assert command(9090, "what")[0] == str(stand_in)
 
 
-@pytest.mark.parametrize("words", [("view",), ("--mode", "local", "--duration", 1, "--record")], ids=["view", "a run"])
+@pytest.mark.parametrize(
+    "words", [("view",), ("--mode", "local", "--duration", 1, "--record")], ids=["view", "a run"]
+)
 def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path, words):
     monkeypatch.setenv("RERUN_CLI_PATH", str(tmp_path / "nothing"))
     recording = tmp_path / "run.rrd"
@@ -100,8 +117,14 @@ def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path,
     assert done.stdout == ""
 
 
-@pytest.mark.parametrize("words", [("view",), ("--mode", "local", "--duration", 1, "--view", "--record")], ids=["view", "a run"])
-def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(stand_in, monkeypatch, tmp_path, words):
+@pytest.mark.parametrize(
+    "words",
+    [("view",), ("--mode", "local", "--duration", 1, "--view", "--record")],
+    ids=["view", "a run"],
+)
+def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(
+    stand_in, monkeypatch, tmp_path, words
+):
     monkeypatch.delenv("DISPLAY")
     recording = tmp_path / "run.rrd"
     recording.write_bytes(HEAD)
@@ -121,7 +144,9 @@ ASKED = [
 
 
 @pytest.mark.parametrize(("path", "headers", "answers"), ASKED)
-def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(stand_in, tmp_path, path, headers, answers):
+def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(
+    stand_in, tmp_path, path, headers, answers
+):
     stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({SECONDS})\n")
     for name in ("a run.rrd", "a run.part2.rrd", "other.rrd"):
         (tmp_path / name).write_text(name)
@@ -137,7 +162,9 @@ def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(st
         server.terminate()
 
 
-def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_named(stand_in, monkeypatch, tmp_path):
+def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_named(
+    stand_in, monkeypatch, tmp_path
+):
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
     monkeypatch.delenv("DISPLAY")
     port = free_pair()
@@ -157,5 +184,20 @@ def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fa
 def test_a_viewer_that_dies_during_a_run_is_named_with_its_exit_code(stand_in, mode, how):
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     port = [free_pair()] if how == "--web" else []
-    done = orchard("--rows", 3, "--mode", mode, "--hosts", 1, "--duration", 20, "--speed", 10, "--record", "none", how, *port)
+    done = orchard(
+        "--rows",
+        3,
+        "--mode",
+        mode,
+        "--hosts",
+        1,
+        "--duration",
+        20,
+        "--speed",
+        10,
+        "--record",
+        "none",
+        how,
+        *port,
+    )
     assert re.search(r"viewer (has )?ended with (exit )?code 3", done.stdout + done.stderr)

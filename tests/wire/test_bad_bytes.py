@@ -34,7 +34,18 @@ pytestmark = pytest.mark.processes
 TICKS = 60
 MOST_MEMORY = 64 << 20  # bytes, that all these messages may leave behind
 CONTROL = ("simulation_state", "set_simulation_state", "step_simulation", "reset_simulation")
-TO_PHYSICS = ("velocity", "velocities", "refused", "scenario", "join", "recall", "stop", *CONTROL, "layout", "advice")
+TO_PHYSICS = (
+    "velocity",
+    "velocities",
+    "refused",
+    "scenario",
+    "join",
+    "recall",
+    "stop",
+    *CONTROL,
+    "layout",
+    "advice",
+)
 TO_HOST = ("seen", "lost", "end", "mail", "state")
 ASKED = ("scenario", "join", "recall", "stop", "mail", "state", "layout", *CONTROL)
 
@@ -42,22 +53,63 @@ ASKED = ("scenario", "join", "recall", "stop", "mail", "state", "layout", *CONTR
 def impossible(what: str, tick: int, host: str = HOST):
     """(payload, how many refusals): well-formed messages of this run that cannot be."""
     drive = {"linear": {"x": 0.7}, "angular": {"z": 0.1}}
-    one, many = {"run": RUN, **drive}, {"run": RUN, "velocities": {name: drive for name in ("picker_01", "bin_02", "worker_01")}}
+    one, many = (
+        {"run": RUN, **drive},
+        {"run": RUN, "velocities": {name: drive for name in ("picker_01", "bin_02", "worker_01")}},
+    )
     return {
         "velocity": [
             (one | {"tick": tick + 5000, "owner": host}, 1),
             (one | {"tick": tick, "owner": "stranger"}, 1),
             (one | {"tick": tick}, 1),
         ],
-        "velocities": [(many | {"tick": tick + 5000, "owner": host}, 1), (many | {"tick": tick, "owner": "stranger"}, 3)],
+        "velocities": [
+            (many | {"tick": tick + 5000, "owner": host}, 1),
+            (many | {"tick": tick, "owner": "stranger"}, 3),
+        ],
         "join": [({"run": RUN, "owner": "stranger", "names": ["picker_01"]}, 1)],
         "recall": [({"run": RUN, "tick": tick + 5000}, 1)],
-        "stop": [({"run": RUN, "stop": True, "names": ["nobody"]}, 1), ({"run": RUN, "stop": True, "names": ["picker_01", "cat"]}, 1)],
-        "mail": [
-            ({"run": RUN, "tick": tick + 5000, "sender": "picker_01", "number": 0, "body": {"type": "where"}}, 1),
-            ({"run": RUN, "tick": tick, "sender": "nobody_01", "number": 0, "body": {"type": "where"}}, 1),
+        "stop": [
+            ({"run": RUN, "stop": True, "names": ["nobody"]}, 1),
+            ({"run": RUN, "stop": True, "names": ["picker_01", "cat"]}, 1),
         ],
-        "seen": [({"run": RUN, "tick": tick + 5000, "names": [], "states": b"", "ranges": b"", "hitches": {}, "fills": {}, "full": []}, 1)],
+        "mail": [
+            (
+                {
+                    "run": RUN,
+                    "tick": tick + 5000,
+                    "sender": "picker_01",
+                    "number": 0,
+                    "body": {"type": "where"},
+                },
+                1,
+            ),
+            (
+                {
+                    "run": RUN,
+                    "tick": tick,
+                    "sender": "nobody_01",
+                    "number": 0,
+                    "body": {"type": "where"},
+                },
+                1,
+            ),
+        ],
+        "seen": [
+            (
+                {
+                    "run": RUN,
+                    "tick": tick + 5000,
+                    "names": [],
+                    "states": b"",
+                    "ranges": b"",
+                    "hitches": {},
+                    "fills": {},
+                    "full": [],
+                },
+                1,
+            )
+        ],
     }.get(what, [])
 
 
@@ -73,7 +125,10 @@ class Thrower:
         run.net.on_put = self.at_clock
 
     def at_clock(self, key: str, payload: bytes) -> None:
-        if key != KEYS.of("clock") or not 2 <= (tick := msgpack.unpackb(payload)["tick"]) < TICKS - 6:
+        if (
+            key != KEYS.of("clock")
+            or not 2 <= (tick := msgpack.unpackb(payload)["tick"]) < TICKS - 6
+        ):
             return
         self.run.net.sent.clear()
         self.run.net.queries.clear()
@@ -83,7 +138,13 @@ class Thrower:
                 for key_, bad_ in bad(self._messages, what, self._each, tick):
                     self.throw(bus, what, key_, bad_, 1)
                 for message, refusals in impossible(what, tick):
-                    self.throw(bus, what, KEYS.of(what, "picker_01", "stranger"), msgpack.packb(message), refusals)
+                    self.throw(
+                        bus,
+                        what,
+                        KEYS.of(what, "picker_01", "stranger"),
+                        msgpack.packb(message),
+                        refusals,
+                    )
         for number in range(10):
             self.throw_tokens(tick * 10 + number)
 
@@ -103,10 +164,21 @@ class Thrower:
     def throw_tokens(self, number: int) -> None:
         """Names that are not there; tokens and keys that stand for many."""
         bus = self.run.physics.bus
-        for key in (f"orchard/alive/nobody_{number}/x", "orchard/**", "orchard/alive/*/x", "orchard/alive/picker_01/*", "**"):
+        for key in (
+            f"orchard/alive/nobody_{number}/x",
+            "orchard/**",
+            "orchard/alive/*/x",
+            "orchard/alive/picker_01/*",
+            "**",
+        ):
             bus.inbox.put(Alive(key, number % 2 == 0))
         bus.inbox.put(Sample("orchard/**", b"\x80"))
-        bus.inbox.put(Sample(f"orchard/nobody_{number}/velocity", pack(Velocity(RUN, 1, Linear(1.0), Angular(0.0)))))
+        bus.inbox.put(
+            Sample(
+                f"orchard/nobody_{number}/velocity",
+                pack(Velocity(RUN, 1, Linear(1.0), Angular(0.0))),
+            )
+        )
         self.run.host.bus.inbox.put(Sample("orchard/**", b"\x80"))
         self.run.host.bus.inbox.put(Alive("orchard/alive/**", False))
         self.expected[bus.id] += 7
@@ -122,12 +194,21 @@ def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, c
     assert end.hash == local_hash(SMALL, TICKS), "no effect"
     assert run.physics.run.refusal_totals.counts.total() == thrower.expected["physics1"]
     assert run.host.refusals.counts.total() == thrower.expected[HOST]
-    assert len(thrower.replies) == thrower.asked and all(reply.error for reply in thrower.replies), "nonsense gets an error reply"
+    assert len(thrower.replies) == thrower.asked and all(
+        reply.error for reply in thrower.replies
+    ), "nonsense gets an error reply"
     assert sum(thrower.by_key.values()) > 40_000
     assert max(thrower.memory) - thrower.memory[len(thrower.memory) // 5] < MOST_MEMORY
     drivers = run.physics.run.drivers
-    assert len(run.physics.run.refusal_totals.there) <= 1000 and not drivers.unowned._puts and len(drivers.recovery_log.memories) <= AGENTS
-    assert not any("Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700 for record in caplog.records)
+    assert (
+        len(run.physics.run.refusal_totals.there) <= 1000
+        and not drivers.unowned._puts
+        and len(drivers.recovery_log.memories) <= AGENTS
+    )
+    assert not any(
+        "Traceback" in record.getMessage() or record.exc_info or len(record.getMessage()) > 700
+        for record in caplog.records
+    )
     refused = run.physics.run.refusal_totals.counts, run.host.refusals.counts
     print(dict(thrower.by_key), *map(dict, refused), [m >> 20 for m in thrower.memory[::10]])
 
@@ -140,7 +221,10 @@ def logger():
 def test_the_logger_refuses_them_and_writes_nothing(other, logger):
     thrown = 0
     for what in ("bundle", "lost", "end"):
-        for key, payload in [*bad(other, what, 3000, 0), *((KEYS.of(what), p) for p in oversized())]:
+        for key, payload in [
+            *bad(other, what, 3000, 0),
+            *((KEYS.of(what), p) for p in oversized()),
+        ]:
             logger._handle(Sample(key, payload))
             thrown += 1
     for key in ("orchard/**", "orchard/nobody"):
@@ -150,11 +234,20 @@ def test_the_logger_refuses_them_and_writes_nothing(other, logger):
 
 
 def bundled(picture: dict) -> Sample:
-    return Sample(KEYS.of("bundle"), msgpack.packb({"run": RUN, "tick": TICKS, "events": [], "letters": [], "pictures": [picture]}))
+    return Sample(
+        KEYS.of("bundle"),
+        msgpack.packb(
+            {"run": RUN, "tick": TICKS, "events": [], "letters": [], "pictures": [picture]}
+        ),
+    )
 
 
 def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
-    picture = next(p for _, p in reversed(other["picture"]) if msgpack.unpackb(p)["scans"] and len(msgpack.unpackb(p)["poses"]) > 24)
+    picture = next(
+        p
+        for _, p in reversed(other["picture"])
+        if msgpack.unpackb(p)["scans"] and len(msgpack.unpackb(p)["poses"]) > 24
+    )
     good = msgpack.unpackb(picture) | {"run": RUN}
     changes = [
         {"poses": good["poses"][:-24]},
@@ -175,7 +268,13 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
     assert logger.refusals.counts == {"malformed": len(changes)}
     assert not len(logger.queue)
     bodies = len(good["poses"]) // 24
-    whole = {"alive": [True] * bodies, "row_ends": [[0.0] * 4] * 3, "fill": [0.0] * bodies, "coupled": [-1] * bodies, "whole": True}
+    whole = {
+        "alive": [True] * bodies,
+        "row_ends": [[0.0] * 4] * 3,
+        "fill": [0.0] * bodies,
+        "coupled": [-1] * bodies,
+        "whole": True,
+    }
     logger._handle(bundled(good | whole))
     assert len(logger.queue) == 1, "the good one is taken"
 
@@ -183,8 +282,17 @@ def test_pictures_that_are_not_of_this_orchard_are_refused(other, logger):
 def test_run_py_refuses_them_and_shows_nothing(other):
     shown = []
     progress = SimpleNamespace(show=lambda *what: shown.append(what))
-    half = {"run": RUN, "tick": 1, "figures": {"sim_seconds": "x"}, "doing": {}, "waits_for": {}, "messages_refused": {}}
-    thrown = [item for what in ("figures", "end") for item in bad(other, what, 3000, 1)] + [("orchard/figures", msgpack.packb(half))]
+    half = {
+        "run": RUN,
+        "tick": 1,
+        "figures": {"sim_seconds": "x"},
+        "doing": {},
+        "waits_for": {},
+        "messages_refused": {},
+    }
+    thrown = [item for what in ("figures", "end") for item in bad(other, what, 3000, 1)] + [
+        ("orchard/figures", msgpack.packb(half))
+    ]
     for key, payload in thrown:
         with pytest.raises(Refused):
             follow(Sample(key, payload), RUN, progress)
@@ -201,14 +309,18 @@ def test_a_query_with_wildcards_moves_nothing(fleet):
     fleet.physics(SMALL, "--duration", "6")
     someone = fleet.client()
     messages = ({"state": "quitting"}, {"state": "paused"}, {"stop": True, "names": []})
-    for key, message in product(("orchard/*", "orchard/**", "**", "orchard/set_$*", "orchard/st$*"), messages):
+    for key, message in product(
+        ("orchard/*", "orchard/**", "**", "orchard/set_$*", "orchard/st$*"), messages
+    ):
         replies = someone.ask(key, msgpack.packb({"run": fleet.run} | message))
         assert replies and set(replies) == {"no such key"}, key
     fleet.share(1)
     assert fleet.end() == local_hash(SMALL, 60)
 
 
-def test_a_payload_that_ends_with_other_messages_is_refused_unless_only_its_last_value_is_torn(other):
+def test_a_payload_that_ends_with_other_messages_is_refused_unless_only_its_last_value_is_torn(
+    other,
+):
     """Zenoh delivers such payloads when it closes a full link. What agents are shown, and what they answer, is never one of them."""
     chance, least = Random(1), {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}
     payloads = [payload for sent in other.values() for _, payload in sent]

@@ -16,7 +16,9 @@ from docs.message_examples import EXAMPLES
 from docs.message_fields import MEMBERS
 from orchard.wire.keys import TABLE, Keys
 
-SCHEMA = Path(__file__).parent / "asyncapi-3.0.0.schema.json.gz"  # of npm's @asyncapi/specs 6.11.1, Apache-2.0
+SCHEMA = (
+    Path(__file__).parent / "asyncapi-3.0.0.schema.json.gz"
+)  # of npm's @asyncapi/specs 6.11.1, Apache-2.0
 CONTRACT = json.loads(asyncapi())
 REFERENCE = messages()
 
@@ -45,10 +47,15 @@ def as_json(value):
     return base64.b64encode(value).decode() if isinstance(value, bytes) else value
 
 
-@pytest.mark.parametrize("what", [what for what, key in TABLE.items() if key.message or key.replies])
+@pytest.mark.parametrize(
+    "what", [what for what, key in TABLE.items() if key.message or key.replies]
+)
 def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, what):
     names = CONTRACT["channels"][what]["messages"]
-    schema = {"anyOf": [{"$ref": f"#/components/schemas/{name}"} for name in names], "components": CONTRACT["components"]}
+    schema = {
+        "anyOf": [{"$ref": f"#/components/schemas/{name}"} for name in names],
+        "components": CONTRACT["components"],
+    }
     validator = Draft7Validator(schema)
     for _, payload in other[what]:
         message = as_json(msgpack.unpackb(payload))
@@ -71,18 +78,26 @@ def maps_in(type_):
         elif isinstance(part, inspect.TupleType):
             waiting += part.item_types
         else:
-            waiting += [getattr(part, name) for name in ("type", "item_type", "value_type") if hasattr(part, name)]
+            waiting += [
+                getattr(part, name)
+                for name in ("type", "item_type", "value_type")
+                if hasattr(part, name)
+            ]
     return found.values()
 
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
 def test_every_map_in_a_message_refuses_unknown_fields_as_keyspace_says(type_):
-    assert [part.cls for part in maps_in(inspect.type_info(type_)) if not part.forbid_unknown_fields] == []
+    assert [
+        part.cls for part in maps_in(inspect.type_info(type_)) if not part.forbid_unknown_fields
+    ] == []
 
 
 def described(name):
     (text,) = re.findall(rf"^### {name}\n(.*?)(?=^##|\Z)", REFERENCE, re.M | re.S)
-    return text + "".join(described(base) for base in re.findall(r"^the fields of (\w+)$", text, re.M))
+    return text + "".join(
+        described(base) for base in re.findall(r"^the fields of (\w+)$", text, re.M)
+    )
 
 
 @pytest.mark.parametrize("type_", EXAMPLES, ids=lambda type_: type_.__name__)
@@ -91,7 +106,11 @@ def test_each_map_in_a_message_is_described_once_with_all_its_fields(type_):
         if part.cls not in MEMBERS:
             text = described(part.cls.__name__)
             left_out = ("run", "tick") if part.cls in EXAMPLES else ()
-            assert [f.encode_name for f in part.fields if f.encode_name not in left_out and f"\n{f.encode_name}: " not in text] == []
+            assert [
+                f.encode_name
+                for f in part.fields
+                if f.encode_name not in left_out and f"\n{f.encode_name}: " not in text
+            ] == []
 
 
 def test_keys_are_made_and_taken_apart():

@@ -34,10 +34,14 @@ ranges = st.one_of(st.floats(0, 10, width=32), st.just(math.inf))
 
 
 def scans(beams):
-    return st.lists(ranges, min_size=beams, max_size=beams).map(lambda values: np.array(values, dtype=np.float32))
+    return st.lists(ranges, min_size=beams, max_size=beams).map(
+        lambda values: np.array(values, dtype=np.float32)
+    )
 
 
-hitches = st.builds(Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60))
+hitches = st.builds(
+    Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60)
+)
 seen = st.builds(
     Observation, st.just("picker_01"), st.integers(0, 2**35), metres, metres, st.tuples(units, units), twists, scans(180),
     st.none() | hitches, st.floats(0, 70), st.booleans(), st.just(0.0) | st.floats(0.001, 0.71), st.floats(0, 1),
@@ -57,24 +61,52 @@ def sights_of(observations):
     names = {seen.name: row for row, seen in enumerate(observations)}
     accuracies = {seen.name: seen.accuracy for seen in observations if seen.accuracy}
     charges = {seen.name: seen.charge for seen in observations}
-    return Observations(7, names, states, [seen.scan for seen in observations], hitches, fills, full, accuracies, charges)
+    return Observations(
+        7,
+        names,
+        states,
+        [seen.scan for seen in observations],
+        hitches,
+        fills,
+        full,
+        accuracies,
+        charges,
+    )
 
 
 @given(st.lists(seen, min_size=1, max_size=4))
 @settings(max_examples=60)
 def test_what_is_seen_arrives_to_the_last_bit(several):
-    several = [replace(o, name=f"picker_{n:02d}", tick=7, full=o.full and o.fill > 0.0) for n, o in enumerate(several)]
+    several = [
+        replace(o, name=f"picker_{n:02d}", tick=7, full=o.full and o.fill > 0.0)
+        for n, o in enumerate(several)
+    ]
     sent = sights_of(several)
     asked = several[::2]
-    heard = codec.observations_of(read(pack(seen_of(RUN, sent, [one.name for one in asked], [])), wire.Seen))
+    heard = codec.observations_of(
+        read(pack(seen_of(RUN, sent, [one.name for one in asked], [])), wire.Seen)
+    )
     assert list(heard) == [one.name for one in asked]
     for one in asked:
         assert_same(heard[one.name], one)
 
 
 def assert_same(heard, observation):
-    for field in ("name", "tick", "x", "y", "orientation", "twist", "fill", "full", "accuracy", "charge"):
-        assert repr(getattr(heard, field)) == repr(getattr(observation, field))  # repr tells -0.0 from 0.0
+    for field in (
+        "name",
+        "tick",
+        "x",
+        "y",
+        "orientation",
+        "twist",
+        "fill",
+        "full",
+        "accuracy",
+        "charge",
+    ):
+        assert repr(getattr(heard, field)) == repr(
+            getattr(observation, field)
+        )  # repr tells -0.0 from 0.0
     assert same_scan(heard.scan, observation.scan)
     assert (heard.hitch is None) == (observation.hitch is None)
     if heard.hitch is not None:
@@ -83,13 +115,21 @@ def assert_same(heard, observation):
 
 
 def seen_message():
-    observation = Observation("picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32))
+    observation = Observation(
+        "picker_01", 7, 1.0, 2.0, (0.0, 1.0), Twist(), np.zeros(180, dtype=np.float32)
+    )
     return seen_of(RUN, sights_of([observation]), [observation.name], [])
 
 
 @pytest.mark.parametrize(
     "change",
-    [{"states": bytes(55)}, {"states": np.full(7, np.nan).tobytes()}, {"ranges": bytes(4 * 179)}, {"names": []}, {"names": ["pear_01"]}],
+    [
+        {"states": bytes(55)},
+        {"states": np.full(7, np.nan).tobytes()},
+        {"ranges": bytes(4 * 179)},
+        {"names": []},
+        {"names": ["pear_01"]},
+    ],
     ids=["short", "no numbers", "a beam too few", "nobody's", "no such kind"],
 )
 def test_arrays_that_do_not_fit_are_refused(change):
@@ -98,9 +138,13 @@ def test_arrays_that_do_not_fit_are_refused(change):
 
 
 def test_a_beam_too_many_of_the_one_does_not_make_up_for_one_too_few_of_the_other():
-    behind = {"picker_01": wire.OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))}
+    behind = {
+        "picker_01": wire.OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))
+    }
     with pytest.raises(ValueError, match="fit"):
-        codec.observations_of(msgspec.structs.replace(seen_message(), ranges=bytes(4 * 179), hitches=behind))
+        codec.observations_of(
+            msgspec.structs.replace(seen_message(), ranges=bytes(4 * 179), hitches=behind)
+        )
 
 
 @given(seen)
@@ -110,28 +154,47 @@ def test_pose_and_scan_of_one_robot_say_the_same(observation):
     position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
     assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
     assert (orientation["z"], orientation["w"]) == observation.orientation
-    assert (pose["twist"]["linear"]["x"], pose["accuracy"]) == (observation.twist.x, observation.accuracy)
+    assert (pose["twist"]["linear"]["x"], pose["accuracy"]) == (
+        observation.twist.x,
+        observation.accuracy,
+    )
     assert scan["ranges"] == observation.scan.tobytes()
     assert (pose["hitch"] is None) == (observation.hitch is None)
     if observation.hitch is not None:
         assert pose["hitch"]["name"] == observation.hitch.name
-        assert (scan["rear"] and scan["rear"]["ranges"]) == (None if observation.hitch.scan is None else observation.hitch.scan.tobytes())
+        assert (scan["rear"] and scan["rear"]["ranges"]) == (
+            None if observation.hitch.scan is None else observation.hitch.scan.tobytes()
+        )
 
 
-@given(twists, st.lists(st.sampled_from([Couple("bin_01"), Uncouple()]), max_size=3), st.binary(max_size=64), st.none() | st.binary())
+@given(
+    twists,
+    st.lists(st.sampled_from([Couple("bin_01"), Uncouple()]), max_size=3),
+    st.binary(max_size=64),
+    st.none() | st.binary(),
+)
 def test_an_action_arrives_to_the_last_bit(twist, deeds, mail, memory):
     action = Action(twist, deeds, doing="picking row 1", waits_for="bin_01", steps_done=7)
     sent = wire.Velocities(RUN, 3, "a1", {"picker_01": report_of(action, mail, memory)})
     arrived = read(pack(sent), wire.Velocities)
     assert arrived == sent
     report = arrived.velocities["picker_01"]
-    assert (report.twist, report.deeds, report.doing, report.waits_for) == (twist, deeds, "picking row 1", "bin_01")
+    assert (report.twist, report.deeds, report.doing, report.waits_for) == (
+        twist,
+        deeds,
+        "picking row 1",
+        "bin_01",
+    )
     assert (report.steps_done, report.mail, report.memory) == (7, mail, memory)
 
 
 @pytest.mark.parametrize("body", [Call(3, "east", 7), Offer(1.0, 2.0, 3.5)])
 def test_letters_arrive_as_they_were(body):
-    message = wire.Letter(RUN, 1, "bin_01", 0, body) if isinstance(body, Call) else wire.Answered(RUN, 1, body)
+    message = (
+        wire.Letter(RUN, 1, "bin_01", 0, body)
+        if isinstance(body, Call)
+        else wire.Answered(RUN, 1, body)
+    )
     assert read(pack(message), type(message)) == message
 
 
@@ -169,7 +232,11 @@ def test_a_bad_velocity_is_refused(change):
 @pytest.mark.parametrize("missing", GOOD)
 def test_a_velocity_without_a_field_is_refused(missing):
     with pytest.raises(Refused, match=missing):
-        read_message(msgpack.packb({key: value for key, value in GOOD.items() if key != missing}), Velocity, RUN)
+        read_message(
+            msgpack.packb({key: value for key, value in GOOD.items() if key != missing}),
+            Velocity,
+            RUN,
+        )
 
 
 def test_another_run_is_refused_by_name():
@@ -187,7 +254,16 @@ def test_a_session_gets_the_memories_of_all_its_agents_however_many_there_are():
     assert read_message(pack(joined), wire.Joined, RUN) == joined
 
 
-MESSAGES = (Velocity, wire.Velocities, wire.Seen, wire.Recall, wire.Recalled, wire.Letter, wire.Join, wire.Stop)
+MESSAGES = (
+    Velocity,
+    wire.Velocities,
+    wire.Seen,
+    wire.Recall,
+    wire.Recalled,
+    wire.Letter,
+    wire.Join,
+    wire.Stop,
+)
 
 
 @given(st.data())
@@ -202,19 +278,32 @@ def test_a_damaged_velocity_is_refused_or_still_one(data):
     assert all(abs(part) <= FASTEST for part in twist_of(velocity))
 
 
-@pytest.mark.parametrize("scenario", [SMALL, Scenario(rows=20, pickers=16, carriers=36)], ids=["small", "large"])
+@pytest.mark.parametrize(
+    "scenario", [SMALL, Scenario(rows=20, pickers=16, carriers=36)], ids=["small", "large"]
+)
 def test_the_layout_arrives_as_it_is(scenario):
     layout = lay_out(scenario)
     payload = pack(orchard_of("a", 0, layout))
     told = read(payload, wire.Orchard)
     assert len(payload) < MAX_PAYLOAD
     assert [list(wall) for wall in told.walls] == layout.walls.tolist()
-    assert [(body.name, body.kind, body.bin) for body in told.bodies] == [(start.name, start.kind, start.bin) for start in layout.starts]
+    assert [(body.name, body.kind, body.bin) for body in told.bodies] == [
+        (start.name, start.kind, start.bin) for start in layout.starts
+    ]
     for body, start in zip(told.bodies, layout.starts, strict=True):
         at, turned = body.pose.position, body.pose.orientation
         assert (at.x, at.y) == start.pose[:2]
         assert abs(angle_between(yaw_of(turned.z, turned.w), start.pose.yaw)) < 1e-9
-    assert [row[1] for row in told.rows] == [row[3] for row in told.rows] == [lane.y for lane in layout.lanes]
+    assert (
+        [row[1] for row in told.rows]
+        == [row[3] for row in told.rows]
+        == [lane.y for lane in layout.lanes]
+    )
     assert {row[2] - row[0] for row in told.rows} == {layout.row_length}
     carrier = told.kinds["carrier"]
-    assert (carrier.length, carrier.tows, carrier.laser.x, carrier.laser.range_min) == (1.8, 1.9, 0.9, 0.0)
+    assert (carrier.length, carrier.tows, carrier.laser.x, carrier.laser.range_min) == (
+        1.8,
+        1.9,
+        0.9,
+        0.0,
+    )

@@ -33,7 +33,9 @@ def main() -> int:
         print(f"orchard-ros2: {error}", file=sys.stderr)
         return 2
     except InvalidParameterTypeException as error:
-        print(f"orchard-ros2: {error}; a list of robots is as [picker_01, carrier]", file=sys.stderr)
+        print(
+            f"orchard-ros2: {error}; a list of robots is as [picker_01, carrier]", file=sys.stderr
+        )
         return 2
     finally:
         rclpy.try_shutdown()

@@ -33,7 +33,9 @@ def description(name: str, size: Sequence[float], colour: Sequence[int], laser_a
         Xml.SubElement(shape, "origin", xyz=f"0 0 {size[2] / 2}", rpy="0 0 0")
         Xml.SubElement(Xml.SubElement(shape, "geometry"), "box", size=" ".join(map(str, size)))
     material = Xml.SubElement(base[0], "material", name=kind_of(name))
-    Xml.SubElement(material, "color", rgba=" ".join(f"{level / 255:.3f}" for level in colour) + " 1")
+    Xml.SubElement(
+        material, "color", rgba=" ".join(f"{level / 255:.3f}" for level in colour) + " 1"
+    )
     Xml.SubElement(robot, "link", name=topics.laser(name))
     joint = Xml.SubElement(robot, "joint", name=f"{name}/laser_joint", type="fixed")
     Xml.SubElement(joint, "parent", link=topics.base_link(name))

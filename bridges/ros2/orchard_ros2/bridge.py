@@ -74,7 +74,9 @@ class Bridge:
     def _texts(self, name: str, default: list[str]) -> list[str]:
         """A list; '' in it stands for nothing, because ROS 2 has no empty list of texts."""
         self.node.declare_parameter(name, Parameter.Type.STRING_ARRAY)
-        given = self.node.get_parameter_or(name, Parameter(name, Parameter.Type.STRING_ARRAY, default)).value
+        given = self.node.get_parameter_or(
+            name, Parameter(name, Parameter.Type.STRING_ARRAY, default)
+        ).value
         return [word for word in given if word]
 
     # -- the beginning
@@ -89,19 +91,26 @@ class Bridge:
         self._kinds = {body["name"]: kinds[body["kind"]] for body in layout["bodies"]}
         robots = self._robots or [name for name, kind in kinds.items() if kind["robot"]]
         self._names, self._driven, self._advised = (
-            bodies.selected(words, tuple(self._kinds), kinds) for words in (robots, self._driven, self._advised)
+            bodies.selected(words, tuple(self._kinds), kinds)
+            for words in (robots, self._driven, self._advised)
         )
         if both := set(self._driven) & set(self._advised):
-            raise ValueError(f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised")
+            raise ValueError(
+                f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised"
+            )
         self._check_rights()
         self._errs = wire.has_errors(scenario)
         carriers = {body["name"] for body in layout["bodies"] if body["kind"] == "carrier"}
         self._powered = carriers & set(self._names) if wire.has_batteries(scenario) else set()
         self._views = wire.views_of(self._errs, self._shows_truth)
-        self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}  # key -> body -> its newest message
+        self._newest: dict[str, dict[str, dict[str, Any]]] = {
+            key: {} for key in self._views
+        }  # key -> body -> its newest message
         self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
         self._over, self._over_since, self._is_up = "", 0.0, True
-        self._tokens: set[str] = set()  # of physics: two while the router has not noticed that a dead one's link is closed
+        self._tokens: set[str] = (
+            set()
+        )  # of physics: two while the router has not noticed that a dead one's link is closed
         self._has_tf = self._can_publish_tf()
         for name in self._names:
             self._announce(name)
@@ -113,7 +122,10 @@ class Bridge:
         self._publish(topics.GRID, lambda: field.grid_of(layout["walls"]))
         if self._has_tf:
             lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
-            self._publish(topics.TF_STATIC, lambda: messages.static_transforms(lasers, self._names if self._errs else ()))
+            self._publish(
+                topics.TF_STATIC,
+                lambda: messages.static_transforms(lasers, self._names if self._errs else ()),
+            )
         self.client.watch(f"alive/physics/{self.run}/*")
         for key in self._views:
             self.client.hear(f"*/{key}", quietly=True)
@@ -125,10 +137,16 @@ class Bridge:
 
     def _check_rights(self) -> None:
         """The router drops in silence what a role may not send."""
-        wanted = [name for name in (*self._driven, *self._advised) if self.role and name not in self.role.robots]
+        wanted = [
+            name
+            for name in (*self._driven, *self._advised)
+            if self.role and name not in self.role.robots
+        ]
         if self.role and wanted:
             may = ", ".join(self.role.robots) or "none"
-            raise ValueError(f"{', '.join(wanted)}: the role {self.role.name} may drive {may}; {MADE_BY}")
+            raise ValueError(
+                f"{', '.join(wanted)}: the role {self.role.name} may drive {may}; {MADE_BY}"
+            )
 
     def _begin(self) -> None:
         """Physics begins when all robots that are left to others are driven."""
@@ -136,13 +154,23 @@ class Bridge:
             self._stand(name, [])
 
     def _announce(self, name: str) -> None:
-        self._publish(topics.ROBOT_DESCRIPTION, lambda: messages.text(self._description(name)), name)
-        for topic in (*(topic for topic, _ in self._views.values()), *([topics.BATTERY_STATE] if name in self._powered else [])):
+        self._publish(
+            topics.ROBOT_DESCRIPTION, lambda: messages.text(self._description(name)), name
+        )
+        for topic in (
+            *(topic for topic, _ in self._views.values()),
+            *([topics.BATTERY_STATE] if name in self._powered else []),
+        ):
             self._publisher(topic, name)
 
     def _description(self, name: str) -> str:
         kind = self._kinds[name]
-        return bodies.description(name, (kind["length"], kind["width"], kind["height"]), kind["colour"], kind["laser"]["x"])
+        return bodies.description(
+            name,
+            (kind["length"], kind["width"], kind["height"]),
+            kind["colour"],
+            kind["laser"]["x"],
+        )
 
     def _can_publish_tf(self) -> bool:
         try:
@@ -154,7 +182,9 @@ class Bridge:
 
     def _take_orders(self, name: str) -> None:
         topic = topics.CMD_VEL if self._is_stamped else topics.CMD_VEL_UNSTAMPED
-        self.node.create_subscription(type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos))
+        self.node.create_subscription(
+            type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos)
+        )
 
     def _offer_deeds(self, name: str) -> None:
         for what in (deeds.COUPLE, deeds.UNCOUPLE) if self._kinds[name]["tows"] else ():
@@ -162,12 +192,19 @@ class Bridge:
 
     def _offer_control(self) -> None:
         """Services as simulation_interfaces names them. A Trigger has no argument: the state is in the name, the steps are a parameter."""
-        self._offer("get_simulation_state", partial(self._control, "simulation_state", lambda: None))
-        self._offer("reset_simulation", partial(self._control, "reset_simulation", {"run": self.run}.copy))
+        self._offer(
+            "get_simulation_state", partial(self._control, "simulation_state", lambda: None)
+        )
+        self._offer(
+            "reset_simulation", partial(self._control, "reset_simulation", {"run": self.run}.copy)
+        )
         self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
         for state in ("playing", "paused", "quitting"):
             wish = {"run": self.run, "state": state}
-            self._offer(f"set_simulation_state/{state}", partial(self._control, "set_simulation_state", wish.copy))
+            self._offer(
+                f"set_simulation_state/{state}",
+                partial(self._control, "set_simulation_state", wish.copy),
+            )
 
     def _offer(self, service: str, callback: Callable[..., Any]) -> None:
         """Offer a service. One that is waiting holds up neither velocities nor other services."""
@@ -195,7 +232,10 @@ class Bridge:
         try:
             self._hear(heard)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            self.log.warning(f"{'/'.join(heard.key)}: a malformed message is passed over: {error!r}", throttle_duration_sec=5.0)
+            self.log.warning(
+                f"{'/'.join(heard.key)}: a malformed message is passed over: {error!r}",
+                throttle_duration_sec=5.0,
+            )
 
     def _hear(self, heard: Heard) -> None:
         match heard:
@@ -243,7 +283,11 @@ class Bridge:
         """The states in `map` of the bodies of which pose and odometry are of the same tick: in real time one of them may be missing."""
         poses, odometry = self._newest["pose"], self._newest["odometry"]
         known = [name for name in self._names if name in poses and name in odometry]
-        return {name: wire.state_of(poses[name]) for name in known if poses[name]["tick"] == odometry[name]["tick"]}
+        return {
+            name: wire.state_of(poses[name])
+            for name in known
+            if poses[name]["tick"] == odometry[name]["tick"]
+        }
 
     def _hear_events(self, events: list[dict[str, Any]]) -> None:
         for event in events:
@@ -259,7 +303,9 @@ class Bridge:
     def _publisher(self, topic: Topic, robot: str = "") -> Publisher:
         name = topic.of(robot)
         if name not in self._out:
-            self._out[name] = self.node.create_publisher(type_of(topic.type), name, profile(topic.qos))
+            self._out[name] = self.node.create_publisher(
+                type_of(topic.type), name, profile(topic.qos)
+            )
         return self._out[name]
 
     # -- the end
@@ -284,7 +330,10 @@ class Bridge:
         """A velocity from ROS. It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its agent wants."""
         twist = message.twist if self._is_stamped else message
         kind, wanted = self._kinds[name], (float(twist.linear.x), float(twist.angular.z))
-        forward, turn = _within(wanted[0], kind["max_linear"]), _within(wanted[1], kind["max_angular"])
+        forward, turn = (
+            _within(wanted[0], kind["max_linear"]),
+            _within(wanted[1], kind["max_angular"]),
+        )
         if not all(map(isfinite, wanted)):
             self.log.warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
         elif name in self._advised:
@@ -293,12 +342,23 @@ class Bridge:
             self.client.put(f"{name}/velocity", self._velocity(forward, turn))
 
     def _velocity(self, forward: float, turn: float) -> dict[str, Any]:
-        return {"run": self.run, "tick": self.tick, "linear": {"x": forward}, "angular": {"z": turn}}
+        return {
+            "run": self.run,
+            "tick": self.tick,
+            "linear": {"x": forward},
+            "angular": {"z": turn},
+        }
 
     def _stand(self, name: str, wanted: list[dict[str, str]]) -> None:
         self.client.put(f"{name}/velocity", self._velocity(0.0, 0.0) | {"deeds": wanted})
 
-    def _control(self, key: str, wish: Callable[[], dict[str, Any] | None], _: Trigger.Request, response: Trigger.Response) -> Any:
+    def _control(
+        self,
+        key: str,
+        wish: Callable[[], dict[str, Any] | None],
+        _: Trigger.Request,
+        response: Trigger.Response,
+    ) -> Any:
         try:
             if key != "simulation_state" and self.role and not self.role.may_operate:
                 raise Refused(
@@ -310,17 +370,28 @@ class Bridge:
             response.message = str(why)
         return response
 
-    async def _handle(self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _handle(
+        self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
         """Couple or uncouple: answer when physics has done it, has refused it, or has had its time."""
         poses = self._newest["pose"]
-        target = deeds.bin_behind(robot, self._kinds[robot]["tows"], poses) if robot in poses and what == deeds.COUPLE else ""
+        target = (
+            deeds.bin_behind(robot, self._kinds[robot]["tows"], poses)
+            if robot in poses and what == deeds.COUPLE
+            else ""
+        )
         if robot not in poses or robot in self._handling or (what == deeds.COUPLE and not target):
-            response.message = f"{robot}: busy with a service call, or its pose or a bin is not known yet"
+            response.message = (
+                f"{robot}: busy with a service call, or its pose or a bin is not known yet"
+            )
             return response
         future: Future = Future(executor=self.node.executor)
         self._handling[robot] = deeds.Handling(robot, what, target, self.tick), future
         why_not = await future
-        response.success, response.message = not why_not, why_not or f"{robot}: {what}d {target}".strip()
+        response.success, response.message = (
+            not why_not,
+            why_not or f"{robot}: {what}d {target}".strip(),
+        )
         return response
 
     def _go_on(self, handling: deeds.Handling, _: Future, pose: deeds.Pose) -> None:

@@ -25,9 +25,13 @@ ASK_SECONDS = 5.0  # how long a query waits for its reply
 ROOM_SECONDS = 0.5  # between two looks at whether the session closes
 TIMED_OUT = "Timeout"  # zenoh's error for a query without a reply in time
 MOST_QUIET = 100  # messages that wait for the clock
-WAITING = 10  # times MOST_QUIET messages; a run in lockstep waits for a client that is slower than it
+WAITING = (
+    10  # times MOST_QUIET messages; a run in lockstep waits for a client that is slower than it
+)
 
-Arrived = tuple[str, bytes | bool]  # the key, and the payload, or whether a liveliness token is there
+Arrived = tuple[
+    str, bytes | bool
+]  # the key, and the payload, or whether a liveliness token is there
 
 
 class Refused(Exception):
@@ -60,7 +64,11 @@ class Client:
     def watch(self, key: str) -> None:
         """Subscribe to a liveliness token."""
         liveliness = self._session.liveliness()
-        self._declared.append(liveliness.declare_subscriber(f"{self._prefix}/{key}", Callback(self._changed, indirect=False), history=True))
+        self._declared.append(
+            liveliness.declare_subscriber(
+                f"{self._prefix}/{key}", Callback(self._changed, indirect=False), history=True
+            )
+        )
 
     def leave(self) -> None:
         """Take no more of what arrives."""
@@ -107,19 +115,28 @@ class Client:
     def put(self, key: str, message: dict[str, Any]) -> None:
         """Publish a message that must not be lost."""
         payload = msgpack.packb(message)
-        self._session.put(f"{self._prefix}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
+        self._session.put(
+            f"{self._prefix}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK
+        )
 
     def ask(self, key: str, message: dict[str, Any] | None = None) -> dict[str, Any]:
         """Return the reply to a query. Raises Refused."""
         payload = None if message is None else msgpack.packb(message)
-        replies = self._session.get(f"{self._prefix}/{key}", payload=payload, timeout=ASK_SECONDS, target=zenoh.QueryTarget.ALL)
+        replies = self._session.get(
+            f"{self._prefix}/{key}",
+            payload=payload,
+            timeout=ASK_SECONDS,
+            target=zenoh.QueryTarget.ALL,
+        )
         reply = next(iter(replies), None)
         if reply is None:
             raise Refused(f"{self._prefix}/{key}: no reply: is the run under way?")
         if reply.ok is not None:
             return dict(unpacked(reply.ok.payload.to_bytes()))
         why = reply.err.payload.to_string() if reply.err is not None else ""
-        raise Refused(f"{self._prefix}/{key}: no reply within {ASK_SECONDS:g} s" if why == TIMED_OUT else why)
+        raise Refused(
+            f"{self._prefix}/{key}: no reply within {ASK_SECONDS:g} s" if why == TIMED_OUT else why
+        )
 
 
 def unpacked(payload: bytes) -> Any:
@@ -139,7 +156,9 @@ def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[
     if role is None and endpoint.startswith("tls/"):
         raise ValueError(f"{endpoint}: tls needs certificates: -p secure:=DIR/NAME; {MADE_BY}")
     if role is not None and (not endpoint.startswith("tls/") or prefix != PREFIX):
-        raise ValueError(f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as tls/127.0.0.1:7447, and the prefix {PREFIX}")
+        raise ValueError(
+            f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as tls/127.0.0.1:7447, and the prefix {PREFIX}"
+        )
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("scouting/multicast/enabled", "false")
@@ -158,7 +177,9 @@ def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[
             raise Refused(f"nothing answers at {endpoint}") from None
         if why := role.why_no_trust(endpoint):
             raise ValueError(f"{endpoint}: {why}") from None
-        raise Refused(f"nothing at {endpoint} accepts the role {role.name} yet; does another process use it?") from None
+        raise Refused(
+            f"nothing at {endpoint} accepts the role {role.name} yet; does another process use it?"
+        ) from None
     with session:
         client = Client(session, prefix)
         try:

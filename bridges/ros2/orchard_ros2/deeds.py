@@ -48,4 +48,8 @@ def bin_behind(robot: str, tows: float, poses: Mapping[str, Pose]) -> str:
     x, y, z, w, *_ = state_of(poses[robot])
     at = x - tows * (w * w - z * z), y - tows * 2.0 * z * w
     bins = {name: state_of(pose) for name, pose in poses.items() if kind_of(name) == "bin"}
-    return min(bins, key=lambda name: (hypot(bins[name][0] - at[0], bins[name][1] - at[1]), name), default="")
+    return min(
+        bins,
+        key=lambda name: (hypot(bins[name][0] - at[0], bins[name][1] - at[1]), name),
+        default="",
+    )

@@ -31,4 +31,6 @@ def grid_of(walls: Sequence[Sequence[float]]) -> Message:
 
 def _cells(origin: float, low: float, high: float) -> range:
     """Return the numbers of the cells from `low` to `high`; cell 0 begins at `origin`."""
-    return range(floor((low - origin) / RESOLUTION + NOISE), ceil((high - origin) / RESOLUTION - NOISE))
+    return range(
+        floor((low - origin) / RESOLUTION + NOISE), ceil((high - origin) / RESOLUTION - NOISE)
+    )

@@ -40,7 +40,9 @@ class Message(NamedTuple):
 def stamp(tick: int) -> Message:
     """Return the simulated time of a tick."""
     second, ticks = divmod(tick, TICKS_PER_SECOND)
-    return Message("builtin_interfaces/msg/Time", {"sec": second, "nanosec": ticks * TICK_NANOSECONDS})
+    return Message(
+        "builtin_interfaces/msg/Time", {"sec": second, "nanosec": ticks * TICK_NANOSECONDS}
+    )
 
 
 def header(tick: int, frame: str) -> Message:
@@ -58,11 +60,16 @@ def quaternion(z: float, w: float) -> Message:
 
 def pose(x: float, y: float, z: float = 0.0, w: float = 1.0) -> Message:
     position = Message("geometry_msgs/msg/Point", {"x": x, "y": y, "z": 0.0})
-    return Message("geometry_msgs/msg/Pose", {"position": position, "orientation": quaternion(z, w)})
+    return Message(
+        "geometry_msgs/msg/Pose", {"position": position, "orientation": quaternion(z, w)}
+    )
 
 
 def twist(forward: float, left: float, turn: float) -> Message:
-    return Message("geometry_msgs/msg/Twist", {"linear": vector(forward, left, 0.0), "angular": vector(0.0, 0.0, turn)})
+    return Message(
+        "geometry_msgs/msg/Twist",
+        {"linear": vector(forward, left, 0.0), "angular": vector(0.0, 0.0, turn)},
+    )
 
 
 @cache
@@ -72,11 +79,16 @@ def covariance(accuracy: float = 0.0) -> "array[float]":
     `accuracy`: the standard deviation of x and of y, m; 0: they are exact. The other four are exact.
     """
     variances = [max(EXACT, accuracy * accuracy)] * 2 + [EXACT] * 4
-    return array("d", [variances[row] if row == column else 0.0 for row in range(6) for column in range(6)])
+    return array(
+        "d", [variances[row] if row == column else 0.0 for row in range(6) for column in range(6)]
+    )
 
 
 def pose_with_covariance(state: Sequence[float], accuracy: float = 0.0) -> Message:
-    return Message("geometry_msgs/msg/PoseWithCovariance", {"pose": pose(*state[:4]), "covariance": covariance(accuracy)})
+    return Message(
+        "geometry_msgs/msg/PoseWithCovariance",
+        {"pose": pose(*state[:4]), "covariance": covariance(accuracy)},
+    )
 
 
 # what is published
@@ -92,7 +104,10 @@ def odometry(robot: str, tick: int, state: Sequence[float], frame: str = "") -> 
         "header": header(tick, frame or topics.odom(robot)),
         "child_frame_id": topics.base_link(robot),
         "pose": pose_with_covariance(state),
-        "twist": Message("geometry_msgs/msg/TwistWithCovariance", {"twist": twist(*state[4:]), "covariance": covariance()}),
+        "twist": Message(
+            "geometry_msgs/msg/TwistWithCovariance",
+            {"twist": twist(*state[4:]), "covariance": covariance()},
+        ),
     }
     return Message("nav_msgs/msg/Odometry", fields)
 
@@ -105,11 +120,20 @@ def measured_pose(tick: int, state: Sequence[float], accuracy: float) -> Message
 
 def velocity(robot: str, tick: int, forward: float, turn: float, left: float = 0.0) -> Message:
     """Return the velocity that a robot wants, in its own frame: m/s and rad/s."""
-    return Message("geometry_msgs/msg/TwistStamped", {"header": header(tick, topics.base_link(robot)), "twist": twist(forward, left, turn)})
+    return Message(
+        "geometry_msgs/msg/TwistStamped",
+        {"header": header(tick, topics.base_link(robot)), "twist": twist(forward, left, turn)},
+    )
 
 
 def scan(
-    robot: str, tick: int, ranges: "array[float]", angle_min: float, angle_increment: float, range_min: float, range_max: float
+    robot: str,
+    tick: int,
+    ranges: "array[float]",
+    angle_min: float,
+    angle_increment: float,
+    range_min: float,
+    range_max: float,
 ) -> Message:
     """Return what a laser measures at a tick. `ranges`: array("f"), m; +inf for a beam without a return (REP-117). Angles: rad."""
     fields = {
@@ -129,24 +153,41 @@ def scan(
 
 def battery_state(robot: str, tick: int, percentage: float) -> Message:
     """Return the charge of a robot's battery, 0 to 1. NaN and 0 say that nothing else is measured."""
-    unmeasured = dict.fromkeys(("voltage", "temperature", "current", "charge", "capacity", "design_capacity"), math.nan)
+    unmeasured = dict.fromkeys(
+        ("voltage", "temperature", "current", "charge", "capacity", "design_capacity"), math.nan
+    )
     unknown = {f"power_supply_{what}": UInt8(0) for what in ("status", "health", "technology")}
     cells = {"cell_voltage": array("f"), "cell_temperature": array("f")}
-    known = {"header": header(tick, topics.base_link(robot)), **unmeasured, "percentage": percentage, **unknown, "present": True}
-    return Message("sensor_msgs/msg/BatteryState", {**known, **cells, "location": "", "serial_number": ""})
+    known = {
+        "header": header(tick, topics.base_link(robot)),
+        **unmeasured,
+        "percentage": percentage,
+        **unknown,
+        "present": True,
+    }
+    return Message(
+        "sensor_msgs/msg/BatteryState", {**known, **cells, "location": "", "serial_number": ""}
+    )
 
 
-def transform(tick: int, parent: str, child: str, place: Sequence[float], turned: Sequence[float] = (0.0, 1.0)) -> Message:
+def transform(
+    tick: int, parent: str, child: str, place: Sequence[float], turned: Sequence[float] = (0.0, 1.0)
+) -> Message:
     """Return where the frame `child` is in the frame `parent`. `place`: x, y, z, m; `turned`: z and w of the quaternion."""
     fields = {
         "header": header(tick, parent),
         "child_frame_id": child,
-        "transform": Message("geometry_msgs/msg/Transform", {"translation": vector(*place), "rotation": quaternion(*turned)}),
+        "transform": Message(
+            "geometry_msgs/msg/Transform",
+            {"translation": vector(*place), "rotation": quaternion(*turned)},
+        ),
     }
     return Message("geometry_msgs/msg/TransformStamped", fields)
 
 
-def odom_in_map(pose: Sequence[float], odometry: Sequence[float]) -> tuple[float, float, float, float]:
+def odom_in_map(
+    pose: Sequence[float], odometry: Sequence[float]
+) -> tuple[float, float, float, float]:
     """Return pose * odometry^-1: x, y, z, w of the frame NAME/odom in `map`, of two states of a body at the same tick."""
     (x, y, z, w), (ahead, left, z_odom, w_odom) = pose[:4], odometry[:4]
     z, w = z * w_odom - w * z_odom, w * w_odom + z * z_odom
@@ -154,13 +195,23 @@ def odom_in_map(pose: Sequence[float], odometry: Sequence[float]) -> tuple[float
     return x - (cosine * ahead - sine * left), y - (sine * ahead + cosine * left), z, w
 
 
-def transforms(tick: int, states: Mapping[str, Sequence[float]], poses: Mapping[str, Sequence[float]] | None = None) -> Message:
+def transforms(
+    tick: int,
+    states: Mapping[str, Sequence[float]],
+    poses: Mapping[str, Sequence[float]] | None = None,
+) -> Message:
     """Return for /tf where the bodies are at a tick.
 
     `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those whose NAME/odom moves in `map`.
     """
-    moved = [_moved(tick, topics.odom(name), topics.base_link(name), state) for name, state in states.items()]
-    moved += [_moved(tick, topics.MAP, topics.odom(name), odom_in_map(pose, states[name])) for name, pose in (poses or {}).items()]
+    moved = [
+        _moved(tick, topics.odom(name), topics.base_link(name), state)
+        for name, state in states.items()
+    ]
+    moved += [
+        _moved(tick, topics.MAP, topics.odom(name), odom_in_map(pose, states[name]))
+        for name, pose in (poses or {}).items()
+    ]
     return Message("tf2_msgs/msg/TFMessage", {"transforms": moved})
 
 
@@ -168,7 +219,9 @@ def _moved(tick: int, parent: str, child: str, state: Sequence[float]) -> Messag
     return transform(tick, parent, child, (*state[:2], 0.0), state[2:4])
 
 
-def static_transforms(lasers: Iterable[tuple[str, float]], drifting: Container[str] = ()) -> Message:
+def static_transforms(
+    lasers: Iterable[tuple[str, float]], drifting: Container[str] = ()
+) -> Message:
     """Return for /tf_static what never moves. `lasers`: each body's name, and how far its laser is ahead of its centre, m.
 
     `drifting`: the bodies whose NAME/odom moves in `map`. That of others lies on `map`.
@@ -177,7 +230,11 @@ def static_transforms(lasers: Iterable[tuple[str, float]], drifting: Container[s
     for name, ahead in lasers:
         if name not in drifting:
             fixed.append(transform(0, topics.MAP, topics.odom(name), (0.0, 0.0, 0.0)))
-        fixed.append(transform(0, topics.base_link(name), topics.laser(name), (ahead, 0.0, topics.LASER_HEIGHT)))
+        fixed.append(
+            transform(
+                0, topics.base_link(name), topics.laser(name), (ahead, 0.0, topics.LASER_HEIGHT)
+            )
+        )
     return Message("tf2_msgs/msg/TFMessage", {"transforms": fixed})
 
 
@@ -193,7 +250,11 @@ def occupancy(cells: "array[int]", width: int, resolution: float, x: float, y: f
         "height": len(cells) // width,
         "origin": pose(x, y),
     }
-    fields = {"header": header(0, topics.MAP), "info": Message("nav_msgs/msg/MapMetaData", info), "data": cells}
+    fields = {
+        "header": header(0, topics.MAP),
+        "info": Message("nav_msgs/msg/MapMetaData", info),
+        "data": cells,
+    }
     return Message("nav_msgs/msg/OccupancyGrid", fields)
 
 

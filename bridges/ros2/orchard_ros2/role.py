@@ -9,7 +9,10 @@ from typing import Any
 
 SECONDS = 3.0  # time that the other side has for each step, when the bridge finds out why it cannot connect
 MADE_BY = "`orchard secure DIR --bridge NAME=...` makes one, as DIR/NAME"
-DUTIES = {"bridge": False, "operating-bridge": True}  # whether it may pause, step, reset and end the run
+DUTIES = {
+    "bridge": False,
+    "operating-bridge": True,
+}  # whether it may pause, step, reset and end the run
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,18 @@ class Role:
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of Zenoh with which the router knows this role."""
-        files = {"root_ca_certificate": "authority", "connect_certificate": "certificate", "connect_private_key": "key"}
-        tls = {setting: self.file(name) for setting, name in files.items()} | {"enable_mtls": True, "close_link_on_expiration": True}
-        return {"id": self.session} | {f"transport/link/tls/{setting}": value for setting, value in tls.items()}
+        files = {
+            "root_ca_certificate": "authority",
+            "connect_certificate": "certificate",
+            "connect_private_key": "key",
+        }
+        tls = {setting: self.file(name) for setting, name in files.items()} | {
+            "enable_mtls": True,
+            "close_link_on_expiration": True,
+        }
+        return {"id": self.session} | {
+            f"transport/link/tls/{setting}": value for setting, value in tls.items()
+        }
 
     def why_no_trust(self, endpoint: str) -> str:
         """Return why this role and the process at tls/host:port refuse each other's certificates; '' if they do not, or nothing listens."""
@@ -39,8 +51,13 @@ class Role:
         try:
             trust = ssl.create_default_context(cafile=self.file("authority"))
             trust.load_cert_chain(self.file("certificate"), self.file("key"))
-            with socket.create_connection((host, int(port)), SECONDS) as plain, trust.wrap_socket(plain, server_hostname=host) as secured:
-                secured.recv(1)  # the other side reports on this certificate only after the handshake
+            with (
+                socket.create_connection((host, int(port)), SECONDS) as plain,
+                trust.wrap_socket(plain, server_hostname=host) as secured,
+            ):
+                secured.recv(
+                    1
+                )  # the other side reports on this certificate only after the handshake
         except ssl.SSLEOFError:
             pass  # that process begins, or ends
         except ssl.SSLError as error:
@@ -54,13 +71,23 @@ def role_in(folder: str) -> Role:
     """Return the role of a directory. Raises ValueError if it has none for a bridge."""
     try:
         data = json.loads((Path(folder) / "role.json").read_text())
-        role = Role(data["name"], data["session"], tuple(data["names"]), DUTIES[data["duty"]], Path(folder).resolve())
+        role = Role(
+            data["name"],
+            data["session"],
+            tuple(data["names"]),
+            DUTIES[data["duty"]],
+            Path(folder).resolve(),
+        )
     except FileNotFoundError:
-        raise ValueError(f"{folder}: not the directory of a role: no role.json in it; {MADE_BY}") from None
+        raise ValueError(
+            f"{folder}: not the directory of a role: no role.json in it; {MADE_BY}"
+        ) from None
     except KeyError as error:
         raise ValueError(f"{folder}: not the role of a bridge ({error}); {MADE_BY}") from None
     except (OSError, ValueError, TypeError) as error:
         raise ValueError(f"{folder}/role.json: not as `orchard secure` wrote it: {error}") from None
-    if missing := [name for name in ("authority", "certificate", "key") if not Path(role.file(name)).is_file()]:
+    if missing := [
+        name for name in ("authority", "certificate", "key") if not Path(role.file(name)).is_file()
+    ]:
         raise ValueError(f"{folder}: {', '.join(missing)}.pem is missing; {MADE_BY}")
     return role

@@ -37,16 +37,24 @@ SENSOR_DATA = QoS(5, reliable=False)  # as rmw_qos_profile_sensor_data
 LATCHED = QoS(1, latched=True)
 
 ODOM = Topic("{robot}/odom", "nav_msgs/msg/Odometry", QoS(10))
-POSE = Topic("{robot}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", QoS(10))  # if sensors have errors: as it is measured
+POSE = Topic(
+    "{robot}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", QoS(10)
+)  # if sensors have errors: as it is measured
 GROUND_TRUTH = Topic("{robot}/ground_truth", "nav_msgs/msg/Odometry", QoS(10))
 SCAN = Topic("{robot}/scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
-BATTERY_STATE = Topic("{robot}/battery_state", "sensor_msgs/msg/BatteryState", QoS(10))  # of carriers, if they have batteries
+BATTERY_STATE = Topic(
+    "{robot}/battery_state", "sensor_msgs/msg/BatteryState", QoS(10)
+)  # of carriers, if they have batteries
 CMD_VEL = Topic("{robot}/cmd_vel", "geometry_msgs/msg/TwistStamped", QoS(1))
 CMD_VEL_UNSTAMPED = Topic("{robot}/cmd_vel", "geometry_msgs/msg/Twist", QoS(1))
-CMD_VEL_AGENT = Topic("{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1))  # what the agent of an advised robot wants
+CMD_VEL_AGENT = Topic(
+    "{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1)
+)  # what the agent of an advised robot wants
 ROBOT_DESCRIPTION = Topic("{robot}/robot_description", "std_msgs/msg/String", LATCHED)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", LATCHED)
-CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", QoS(1))  # reliable: that suits subscribers of both kinds
+CLOCK = Topic(
+    "/clock", "rosgraph_msgs/msg/Clock", QoS(1)
+)  # reliable: that suits subscribers of both kinds
 TF = Topic("/tf", "tf2_msgs/msg/TFMessage", QoS(100))
 TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", LATCHED)
 

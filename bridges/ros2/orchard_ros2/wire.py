@@ -18,7 +18,14 @@ def state_of(pose: Mapping[str, Any]) -> State:
     position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
     linear, angular = pose["twist"]["linear"], pose["twist"]["angular"]
     turned = (float(orientation["z"]), float(orientation["w"]))
-    return float(position["x"]), float(position["y"]), *turned, float(linear["x"]), float(linear.get("y", 0.0)), float(angular["z"])
+    return (
+        float(position["x"]),
+        float(position["y"]),
+        *turned,
+        float(linear["x"]),
+        float(linear.get("y", 0.0)),
+        float(angular["z"]),
+    )
 
 
 def ranges_of(raw: bytes) -> "array[float]":
@@ -78,4 +85,10 @@ def measured_pose_of(_robot: str, pose: Mapping[str, Any]) -> Message:
 def velocity_of(robot: str, velocity: Mapping[str, Any]) -> Message:
     """Return the `geometry_msgs/msg/TwistStamped` of a `velocity`."""
     linear, angular = velocity["linear"], velocity["angular"]
-    return messages.velocity(robot, velocity["tick"], float(linear["x"]), float(angular["z"]), float(linear.get("y", 0.0)))
+    return messages.velocity(
+        robot,
+        velocity["tick"],
+        float(linear["x"]),
+        float(angular["z"]),
+        float(linear.get("y", 0.0)),
+    )

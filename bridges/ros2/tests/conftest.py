@@ -10,7 +10,10 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
-os.environ |= {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+os.environ |= {
+    "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+}
 
 import pytest
 import rclpy
@@ -36,7 +39,10 @@ def free_port():
 @contextmanager
 def started(words, log, **options):
     """A process that is ended by its id at the end."""
-    with open(log, "wb") as output, subprocess.Popen(words, stdout=output, stderr=subprocess.STDOUT, **options) as process:
+    with (
+        open(log, "wb") as output,
+        subprocess.Popen(words, stdout=output, stderr=subprocess.STDOUT, **options) as process,
+    ):
         try:
             yield process
         finally:
@@ -74,7 +80,9 @@ class User:
         end = time.monotonic() + seconds
         while not (found := condition()):
             assert time.monotonic() < end, f"not within {seconds} s"
-            assert self.bridge.poll() is None or not needs_bridge, f"the bridge has ended: {self.log.read_text()}"
+            assert self.bridge.poll() is None or not needs_bridge, (
+                f"the bridge has ended: {self.log.read_text()}"
+            )
             self.executor.spin_once(timeout_sec=0.02)
         return found
 
@@ -91,25 +99,53 @@ class Scene:
     """An orchard, with a bridge to it, and a user."""
 
     def __init__(self, folder, endpoint, orchard, bridge, user):
-        self.folder, self.endpoint, self.orchard, self.bridge, self.user = folder, endpoint, orchard, bridge, user
+        self.folder, self.endpoint, self.orchard, self.bridge, self.user = (
+            folder,
+            endpoint,
+            orchard,
+            bridge,
+            user,
+        )
 
 
 def bridging(endpoint, words, log):
     """A process that is a bridge."""
-    return started([sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *words], log, cwd=FOLDER)
+    return started(
+        [sys.executable, "-m", "orchard_ros2", "--ros-args", "-p", f"endpoint:={endpoint}", *words],
+        log,
+        cwd=FOLDER,
+    )
 
 
 @contextmanager
 def scene(folder, orchard_words, bridge_words):
     endpoint = f"{'tls' if '--secure' in orchard_words else 'tcp'}/127.0.0.1:{free_port()}"
-    words = [*shlex.split(os.environ["ORCHARD"]), *orchard_words, "--listen", endpoint, "--record", "none"]
+    words = [
+        *shlex.split(os.environ["ORCHARD"]),
+        *orchard_words,
+        "--listen",
+        endpoint,
+        "--record",
+        "none",
+    ]
     with (
-        started(words, folder / "orchard.log", cwd=folder, env=os.environ | {"ORCHARD_RUNS": str(folder / "runs")}) as orchard,
+        started(
+            words,
+            folder / "orchard.log",
+            cwd=folder,
+            env=os.environ | {"ORCHARD_RUNS": str(folder / "runs")},
+        ) as orchard,
         bridging(endpoint, bridge_words, folder / "bridge.log") as bridge,
     ):
         rclpy.init()
         try:
-            yield Scene(folder, endpoint, orchard, bridge, User(rclpy.create_node("user"), bridge, folder / "bridge.log"))
+            yield Scene(
+                folder,
+                endpoint,
+                orchard,
+                bridge,
+                User(rclpy.create_node("user"), bridge, folder / "bridge.log"),
+            )
         finally:
             rclpy.shutdown()
 
@@ -117,4 +153,7 @@ def scene(folder, orchard_words, bridge_words):
 @pytest.fixture(scope="session", autouse=True)
 def has_orchard():
     if "ORCHARD" not in os.environ:
-        pytest.exit("ORCHARD: the command of the Orchard; ORCHARD_PYTHON: its Python. `make ecosystem` sets both", 2)
+        pytest.exit(
+            "ORCHARD: the command of the Orchard; ORCHARD_PYTHON: its Python. `make ecosystem` sets both",
+            2,
+        )

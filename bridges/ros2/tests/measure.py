@@ -53,7 +53,9 @@ def share_of_core(user, bridge, names):
     process, before = psutil.Process(bridge.pid), sum(map(len, heard))
     used = sum(process.cpu_times()[:2])
     rest(user, SECONDS)
-    return (sum(process.cpu_times()[:2]) - used) / SECONDS, (sum(map(len, heard)) - before) / SECONDS
+    return (sum(process.cpu_times()[:2]) - used) / SECONDS, (
+        sum(map(len, heard)) - before
+    ) / SECONDS
 
 
 def main():
@@ -67,11 +69,21 @@ def main():
         user.until(lambda: odom, BEGIN_SECONDS)
         user.until(orders.get_subscription_count)
         found = latencies(user, odom, orders)
-        names = sorted({name.split("/")[1] for name, _ in user.node.get_topic_names_and_types() if name.endswith("/odom")})
+        names = sorted(
+            {
+                name.split("/")[1]
+                for name, _ in user.node.get_topic_names_and_types()
+                if name.endswith("/odom")
+            }
+        )
         share, rate = share_of_core(user, run.bridge, names)
     median, most = statistics.median(found), found[-1]
-    print(f"changed cmd_vel until odom shows it: median {1e3 * median:.0f} ms, most {1e3 * most:.0f} ms, of {CHANGES}")
-    print(f"bridge: {100 * share:.1f} % of a core, {len(names)} bodies, {rate:.0f} messages of odom, scan and, with tf2_msgs, tf a second")
+    print(
+        f"changed cmd_vel until odom shows it: median {1e3 * median:.0f} ms, most {1e3 * most:.0f} ms, of {CHANGES}"
+    )
+    print(
+        f"bridge: {100 * share:.1f} % of a core, {len(names)} bodies, {rate:.0f} messages of odom, scan and, with tf2_msgs, tf a second"
+    )
     print(f"load of this machine: {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
 
 

@@ -16,7 +16,10 @@ animals: {dogs: 0, cats: 0}
 tractor: false
 """
 SHARE = 0.75  # of the speed that its agent wants
-ROW = -34.0, -9.0  # m, x of the stretch of a row in which ROS drives; the rest, where places are exact, is the agent's
+ROW = (
+    -34.0,
+    -9.0,
+)  # m, x of the stretch of a row in which ROS drives; the rest, where places are exact, is the agent's
 HARVEST_SECONDS = 300.0
 
 
@@ -24,7 +27,9 @@ def test_a_harvest_finishes_with_a_picker_that_ros_drives(tmp_path):
     scenario, summary = tmp_path / "small.yaml", tmp_path / "summary.json"
     scenario.write_text(SMALL)
     words = [str(scenario), "--mode", "realtime", "--speed", str(SPEED), "--summary", str(summary)]
-    with scene(tmp_path, words, ["-p", "advised:=[picker_01]", "-p", "enable_stamped_cmd_vel:=false"]) as run:
+    with scene(
+        tmp_path, words, ["-p", "advised:=[picker_01]", "-p", "enable_stamped_cmd_vel:=false"]
+    ) as run:
         user = run.user
         odometry = user.hear("picker_01/odom", Odometry, 10)
         orders = user.node.create_publisher(Twist, "picker_01/cmd_vel", 1)
@@ -40,7 +45,11 @@ def test_a_harvest_finishes_with_a_picker_that_ros_drives(tmp_path):
         user.until(lambda: run.orchard.poll() is not None, HARVEST_SECONDS, needs_bridge=False)
         assert run.orchard.returncode == 0
     assert json.loads(summary.read_text())["bins_delivered"] == 3
-    speeds = [odom.twist.twist.linear.x for odom in odometry if is_in_row(odom) and odom.twist.twist.linear.x]
+    speeds = [
+        odom.twist.twist.linear.x
+        for odom in odometry
+        if is_in_row(odom) and odom.twist.twist.linear.x
+    ]
     assert sum(abs(speed) == SHARE for speed in speeds) > 0.8 * len(speeds), "ROS did not drive it"
 
 

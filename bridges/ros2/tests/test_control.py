@@ -8,7 +8,11 @@ from std_srvs.srv import Trigger
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    with scene(tmp_path_factory.mktemp("control"), ["--rows", "3", "--mode", "realtime"], ["-r", "__ns:=/north"]) as made:
+    with scene(
+        tmp_path_factory.mktemp("control"),
+        ["--rows", "3", "--mode", "realtime"],
+        ["-r", "__ns:=/north"],
+    ) as made:
         made.clock = made.user.hear("clock", Clock, 10)
         made.user.until(lambda: made.clock, BEGIN_SECONDS)
         yield made
@@ -49,7 +53,11 @@ def test_a_run_that_is_reset_begins_again(run):
 
 def test_topics_are_in_the_namespace_and_the_clock_is_everybodys(run):
     names = {name for name, _ in run.user.node.get_topic_names_and_types()}
-    assert {"/north/picker_01/odom", "/north/map", "/clock"} <= names and "/picker_01/odom" not in names
+    assert {
+        "/north/picker_01/odom",
+        "/north/map",
+        "/clock",
+    } <= names and "/picker_01/odom" not in names
 
 
 def test_quitting_ends_the_run_and_the_bridge(run):

@@ -10,14 +10,29 @@ metres = st.floats(-100.0, 100.0)
 
 
 def pose(x=0.0, y=0.0, yaw=0.0, forward=0.0, hitch=None, tick=0):
-    twist = {"linear": {"x": forward, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
-    place = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": sin(yaw / 2), "w": cos(yaw / 2)}}
+    twist = {
+        "linear": {"x": forward, "y": 0.0, "z": 0.0},
+        "angular": {"x": 0.0, "y": 0.0, "z": 0.0},
+    }
+    place = {
+        "position": {"x": x, "y": y, "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": sin(yaw / 2), "w": cos(yaw / 2)},
+    }
     return {"tick": tick, "pose": place, "twist": twist, "hitch": hitch}
 
 
-@given(x=metres, y=metres, yaw=st.floats(-3.14, 3.14), tows=st.floats(0.1, 5.0), off=st.floats(-0.1, 0.1))
+@given(
+    x=metres,
+    y=metres,
+    yaw=st.floats(-3.14, 3.14),
+    tows=st.floats(0.1, 5.0),
+    off=st.floats(-0.1, 0.1),
+)
 def test_the_bin_behind_is_the_one_at_the_coupling_point(x, y, yaw, tows, off):
-    bins = {"bin_01": pose(x - tows * cos(yaw) + off, y - tows * sin(yaw)), "bin_02": pose(x + tows * cos(yaw), y + tows * sin(yaw))}
+    bins = {
+        "bin_01": pose(x - tows * cos(yaw) + off, y - tows * sin(yaw)),
+        "bin_02": pose(x + tows * cos(yaw), y + tows * sin(yaw)),
+    }
     assert bin_behind("picker_01", tows, bins | {"picker_01": pose(x, y, yaw)}) == "bin_01"
 
 
@@ -26,7 +41,10 @@ def test_without_a_bin_there_is_none_behind():
 
 
 def test_a_deed_waits_until_robot_and_bin_stand():
-    couple, uncouple = Handling("picker_01", COUPLE, "bin_01", 0), Handling("picker_01", UNCOUPLE, "", 0)
+    couple, uncouple = (
+        Handling("picker_01", COUPLE, "bin_01", 0),
+        Handling("picker_01", UNCOUPLE, "", 0),
+    )
     rolling = {"name": "bin_01", **pose(forward=0.5)}
     assert couple.deeds(pose(forward=0.5)) == [] and uncouple.deeds(pose(hitch=rolling)) == []
     assert couple.deeds(pose()) == [{"type": "couple", "bin": "bin_01"}]
@@ -34,8 +52,14 @@ def test_a_deed_waits_until_robot_and_bin_stand():
 
 
 def test_it_is_done_when_the_bar_shows_it_and_given_up_in_the_end():
-    couple, uncouple = Handling("picker_01", COUPLE, "bin_01", 7), Handling("picker_01", UNCOUPLE, "", 7)
+    couple, uncouple = (
+        Handling("picker_01", COUPLE, "bin_01", 7),
+        Handling("picker_01", UNCOUPLE, "", 7),
+    )
     on_bar = {"name": "bin_01", **pose()}
     assert (couple.outcome(pose(hitch=on_bar, tick=8)), uncouple.outcome(pose(tick=8))) == ("", "")
-    assert (couple.outcome(pose(tick=8)), uncouple.outcome(pose(hitch=on_bar, tick=8))) == (None, None)
+    assert (couple.outcome(pose(tick=8)), uncouple.outcome(pose(hitch=on_bar, tick=8))) == (
+        None,
+        None,
+    )
     assert "can couple only while" in couple.outcome(pose(tick=8 + PATIENCE_TICKS))

@@ -59,7 +59,10 @@ def test_the_robot_drives_as_it_is_told(run):
     order(run, -0.25)
     after = next(odom for odom in run.odom if odom.twist.twist.linear.x == -0.25)
     assert after.pose.pose.position.x > before.pose.pose.position.x
-    assert (after.header.frame_id, after.child_frame_id) == ("picker_01/odom", "picker_01/base_link")
+    assert (after.header.frame_id, after.child_frame_id) == (
+        "picker_01/odom",
+        "picker_01/base_link",
+    )
 
 
 def test_a_velocity_is_limited_to_what_the_robot_can_do_and_none_at_all_is_ignored(run):
@@ -85,7 +88,9 @@ def test_nonsense_on_the_keys_is_told_and_passed_over(run):
             ("events", me | {"events": [7]}),
         ):
             client.put(key, message)
-        run.user.until(lambda: "a malformed message is passed over" in (run.folder / "bridge.log").read_text())
+        run.user.until(
+            lambda: "a malformed message is passed over" in (run.folder / "bridge.log").read_text()
+        )
     before = len(run.odom)
     run.user.until(lambda: len(run.odom) > before + 5)
 
@@ -93,8 +98,14 @@ def test_nonsense_on_the_keys_is_told_and_passed_over(run):
 def test_a_robot_whose_commander_falls_silent_stands(run):
     order(run, 0.25)
     last = seconds(run.odom[-1])
-    still = run.user.until(lambda: [odom for odom in run.odom if seconds(odom) > last and odom.twist.twist.linear.x == 0.0])
-    assert seconds(still[0]) - last <= WATCHDOG + 0.3  # a step on the way there, one that is finished, and one that shows it
+    still = run.user.until(
+        lambda: [
+            odom for odom in run.odom if seconds(odom) > last and odom.twist.twist.linear.x == 0.0
+        ]
+    )
+    assert (
+        seconds(still[0]) - last <= WATCHDOG + 0.3
+    )  # a step on the way there, one that is finished, and one that shows it
     run.user.until(lambda: seconds(run.odom[-1]) > seconds(still[0]) + 1.0)
     assert run.odom[-1].twist.twist.linear.x == 0.0
 
@@ -103,7 +114,11 @@ def test_the_scan_sees_the_rows_beside_the_robot(run):
     scans = run.user.hear("picker_01/scan", LaserScan, qos_profile_sensor_data)
     scan = run.user.until(lambda: scans and scans[-1])
     near = [distance for distance in scan.ranges if math.isfinite(distance)]
-    assert len(scan.ranges) == 180 and near and all(scan.range_min <= distance <= scan.range_max for distance in near)
+    assert (
+        len(scan.ranges) == 180
+        and near
+        and all(scan.range_min <= distance <= scan.range_max for distance in near)
+    )
     assert scan.header.frame_id == "picker_01/laser"
 
 
@@ -118,7 +133,9 @@ def test_time_is_the_clocks(run):
     node = Node("sleeper", parameter_overrides=[Parameter("use_sim_time", value=True)])
     run.user.executor.add_node(node)
     now = run.user.until(lambda: node.get_clock().now().nanoseconds)
-    run.user.until(lambda: now in [stamp.clock.sec * 10**9 + stamp.clock.nanosec for stamp in run.clock])
+    run.user.until(
+        lambda: now in [stamp.clock.sec * 10**9 + stamp.clock.nanosec for stamp in run.clock]
+    )
     run.user.executor.remove_node(node)
     node.destroy_node()
 
@@ -126,14 +143,32 @@ def test_time_is_the_clocks(run):
 def test_frames_hang_below_map_where_odometry_has_them(run):
     """tf2_msgs has no wheel: this is skipped where it is not installed."""
     kind = pytest.importorskip("tf2_msgs.msg").TFMessage
-    fixed, moved = run.user.hear("/tf_static", kind, profile(topics.LATCHED)), run.user.hear("/tf", kind, profile(topics.TF.qos))
-    links = {link.child_frame_id: link for link in run.user.until(lambda: fixed and fixed[0].transforms)}
+    fixed, moved = (
+        run.user.hear("/tf_static", kind, profile(topics.LATCHED)),
+        run.user.hear("/tf", kind, profile(topics.TF.qos)),
+    )
+    links = {
+        link.child_frame_id: link for link in run.user.until(lambda: fixed and fixed[0].transforms)
+    }
     assert links["picker_01/odom"].header.frame_id == "map"
-    assert links["picker_01/laser"].header.frame_id == "picker_01/base_link" and links["picker_01/laser"].transform.translation.x == 1.25
-    link = next(link for link in run.user.until(lambda: moved and moved[-1].transforms) if link.child_frame_id == "picker_01/base_link")
-    odom = run.user.until(lambda: [odom for odom in run.odom if odom.header.stamp == link.header.stamp])[0]
+    assert (
+        links["picker_01/laser"].header.frame_id == "picker_01/base_link"
+        and links["picker_01/laser"].transform.translation.x == 1.25
+    )
+    link = next(
+        link
+        for link in run.user.until(lambda: moved and moved[-1].transforms)
+        if link.child_frame_id == "picker_01/base_link"
+    )
+    odom = run.user.until(
+        lambda: [odom for odom in run.odom if odom.header.stamp == link.header.stamp]
+    )[0]
     place = odom.pose.pose.position
-    assert (link.transform.translation.x, link.transform.translation.y, link.header.frame_id) == (place.x, place.y, odom.header.frame_id)
+    assert (link.transform.translation.x, link.transform.translation.y, link.header.frame_id) == (
+        place.x,
+        place.y,
+        odom.header.frame_id,
+    )
     assert link.transform.rotation == odom.pose.pose.orientation
 
 
@@ -147,13 +182,21 @@ def test_who_comes_late_gets_the_map_and_the_description(run):
 
 
 @pytest.mark.parametrize(
-    "topic", [topics.ODOM, topics.SCAN, topics.ROBOT_DESCRIPTION, topics.GRID, topics.CLOCK], ids=lambda topic: topic.name
+    "topic",
+    [topics.ODOM, topics.SCAN, topics.ROBOT_DESCRIPTION, topics.GRID, topics.CLOCK],
+    ids=lambda topic: topic.name,
 )
 def test_topics_have_the_qualities_that_ros_users_expect(run, topic):
-    (publisher,) = run.user.until(lambda: run.user.node.get_publishers_info_by_topic("/" + topic.of("picker_01").lstrip("/")))
+    (publisher,) = run.user.until(
+        lambda: run.user.node.get_publishers_info_by_topic("/" + topic.of("picker_01").lstrip("/"))
+    )
     assert publisher.topic_type == topic.type
-    assert publisher.qos_profile.reliability == (ReliabilityPolicy.RELIABLE if topic.qos.reliable else ReliabilityPolicy.BEST_EFFORT)
-    assert publisher.qos_profile.durability == (DurabilityPolicy.TRANSIENT_LOCAL if topic.qos.latched else DurabilityPolicy.VOLATILE)
+    assert publisher.qos_profile.reliability == (
+        ReliabilityPolicy.RELIABLE if topic.qos.reliable else ReliabilityPolicy.BEST_EFFORT
+    )
+    assert publisher.qos_profile.durability == (
+        DurabilityPolicy.TRANSIENT_LOCAL if topic.qos.latched else DurabilityPolicy.VOLATILE
+    )
 
 
 def test_a_robot_leaves_its_bin_and_takes_it_again(run):

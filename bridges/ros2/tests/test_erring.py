@@ -57,8 +57,14 @@ def test_the_measured_pose_is_as_near_to_the_truth_as_it_says(run):
     off = [math.dist(xy(pose), xy(truth)) for pose, truth in found]
     assert 0.0 < max(off) < 6.0 * math.sqrt(VARIANCE)
     for pose, truth in found:
-        assert pose.header == truth.header and pose.header.frame_id == "map" and truth.child_frame_id == "picker_01/base_link"
-        assert pose.pose.covariance[[0, 7, 14, 21, 28, 35]] == pytest.approx([VARIANCE, VARIANCE, *[1e-6] * 4])
+        assert (
+            pose.header == truth.header
+            and pose.header.frame_id == "map"
+            and truth.child_frame_id == "picker_01/base_link"
+        )
+        assert pose.pose.covariance[[0, 7, 14, 21, 28, 35]] == pytest.approx(
+            [VARIANCE, VARIANCE, *[1e-6] * 4]
+        )
 
 
 def test_odometry_is_smooth_and_drifts(run):
@@ -67,10 +73,14 @@ def test_odometry_is_smooth_and_drifts(run):
     steps = [(message, odom[tick + 1]) for tick, message in odom.items() if tick + 1 in odom]
     assert steps
     for before, after in steps:
-        assert math.dist(xy(before), xy(after)) == pytest.approx(0.1 * abs(after.twist.twist.linear.x), abs=1e-9)
+        assert math.dist(xy(before), xy(after)) == pytest.approx(
+            0.1 * abs(after.twist.twist.linear.x), abs=1e-9
+        )
         assert after.header.frame_id == "picker_01/odom"
     scales = [
-        odom.twist.twist.linear.x / truth.twist.twist.linear.x for odom, truth in pairs(run.odom, run.truth) if truth.twist.twist.linear.x
+        odom.twist.twist.linear.x / truth.twist.twist.linear.x
+        for odom, truth in pairs(run.odom, run.truth)
+        if truth.twist.twist.linear.x
     ]
     assert scales[0] != 1.0 and scales == pytest.approx([scales[0]] * len(scales))
 
@@ -78,16 +88,25 @@ def test_odometry_is_smooth_and_drifts(run):
 def test_only_erring_scenarios_and_the_parameter_have_these_topics(run):
     """The bins and carriers are not among the robots that ROS sees here."""
     names = {name for name, _ in run.user.node.get_topic_names_and_types()}
-    assert {name for name in names if name.endswith(("/pose", "/ground_truth"))} == {"/picker_01/pose", "/picker_01/ground_truth"}
+    assert {name for name in names if name.endswith(("/pose", "/ground_truth"))} == {
+        "/picker_01/pose",
+        "/picker_01/ground_truth",
+    }
     for topic in (topics.POSE, topics.GROUND_TRUTH):
         (publisher,) = run.user.node.get_publishers_info_by_topic("/" + topic.of("picker_01"))
-        assert publisher.topic_type == topic.type and publisher.qos_profile.reliability == profile(topic.qos).reliability
+        assert (
+            publisher.topic_type == topic.type
+            and publisher.qos_profile.reliability == profile(topic.qos).reliability
+        )
 
 
 def test_frames_lead_from_map_to_the_measured_pose(run):
     """tf2_msgs has no wheel: this is skipped where it is not installed."""
     kind = pytest.importorskip("tf2_msgs.msg").TFMessage
-    fixed, moved = run.user.hear("/tf_static", kind, profile(topics.LATCHED)), run.user.hear("/tf", kind, profile(topics.TF.qos))
+    fixed, moved = (
+        run.user.hear("/tf_static", kind, profile(topics.LATCHED)),
+        run.user.hear("/tf", kind, profile(topics.TF.qos)),
+    )
     run.user.until(lambda: fixed and len(moved) > 5)
     assert [link.child_frame_id for link in fixed[0].transforms] == ["picker_01/laser"]
     poses, checked = by_tick(run.poses), 0
@@ -96,7 +115,10 @@ def test_frames_lead_from_map_to_the_measured_pose(run):
         if drift and (pose := poses.get(tick(drift.header))):
             yaw = 2.0 * math.atan2(drift.transform.rotation.z, drift.transform.rotation.w)
             there, at = drift.transform.translation, reckoned.transform.translation
-            x, y = there.x + math.cos(yaw) * at.x - math.sin(yaw) * at.y, there.y + math.sin(yaw) * at.x + math.cos(yaw) * at.y
+            x, y = (
+                there.x + math.cos(yaw) * at.x - math.sin(yaw) * at.y,
+                there.y + math.sin(yaw) * at.x + math.cos(yaw) * at.y,
+            )
             assert drift.header.frame_id == "map" and (x, y) == pytest.approx(xy(pose), abs=1e-9)
             checked += 1
     assert checked

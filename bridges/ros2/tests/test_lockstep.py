@@ -21,7 +21,16 @@ def test_the_hash_is_that_of_the_run_without_a_bridge(tmp_path):
         clock = run.user.hear("clock", Clock, 100)
         run.user.until(lambda: len(clock) > 20, BEGIN_SECONDS)
         run.user.until(lambda: run.orchard.poll() is not None, BEGIN_SECONDS, needs_bridge=False)
-    words = [*shlex.split(os.environ["ORCHARD"]), *RUN, "--record", "none", "--summary", str(without)]
+    words = [
+        *shlex.split(os.environ["ORCHARD"]),
+        *RUN,
+        "--record",
+        "none",
+        "--summary",
+        str(without),
+    ]
     alone = os.environ | {"ORCHARD_RUNS": str(tmp_path / "runs")}
-    subprocess.run(words, cwd=tmp_path, env=alone, check=True, capture_output=True, timeout=BEGIN_SECONDS)
+    subprocess.run(
+        words, cwd=tmp_path, env=alone, check=True, capture_output=True, timeout=BEGIN_SECONDS
+    )
     assert hash_in(with_bridge) == hash_in(without)

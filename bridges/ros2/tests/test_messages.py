@@ -83,7 +83,11 @@ def plain(value):
     if isinstance(value, list):
         return [plain(item) for item in value]
     fields = getattr(value, "__dataclass_fields__", {}) or getattr(value, "fields", {})
-    of = value.fields.__getitem__ if isinstance(value, Message) else lambda name: getattr(value, name)
+    of = (
+        value.fields.__getitem__
+        if isinstance(value, Message)
+        else lambda name: getattr(value, name)
+    )
     return {name: plain(of(name)) for name in fields_in(fields)} or value
 
 
@@ -95,7 +99,11 @@ def test_a_message_is_whole_in_a_bag(message):
     assert bytes(STORE.serialize_cdr(read(message), message.type)) == cdr.encoded(message)
 
 
-@pytest.mark.parametrize("message", [m for m in EXAMPLES if not m.type.startswith("tf2_msgs")], ids=lambda message: message.type)
+@pytest.mark.parametrize(
+    "message",
+    [m for m in EXAMPLES if not m.type.startswith("tf2_msgs")],
+    ids=lambda message: message.type,
+)
 def test_rclpy_reads_what_a_bag_holds(message):
     received = deserialize_message(cdr.encoded(message), rclpy_type(message.type))
     assert plain(STORE.deserialize_cdr(serialize_message(received), message.type)) == plain(message)
@@ -112,7 +120,12 @@ def on_the_wire(tick, state, accuracy=0.0):
     x, y, z, w, forward, left, turn = state
     turned, linear = {"x": 0.0, "y": 0.0, "z": z, "w": w}, {"x": forward, "y": left, "z": 0.0}
     place = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": turned}
-    sent = {"tick": tick, "pose": place, "twist": {"linear": linear, "angular": {"z": turn}}, "accuracy": accuracy}
+    sent = {
+        "tick": tick,
+        "pose": place,
+        "twist": {"linear": linear, "angular": {"z": turn}},
+        "accuracy": accuracy,
+    }
     return msgpack.unpackb(msgpack.packb(sent))
 
 
@@ -123,17 +136,36 @@ def test_odometry_and_the_transform_are_the_wires_pose(tick, state):
     (moved,) = read(messages.transforms(tick, {"picker_01": wire.state_of(pose)})).transforms
     position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation
     assert (position.x, position.y, orientation.z, orientation.w) == state[:4]
-    assert (odometry.twist.twist.linear.x, odometry.twist.twist.linear.y, odometry.twist.twist.angular.z) == state[4:]
-    assert (moved.transform.translation.x, moved.transform.translation.y, moved.transform.rotation.z, moved.transform.rotation.w) == state[
-        :4
-    ]
-    assert (moved.header.frame_id, moved.child_frame_id) == (odometry.header.frame_id, odometry.child_frame_id)
+    assert (
+        odometry.twist.twist.linear.x,
+        odometry.twist.twist.linear.y,
+        odometry.twist.twist.angular.z,
+    ) == state[4:]
+    assert (
+        moved.transform.translation.x,
+        moved.transform.translation.y,
+        moved.transform.rotation.z,
+        moved.transform.rotation.w,
+    ) == state[:4]
+    assert (moved.header.frame_id, moved.child_frame_id) == (
+        odometry.header.frame_id,
+        odometry.child_frame_id,
+    )
     assert moved.header.stamp == odometry.header.stamp
 
 
-@given(tick=ticks, ranges=st.lists(st.floats(0.0, 10.0, width=32) | st.just(math.inf), min_size=1, max_size=180))
+@given(
+    tick=ticks,
+    ranges=st.lists(st.floats(0.0, 10.0, width=32) | st.just(math.inf), min_size=1, max_size=180),
+)
 def test_a_scan_keeps_each_range(tick, ranges):
-    sent = {"tick": tick, "angle_min": 0.0, "angle_increment": 0.5, "range_max": 10.0, "ranges": array("f", ranges).tobytes()}
+    sent = {
+        "tick": tick,
+        "angle_min": 0.0,
+        "angle_increment": 0.5,
+        "range_max": 10.0,
+        "ranges": array("f", ranges).tobytes(),
+    }
     scan = read(wire.scan_of("bin_01", sent))
     assert scan.ranges.tolist() == ranges and scan.header.frame_id == "bin_01/laser"
     assert scan.angle_max == 0.5 * (len(ranges) - 1)
@@ -143,7 +175,10 @@ def test_a_scan_keeps_each_range(tick, ranges):
 def test_a_measured_pose_says_how_exact_it_is(tick, state, accuracy):
     """x and y are: the heading is exact, and so are the odometry and the truth."""
     wired = on_the_wire(tick, state, accuracy)
-    measured, truth, odometry = (read(of("picker_01", wired)) for of in (wire.measured_pose_of, wire.ground_truth_of, wire.odometry_of))
+    measured, truth, odometry = (
+        read(of("picker_01", wired))
+        for of in (wire.measured_pose_of, wire.ground_truth_of, wire.odometry_of)
+    )
     expected = numpy.diag([max(accuracy**2, 1e-6)] * 2 + [1e-6] * 4)
     assert (measured.pose.covariance.reshape(6, 6) == expected).all()
     for exact in (truth.pose, truth.twist, odometry.pose, odometry.twist):
@@ -163,8 +198,13 @@ def place_of(link):
 @given(pose=near_states, odometry=near_states)
 def test_the_chain_of_frames_ends_at_the_measured_pose(pose, odometry):
     """map -> NAME/odom -> NAME/base_link is pose * odometry^-1 * odometry."""
-    reckoned, drift = read(messages.transforms(7, {"picker_01": odometry}, {"picker_01": pose})).transforms
-    assert (drift.header.frame_id, drift.child_frame_id) == ("map", "picker_01/odom") and drift.header.stamp == reckoned.header.stamp
+    reckoned, drift = read(
+        messages.transforms(7, {"picker_01": odometry}, {"picker_01": pose})
+    ).transforms
+    assert (drift.header.frame_id, drift.child_frame_id) == (
+        "map",
+        "picker_01/odom",
+    ) and drift.header.stamp == reckoned.header.stamp
     (x, y, yaw), (ahead, left, turn) = place_of(drift), place_of(reckoned)
     assert x + math.cos(yaw) * ahead - math.sin(yaw) * left == pytest.approx(pose[0], abs=1e-9)
     assert y + math.sin(yaw) * ahead + math.cos(yaw) * left == pytest.approx(pose[1], abs=1e-9)
@@ -178,10 +218,15 @@ def test_a_frame_of_exact_odometry_lies_on_map(state):
     assert (x, y, z) == pytest.approx((0.0, 0.0, 0.0), abs=1e-8) and w == pytest.approx(1.0)
 
 
-NONE = {"gnss": {"white": 0.0, "bias": 0.0, "bias_time": 300.0}, "odometry": {"distance": 0.0, "heading": 0.0}}
+NONE = {
+    "gnss": {"white": 0.0, "bias": 0.0, "bias_time": 300.0},
+    "odometry": {"distance": 0.0, "heading": 0.0},
+}
 
 
-@pytest.mark.parametrize("error", ["gnss white", "gnss bias", "odometry distance", "odometry heading"])
+@pytest.mark.parametrize(
+    "error", ["gnss white", "gnss bias", "odometry distance", "odometry heading"]
+)
 def test_any_error_of_a_sensor_counts(error):
     sensor, what = error.split()
     assert not wire.has_errors({"sensors": NONE})
@@ -193,19 +238,29 @@ SCAN = {"angle_min": 0.0, "angle_increment": 0.5, "range_max": 10.0, "ranges": b
 
 def test_only_what_is_needed_is_heard():
     assert list(wire.views_of(False, False)) == ["pose", "scan"]
-    assert [*wire.views_of(True, False)] == ["pose", "scan", "odometry"] and [*wire.views_of(False, True)] == ["pose", "scan", "truth"]
+    assert [*wire.views_of(True, False)] == ["pose", "scan", "odometry"] and [
+        *wire.views_of(False, True)
+    ] == ["pose", "scan", "truth"]
     for has_errors in (False, True):
         views = wire.views_of(has_errors, True).values()
         assert len({topic for topic, _ in views}) == len(views)
-        assert all(of("picker_01", on_the_wire(7, EAST) | SCAN).type == topic.type for topic, of in views)
+        assert all(
+            of("picker_01", on_the_wire(7, EAST) | SCAN).type == topic.type for topic, of in views
+        )
 
 
 @pytest.mark.parametrize("drifting", [(), ("picker_01",), ("picker_01", "bin_01")])
 def test_frames_make_one_tree_below_map(drifting):
     names = ["picker_01", "bin_01"]
-    links = messages.static_transforms([(name, 1.0) for name in names], drifting).fields["transforms"]
-    links += messages.transforms(3, dict.fromkeys(names, EAST), dict.fromkeys(drifting, EAST)).fields["transforms"]
-    parents = {link.fields["child_frame_id"]: link.fields["header"].fields["frame_id"] for link in links}
+    links = messages.static_transforms([(name, 1.0) for name in names], drifting).fields[
+        "transforms"
+    ]
+    links += messages.transforms(
+        3, dict.fromkeys(names, EAST), dict.fromkeys(drifting, EAST)
+    ).fields["transforms"]
+    parents = {
+        link.fields["child_frame_id"]: link.fields["header"].fields["frame_id"] for link in links
+    }
     assert len(parents) == len(links)
     for name in names:
         way = [topics.laser(name)]
@@ -217,8 +272,12 @@ def test_frames_make_one_tree_below_map(drifting):
 def test_nothing_of_the_orchard_is_imported():
     """The distribution lives from keyspace.md: its numpy and the Orchard's need not agree. `bags/` is only in the Orchard's own wheel."""
     folder = PACKAGE.parent
-    packages = tomllib.loads((folder / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    for file in [file for package in packages for file in (folder / package.replace(".", "/")).glob("*.py")]:
+    packages = tomllib.loads((folder / "pyproject.toml").read_text())["tool"]["setuptools"][
+        "packages"
+    ]
+    for file in [
+        file for package in packages for file in (folder / package.replace(".", "/")).glob("*.py")
+    ]:
         for node in ast.walk(ast.parse(file.read_text())):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []

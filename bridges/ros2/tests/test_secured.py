@@ -35,10 +35,19 @@ def made_roles(folder):
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("secured")
     roles, (_, words, bridge) = made_roles(folder), page()
-    bridge = [word.replace("secure:=", f"secure:={folder}/") for word in bridge if word != "--ros-args"]
-    del words[words.index("--listen") :], bridge[: bridge.index("-p") + 2]  # the scene chooses a free port
+    bridge = [
+        word.replace("secure:=", f"secure:={folder}/") for word in bridge if word != "--ros-args"
+    ]
+    del (
+        words[words.index("--listen") :],
+        bridge[: bridge.index("-p") + 2],
+    )  # the scene chooses a free port
     with scene(folder, [*words, "--rows", "3"], bridge) as made:
-        made.roles, made.odom, made.clock = roles, made.user.hear("picker_01/odom", Odometry, 10), made.user.hear("clock", Clock, 10)
+        made.roles, made.odom, made.clock = (
+            roles,
+            made.user.hear("picker_01/odom", Odometry, 10),
+            made.user.hear("clock", Clock, 10),
+        )
         made.user.until(lambda: made.odom, BEGIN_SECONDS)
         yield made
 
@@ -51,7 +60,9 @@ def forward(speed):
 
 def drives(run, speed):
     orders = run.user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 10)
-    run.user.until(lambda: orders.publish(forward(speed)) or run.odom[-1].twist.twist.linear.x == speed)
+    run.user.until(
+        lambda: orders.publish(forward(speed)) or run.odom[-1].twist.twist.linear.x == speed
+    )
     run.user.until(lambda: run.odom[-1].twist.twist.linear.x == 0.0)  # nothing drives it any more
 
 
@@ -75,7 +86,10 @@ def test_it_pauses_the_run_and_resets_it_and_drives_on(run):
 def test_one_that_claims_more_than_its_role_moves_nothing_and_controls_nothing(run):
     """Its own files say that it may; the run's router says no."""
     forged = shutil.copytree(run.roles / "looker", run.folder / "forged")
-    claimed = json.loads((forged / "role.json").read_text()) | {"names": ["picker_01"], "duty": "operating-bridge"}
+    claimed = json.loads((forged / "role.json").read_text()) | {
+        "names": ["picker_01"],
+        "duty": "operating-bridge",
+    }
     (forged / "role.json").write_text(json.dumps(claimed))
     words = ["-r", "__ns:=/forged", "-p", f"secure:={forged}", "-p", "driven:=[picker_01]"]
     with bridging(run.endpoint, words, run.folder / "forged.log"):
@@ -90,7 +104,11 @@ def test_one_that_claims_more_than_its_role_moves_nothing_and_controls_nothing(r
 
 
 def test_one_that_may_only_look_is_told_so(run):
-    with bridging(run.endpoint, ["-r", "__ns:=/looker", "-p", f"secure:={run.roles / 'looker'}"], run.folder / "looker.log"):
+    with bridging(
+        run.endpoint,
+        ["-r", "__ns:=/looker", "-p", f"secure:={run.roles / 'looker'}"],
+        run.folder / "looker.log",
+    ):
         refused = run.user.call("looker/reset_simulation", Trigger, FIND_SECONDS)
         assert not refused.success and "the role looker may not control the run" in refused.message
         assert run.user.call("looker/get_simulation_state", Trigger).success
@@ -114,7 +132,9 @@ def test_a_role_that_another_bridge_has_is_waited_for(run):
 
 def test_certificates_of_another_authority_are_told(run, tmp_path):
     others = made_roles(tmp_path / "others")
-    with bridging(run.endpoint, ["-p", f"secure:={others / 'ros2'}"], tmp_path / "other.log") as bridge:
+    with bridging(
+        run.endpoint, ["-p", f"secure:={others / 'ros2'}"], tmp_path / "other.log"
+    ) as bridge:
         assert bridge.wait(FIND_SECONDS) == 2
     told = (tmp_path / "other.log").read_text()
     assert "do not accept each other" in told and "Traceback" not in told
@@ -130,8 +150,16 @@ def test_certificates_of_another_authority_are_told(run, tmp_path):
     ],
 )
 def test_what_does_not_fit_is_told_in_words(role, endpoint, words, run):
-    given = ["-p", f"endpoint:={endpoint}", *(["-p", f"secure:={run.roles / role}"] if role else [])]
+    given = [
+        "-p",
+        f"endpoint:={endpoint}",
+        *(["-p", f"secure:={run.roles / role}"] if role else []),
+    ]
     done = subprocess.run(
-        [sys.executable, "-m", "orchard_ros2", "--ros-args", *given], cwd=FOLDER, capture_output=True, text=True, timeout=FIND_SECONDS
+        [sys.executable, "-m", "orchard_ros2", "--ros-args", *given],
+        cwd=FOLDER,
+        capture_output=True,
+        text=True,
+        timeout=FIND_SECONDS,
     )
     assert done.returncode == 2 and words in done.stderr and "Traceback" not in done.stderr

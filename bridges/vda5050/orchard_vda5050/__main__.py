@@ -37,13 +37,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="orchard-vda5050", description="Drive robots of the Orchard by orders of VDA 5050.")
+    parser = argparse.ArgumentParser(
+        prog="orchard-vda5050", description="Drive robots of the Orchard by orders of VDA 5050."
+    )
     commands = parser.add_subparsers(required=True)
     drive = commands.add_parser(
-        "drive", help="drive carriers and pickers of a run by orders", formatter_class=argparse.ArgumentDefaultsHelpFormatter
+        "drive",
+        help="drive carriers and pickers of a run by orders",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     drive.add_argument("endpoint", help="where the run listens, such as tcp/127.0.0.1:7447")
-    drive.add_argument("--robots", nargs="+", default=["carrier"], help="the carriers and pickers, or the kinds")
+    drive.add_argument(
+        "--robots", nargs="+", default=["carrier"], help="the carriers and pickers, or the kinds"
+    )
     drive.add_argument("--secure", metavar="DIR", help="directory of the role, in a secured run")
     for name, default in fleet.DEFAULTS.items():
         drive.add_argument(f"--{name}", default=default, type=type(default), help=HELP[name])
@@ -58,11 +64,16 @@ def _drive(options: argparse.Namespace) -> int:
     words = ["--connect", options.endpoint, "--agents", "orchard_vda5050.fleet:vehicles"]
     agents_there = wait_for_a_run(options.endpoint, options.secure)
     wanted = [*options.robots, *(name for name in agents_there if name == DISPATCH)]
-    words += [word for robot in wanted for word in ("--only", robot)] + (["--secure", options.secure] if options.secure else [])
+    words += [word for robot in wanted for word in ("--only", robot)] + (
+        ["--secure", options.secure] if options.secure else []
+    )
     try:
         code = agents.main(words)
         if code and DISPATCH in wanted:
-            print("orchard-vda5050: if dispatch is taken, start the run with --without dispatch too: fleet control sends", file=sys.stderr)
+            print(
+                "orchard-vda5050: if dispatch is taken, start the run with --without dispatch too: fleet control sends",
+                file=sys.stderr,
+            )
         return code
     finally:
         fleet.lines().close()

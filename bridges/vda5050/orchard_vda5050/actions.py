@@ -27,17 +27,32 @@ class Action:
 PICK, DROP, HAND_OVER, UNLOAD, HARVEST = "pick", "drop", "handOver", "unload", "harvest"
 ACTIONS: Mapping[str, Mapping[str, Action]] = {  # by kind of vehicle
     "carrier": {
-        PICK: Action("*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"),
+        PICK: Action(
+            "*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"
+        ),
         DROP: Action("*/stop/*", False, "uncouple the bin; it stays where it stands"),
         HAND_OVER: Action(
-            "*/stop/*", True, "leave the empty bin to the picker that has left the full bin loadId, and wait until it has it"
+            "*/stop/*",
+            True,
+            "leave the empty bin to the picker that has left the full bin loadId, and wait until it has it",
         ),
         UNLOAD: Action("bay", False, "stand in the bay until the bin is empty"),
     },
     "picker": {
-        HARVEST: Action("*/out/*", False, "pick the row on the way through it, and weigh the bin at its end", "EDGE"),
-        DROP: Action("*/out/*", False, "drive to the lane's mouth and leave the bin there, which calls a carrier"),
-        PICK: Action("*/wait/*", False, "wait for the empty bin that a carrier brings, and couple it"),
+        HARVEST: Action(
+            "*/out/*",
+            False,
+            "pick the row on the way through it, and weigh the bin at its end",
+            "EDGE",
+        ),
+        DROP: Action(
+            "*/out/*",
+            False,
+            "drive to the lane's mouth and leave the bin there, which calls a carrier",
+        ),
+        PICK: Action(
+            "*/wait/*", False, "wait for the empty bin that a carrier brings, and couple it"
+        ),
     },
 }
 WITH_THE_BIN = (DROP, UNLOAD)  # actions whose loadId, if there is one, names the bin on the bar

@@ -6,7 +6,11 @@ from typing import Any
 from orchard import Heard
 from orchard.contract.messages import Call, Come, Fetch
 
-REMEMBERED = {Call: 25, Fetch: 25, Come: 55}  # ticks for which a request counts: by then the bin has asked again, unless a carrier has it
+REMEMBERED = {
+    Call: 25,
+    Fetch: 25,
+    Come: 55,
+}  # ticks for which a request counts: by then the bin has asked again, unless a carrier has it
 
 
 class Calls:
@@ -17,9 +21,13 @@ class Calls:
         self._tell = tell
         self._told: list[dict[str, Any]] = []
         self._first: dict[str, int] = {}  # bin -> tick at which it was heard first
-        self._last: dict[str, tuple[int, Call | Fetch | Come]] = {}  # bin -> tick at which it was heard last, its request
+        self._last: dict[
+            str, tuple[int, Call | Fetch | Come]
+        ] = {}  # bin -> tick at which it was heard last, its request
         self._heard_at = -1  # tick at which a vehicle was heard last
-        self._owed: dict[str, str] = {}  # vehicle -> the full bin for which it has left its empty one
+        self._owed: dict[
+            str, str
+        ] = {}  # vehicle -> the full bin for which it has left its empty one
 
     def hear(self, requests: Sequence[Heard], tick: int) -> None:
         """Note what full bins request. Each vehicle calls this at each tick."""
@@ -40,7 +48,14 @@ class Calls:
 
     def bin_at(self, station: str) -> str:
         """Return the bin that calls from a station, or has sent for a vehicle; '' if none does."""
-        return next((name for name, (_, body) in self._last.items() if f"{body.side}/{body.lane}" == station), "")
+        return next(
+            (
+                name
+                for name, (_, body) in self._last.items()
+                if f"{body.side}/{body.lane}" == station
+            ),
+            "",
+        )
 
     def picker_of(self, bin_name: str) -> str:
         """Return the picker that waits for an empty bin where a full one stands which has sent for a vehicle; '' if none does."""
@@ -53,9 +68,18 @@ class Calls:
 
     def _waiting(self, tick: int) -> list[dict[str, Any]]:
         """Return the bins that wait, in the order in which they began to call: `loadId`, the `station`, `since` which tick."""
-        for name in [name for name, (at, body) in self._last.items() if tick - at > REMEMBERED[type(body)]]:
+        for name in [
+            name for name, (at, body) in self._last.items() if tick - at > REMEMBERED[type(body)]
+        ]:
             del self._last[name]
             self._first.pop(name, None)
-        again = {name: body for name, (at, body) in self._last.items() if not isinstance(body, Come) and at > self._first[name]}
+        again = {
+            name: body
+            for name, (at, body) in self._last.items()
+            if not isinstance(body, Come) and at > self._first[name]
+        }
         calls = sorted(again.items(), key=lambda item: (item[1].since, item[0]))
-        return [{"loadId": name, "station": f"{call.side}/{call.lane}", "since": call.since} for name, call in calls]
+        return [
+            {"loadId": name, "station": f"{call.side}/{call.lane}", "since": call.since}
+            for name, call in calls
+        ]

@@ -64,7 +64,10 @@ class UntilLeft(Step, frozen=True):
             return True
         robot.action.waits_for = f"a full bin at {self.station}"
         robot.hold()
-        if order.nodes[0].actions and (robot.seen.tick - robot.memory.since) * TIME_STEP > SENT_FOR_SECONDS:
+        if (
+            order.nodes[0].actions
+            and (robot.seen.tick - robot.memory.since) * TIME_STEP > SENT_FOR_SECONDS
+        ):
             order.queue = order.nodes[0].actions
             driver.fails(f"no full bin is left at {self.station} within {SENT_FOR_SECONDS:g} s")
         return False
@@ -75,12 +78,23 @@ class CarrierDriver(Driver):
 
     def before(self, nodes: Sequence[Node]) -> Sequence[Step]:
         stop, *onward = nodes
-        station, stays = self.graph.station_of(stop.node_id), stop.actions or not onward or not onward[0].released
-        return [UntilLeft(station)] if station and stays and not self.duty.is_away and not self.calls.bin_at(station) else []
+        station, stays = (
+            self.graph.station_of(stop.node_id),
+            stop.actions or not onward or not onward[0].released,
+        )
+        return (
+            [UntilLeft(station)]
+            if station and stays and not self.duty.is_away and not self.calls.bin_at(station)
+            else []
+        )
 
     def steps_of(self, action: ActionOrder) -> Sequence[Step]:
         load = str(action.value("loadId") or "")
-        return [{PICK: TakeBin(load), DROP: Drop(), HAND_OVER: HandOver(load), UNLOAD: Unload()}[action.action_type]]
+        return [
+            {PICK: TakeBin(load), DROP: Drop(), HAND_OVER: HandOver(load), UNLOAD: Unload()}[
+                action.action_type
+            ]
+        ]
 
     def why_not(self, action: ActionOrder) -> str:
         has_bin = self.seen.hitch is not None
@@ -99,13 +113,19 @@ class CarrierDriver(Driver):
 
     def is_late(self, action: ActionOrder, seconds: float) -> str:
         load = str(action.value("loadId"))
-        if action.action_type == HAND_OVER and seconds > SENT_FOR_SECONDS and not self.calls.picker_of(load):
+        if (
+            action.action_type == HAND_OVER
+            and seconds > SENT_FOR_SECONDS
+            and not self.calls.picker_of(load)
+        ):
             return f"{load} has not sent for a vehicle within {SENT_FOR_SECONDS:g} s: another carrier comes"
         return super().is_late(action, seconds)
 
     def after_failing(self, action: ActionOrder) -> Sequence[Step]:
         """Take back the empty bin that was left for a picker: it would stand in the way of others."""
-        is_left = action.action_type == HAND_OVER and self.seen.hitch is None and self.memory.delivered
+        is_left = (
+            action.action_type == HAND_OVER and self.seen.hitch is None and self.memory.delivered
+        )
         return [TakeBin(self.memory.delivered)] if is_left else []
 
     def arrived(self, before: str) -> None:
@@ -126,7 +146,9 @@ class CarrierVehicle(Vehicle):
     drives_with = CarrierDriver
     holds = True
 
-    def __init__(self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing) -> None:
+    def __init__(
+        self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing
+    ) -> None:
         robot = Carrier(layout, name)
         super().__init__(robot, name, graph, port, calls, timing)
         self._home = graph.lines[(robot.number - 1) // layout.queue.places]
@@ -142,10 +164,16 @@ class CarrierVehicle(Vehicle):
             return Offer(robot.pose.x, robot.pose.y, 0.0)
         if isinstance(body, Come) and is_ordered:
             return Yes()
-        return No("fleet control orders otherwise" if isinstance(body, Call | Come) else "a carrier knows nothing of that")
+        return No(
+            "fleet control orders otherwise"
+            if isinstance(body, Call | Come)
+            else "a carrier knows nothing of that"
+        )
 
     def is_home(self, robot: Driver) -> bool:
-        return robot.duty.order.last_node.startswith(QUEUE) and (robot.duty.order.is_idle or robot.seen.twist == STILL)
+        return robot.duty.order.last_node.startswith(QUEUE) and (
+            robot.duty.order.is_idle or robot.seen.twist == STILL
+        )
 
     def is_held_up(self, robot: Driver) -> bool:
         """Before a lane at which no bin is left, and at a stop with a bin right behind it: it cannot turn beside a picker."""
@@ -153,12 +181,16 @@ class CarrierVehicle(Vehicle):
 
     def _is_at_a_stop(self, robot: Driver) -> bool:
         hitch = robot.seen.hitch
-        is_behind = hitch is not None and abs(hitch.x - robot.pose.x) < ON_A_NODE  # it has not turned
+        is_behind = (
+            hitch is not None and abs(hitch.x - robot.pose.x) < ON_A_NODE
+        )  # it has not turned
         return is_behind and self.graph.station_of(robot.duty.order.last_node) != ""
 
     def is_out_of_the_way(self, robot: Driver) -> bool:
         last = robot.duty.order.last_node
-        return last.startswith(QUEUE) and (last in self.graph.lines or something_ahead(robot.seen, []))
+        return last.startswith(QUEUE) and (
+            last in self.graph.lines or something_ahead(robot.seen, [])
+        )
 
     def clear_the_roads(self, robot: Driver) -> None:
         """Drive to the queue, through the bay with a full bin, also with one that it has promised to take.
@@ -168,7 +200,10 @@ class CarrierVehicle(Vehicle):
         order, promised = robot.duty.order, robot.duty.owes
         load = self._calls.bin_at(self.graph.station_of(order.last_node))
         if load and not robot.duty.phase and self._is_at_a_stop(robot):
-            order.queue, promised = [ActionOrder(HAND_OVER, HAND_OVER, "HARD", [Parameter("loadId", load)])], load
+            order.queue, promised = (
+                [ActionOrder(HAND_OVER, HAND_OVER, "HARD", [Parameter("loadId", load)])],
+                load,
+            )
         if promised:
             self.add(order, self.graph.bins, PICK, promised)
         if promised or robot.duty.is_laden:

@@ -22,12 +22,17 @@ class Desk(Dispatcher):
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         action = super().tick(seen, mail, memory)
-        self._calls.hear([heard for heard in mail.requests if heard.sender not in action.memory.bookings], seen.tick)
+        self._calls.hear(
+            [heard for heard in mail.requests if heard.sender not in action.memory.bookings],
+            seen.tick,
+        )
         return action
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
         full = [name for name, report in memory.bins.items() if not report.seconds_to_full]
-        ordered = {carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in full}
+        ordered = {
+            carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in full
+        }
         memory.bookings = ordered | memory.bookings
         if any(carrier.is_next for carrier in carriers):
             super().decide(memory, carriers, tick)

@@ -20,7 +20,9 @@ from orchard_vda5050.graph import Graph
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Error, Node, OrderState, Rejected
 
 ACTION_SECONDS = 300.0  # after which an action that is not done has failed
-ASK_AHEAD = 3.0  # m before a node at which it asks for the places of the next edge: so it need not stop
+ASK_AHEAD = (
+    3.0  # m before a node at which it asks for the places of the next edge: so it need not stop
+)
 
 
 class Duty(msgspec.Struct):
@@ -54,7 +56,15 @@ class Driver(PlanExecutor):
     """A vehicle at one tick: it turns its order into steps."""
 
     def __init__(
-        self, seen: Observation, mail: Mail, memory: Any, duty: Duty, robot: Any, graph: Graph, calls: Calls, before: Sequence[Step]
+        self,
+        seen: Observation,
+        mail: Mail,
+        memory: Any,
+        duty: Duty,
+        robot: Any,
+        graph: Graph,
+        calls: Calls,
+        before: Sequence[Step],
     ) -> None:
         """`robot`: the Orchard's own agent of this kind; `before`: the steps before each drive."""
         super().__init__(seen, mail, memory, robot.bystanders)
@@ -123,7 +133,9 @@ class Driver(PlanExecutor):
 
     def _leave(self, node: Node, edge: Edge) -> bool:
         if why := self.why_not_drive():
-            self._halt(Rejected("NODE_UNREACHABLE", why, {"nodeId": node.node_id}, "CRITICAL").error)
+            self._halt(
+                Rejected("NODE_UNREACHABLE", why, {"nodeId": node.node_id}, "CRITICAL").error
+            )
             return False
         self.duty.phase = "edge"
         for action in edge.actions:
@@ -133,12 +145,17 @@ class Driver(PlanExecutor):
 
     def _steps_to(self, node: Node, edge: Edge) -> Iterator[Step]:
         """The steps of an edge. A node may follow itself."""
-        self.memory.doing, self.memory.state = f"driving to {node.node_id}", "hauling" if self.duty.is_laden else "driving"
+        self.memory.doing, self.memory.state = (
+            f"driving to {node.node_id}",
+            "hauling" if self.duty.is_laden else "driving",
+        )
         known = self.graph.edges.get((self.duty.order.last_node, node.node_id))
         for step in known.steps if known else ():
             if isinstance(step, DriveTo) and not step.queueing:
                 yield from self._before
-            slower = edge.speed is not None and isinstance(step, DriveTo) and edge.speed < step.speed
+            slower = (
+                edge.speed is not None and isinstance(step, DriveTo) and edge.speed < step.speed
+            )
             yield replace(step, speed=edge.speed) if slower else step
 
     def _begin(self, action: ActionOrder) -> bool:
@@ -171,7 +188,9 @@ class Driver(PlanExecutor):
 
     def why_failed(self) -> str:
         """Why the present action has taken too long; '' if it has not."""
-        return self.is_late(self.duty.order.queue[0], (self.seen.tick - self.duty.began) * TIME_STEP)
+        return self.is_late(
+            self.duty.order.queue[0], (self.seen.tick - self.duty.began) * TIME_STEP
+        )
 
     def fails(self, why: str) -> None:
         """The present action has failed. The vehicle stands until fleet control cancels the order."""
@@ -187,14 +206,24 @@ class Driver(PlanExecutor):
     def ask_ahead(self) -> None:
         """Shortly before a node, ask for the places that the next edge needs at its beginning."""
         order = self.duty.order
-        if self.duty.phase != "edge" or self.wanting or len(order.nodes) < 2 or order.nodes[0].actions or not order.nodes[1].released:
+        if (
+            self.duty.phase != "edge"
+            or self.wanting
+            or len(order.nodes) < 2
+            or order.nodes[0].actions
+            or not order.nodes[1].released
+        ):
             return
         if self.before(order.nodes[1:]):
             return
         node = self.graph.nodes[order.nodes[0].node_id]
         after = self.graph.edges.get((order.nodes[0].node_id, order.nodes[1].node_id))
         drive = after.steps[0] if after else None
-        if isinstance(drive, DriveTo) and drive.needs and abs(node.x - self.pose.x) + abs(node.y - self.pose.y) < ASK_AHEAD:
+        if (
+            isinstance(drive, DriveTo)
+            and drive.needs
+            and abs(node.x - self.pose.x) + abs(node.y - self.pose.y) < ASK_AHEAD
+        ):
             places = drive.needs[0].places
             if not self.has(places):
                 self.want(places)

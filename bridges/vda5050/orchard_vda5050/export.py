@@ -14,5 +14,7 @@ def export_map(layout: Layout, file: Path) -> str:
     """Write a LIF map, in place of an old one. Return what is in it, in words. Raises OSError."""
     graphs = graphs_of(layout)
     made_at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    write_whole(file, (json.dumps(lif_of(graphs, "the Orchard", made_at), indent=1) + "\n").encode())
+    write_whole(
+        file, (json.dumps(lif_of(graphs, "the Orchard", made_at), indent=1) + "\n").encode()
+    )
     return f"{sum(len(graph.nodes) for graph in graphs)} nodes, {sum(len(graph.edges) for graph in graphs)} edges"

@@ -18,7 +18,10 @@ from orchard_vda5050.network import Network
 from orchard_vda5050.pickers import PickerVehicle, graphs_of
 from orchard_vda5050.vehicle import Port, Timing
 
-VEHICLES: Mapping[str, type[CarrierVehicle | PickerVehicle]] = {"carrier": CarrierVehicle, "picker": PickerVehicle}
+VEHICLES: Mapping[str, type[CarrierVehicle | PickerVehicle]] = {
+    "carrier": CarrierVehicle,
+    "picker": PickerVehicle,
+}
 ENVIRONMENT = "ORCHARD_VDA5050_"  # and a name in capitals: the settings of `vehicles`
 DEFAULTS: Mapping[str, str | float] = {
     "broker": "mqtt://127.0.0.1:1883",
@@ -63,8 +66,13 @@ class Lines:
     def of(self, name: str) -> Line:
         """Return the line of a vehicle, which is opened when it is first asked for."""
         if name not in self._lines:
-            greets = [("connection", connection_of("ONLINE")), ("factsheet", factsheet_of(kind_of(name), timing().state))]
-            self._lines[name] = Line(self._network, self._broker, name, ("order", "instantActions"), greets)
+            greets = [
+                ("connection", connection_of("ONLINE")),
+                ("factsheet", factsheet_of(kind_of(name), timing().state)),
+            ]
+            self._lines[name] = Line(
+                self._network, self._broker, name, ("order", "instantActions"), greets
+            )
         return self._lines[name]
 
     def close(self) -> None:
@@ -86,14 +94,31 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
     if DISPATCH in layout.agents and DISPATCH not in names and "carrier" in map(kind_of, names):
         why = "fleet control sends the carriers; start the run with --without dispatch, or with --dispatch nearest"
         raise ValueError(f"dispatch {layout.scenario.dispatch}: {why}")
-    agents = agents_of(layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing())
-    are_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES  # the tests of the bridge check its agents
-    return {name: Guard(name, agent, layout.agents, trusted=are_ours) for name, agent in agents.items()}
+    agents = agents_of(
+        layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing()
+    )
+    are_ours = (
+        layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
+    )  # the tests of the bridge check its agents
+    return {
+        name: Guard(name, agent, layout.agents, trusted=are_ours) for name, agent in agents.items()
+    }
 
 
-def agents_of(layout: Layout, names: Collection[str], port_of: Callable[[str], Port], calls: Calls, times: Timing) -> dict[str, Agent]:
+def agents_of(
+    layout: Layout,
+    names: Collection[str],
+    port_of: Callable[[str], Port],
+    calls: Calls,
+    times: Timing,
+) -> dict[str, Agent]:
     """Return an agent for each of these names: a vehicle, or for `dispatch` the one that tells fleet control which bins wait."""
     graphs = {graph.kind: graph for graph in graphs_of(layout)}
     desk = {name: Desk(layout, name, calls) for name in names if name == DISPATCH}
     driven = [name for name in names if name not in desk]
-    return desk | {name: VEHICLES[kind_of(name)](layout, name, graphs[kind_of(name)], port_of(name), calls, times) for name in driven}
+    return desk | {
+        name: VEHICLES[kind_of(name)](
+            layout, name, graphs[kind_of(name)], port_of(name), calls, times
+        )
+        for name in driven
+    }

@@ -61,7 +61,10 @@ class Graph:
 
     def station_of(self, stop: str) -> str:
         """Return the station at which a vehicle stops at this node to hand over; '' if it is no such node."""
-        return next((name for name, nodes in self.stations.items() if len(nodes) > 1 and nodes[0] == stop), "")
+        return next(
+            (name for name, nodes in self.stations.items() if len(nodes) > 1 and nodes[0] == stop),
+            "",
+        )
 
     def at(self, x: float, y: float) -> str:
         """Return the node on which a vehicle at (x, y) stands; '' if there is none."""
@@ -110,15 +113,27 @@ def graph_of(layout: Layout, route: OneWay) -> Graph:
     stations: dict[str, tuple[str, ...]] = {BAY: (BAY,)}
     for head in range(0, layout.queue_places, layout.queue.places):
         line = f"{QUEUE}{head // layout.queue.places + 1}"
-        first, count = layout.queue.place(head), min(layout.queue.places, layout.queue_places - head)
+        first, count = (
+            layout.queue.place(head),
+            min(layout.queue.places, layout.queue_places - head),
+        )
         slots = [first._replace(x=first.x - PITCH * slot) for slot in range(count)]
-        named |= {_point(pose): f"{line}/{slot + 1}" if slot else line for slot, pose in enumerate(slots)}
+        named |= {
+            _point(pose): f"{line}/{slot + 1}" if slot else line for slot, pose in enumerate(slots)
+        }
         stations[line] = (line,)
         bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
         named[_point(bay)] = BAY
-        home = [*route.go_to_line(head + 1), *(DriveTo(x=slot.x, queueing=True) for slot in reversed(slots))]
+        home = [
+            *route.go_to_line(head + 1),
+            *(DriveTo(x=slot.x, queueing=True) for slot in reversed(slots)),
+        ]
         legs += _legs(home, bay)
-        legs += [leg for slot, ahead in pairwise(reversed(slots)) for leg in _legs([DriveTo(x=ahead.x, queueing=True)], slot)]
+        legs += [
+            leg
+            for slot, ahead in pairwise(reversed(slots))
+            for leg in _legs([DriveTo(x=ahead.x, queueing=True)], slot)
+        ]
         for side in route.sides.values():
             for lane in layout.lanes:
                 legs += _legs(route.approach(lane.number, side, head + 1), slots[0])
@@ -141,12 +156,16 @@ def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) ->
     longest way to the bay knows those of all lanes.
     """
     ways = [route.go_to_bay(one.number, side) for one in route.layout.lanes]
-    _, turn, along, *onward = max(ways, key=lambda way: len(way[2].frees) if isinstance(way[2], DriveTo) else 0)
+    _, turn, along, *onward = max(
+        ways, key=lambda way: len(way[2].frees) if isinstance(way[2], DriveTo) else 0
+    )
     assert isinstance(turn, Face) and isinstance(along, DriveTo)
     ahead = -1.0 if turn.heading == "SOUTH" else 1.0
     enters = {place: ahead * (gate.at - stop.y) for gate in along.needs for place in gate.places}
     leaves = {place: ahead * (gate.at - stop.y) for gate in along.frees for place in gate.places}
-    around = [place for place in leaves if leaves[place] > -RADIUS and enters.get(place, -inf) < RADIUS]
+    around = [
+        place for place in leaves if leaves[place] > -RADIUS and enters.get(place, -inf) < RADIUS
+    ]
     needs = [Need([place]) for place in sorted(around, key=lambda place: leaves[place])]
     return [
         *needs,
@@ -179,13 +198,25 @@ def _parts(drive: DriveTo, start: Pose) -> Iterator[tuple[DriveTo, str]]:
     axis = "y" if drive.x is None else "x"
     begin, end = getattr(start, axis), getattr(drive, axis)
     ahead = 1.0 if end >= begin else -1.0
-    needs = [gate for gate in drive.needs if ahead * (gate.at - begin) >= 0.0 and ahead * (end - gate.at) > 0.0]
+    needs = [
+        gate
+        for gate in drive.needs
+        if ahead * (gate.at - begin) >= 0.0 and ahead * (end - gate.at) > 0.0
+    ]
     ats = sorted({gate.at for gate in needs if gate.at != begin}, key=lambda at: ahead * at)
     for first, last in pairwise([begin, *ats, end]):
         here = [gate for gate in needs if gate.at == first]
         there = [place for gate in needs if gate.at == last for place in gate.places]
-        passed = [gate for gate in drive.frees if ahead * (gate.at - last) <= 0.0 and (first == begin or ahead * (gate.at - first) > 0.0)]
-        yield structs.replace(drive, needs=here, frees=passed, **{axis: last}), there[0] if there else ""
+        passed = [
+            gate
+            for gate in drive.frees
+            if ahead * (gate.at - last) <= 0.0
+            and (first == begin or ahead * (gate.at - first) > 0.0)
+        ]
+        yield (
+            structs.replace(drive, needs=here, frees=passed, **{axis: last}),
+            there[0] if there else "",
+        )
 
 
 def _point(pose: Pose) -> tuple[float, float]:
@@ -193,7 +224,9 @@ def _point(pose: Pose) -> tuple[float, float]:
     return round(pose.x, 3), round(pose.y, 3)
 
 
-def _joined(legs: list[Leg], named: dict[tuple[float, float], str], stations: Mapping[str, tuple[str, ...]]) -> Graph:
+def _joined(
+    legs: list[Leg], named: dict[tuple[float, float], str], stations: Mapping[str, tuple[str, ...]]
+) -> Graph:
     """Join the legs where they meet. Of those with the same ends that counts which gives back the most places."""
     for leg in legs:
         if leg.waits_for and leg.waits_for not in named.values():
@@ -203,10 +236,24 @@ def _joined(legs: list[Leg], named: dict[tuple[float, float], str], stations: Ma
     edges: dict[tuple[str, str], Edge] = {}
     for leg in sorted(legs, key=lambda leg: len(_freed(leg.steps))):
         start, end = named[_point(leg.start)], named[_point(leg.end)]
-        edges[start, end] = Edge(start, end, abs(leg.end.x - leg.start.x) + abs(leg.end.y - leg.start.y), leg.steps)
+        edges[start, end] = Edge(
+            start, end, abs(leg.end.x - leg.start.x) + abs(leg.end.y - leg.start.y), leg.steps
+        )
     nodes = {name: Node(name, x, y) for (x, y), name in named.items()}
-    return Graph("carrier", nodes, edges, tuple(name for name in stations if name.startswith(QUEUE)), stations)
+    return Graph(
+        "carrier",
+        nodes,
+        edges,
+        tuple(name for name in stations if name.startswith(QUEUE)),
+        stations,
+    )
 
 
 def _freed(steps: Iterable[Step]) -> list[str]:
-    return [place for step in steps if isinstance(step, DriveTo) for gate in step.frees for place in gate.places]
+    return [
+        place
+        for step in steps
+        if isinstance(step, DriveTo)
+        for gate in step.frees
+        for place in gate.places
+    ]

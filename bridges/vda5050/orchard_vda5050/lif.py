@@ -13,14 +13,21 @@ SPEED = 1.0  # m/s
 
 def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any]:
     """Return the layout of what several kinds of vehicles drive on. `creator`: who exports it; `made_at`: when, ISO 8601."""
-    meta = {"projectIdentification": MAP, "creator": creator, "exportTimestamp": made_at, "lifVersion": VERSION}
+    meta = {
+        "projectIdentification": MAP,
+        "creator": creator,
+        "exportTimestamp": made_at,
+        "lifVersion": VERSION,
+    }
     layout = {
         "layoutId": MAP,
         "layoutName": "the roads of the orchard",
         "layoutVersion": "1",
         "nodes": [_node(graph.kind, node) for graph in graphs for node in graph.nodes.values()],
         "edges": [_edge(graph.kind, edge) for graph in graphs for edge in graph.edges.values()],
-        "stations": [_station(name, nodes) for graph in graphs for name, nodes in graph.stations.items()],
+        "stations": [
+            _station(name, nodes) for graph in graphs for name, nodes in graph.stations.items()
+        ],
     }
     return {"metaInformation": meta, "layouts": [layout]}
 
@@ -66,9 +73,22 @@ def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
         "maxSpeed": SPEED,
         "reentryAllowed": False,
     } | _actions(vehicle, "EDGE", edge.end)
-    return {"edgeId": edge_id(edge), "startNodeId": edge.start, "endNodeId": edge.end, "vehicleTypeEdgeProperties": [properties]}
+    return {
+        "edgeId": edge_id(edge),
+        "startNodeId": edge.start,
+        "endNodeId": edge.end,
+        "vehicleTypeEdgeProperties": [properties],
+    }
 
 
 def _station(name: str, nodes: Iterable[str]) -> dict[str, Any]:
-    what = {BAY: "the bay, where full bins are unloaded", "queue": "a line of the queue", "row": "a row, and the places at its ends"}
-    return {"stationId": name, "stationDescription": what.get(name.split("/")[0], "the end of a row"), "interactionNodeIds": list(nodes)}
+    what = {
+        BAY: "the bay, where full bins are unloaded",
+        "queue": "a line of the queue",
+        "row": "a row, and the places at its ends",
+    }
+    return {
+        "stationId": name,
+        "stationDescription": what.get(name.split("/")[0], "the end of a row"),
+        "interactionNodeIds": list(nodes),
+    }

@@ -20,7 +20,10 @@ from orchard_vda5050.messages import Message, connection_of
 from orchard_vda5050.network import Connection, Network
 from orchard_vda5050.older import older
 
-VERSIONS: Mapping[str, Callable[[str, Message], Message]] = {"3.0.0": lambda _topic, message: message, "2.1.0": older}  # and its words
+VERSIONS: Mapping[str, Callable[[str, Message], Message]] = {
+    "3.0.0": lambda _topic, message: message,
+    "2.1.0": older,
+}  # and its words
 RETAINED = ("connection", "factsheet")
 AT_LEAST_ONCE = 1  # quality of service of `connection`; of all others 0
 
@@ -49,17 +52,23 @@ def broker_at(url: str, interface: str, manufacturer: str, version: str) -> Brok
         raise ValueError(f"version {version}: there are {', '.join(VERSIONS)}")
     parts = urlsplit(url)
     if parts.scheme not in ("mqtt", "mqtts") or not parts.hostname or parts.path not in ("", "/"):
-        raise ValueError(f"broker {url!r}: must be as mqtt://127.0.0.1:1883 or, with TLS, mqtts://user:password@broker.example:8883")
+        raise ValueError(
+            f"broker {url!r}: must be as mqtt://127.0.0.1:1883 or, with TLS, mqtts://user:password@broker.example:8883"
+        )
     if wrong := [word for word in (interface, manufacturer) if not word or set(word) & set("/+#$")]:
         raise ValueError(f"{wrong[0]!r}: a part of a topic needs characters, but none of / + # $")
     is_secure = parts.scheme == "mqtts"
     port = parts.port or (8883 if is_secure else 1883)
-    user, password = (word if word is None else unquote(word) for word in (parts.username, parts.password))
+    user, password = (
+        word if word is None else unquote(word) for word in (parts.username, parts.password)
+    )
     return Broker(parts.hostname, port, is_secure, user, password, interface, manufacturer, version)
 
 
 def _client(broker: Broker, name: str) -> Client:
-    client = Client(CallbackAPIVersion.VERSION2, client_id=f"{broker.interface}-{broker.manufacturer}-{name}")
+    client = Client(
+        CallbackAPIVersion.VERSION2, client_id=f"{broker.interface}-{broker.manufacturer}-{name}"
+    )
     client.username_pw_set(broker.user, broker.password)
     if broker.is_secure:
         client.tls_set()
@@ -70,9 +79,20 @@ class Line:
     """A vehicle's port to fleet control. `subscribes`: the topics that it takes; `greets`: what it sends when it has connected."""
 
     def __init__(
-        self, network: Network, broker: Broker, serial: str, subscribes: Sequence[str], greets: Sequence[tuple[str, Message]]
+        self,
+        network: Network,
+        broker: Broker,
+        serial: str,
+        subscribes: Sequence[str],
+        greets: Sequence[tuple[str, Message]],
     ) -> None:
-        self._network, self._broker, self._serial, self._subscribes, self._greets = network, broker, serial, subscribes, greets
+        self._network, self._broker, self._serial, self._subscribes, self._greets = (
+            network,
+            broker,
+            serial,
+            subscribes,
+            greets,
+        )
         self._taken: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
         self._numbers: dict[str, Any] = defaultdict(count)  # topic -> the headerIds
         self.state_header_id = 0
@@ -97,7 +117,12 @@ class Line:
         """Send a message, if the broker is there."""
         if self._connection.is_there:
             quality = AT_LEAST_ONCE if topic == "connection" else 0
-            self._connection.publish(self._broker.topic(self._serial, topic), self._payload(topic, message), quality, topic in RETAINED)
+            self._connection.publish(
+                self._broker.topic(self._serial, topic),
+                self._payload(topic, message),
+                quality,
+                topic in RETAINED,
+            )
 
     def leave(self) -> None:
         """Say that the vehicle goes offline."""
@@ -108,7 +133,12 @@ class Line:
         if topic == "state":
             self.state_header_id = number
         at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        header = {"headerId": number, "timestamp": at, "version": self._broker.version, "manufacturer": self._broker.manufacturer}
+        header = {
+            "headerId": number,
+            "timestamp": at,
+            "version": self._broker.version,
+            "manufacturer": self._broker.manufacturer,
+        }
         body = VERSIONS[self._broker.version](topic, message)
         return msgspec.json.encode(header | {"serialNumber": self._serial} | body)
 
@@ -127,7 +157,9 @@ class Notices:
 
     def __init__(self, network: Network, broker: Broker) -> None:
         self._topic, self._newest = f"{broker.interface}/calls", b"[]"
-        self._connection = Connection(_client(broker, "calls"), broker.host, broker.port, lambda _: self._publish())
+        self._connection = Connection(
+            _client(broker, "calls"), broker.host, broker.port, lambda _: self._publish()
+        )
         network.keep(self._connection)
 
     def tell(self, waiting: list[Message]) -> None:

@@ -70,14 +70,20 @@ def state_of(
         "powerSupply": {"stateOfCharge": 100.0 * seen.charge, "charging": status.is_charging},
         "operatingMode": "MANUAL" if status.is_away else "AUTOMATIC",
         "errors": msgspec.to_builtins([*order.errors, *errors]),
-        "information": [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}] if waits_for else [],
+        "information": [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}]
+        if waits_for
+        else [],
         "safetyState": {"activeEmergencyStop": "NONE", "fieldViolation": status.is_blocked},
     }
 
 
 def visualization_of(seen: Observation, state_header_id: int) -> Message:
     """Return the message `visualization`. `state_header_id`: the headerId of the newest state."""
-    return {"referenceStateHeaderId": state_header_id, "mobileRobotPosition": _position(seen), "velocity": _velocity(seen)}
+    return {
+        "referenceStateHeaderId": state_header_id,
+        "mobileRobotPosition": _position(seen),
+        "velocity": _velocity(seen),
+    }
 
 
 def connection_of(state: Literal["ONLINE", "OFFLINE", "CONNECTION_BROKEN"]) -> Message:
@@ -110,27 +116,52 @@ def factsheet_of(kind: str, state_seconds: float) -> Message:
             "length": body.length,
         },
         "protocolLimits": {
-            "maximumStringLengths": {"maximumMessageLength": LARGEST, "maximumIdLength": LONGEST_ID},
+            "maximumStringLengths": {
+                "maximumMessageLength": LARGEST,
+                "maximumIdLength": LONGEST_ID,
+            },
             "maximumArrayLengths": {},
-            "timing": {"minimumOrderInterval": TIME_STEP, "minimumStateInterval": TIME_STEP, "defaultStateInterval": state_seconds},
+            "timing": {
+                "minimumOrderInterval": TIME_STEP,
+                "minimumStateInterval": TIME_STEP,
+                "defaultStateInterval": state_seconds,
+            },
         },
         "protocolFeatures": {
             "optionalParameters": [
                 {"parameter": "order.nodes.nodePosition", "support": "SUPPORTED"},
-                {"parameter": "order.nodes.nodePosition.allowedDeviationXY", "support": "SUPPORTED", "description": "of the first node"},
+                {
+                    "parameter": "order.nodes.nodePosition.allowedDeviationXY",
+                    "support": "SUPPORTED",
+                    "description": "of the first node",
+                },
                 {"parameter": "order.edges.maximumSpeed", "support": "SUPPORTED"},
             ],
-            "mobileRobotActions": [*(_declared(*action) for action in ACTIONS[kind].items()), *map(_declared_instant, INSTANT)],
+            "mobileRobotActions": [
+                *(_declared(*action) for action in ACTIONS[kind].items()),
+                *map(_declared_instant, INSTANT),
+            ],
         },
-        "mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "alone", "vertices": _box(0.0, body.length, body.width)}]},
-        "loadSpecification": {"loadPositions": ["bar"], "loadSets": [_load_set(kind, BIN), _load_set(kind, FULL)]},
+        "mobileRobotGeometry": {
+            "envelopes2d": [
+                {"envelope2dId": "alone", "vertices": _box(0.0, body.length, body.width)}
+            ]
+        },
+        "loadSpecification": {
+            "loadPositions": ["bar"],
+            "loadSets": [_load_set(kind, BIN), _load_set(kind, FULL)],
+        },
     }
 
 
 def _node(node: Node) -> Message:
     at = node.node_position
     position = {"nodePosition": {"x": at.x, "y": at.y, "mapId": at.map_id}} if at else {}
-    return {"nodeId": node.node_id, "sequenceId": node.sequence_id, "released": node.released} | position
+    return {
+        "nodeId": node.node_id,
+        "sequenceId": node.sequence_id,
+        "released": node.released,
+    } | position
 
 
 def _edge(edge: Edge) -> Message:
@@ -148,12 +179,19 @@ def _velocity(seen: Observation) -> Message:
 
 def _loads(kind: str, seen: Observation, is_laden: bool) -> list[Message]:
     load = FULL if is_laden else BIN
-    return [{"loadId": seen.hitch.name, "loadType": load, "loadPosition": "bar", **_shape(kind)}] if seen.hitch else []
+    return (
+        [{"loadId": seen.hitch.name, "loadType": load, "loadPosition": "bar", **_shape(kind)}]
+        if seen.hitch
+        else []
+    )
 
 
 def _shape(kind: str) -> Message:
     place, fruit = {"x": -KINDS[kind].tows, "y": 0.0, "z": 0.0}, KINDS["bin"]
-    return {"boundingBoxReference": place, "loadDimensions": {"length": fruit.length, "width": fruit.width, "height": fruit.height}}
+    return {
+        "boundingBoxReference": place,
+        "loadDimensions": {"length": fruit.length, "width": fruit.width, "height": fruit.height},
+    }
 
 
 def _load_set(kind: str, load: str) -> Message:
@@ -166,8 +204,21 @@ def _box(x: float, length: float, width: float) -> list[Message]:
 
 
 def _declared(kind: str, action: Action) -> Message:
-    load = {"key": "loadId", "valueDataType": "STRING", "isOptional": not action.needs_load, "description": "the name of a bin"}
-    ignored = [{"key": key, "valueDataType": "STRING", "isOptional": True, "description": "changes nothing"} for key in IGNORED]
+    load = {
+        "key": "loadId",
+        "valueDataType": "STRING",
+        "isOptional": not action.needs_load,
+        "description": "the name of a bin",
+    }
+    ignored = [
+        {
+            "key": key,
+            "valueDataType": "STRING",
+            "isOptional": True,
+            "description": "changes nothing",
+        }
+        for key in IGNORED
+    ]
     return {
         "actionType": kind,
         "actionDescription": f"{action.description}; possible {'at' if action.scope == 'NODE' else 'on the edge to'} {action.nodes}",
@@ -180,7 +231,14 @@ def _declared(kind: str, action: Action) -> Message:
 
 
 def _declared_instant(kind: str) -> Message:
-    order = [{"key": "orderId", "valueDataType": "STRING", "isOptional": True, "description": "fails if the active order is another one"}]
+    order = [
+        {
+            "key": "orderId",
+            "valueDataType": "STRING",
+            "isOptional": True,
+            "description": "fails if the active order is another one",
+        }
+    ]
     return {
         "actionType": kind,
         "actionDescription": INSTANT[kind],

@@ -16,7 +16,9 @@ from paho.mqtt.client import Client
 KEEPALIVE_SECONDS = 5  # a broker takes a client for lost after 1.5 times this
 AGAIN_SECONDS = 1.0  # between two tries of a client to connect
 CONNECT_SECONDS = 2.0  # that one try takes, at most: meanwhile nothing is read
-MOST_DROPS = 3  # times that the broker lets a client in and drops it at once, after which that is told
+MOST_DROPS = (
+    3  # times that the broker lets a client in and drops it at once, after which that is told
+)
 LOOK_SECONDS = 0.05  # until a socket that has just been opened is read, at most
 CARE_SECONDS = 0.5  # between two looks at what is due
 
@@ -24,24 +26,33 @@ CARE_SECONDS = 0.5  # between two looks at what is due
 class Connection:
     """The connection of a client. Vehicles write in one thread, the network reads in another one: a lock lets one at a time work on it."""
 
-    def __init__(self, client: Client, host: str, port: int, greet: Callable[[Client], None]) -> None:
+    def __init__(
+        self, client: Client, host: str, port: int, greet: Callable[[Client], None]
+    ) -> None:
         """`greet`: called each time that it is connected."""
         client.connect_timeout = CONNECT_SECONDS
         client.connect_async(host, port, KEEPALIVE_SECONDS)
         client.on_connect, client.on_disconnect = self._connected, self._dropped
         self._client, self._greet, self._lock = client, greet, RLock()
         self._refusal = ""  # why the broker does not let it in
-        self._since, self._drops = 0.0, 0  # since when it is there, 0: it is not; how often it was dropped at once
+        self._since, self._drops = (
+            0.0,
+            0,
+        )  # since when it is there, 0: it is not; how often it was dropped at once
         self.again = 0.0  # when it tries to connect
 
-    def _connected(self, client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+    def _connected(
+        self, client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any
+    ) -> None:
         if reason.is_failure:
             self._refusal = f"refuses: {reason}"
         else:
             self._refusal, self._since = "", monotonic()
             self._greet(client)
 
-    def _dropped(self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+    def _dropped(
+        self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any
+    ) -> None:
         if self._since:
             self._drops = self._drops + 1 if monotonic() - self._since < KEEPALIVE_SECONDS else 0
             self._since = 0.0
@@ -60,7 +71,9 @@ class Connection:
             return "drops vehicles that it has just let in: does another bridge have their names, its --interface and its --manufacturer?"
         return self._refusal
 
-    def publish(self, topic: str, payload: bytes, quality: int = 0, is_retained: bool = False) -> None:
+    def publish(
+        self, topic: str, payload: bytes, quality: int = 0, is_retained: bool = False
+    ) -> None:
         with self._lock:
             self._client.publish(topic, payload, quality, is_retained)
 
@@ -89,7 +102,9 @@ class Connection:
     def read(self) -> None:
         with self._lock:
             self._client.loop_read()
-            while (socket := self.socket) is not None and getattr(socket, "pending", int)():  # what TLS has read already
+            while (socket := self.socket) is not None and getattr(
+                socket, "pending", int
+            )():  # what TLS has read already
                 self._client.loop_read()
 
     def ping(self) -> None:
@@ -144,11 +159,20 @@ class Network:
             if (now := monotonic()) >= self._due:
                 self._due = now + CARE_SECONDS
                 self._care(now)
-            open_ones = {socket: connection for connection in self._connections if (socket := connection.socket) is not None}
-            waiting = [socket for socket, connection in open_ones.items() if connection.has_to_write]
+            open_ones = {
+                socket: connection
+                for connection in self._connections
+                if (socket := connection.socket) is not None
+            }
+            waiting = [
+                socket for socket, connection in open_ones.items() if connection.has_to_write
+            ]
             try:
                 readable, writable, _ = select(open_ones, waiting, [], LOOK_SECONDS)
-            except (OSError, ValueError):  # a write that failed in the other thread has closed one of them
+            except (
+                OSError,
+                ValueError,
+            ):  # a write that failed in the other thread has closed one of them
                 continue
             for socket in readable:
                 self._read(open_ones[socket])
@@ -186,7 +210,10 @@ class Network:
                 break
             try:
                 connection.connect()
-            except (OSError, ValueError) as error:  # ValueError: a name that cannot be one of a host
+            except (
+                OSError,
+                ValueError,
+            ) as error:  # ValueError: a name that cannot be one of a host
                 self._again = monotonic() + AGAIN_SECONDS
                 return f"is not there: {error}"
         return ""

@@ -4,7 +4,12 @@ from collections.abc import Callable, Mapping
 
 from orchard_vda5050.messages import Message
 
-LEVELS: Mapping[str, str] = {"WARNING": "WARNING", "URGENT": "WARNING", "CRITICAL": "FATAL", "FATAL": "FATAL"}
+LEVELS: Mapping[str, str] = {
+    "WARNING": "WARNING",
+    "URGENT": "WARNING",
+    "CRITICAL": "FATAL",
+    "FATAL": "FATAL",
+}
 ERRORS: Mapping[str, str] = {
     "VALIDATION_FAILURE": "validationError",
     "UNSUPPORTED_PARAMETER": "validationError",
@@ -22,7 +27,11 @@ ERRORS: Mapping[str, str] = {
     "NO_ORDER_TO_CANCEL": "noOrderToCancel",
 }  # any other one keeps its name
 
-UNSAID = ("pauseAllowed", "cancelAllowed", "blockingTypes")  # of an action; no list of blocking types is valid by the schema of 2.1
+UNSAID = (
+    "pauseAllowed",
+    "cancelAllowed",
+    "blockingTypes",
+)  # of an action; no list of blocking types is valid by the schema of 2.1
 
 
 def older(topic: str, message: Message) -> Message:
@@ -36,17 +45,28 @@ def _connection(message: Message) -> Message:
 
 def _state(message: Message) -> Message:
     power, safety = message["powerSupply"], message["safetyState"]
-    same = {key: value for key, value in message.items() if key not in ("mobileRobotPosition", "powerSupply", "instantActionStates")}
+    same = {
+        key: value
+        for key, value in message.items()
+        if key not in ("mobileRobotPosition", "powerSupply", "instantActionStates")
+    }
     return same | {
         "agvPosition": _position(message["mobileRobotPosition"]),
         "batteryState": {"batteryCharge": power["stateOfCharge"], "charging": power["charging"]},
         "actionStates": [*message["actionStates"], *message["instantActionStates"]],
         "errors": [_error(error) for error in message["errors"]],
         "information": [
-            {"infoType": info["infoType"], "infoLevel": info["infoLevel"], "infoDescription": info["infoDescriptor"]}
+            {
+                "infoType": info["infoType"],
+                "infoLevel": info["infoLevel"],
+                "infoDescription": info["infoDescriptor"],
+            }
             for info in message["information"]
         ],
-        "safetyState": {"eStop": safety["activeEmergencyStop"], "fieldViolation": safety["fieldViolation"]},
+        "safetyState": {
+            "eStop": safety["activeEmergencyStop"],
+            "fieldViolation": safety["fieldViolation"],
+        },
     }
 
 
@@ -56,16 +76,28 @@ def _error(error: Message) -> Message:
 
 
 def _position(position: Message) -> Message:
-    return {key: value for key, value in position.items() if key != "localized"} | {"positionInitialized": position["localized"]}
+    return {key: value for key, value in position.items() if key != "localized"} | {
+        "positionInitialized": position["localized"]
+    }
 
 
 def _visualization(message: Message) -> Message:
-    return {"agvPosition": _position(message["mobileRobotPosition"]), "velocity": message["velocity"]}
+    return {
+        "agvPosition": _position(message["mobileRobotPosition"]),
+        "velocity": message["velocity"],
+    }
 
 
 def _factsheet(message: Message) -> Message:
-    kind, physical, timing = message["typeSpecification"], message["physicalParameters"], message["protocolLimits"]["timing"]
-    features, longest = message["protocolFeatures"], message["protocolLimits"]["maximumStringLengths"]
+    kind, physical, timing = (
+        message["typeSpecification"],
+        message["physicalParameters"],
+        message["protocolLimits"]["timing"],
+    )
+    features, longest = (
+        message["protocolFeatures"],
+        message["protocolLimits"]["maximumStringLengths"],
+    )
     return {
         "typeSpecification": {
             "seriesName": kind["seriesName"],
@@ -87,7 +119,10 @@ def _factsheet(message: Message) -> Message:
             "length": physical["length"],
         },
         "protocolLimits": {
-            "maxStringLens": {"msgLen": longest["maximumMessageLength"], "idLen": longest["maximumIdLength"]},
+            "maxStringLens": {
+                "msgLen": longest["maximumMessageLength"],
+                "idLen": longest["maximumIdLength"],
+            },
             "maxArrayLens": {},
             "timing": {
                 "minOrderInterval": timing["minimumOrderInterval"],
@@ -97,13 +132,18 @@ def _factsheet(message: Message) -> Message:
         },
         "protocolFeatures": {
             "optionalParameters": [
-                one | {"parameter": one["parameter"].replace("maximumSpeed", "maxSpeed")} for one in features["optionalParameters"]
+                one | {"parameter": one["parameter"].replace("maximumSpeed", "maxSpeed")}
+                for one in features["optionalParameters"]
             ],
-            "agvActions": [{key: value for key, value in one.items() if key not in UNSAID} for one in features["mobileRobotActions"]],
+            "agvActions": [
+                {key: value for key, value in one.items() if key not in UNSAID}
+                for one in features["mobileRobotActions"]
+            ],
         },
         "agvGeometry": {
             "envelopes2d": [
-                {"set": one["envelope2dId"], "polygonPoints": one["vertices"]} for one in message["mobileRobotGeometry"]["envelopes2d"]
+                {"set": one["envelope2dId"], "polygonPoints": one["vertices"]}
+                for one in message["mobileRobotGeometry"]["envelopes2d"]
             ]
         },
         "loadSpecification": message["loadSpecification"],

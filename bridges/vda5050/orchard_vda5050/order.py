@@ -22,7 +22,10 @@ Count = Annotated[int, Meta(ge=0, lt=2**32)]
 Name = Annotated[str, Meta(max_length=LONGEST_ID)]
 Status = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"]
 Level = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
-LASTING = ("ACTION_FAILED", "NODE_UNREACHABLE")  # errors with which a vehicle stands until its order is cancelled
+LASTING = (
+    "ACTION_FAILED",
+    "NODE_UNREACHABLE",
+)  # errors with which a vehicle stands until its order is cancelled
 UNUSABLE = (  # of an edge
     "trajectory",
     "corridor",
@@ -71,7 +74,9 @@ class NodePosition(Part):
     y: float
     map_id: str
     theta: float | None = None
-    allowed_deviation: Deviation | float | None = msgspec.field(default=None, name="allowedDeviationXY")  # m, in version 2.1
+    allowed_deviation: Deviation | float | None = msgspec.field(
+        default=None, name="allowedDeviationXY"
+    )  # m, in version 2.1
 
     @property
     def allowed(self) -> float:
@@ -121,7 +126,9 @@ class Order(Header):
     @property
     def content(self) -> bytes:
         """A digest of what it orders."""
-        return hashlib.blake2b(msgspec.msgpack.encode((self.nodes, self.edges)), digest_size=16).digest()
+        return hashlib.blake2b(
+            msgspec.msgpack.encode((self.nodes, self.edges)), digest_size=16
+        ).digest()
 
 
 class InstantActions(Header):
@@ -189,7 +196,9 @@ class OrderState(msgspec.Struct):
 class Rejected(Exception):
     """Raised for an order that the vehicle does not take: the error that it reports."""
 
-    def __init__(self, error_type: str, why: str, references: Mapping[str, object], level: Level = "WARNING") -> None:
+    def __init__(
+        self, error_type: str, why: str, references: Mapping[str, object], level: Level = "WARNING"
+    ) -> None:
         super().__init__(why)
         named = [Reference(key, str(value)[:LONGEST_TOLD]) for key, value in references.items()]
         self.error = Error(error_type, level, named, why[:LONGEST_TOLD])
@@ -202,7 +211,11 @@ def read(payload: bytes) -> Order:
         if len(payload) > LARGEST:
             raise ValueError(f"{len(payload)} bytes are more than {LARGEST}")
         data = msgspec.json.decode(payload)
-        known = {key: data[key] for key in ("orderId", "orderUpdateId") if isinstance(data, dict) and key in data}
+        known = {
+            key: data[key]
+            for key in ("orderId", "orderUpdateId")
+            if isinstance(data, dict) and key in data
+        }
         order = msgspec.convert(data, Order)
         _check_sequence(order)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
@@ -210,29 +223,52 @@ def read(payload: bytes) -> Order:
     for edge, raw in zip(order.edges, data["edges"], strict=True):
         if unusable := [name for name in UNUSABLE if raw.get(name) is not None]:
             raise Rejected(
-                "UNSUPPORTED_PARAMETER", f"edge {edge.edge_id}: cannot use {', '.join(unusable)}", {"parameter": unusable[0]}, "CRITICAL"
+                "UNSUPPORTED_PARAMETER",
+                f"edge {edge.edge_id}: cannot use {', '.join(unusable)}",
+                {"parameter": unusable[0]},
+                "CRITICAL",
             )
     return order
 
 
 def _check_sequence(order: Order) -> None:
     if len(order.edges) != len(order.nodes) - 1:
-        raise ValueError(f"{len(order.nodes)} nodes and {len(order.edges)} edges: there must be one edge less than nodes")
-    parts = [part for pair in zip(order.nodes, [*order.edges, None], strict=True) for part in pair if part is not None]
-    if [part.sequence_id for part in parts] != list(range(parts[0].sequence_id, parts[0].sequence_id + len(parts))):
+        raise ValueError(
+            f"{len(order.nodes)} nodes and {len(order.edges)} edges: there must be one edge less than nodes"
+        )
+    parts = [
+        part
+        for pair in zip(order.nodes, [*order.edges, None], strict=True)
+        for part in pair
+        if part is not None
+    ]
+    if [part.sequence_id for part in parts] != list(
+        range(parts[0].sequence_id, parts[0].sequence_id + len(parts))
+    ):
         raise ValueError("sequenceId must grow by 1, from a node to its edge to the next node")
     released = [part.released for part in parts]
-    if not released[0] or sorted(released, reverse=True) != released or (len(parts) > 1 and sum(released) % 2 == 0):
+    if (
+        not released[0]
+        or sorted(released, reverse=True) != released
+        or (len(parts) > 1 and sum(released) % 2 == 0)
+    ):
         raise ValueError("the base must come first, and begin and end with a node")
     for start, edge, end in zip(order.nodes, order.edges, order.nodes[1:], strict=False):
-        if (edge.start_node_id or start.node_id, edge.end_node_id or end.node_id) != (start.node_id, end.node_id):
-            raise ValueError(f"edge {edge.edge_id} is not from {start.node_id} to {end.node_id}, between which it stands")
+        if (edge.start_node_id or start.node_id, edge.end_node_id or end.node_id) != (
+            start.node_id,
+            end.node_id,
+        ):
+            raise ValueError(
+                f"edge {edge.edge_id} is not from {start.node_id} to {end.node_id}, between which it stands"
+            )
     ids = [action.action_id for part in parts for action in part.actions]
     if len(set(ids)) < len(ids):
         raise ValueError("two actions have the same actionId")
 
 
-def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x: float, y: float) -> OrderState:
+def take(
+    state: OrderState, order: Order, graph: Graph, bins: Collection[str], x: float, y: float
+) -> OrderState:
     """Return what a vehicle at (x, y) knows with a new order or an update. `bins`: the names of all bins. Raises Rejected.
 
     An order that it has already changes nothing.
@@ -240,22 +276,36 @@ def take(state: OrderState, order: Order, graph: Graph, bins: Collection[str], x
     named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
     is_new = order.order_id != state.order_id
     if is_new and not state.is_idle:
-        raise Rejected("OTHER_ORDER_ACTIVE", f"busy with order {state.order_id}", {"orderId": order.order_id})
+        raise Rejected(
+            "OTHER_ORDER_ACTIVE", f"busy with order {state.order_id}", {"orderId": order.order_id}
+        )
     if not is_new and order.order_update_id < state.update_id:
-        raise Rejected("OUTDATED_ORDER_UPDATE", f"has update {state.update_id} of this order", named)
+        raise Rejected(
+            "OUTDATED_ORDER_UPDATE", f"has update {state.update_id} of this order", named
+        )
     if not is_new and order.order_update_id == state.update_id:
         if order.content != state.content:
-            raise Rejected("SAME_ORDER_UPDATE_ID", "has an order of this number that says something else", named)
+            raise Rejected(
+                "SAME_ORDER_UPDATE_ID",
+                "has an order of this number that says something else",
+                named,
+            )
         return state
     if not is_new and state.is_cancelled:
         raise Rejected("ORDER_UPDATE_FOLLOWING_CANCEL", "this order is cancelled", named)
     first = order.nodes[0]
     if is_new and order.order_update_id != 0:
-        raise Rejected("VALIDATION_FAILURE", "the orderUpdateId of a new order must be 0: an order before it is lost", named)
+        raise Rejected(
+            "VALIDATION_FAILURE",
+            "the orderUpdateId of a new order must be 0: an order before it is lost",
+            named,
+        )
     if not is_new and (first.node_id, first.sequence_id) != state.decision_point:
         name, sequence = state.decision_point
         raise Rejected(
-            "VALIDATION_FAILURE", f"the update must begin with the last node of the base, {name} with sequenceId {sequence}", named
+            "VALIDATION_FAILURE",
+            f"the update must begin with the last node of the base, {name} with sequenceId {sequence}",
+            named,
         )
     _check_ways(order, graph)
     if not is_new:
@@ -277,12 +327,16 @@ def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: flo
         room += min(first.node_position.allowed, OFF)
     if hypot(node.x - x, node.y - y) > room:
         far = f"{first.node_id} is {hypot(node.x - x, node.y - y):.1f} m away"
-        raise Rejected("START_NODE_OUT_OF_RANGE", far, {"orderId": order.order_id, "nodeId": first.node_id})
+        raise Rejected(
+            "START_NODE_OUT_OF_RANGE", far, {"orderId": order.order_id, "nodeId": first.node_id}
+        )
 
 
 def _is_beside(node: Place, order: Order, graph: Graph, x: float, y: float) -> bool:
     """Whether a vehicle at (x, y) stands on the line of the order's first edge: that one leads along x, or along y."""
-    after = next((graph.nodes[one.node_id] for one in order.nodes if one.node_id != node.name), None)
+    after = next(
+        (graph.nodes[one.node_id] for one in order.nodes if one.node_id != node.name), None
+    )
     if after is None:
         return False
     leads_along_x = abs(after.x - node.x) > abs(after.y - node.y)
@@ -294,16 +348,31 @@ def _check_ways(order: Order, graph: Graph) -> None:
     for node in order.nodes:
         at = node.node_position
         if at is not None and at.map_id != MAP:
-            raise Rejected("UNKNOWN_MAP_ID", f"the only map is {MAP}", {"orderId": order.order_id, "mapId": at.map_id})
+            raise Rejected(
+                "UNKNOWN_MAP_ID",
+                f"the only map is {MAP}",
+                {"orderId": order.order_id, "mapId": at.map_id},
+            )
         if at is not None and at.theta is not None:
-            raise Rejected("UNSUPPORTED_PARAMETER", "cannot use theta: an edge says where it faces", {"parameter": "theta"}, "CRITICAL")
+            raise Rejected(
+                "UNSUPPORTED_PARAMETER",
+                "cannot use theta: an edge says where it faces",
+                {"parameter": "theta"},
+                "CRITICAL",
+            )
         known = graph.nodes.get(node.node_id)
         if known is None or (at is not None and hypot(known.x - at.x, known.y - at.y) > MATCHES):
-            raise Rejected("NO_ROUTE_TO_TARGET", f"no node {node.node_id} there", {"orderId": order.order_id, "nodeId": node.node_id})
+            raise Rejected(
+                "NO_ROUTE_TO_TARGET",
+                f"no node {node.node_id} there",
+                {"orderId": order.order_id, "nodeId": node.node_id},
+            )
     for start, end in zip(order.nodes, order.nodes[1:], strict=False):
         if start.node_id != end.node_id and (start.node_id, end.node_id) not in graph.edges:
             why = f"no edge from {start.node_id} to {end.node_id}"
-            raise Rejected("NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id})
+            raise Rejected(
+                "NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id}
+            )
 
 
 def _check_names(state: OrderState, order: Order) -> None:
@@ -311,7 +380,11 @@ def _check_names(state: OrderState, order: Order) -> None:
     kept = {one.action_id for one in state.actions} - _horizon(state)
     added = [one.action_id for one in _states([*order.nodes[1:], *order.edges])]
     if again := [one for one in added if one in kept]:
-        raise Rejected("VALIDATION_FAILURE", "the order has an action with this actionId already", {"actionId": again[0]})
+        raise Rejected(
+            "VALIDATION_FAILURE",
+            "the order has an action with this actionId already",
+            {"actionId": again[0]},
+        )
 
 
 def _horizon(state: OrderState) -> set[str]:
@@ -323,17 +396,29 @@ def _horizon(state: OrderState) -> set[str]:
 def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[str]) -> None:
     named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
     parts = [("NODE", node.node_id, node.actions) for node in order.nodes]
-    parts += [("EDGE", node.node_id, edge.actions) for edge, node in zip(order.edges, order.nodes[1:], strict=True)]
+    parts += [
+        ("EDGE", node.node_id, edge.actions)
+        for edge, node in zip(order.edges, order.nodes[1:], strict=True)
+    ]
     for scope, node_id, actions in parts:
         for action in actions:
             if why := _why_not(action, known, scope, node_id, bins):
                 raise Rejected("INVALID_ORDER_ACTION", why, named | {"actionId": action.action_id})
-            if unknown := [one.key for one in action.action_parameters if one.key not in ("loadId", *IGNORED)]:
+            if unknown := [
+                one.key for one in action.action_parameters if one.key not in ("loadId", *IGNORED)
+            ]:
                 why = f"{action.action_type}: cannot use {', '.join(unknown)}"
-                raise Rejected("UNSUPPORTED_PARAMETER", why, {"parameter": unknown[0], "actionId": action.action_id}, "CRITICAL")
+                raise Rejected(
+                    "UNSUPPORTED_PARAMETER",
+                    why,
+                    {"parameter": unknown[0], "actionId": action.action_id},
+                    "CRITICAL",
+                )
 
 
-def _why_not(action: ActionOrder, known: Mapping[str, Action], scope: str, node: str, bins: Collection[str]) -> str:
+def _why_not(
+    action: ActionOrder, known: Mapping[str, Action], scope: str, node: str, bins: Collection[str]
+) -> str:
     kind = known.get(action.action_type)
     if kind is None:
         return f"no action {action.action_type}; there are {', '.join(known)}"
@@ -344,18 +429,32 @@ def _why_not(action: ActionOrder, known: Mapping[str, Action], scope: str, node:
         return f"{action.action_type} is done while driving: its blockingType must be {' or '.join(kind.blocking)}"
     load = action.value("loadId")
     if (kind.needs_load or load is not None) and str(load) not in bins:
-        return f"{action.action_type} needs the parameter loadId, the name of a bin" if load is None else f"loadId: no bin {load}"
+        return (
+            f"{action.action_type} needs the parameter loadId, the name of a bin"
+            if load is None
+            else f"loadId: no bin {load}"
+        )
     return ""
 
 
 def _states(parts: Iterable[Node | Edge]) -> list[ActionState]:
-    return [ActionState(action.action_id, action.action_type) for part in parts for action in part.actions]
+    return [
+        ActionState(action.action_id, action.action_type)
+        for part in parts
+        for action in part.actions
+    ]
 
 
 def _begun(state: OrderState, order: Order) -> OrderState:
     first = order.nodes[0]
     own = order.order_id, order.order_update_id, order.content, first.node_id, first.sequence_id
-    return OrderState(*own, order.nodes[1:], order.edges, _states([*order.nodes, *order.edges]), list(first.actions))
+    return OrderState(
+        *own,
+        order.nodes[1:],
+        order.edges,
+        _states([*order.nodes, *order.edges]),
+        list(first.actions),
+    )
 
 
 def _continued(state: OrderState, order: Order) -> OrderState:
@@ -367,7 +466,10 @@ def _continued(state: OrderState, order: Order) -> OrderState:
         content=order.content,
         nodes=[*(node for node in state.nodes if node.released), *order.nodes[1:]],
         edges=[*(edge for edge in state.edges if edge.released), *order.edges],
-        actions=[*(action for action in state.actions if action.action_id not in horizon), *_states([*order.nodes[1:], *order.edges])],
+        actions=[
+            *(action for action in state.actions if action.action_id not in horizon),
+            *_states([*order.nodes[1:], *order.edges]),
+        ],
         errors=[error for error in state.errors if error.error_type in LASTING],
     )
 
@@ -376,18 +478,30 @@ def arrive(state: OrderState) -> None:
     """The vehicle is at the next node: its actions are to be done there."""
     node = state.nodes.pop(0)
     del state.edges[0]
-    state.last_node, state.last_sequence, state.queue = node.node_id, node.sequence_id, list(node.actions)
+    state.last_node, state.last_sequence, state.queue = (
+        node.node_id,
+        node.sequence_id,
+        list(node.actions),
+    )
 
 
 def cancel(state: OrderState, is_driving: bool) -> None:
     """Give up all that has not begun. A vehicle that drives goes on to the next node; an action that runs is finished."""
     going = 1 if is_driving else 0
-    state.nodes, state.edges = [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:going]], state.edges[:going]
-    state.queue, state.is_cancelled = [one for one in state.queue if _status(state, one) == "RUNNING"], True
+    state.nodes, state.edges = (
+        [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:going]],
+        state.edges[:going],
+    )
+    state.queue, state.is_cancelled = (
+        [one for one in state.queue if _status(state, one) == "RUNNING"],
+        True,
+    )
     for action in state.actions:
         if action.action_status == "WAITING":
             action.action_status = "FAILED"
 
 
 def _status(state: OrderState, action: ActionOrder) -> str:
-    return next((one.action_status for one in state.actions if one.action_id == action.action_id), "WAITING")
+    return next(
+        (one.action_status for one in state.actions if one.action_id == action.action_id), "WAITING"
+    )

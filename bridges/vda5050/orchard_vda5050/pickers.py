@@ -9,7 +9,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
-from orchard import DriveTo, Face, Heard, Layout, OneWay, Picker, PickerMemory, PlanExecutor, Side, Step
+from orchard import (
+    DriveTo,
+    Face,
+    Heard,
+    Layout,
+    OneWay,
+    Picker,
+    PickerMemory,
+    PlanExecutor,
+    Side,
+    Step,
+)
 from orchard.agents.routes import route_of
 from orchard.agents.steps import FetchEmpty, Free, Need
 from orchard.contract.messages import Answer, BinState, StateRequest
@@ -61,22 +72,34 @@ def graph_of_pickers(layout: Layout, route: OneWay) -> Graph:
     """Return the roads of pickers, by the route of an orchard."""
     starts = [block.rows[0] for block in layout.blocks.values() if block.start == "west"]
     edges = [_through(route, route.west, row, f"west/in/{row}") for row in starts]
-    edges += [edge for lane in layout.lanes for side in route.sides.values() for edge in _edges_at(layout, route, lane.number, side)]
+    edges += [
+        edge
+        for lane in layout.lanes
+        for side in route.sides.values()
+        for edge in _edges_at(layout, route, lane.number, side)
+    ]
     nodes = {name: _node(layout, route, name) for edge in edges for name in (edge.start, edge.end)}
-    stations = {f"row/{lane.number}": tuple(name for name in nodes if name.endswith(f"/{lane.number}")) for lane in layout.lanes}
+    stations = {
+        f"row/{lane.number}": tuple(name for name in nodes if name.endswith(f"/{lane.number}"))
+        for lane in layout.lanes
+    }
     joined = {(edge.start, edge.end): _measured(edge, nodes) for edge in edges}
     return Graph("picker", nodes, joined, (), stations)
 
 
 def _edges_at(layout: Layout, route: OneWay, row: int, side: Side) -> Iterator[Edge]:
     """The ways from the places at one end of a row."""
-    out, wait, aside, park = (f"{side.name}/{what}/{row}" for what in ("out", "wait", "aside", "park"))
+    out, wait, aside, park = (
+        f"{side.name}/{what}/{row}" for what in ("out", "wait", "aside", "park")
+    )
     place = [side.place("D", row)]
     yield Edge(out, wait, 0.0, (*route.drive_out(row, side), FreeWithout(place)))
     yield _through(route, side, row, wait)
     off = Need(place), Face(side.heading("EAST"))
     yield Edge(wait, park, 0.0, (*off, *route.park(row, side)))
-    yield Edge(wait, aside, 0.0, (*off, DriveTo(x=side.x(route.PARKING_CLEAR)), Face("SOUTH"), Free(place)))
+    yield Edge(
+        wait, aside, 0.0, (*off, DriveTo(x=side.x(route.PARKING_CLEAR)), Face("SOUTH"), Free(place))
+    )
     yield Edge(aside, wait, 0.0, (Face(side.heading("WEST")), DriveTo(x=side.x(route.WAITING))))
     if row < len(layout.lanes):
         steps = route.go_to_next_row(row, row + 1, side)
@@ -89,12 +112,21 @@ def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
     other = route.west if side is route.east else route.east
     turn_in = route.go_to_next_row(row, row, side) if "/wait/" in start else []
     one = _pass(row, other, route.end(row, side), route.end(row, other))
-    return Edge(start, f"{other.name}/out/{row}", 0.0, (*turn_in, *route.pick(one, came_over=bool(turn_in)), Weigh()))
+    return Edge(
+        start,
+        f"{other.name}/out/{row}",
+        0.0,
+        (*turn_in, *route.pick(one, came_over=bool(turn_in)), Weigh()),
+    )
 
 
-def _pass(row: int, side: Side, begin: float, stop: float, fill: float = 0.0, is_full: bool = False) -> Pass:
+def _pass(
+    row: int, side: Side, begin: float, stop: float, fill: float = 0.0, is_full: bool = False
+) -> Pass:
     """A pass that ends on a side, as the route knows passes. Where the bin is left, fleet control says."""
-    return Pass(row, "east" if side.sign > 0 else "west", begin, stop, False, fill, is_full, False, True)
+    return Pass(
+        row, "east" if side.sign > 0 else "west", begin, stop, False, fill, is_full, False, True
+    )
 
 
 def _node(layout: Layout, route: OneWay, name: str) -> Node:
@@ -104,7 +136,9 @@ def _node(layout: Layout, route: OneWay, name: str) -> Node:
         route.sides[side],
         {"wait": route.WAITING, "aside": route.PARKING_CLEAR, "park": route.PARKED},
     )
-    return Node(name, here.x(beyond[what]) if what in beyond else route.end(lane.number, here), lane.y)
+    return Node(
+        name, here.x(beyond[what]) if what in beyond else route.end(lane.number, here), lane.y
+    )
 
 
 def _measured(edge: Edge, nodes: Mapping[str, Node]) -> Edge:
@@ -126,7 +160,13 @@ class PickerDriver(Driver):
     def why_not(self, action: ActionOrder) -> str:
         has_bin = self.seen.hitch is not None
         if action.action_type == PICK:
-            return "it has a bin already" if has_bin else "" if self.memory.full_bin else "it has left no bin"
+            return (
+                "it has a bin already"
+                if has_bin
+                else ""
+                if self.memory.full_bin
+                else "it has left no bin"
+            )
         if action.action_type == DROP and not (has_bin and self.duty.fill):
             return "its bin is empty: no carrier would come" if has_bin else "it has no bin"
         return ""
@@ -151,7 +191,9 @@ class PickerVehicle(Vehicle):
     drives_with = PickerDriver
     holds = True
 
-    def __init__(self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing) -> None:
+    def __init__(
+        self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing
+    ) -> None:
         super().__init__(Picker(layout, name), name, graph, port, calls, timing)
 
     def answer(self, robot: PickerDriver, heard: Heard) -> Answer:
@@ -161,12 +203,16 @@ class PickerVehicle(Vehicle):
         return robot.duty.order.is_idle and not robot.duty.phase
 
     def is_out_of_the_way(self, robot: PickerDriver) -> bool:
-        return not robot.memory.reserved and (robot.seen.hitch is not None or "/wait/" not in robot.duty.order.last_node)
+        return not robot.memory.reserved and (
+            robot.seen.hitch is not None or "/wait/" not in robot.duty.order.last_node
+        )
 
     def clear_the_roads(self, robot: PickerDriver) -> None:
         """Drive out of the row, couple an empty bin if it has left one, for which a carrier would wait, and drive aside."""
         order = robot.duty.order
         side, _, row = order.decision_point[0].split("/")
-        is_left = robot.seen.hitch is None or any(action.action_type == DROP for action in order.queue)
+        is_left = robot.seen.hitch is None or any(
+            action.action_type == DROP for action in order.queue
+        )
         self.add(order, [f"{side}/wait/{row}"], PICK if is_left else "")
         self.add(order, [f"{side}/aside/{row}"])

@@ -23,7 +23,15 @@ from orchard_vda5050.driver import Driver, Duty, Onward
 from orchard_vda5050.graph import Graph
 from orchard_vda5050.lif import edge_id
 from orchard_vda5050.messages import Message, Status, factsheet_of, state_of, visualization_of
-from orchard_vda5050.order import ActionOrder, ActionState, Edge, Node, OrderState, Parameter, Rejected
+from orchard_vda5050.order import (
+    ActionOrder,
+    ActionState,
+    Edge,
+    Node,
+    OrderState,
+    Parameter,
+    Rejected,
+)
 
 ON_A_NODE = 0.05  # m
 MOST_INSTANT = 50  # instant actions that it remembers
@@ -65,7 +73,15 @@ class Vehicle:
     Steps: ClassVar[Sequence[type[Step]]]  #: of the kind, beside those of its route
     drives_with: ClassVar[type[Driver]]
 
-    def __init__(self, robot: Carrier | Picker, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing) -> None:
+    def __init__(
+        self,
+        robot: Carrier | Picker,
+        name: str,
+        graph: Graph,
+        port: Port,
+        calls: Calls,
+        timing: Timing,
+    ) -> None:
         """`robot`: the Orchard's own agent of this kind."""
         self.Memory = with_steps(type(self).Memory, (Onward, *self.Steps, *robot.route.Steps))
         self.robot, self.name, self.graph, self.timing = robot, name, graph, timing
@@ -76,12 +92,16 @@ class Vehicle:
         self._charge = 1.0  # at the tick before
         self._known = b"", Duty()  # the newest duty, as the memory has it, and as it is
         self._plain = b""  # the same as msgpack
-        self._bins = frozenset(start.name for start in robot.route.layout.starts if start.kind == "bin")
+        self._bins = frozenset(
+            start.name for start in robot.route.layout.starts if start.kind == "bin"
+        )
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
         memory = memory or self.Memory(plan=[Onward()])
         duty = self._duty_in(memory, seen)
-        robot = self.drives_with(seen, mail, memory, duty, self.robot, self.graph, self._calls, self._before)
+        robot = self.drives_with(
+            seen, mail, memory, duty, self.robot, self.graph, self._calls, self._before
+        )
         self._calls.hear(mail.requests, seen.tick)
         self._calls.promise(self.name, duty.owes)
         for topic, payload in self._port.take():
@@ -103,7 +123,10 @@ class Vehicle:
 
     def _duty_in(self, memory: Any, seen: Observation) -> Duty:
         """Return the duty in a memory, which is read only if it is not the one that this vehicle wrote last."""
-        (written, duty), self._known = self._known, (b"", Duty())  # an error in this tick may leave it half changed
+        (written, duty), self._known = (
+            self._known,
+            (b"", Duty()),
+        )  # an error in this tick may leave it half changed
         if memory.duty and memory.duty != written:
             return msgspec.msgpack.decode(zlib.decompress(memory.duty), type=Duty)
         return duty if memory.duty else Duty(OrderState(last_node=self.graph.at(seen.x, seen.y)))
@@ -145,10 +168,21 @@ class Vehicle:
                 order = orders.read(payload)
                 self._check_addressee(order)
                 if duty.is_away:
-                    raise Rejected(NOT_AVAILABLE, "it drives to the queue by itself", {"orderId": order.order_id})
-                taken = orders.take(duty.order, order, self.graph, self._bins, robot.pose.x, robot.pose.y)
+                    raise Rejected(
+                        NOT_AVAILABLE,
+                        "it drives to the queue by itself",
+                        {"orderId": order.order_id},
+                    )
+                taken = orders.take(
+                    duty.order, order, self.graph, self._bins, robot.pose.x, robot.pose.y
+                )
                 if len(_packed(taken)) > MOST_BYTES:
-                    raise Rejected("INSUFFICIENT_MEMORY", "the order is too long", {"orderId": order.order_id}, "URGENT")
+                    raise Rejected(
+                        "INSUFFICIENT_MEMORY",
+                        "the order is too long",
+                        {"orderId": order.order_id},
+                        "URGENT",
+                    )
                 duty.is_halted = duty.is_halted and taken.order_id == duty.order.order_id
                 duty.order = taken
             else:
@@ -157,12 +191,18 @@ class Vehicle:
         except Rejected as rejected:
             self._tell(duty, rejected)
         except (ValueError, RecursionError) as error:
-            duty.errors = [Rejected("VALIDATION_FAILURE", f"not an instant action: {error}", {}).error]
+            duty.errors = [
+                Rejected("VALIDATION_FAILURE", f"not an instant action: {error}", {}).error
+            ]
         self._news = None
 
     def _check_addressee(self, message: orders.Header) -> None:
         if message.serial_number != self.name:
-            raise Rejected("VALIDATION_FAILURE", f"it is for {message.serial_number}, and this is {self.name}", {})
+            raise Rejected(
+                "VALIDATION_FAILURE",
+                f"it is for {message.serial_number}, and this is {self.name}",
+                {},
+            )
 
     def _instant(self, payload: bytes) -> list[ActionOrder]:
         """Return the instant actions in a payload. Raises ValueError if it is malformed, Rejected if it is for another one."""
@@ -174,7 +214,10 @@ class Vehicle:
 
     def _tell(self, duty: Duty, rejected: Rejected) -> None:
         """Keep an error until a new order is taken; of each kind the newest."""
-        duty.order.errors = [*(e for e in duty.order.errors if e.error_type != rejected.error.error_type), rejected.error]
+        duty.order.errors = [
+            *(e for e in duty.order.errors if e.error_type != rejected.error.error_type),
+            rejected.error,
+        ]
 
     def _obey_at_once(self, robot: Driver, action: ActionOrder) -> None:
         duty, state = robot.duty, ActionState(action.action_id, action.action_type, "FINISHED")
@@ -194,7 +237,9 @@ class Vehicle:
             case _:
                 state.action_status = "FAILED"
                 why = f"no instant action {action.action_type}; there are {', '.join(INSTANT)}"
-                duty.errors = [Rejected("INVALID_INSTANT_ACTION", why, {"actionId": action.action_id}).error]
+                duty.errors = [
+                    Rejected("INVALID_INSTANT_ACTION", why, {"actionId": action.action_id}).error
+                ]
         duty.instant = [*duty.instant, state][-MOST_INSTANT:]
         while len(_packed(duty.instant)) > MOST_BYTES // 2:
             del duty.instant[0]
@@ -202,7 +247,12 @@ class Vehicle:
     def _cancel(self, robot: Driver, action: ActionOrder) -> orders.Status:
         duty, wanted = robot.duty, action.value("orderId")
         if duty.order.is_idle or duty.is_away or wanted not in (None, duty.order.order_id):
-            self._tell(duty, Rejected("NO_ORDER_TO_CANCEL", "no such order is active", {"actionId": action.action_id}))
+            self._tell(
+                duty,
+                Rejected(
+                    "NO_ORDER_TO_CANCEL", "no such order is active", {"actionId": action.action_id}
+                ),
+            )
             return "FAILED"
         self._give_up(robot)
         return "RUNNING"
@@ -210,7 +260,9 @@ class Vehicle:
     def _give_up(self, robot: Driver) -> None:
         """Give up the order at the next node; a vehicle that has not left the last one yet stays there."""
         duty, last = robot.duty, self.graph.nodes.get(robot.duty.order.last_node)
-        is_there = last is not None and abs(last.x - robot.pose.x) + abs(last.y - robot.pose.y) < ON_A_NODE
+        is_there = (
+            last is not None and abs(last.x - robot.pose.x) + abs(last.y - robot.pose.y) < ON_A_NODE
+        )
         if duty.phase == "edge" and not is_there:
             orders.cancel(duty.order, is_driving=True)
         elif duty.phase == "action":
@@ -233,9 +285,19 @@ class Vehicle:
             self._stop(robot)
             duty.is_away = False
             order.errors = [error for error in order.errors if error.error_type != NOT_AVAILABLE]
-        is_stuck = duty.phase == "edge" and robot.seen.twist == STILL and (duty.is_away or self.is_held_up(robot))
-        may_go = not is_stuck and bool(duty.phase or order.queue or (order.nodes and order.nodes[0].released))
-        if (may_go and not duty.is_paused and not duty.is_halted) or not order.last_node or self.is_out_of_the_way(robot):
+        is_stuck = (
+            duty.phase == "edge"
+            and robot.seen.twist == STILL
+            and (duty.is_away or self.is_held_up(robot))
+        )
+        may_go = not is_stuck and bool(
+            duty.phase or order.queue or (order.nodes and order.nodes[0].released)
+        )
+        if (
+            (may_go and not duty.is_paused and not duty.is_halted)
+            or not order.last_node
+            or self.is_out_of_the_way(robot)
+        ):
             duty.idle_since = -1
             return
         duty.idle_since = robot.seen.tick if duty.idle_since < 0 else duty.idle_since
@@ -255,12 +317,19 @@ class Vehicle:
         """Add the way from the end of the base to the nearest of some nodes, and an action there."""
         name, sequence = order.decision_point
         for after in self.graph.way(name, ends):
-            order.edges = [*order.edges, Edge(edge_id(self.graph.edges[name, after]), sequence + 1, True, [])]
+            order.edges = [
+                *order.edges,
+                Edge(edge_id(self.graph.edges[name, after]), sequence + 1, True, []),
+            ]
             order.nodes = [*order.nodes, Node(after, sequence + 2, True, [])]
             name, sequence = after, sequence + 2
         there = order.nodes[-1].actions if order.nodes else order.queue
         if kind and all(action.action_type != kind for action in there):
-            there.append(ActionOrder(kind, f"{kind} {sequence}", "HARD", [Parameter("loadId", load)] if load else []))
+            there.append(
+                ActionOrder(
+                    kind, f"{kind} {sequence}", "HARD", [Parameter("loadId", load)] if load else []
+                )
+            )
 
     # -- what it says
 
@@ -278,8 +347,22 @@ class Vehicle:
         self._charge = seen.charge
         news = robot.memory.duty, status, seen.hitch and seen.hitch.name
         if news != self._news or now - self._sent >= self.timing.state - TIME_STEP / 2:
-            self._port.send("state", state_of(seen, status, duty.order, duty.instant, duty.errors, action.waits_for, self.graph))
+            self._port.send(
+                "state",
+                state_of(
+                    seen,
+                    status,
+                    duty.order,
+                    duty.instant,
+                    duty.errors,
+                    action.waits_for,
+                    self.graph,
+                ),
+            )
             self._news, self._sent = news, now
-        if self.timing.visualization and now - self._shown >= self.timing.visualization - TIME_STEP / 2:
+        if (
+            self.timing.visualization
+            and now - self._shown >= self.timing.visualization - TIME_STEP / 2
+        ):
             self._port.send("visualization", visualization_of(seen, self._port.state_header_id))
             self._shown = now

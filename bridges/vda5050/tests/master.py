@@ -23,14 +23,21 @@ class Master:
     def __init__(self, lif, send, released=RELEASED):
         (layout,) = lif["layouts"]
         self.map = {node["nodeId"]: node for node in layout["nodes"]}
-        self.edges = {(edge["startNodeId"], edge["endNodeId"]): edge["edgeId"] for edge in layout["edges"]}
-        self.stations = {station["stationId"]: station["interactionNodeIds"] for station in layout["stations"]}
+        self.edges = {
+            (edge["startNodeId"], edge["endNodeId"]): edge["edgeId"] for edge in layout["edges"]
+        }
+        self.stations = {
+            station["stationId"]: station["interactionNodeIds"] for station in layout["stations"]
+        }
         self.onward = {name: [] for name in self.map}
         for start, end in self.edges:
             self.onward[start].append(end)
         self.newest, self.jobs, self.calls = {}, {}, []
         self.homes = {}  # vehicle -> the line of the queue in which it was first seen: it goes back there
-        self.rows, self.picked = {}, set()  # row -> the picker that picks it: first the one at which it is first seen; rows that are picked
+        self.rows, self.picked = (
+            {},
+            set(),
+        )  # row -> the picker that picks it: first the one at which it is first seen; rows that are picked
         self.send, self.released, self.headers, self.finished = send, released, count(), []
 
     def hear(self, serial, topic, message):
@@ -60,7 +67,11 @@ class Master:
                 self.send_on(serial)
         served = {job["load"] for job in self.jobs.values()}
         waiting = [call for call in self.calls if call["loadId"] not in served]
-        free = {serial for serial in self.states if self.is_free(serial) and not is_picker(serial)} if waiting else set()
+        free = (
+            {serial for serial in self.states if self.is_free(serial) and not is_picker(serial)}
+            if waiting
+            else set()
+        )
         for call in waiting[: len(free)]:
             stop, _ = self.stations[call["station"]]
             ways = {serial: self.way(self.states[serial]["lastNodeId"], stop) for serial in free}
@@ -70,9 +81,18 @@ class Master:
 
     def is_free(self, serial):
         state = self.states[serial]
-        is_idle = not state["nodeStates"] and all(one["actionStatus"] in ("FINISHED", "FAILED") for one in state["actionStates"])
-        is_mine = state["operatingMode"] == "AUTOMATIC" and not state["paused"] and serial not in self.jobs
-        is_here = self.newest.get("connection", {}).get(serial, {}).get("connectionState", "ONLINE") == "ONLINE"
+        is_idle = not state["nodeStates"] and all(
+            one["actionStatus"] in ("FINISHED", "FAILED") for one in state["actionStates"]
+        )
+        is_mine = (
+            state["operatingMode"] == "AUTOMATIC"
+            and not state["paused"]
+            and serial not in self.jobs
+        )
+        is_here = (
+            self.newest.get("connection", {}).get(serial, {}).get("connectionState", "ONLINE")
+            == "ONLINE"
+        )
         return is_here and is_idle and is_mine and (state["loads"] or is_picker(serial))
 
     def send_on(self, serial):
@@ -81,7 +101,10 @@ class Master:
         last, loads, row = state["lastNodeId"], state["loads"], row_of(state["lastNodeId"])
         side, what, _ = last.split("/")
         has_next = f"row/{row + 1}" in self.stations and self.rows.get(row + 1, serial) == serial
-        wait, through = f"{side}/wait/{row}", (last, f"{'west' if side == 'east' else 'east'}/out/{row}")
+        wait, through = (
+            f"{side}/wait/{row}",
+            (last, f"{'west' if side == 'east' else 'east'}/out/{row}"),
+        )
         if what == "out":
             self.picked.add(row)
             is_left = loads and (loads[0]["loadType"] == "full bin" or not has_next)
@@ -103,14 +126,26 @@ class Master:
     def begin(self, serial, call):
         load, (stop, bin_node) = call["loadId"], self.stations[call["station"]]
         start = self.states[serial]["lastNodeId"]
-        ways = [self.way(start, stop), self.way(stop, bin_node), self.way(bin_node, "bay"), self.way("bay", self.homes[serial])]
+        ways = [
+            self.way(start, stop),
+            self.way(stop, bin_node),
+            self.way(bin_node, "bay"),
+            self.way("bay", self.homes[serial]),
+        ]
         actions = {stop: ("handOver", load), bin_node: ("pick", load), "bay": ("unload", None)}
         self.drive(serial, load, [start, *(name for way in ways for name in way[1:])], actions)
         self.jobs[serial]["call"] = call
 
     def drive(self, serial, load, names, actions):
         order = f"{load} {next(self.headers)}"
-        self.jobs[serial] = {"load": load, "order": order, "update": 0, "names": names, "actions": actions, "base": self.released}
+        self.jobs[serial] = {
+            "load": load,
+            "order": order,
+            "update": 0,
+            "names": names,
+            "actions": actions,
+            "base": self.released,
+        }
         self.order(serial, first=0)
 
     def order(self, serial, first):
@@ -126,7 +161,15 @@ class Master:
             }
             for number in range(first, len(job["names"]) - 1)
         ]
-        job |= {"silent": 0, "sent": {"orderId": job["order"], "orderUpdateId": job["update"], "nodes": nodes, "edges": edges}}
+        job |= {
+            "silent": 0,
+            "sent": {
+                "orderId": job["order"],
+                "orderUpdateId": job["update"],
+                "nodes": nodes,
+                "edges": edges,
+            },
+        }
         self.publish(serial, "order", job["sent"])
 
     def node(self, job, number):
@@ -145,7 +188,12 @@ class Master:
         kind, load = job["actions"].get(place, ("", None))
         parameters = [{"key": "loadId", "value": load}] if load else []
         blocking = "NONE" if kind == "harvest" else "HARD"
-        action = {"actionType": kind, "actionId": f"{job['order']} {kind}", "blockingType": blocking, "actionParameters": parameters}
+        action = {
+            "actionType": kind,
+            "actionId": f"{job['order']} {kind}",
+            "blockingType": blocking,
+            "actionParameters": parameters,
+        }
         return [action] if kind else []
 
     def follow(self, serial, state):
@@ -153,7 +201,12 @@ class Master:
         if state["operatingMode"] != "AUTOMATIC":
             self.jobs.pop(serial, None)  # the vehicle has given it up
         job = self.jobs.get(serial)
-        if job and job["order"] is None and not state["nodeStates"] and state["instantActionStates"][-1]["actionStatus"] == "FINISHED":
+        if (
+            job
+            and job["order"] is None
+            and not state["nodeStates"]
+            and state["instantActionStates"][-1]["actionStatus"] == "FINISHED"
+        ):
             self.jobs.pop(serial)
             if not is_picker(serial):
                 self.drive(serial, "", self.way(state["lastNodeId"], self.homes[serial]), {})
@@ -161,8 +214,16 @@ class Master:
         if job is None or job["order"] is None:
             return
         if (state["orderId"], state["orderUpdateId"]) != (job["order"], job["update"]):
-            elsewhere = [error["errorReferences"] for error in state["errors"] if error["errorType"] == "START_NODE_OUT_OF_RANGE"]
-            if any(one["referenceValue"] == job["order"] for references in elsewhere for one in references):
+            elsewhere = [
+                error["errorReferences"]
+                for error in state["errors"]
+                if error["errorType"] == "START_NODE_OUT_OF_RANGE"
+            ]
+            if any(
+                one["referenceValue"] == job["order"]
+                for references in elsewhere
+                for one in references
+            ):
                 self.jobs.pop(serial)
                 return
             job["silent"] += 1
@@ -173,20 +234,35 @@ class Master:
             self.jobs[serial] |= {"order": None}
             self.instant(serial, "cancelOrder", orderId=state["orderId"])
         elif state["newBaseRequest"]:
-            last, job["base"], job["update"] = job["base"], job["base"] + self.released, job["update"] + 1
+            last, job["base"], job["update"] = (
+                job["base"],
+                job["base"] + self.released,
+                job["update"] + 1,
+            )
             self.order(serial, first=last)
-        elif not state["nodeStates"] and all(one["actionStatus"] == "FINISHED" for one in state["actionStates"]):
+        elif not state["nodeStates"] and all(
+            one["actionStatus"] == "FINISHED" for one in state["actionStates"]
+        ):
             self.finished.append(self.jobs.pop(serial)["load"])
 
     def instant(self, serial, kind, **parameters):
         """Send an instant action; return its id."""
         given = [{"key": key, "value": value} for key, value in parameters.items()]
-        action = {"actionType": kind, "actionId": f"{kind} {next(self.headers)}", "blockingType": "NONE", "actionParameters": given}
+        action = {
+            "actionType": kind,
+            "actionId": f"{kind} {next(self.headers)}",
+            "blockingType": "NONE",
+            "actionParameters": given,
+        }
         self.publish(serial, "instantActions", {"actions": [action]})
         return action["actionId"]
 
     def publish(self, serial, topic, message):
-        self.send(serial, topic, {"headerId": next(self.headers), **HEADER, "serialNumber": serial} | message)
+        self.send(
+            serial,
+            topic,
+            {"headerId": next(self.headers), **HEADER, "serialNumber": serial} | message,
+        )
 
     # -- ways
 
@@ -200,7 +276,9 @@ class Master:
             if names[-1] not in known:
                 known.add(names[-1])
                 for onward in self.onward[names[-1]]:
-                    heapq.heappush(queue, (length + self.length([names[-1], onward]), [*names, onward]))
+                    heapq.heappush(
+                        queue, (length + self.length([names[-1], onward]), [*names, onward])
+                    )
         raise ValueError(f"no way from {start} to {end}")
 
     def length(self, names):

@@ -21,15 +21,24 @@ MANY = {"rows": 40, "pickers": 20, "carriers": 100}
 def measured(scenario, words):
     """Let a fleet control drive all carriers. Return the bridge's share of a core, the states a second, and the median speed of the run."""
     port = free_port()
-    with tempfile.TemporaryDirectory() as name, broker(Path(name), port), scene(Path(name), scenario, port, words) as run:
+    with (
+        tempfile.TemporaryDirectory() as name,
+        broker(Path(name), port),
+        scene(Path(name), scenario, port, words) as run,
+    ):
         control = Control(lif(Path(name)), port)
         control.until(lambda: len(control.states) == scenario["carriers"], BEGIN_SECONDS)
         bridge = psutil.Process(run.bridge.pid)
         used, heard = sum(bridge.cpu_times()[:2]), len(control.heard)
         time.sleep(SECONDS)
-        share, states = (sum(bridge.cpu_times()[:2]) - used) / SECONDS, (len(control.heard) - heard) / SECONDS
+        share, states = (
+            (sum(bridge.cpu_times()[:2]) - used) / SECONDS,
+            (len(control.heard) - heard) / SECONDS,
+        )
         control.close()
-        speeds = map(float, re.findall(r"([\d.]+) x real time", (Path(name) / "orchard.log").read_text())[1:])
+        speeds = map(
+            float, re.findall(r"([\d.]+) x real time", (Path(name) / "orchard.log").read_text())[1:]
+        )
         return share, states, statistics.median(speeds)
 
 

@@ -29,7 +29,10 @@ def free_port():
 @contextmanager
 def started(words, log):
     """A process that is ended by its id at the end."""
-    with open(log, "ab") as output, subprocess.Popen(words, stdout=output, stderr=subprocess.STDOUT, cwd=log.parent) as process:
+    with (
+        open(log, "ab") as output,
+        subprocess.Popen(words, stdout=output, stderr=subprocess.STDOUT, cwd=log.parent) as process,
+    ):
         try:
             yield process
         finally:
@@ -49,11 +52,17 @@ def answers(port):
 def broker(folder, port, lets_in="true"):
     """A mosquitto on loopback, which answers. `lets_in`: whether it asks for no password."""
     assert MOSQUITTO, "mosquitto is missing: apt-get install mosquitto"
-    (folder / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous {lets_in}\n")
-    with started([MOSQUITTO, "-c", str(folder / "mosquitto.conf")], folder / "broker.log") as process:
+    (folder / "mosquitto.conf").write_text(
+        f"listener {port} 127.0.0.1\nallow_anonymous {lets_in}\n"
+    )
+    with started(
+        [MOSQUITTO, "-c", str(folder / "mosquitto.conf")], folder / "broker.log"
+    ) as process:
         end = time.monotonic() + 20.0
         while not answers(port):
-            assert time.monotonic() < end and process.poll() is None, (folder / "broker.log").read_text()
+            assert time.monotonic() < end and process.poll() is None, (
+                folder / "broker.log"
+            ).read_text()
             time.sleep(0.02)
         yield process
 
@@ -66,7 +75,9 @@ class Control(Master):
         self.heard, self.is_active = [], True
         self.client = Client(CallbackAPIVersion.VERSION2, client_id="control")
         self.client.reconnect_delay_set(1, 1)
-        self.client.on_connect = lambda client, *_: [client.subscribe(topic) for topic in ("vda5050/v3/orchard/#", "vda5050/calls")]
+        self.client.on_connect = lambda client, *_: [
+            client.subscribe(topic) for topic in ("vda5050/v3/orchard/#", "vda5050/calls")
+        ]
         self.client.on_message = self.arrived
         self.client.connect("127.0.0.1", port, 5)
         self.client.loop_start()
@@ -117,7 +128,16 @@ class Scene:
 
 def bridging(endpoint, broker_port, folder, *words):
     """A process that is a bridge."""
-    command = [sys.executable, "-m", "orchard_vda5050", "drive", endpoint, "--broker", f"mqtt://127.0.0.1:{broker_port}", *words]
+    command = [
+        sys.executable,
+        "-m",
+        "orchard_vda5050",
+        "drive",
+        endpoint,
+        "--broker",
+        f"mqtt://127.0.0.1:{broker_port}",
+        *words,
+    ]
     return started(command, folder / "bridge.log")
 
 
@@ -126,15 +146,32 @@ def scene(folder, scenario, broker_port, orchard_words=(), bridge_words=()):
     """An orchard whose carriers are vehicles, with a broker at a port."""
     (folder / "orchard.yaml").write_text(json.dumps(scenario))
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    words = [*shlex.split(os.environ["ORCHARD"]), str(folder / "orchard.yaml"), "--without", "carrier", "--without", "dispatch"]
+    words = [
+        *shlex.split(os.environ["ORCHARD"]),
+        str(folder / "orchard.yaml"),
+        "--without",
+        "carrier",
+        "--without",
+        "dispatch",
+    ]
     words += ["--listen", endpoint, "--record", "none", *orchard_words]
     os.environ |= {"ORCHARD_RUNS": str(folder / "runs"), "PYTHONPATH": str(FOLDER)}
-    with started(words, folder / "orchard.log") as orchard, bridging(endpoint, broker_port, folder, *bridge_words) as bridge:
+    with (
+        started(words, folder / "orchard.log") as orchard,
+        bridging(endpoint, broker_port, folder, *bridge_words) as bridge,
+    ):
         yield Scene(folder, endpoint, orchard, bridge)
 
 
 def lif(folder):
     """The map of the orchard in a folder, as `orchard layout export` writes it."""
-    words = [*shlex.split(os.environ["ORCHARD"]), "layout", "export", "orchard.yaml", "--lif", "map.lif.json"]
+    words = [
+        *shlex.split(os.environ["ORCHARD"]),
+        "layout",
+        "export",
+        "orchard.yaml",
+        "--lif",
+        "map.lif.json",
+    ]
     subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=60)
     return json.loads((folder / "map.lif.json").read_text())

@@ -107,7 +107,9 @@ class Load(Part):
 
 class ActionState(Part):
     actionId: str
-    actionStatus: Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"]
+    actionStatus: Literal[
+        "WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED"
+    ]
     actionType: str | None = None
 
 
@@ -151,7 +153,9 @@ class State(Message):
     actionStates: list[ActionState]
     instantActionStates: list[ActionState]
     powerSupply: Power
-    operatingMode: Literal["AUTOMATIC", "SEMIAUTOMATIC", "INTERVENED", "MANUAL", "STARTUP", "SERVICE", "TEACH_IN"]
+    operatingMode: Literal[
+        "AUTOMATIC", "SEMIAUTOMATIC", "INTERVENED", "MANUAL", "STARTUP", "SERVICE", "TEACH_IN"
+    ]
     errors: list[Error]
     information: list[Info]
     safetyState: Safety
@@ -261,7 +265,12 @@ class Factsheet(Message):
     loadSpecification: LoadSpecification
 
 
-TYPES = {"state": State, "visualization": Visualization, "connection": Connection, "factsheet": Factsheet}
+TYPES = {
+    "state": State,
+    "visualization": Visualization,
+    "connection": Connection,
+    "factsheet": Factsheet,
+}
 
 
 @cache

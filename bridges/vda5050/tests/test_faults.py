@@ -9,7 +9,9 @@ from standard import check
 def begun(released=4, patience=60.0):
     """A fleet one of whose vehicles is on its way; and its name."""
     fleet = Fleet(SMALL, released=released, timing=Timing(patience=patience))
-    name = fleet.until(lambda: next((name for name in fleet.wires if fleet.state(name)["nodeStates"]), None))
+    name = fleet.until(
+        lambda: next((name for name in fleet.wires if fleet.state(name)["nodeStates"]), None)
+    )
     fleet.until(lambda: not fleet.state(name)["lastNodeId"].startswith("queue/"))
     return fleet, name
 
@@ -50,7 +52,9 @@ def test_a_vehicle_whose_line_is_cut_drives_to_the_end_of_its_base_and_goes_on_w
 def test_an_order_that_is_lost_is_sent_again():
     fleet, _ = begun()
     send, lost = fleet.master.send, []
-    fleet.master.send = lambda *message: send(*message) if len(lost) == 3 or lost.append(message) else None
+    fleet.master.send = lambda *message: (
+        send(*message) if len(lost) == 3 or lost.append(message) else None
+    )
     fleet.until(lambda: len(lost) == 3 and fleet.master.finished)
 
 
@@ -62,7 +66,10 @@ def test_an_update_after_one_that_is_lost_is_rejected_and_the_vehicle_stays_with
     fleet.master.order(name, first=job["base"])
     fleet.until(lambda: fleet.state(name)["errors"])
     (error,) = fleet.state(name)["errors"]
-    assert error["errorType"] == "VALIDATION_FAILURE" and "must begin with the last node of the base" in error["errorDescription"]
+    assert (
+        error["errorType"] == "VALIDATION_FAILURE"
+        and "must begin with the last node of the base" in error["errorDescription"]
+    )
     fleet.until(lambda: fleet.state(name)["newBaseRequest"] and not fleet.state(name)["driving"])
 
 
@@ -71,9 +78,21 @@ def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_o
     """Its fleet control vanishes on the way out, at the picker, with a promise to take a full bin, and with one on its bar."""
     fleet, name = begun(released=1)
     job = fleet.master.jobs[name]
-    stop, bin_node = (next(node for node in job["names"] if f"/{what}/" in node) for what in ("stop", "bin"))
-    names = {"out": fleet.state(name)["lastNodeId"], "stop": stop, "turn": job["names"][job["names"].index(stop) + 1], "bay": bin_node}
-    fleet.until(lambda: fleet.state(name)["lastNodeId"] == names[after] and all_done(fleet, name, names[after], job))
+    stop, bin_node = (
+        next(node for node in job["names"] if f"/{what}/" in node) for what in ("stop", "bin")
+    )
+    names = {
+        "out": fleet.state(name)["lastNodeId"],
+        "stop": stop,
+        "turn": job["names"][job["names"].index(stop) + 1],
+        "bay": bin_node,
+    }
+    fleet.until(
+        lambda: (
+            fleet.state(name)["lastNodeId"] == names[after]
+            and all_done(fleet, name, names[after], job)
+        )
+    )
     fleet.cut(name)
     fleet.until(lambda: stands_in_the_queue(fleet, name))
     fleet.cut(name, is_up=True)
@@ -89,7 +108,12 @@ def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over(patienc
     """
     fleet, name = begun(patience=patience)
     stop = next(node for node in fleet.master.jobs[name]["names"] if "/stop/" in node)
-    fleet.until(lambda: fleet.state(name)["nodeStates"][0]["nodeId"] == stop and fleet.state(name)["distanceSinceLastNode"] > 1.0)
+    fleet.until(
+        lambda: (
+            fleet.state(name)["nodeStates"][0]["nodeId"] == stop
+            and fleet.state(name)["distanceSinceLastNode"] > 1.0
+        )
+    )
     fleet.master.instant(name, "cancelOrder")
     fleet.has_master = False
     fleet.until(lambda: fleet.state(name)["lastNodeId"] == stop)
@@ -100,17 +124,36 @@ def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over(patienc
     assert finishes(fleet) and [fleet.run.memories[one].reserved for one in fleet.wires] == [[], []]
 
 
-@pytest.mark.parametrize(("where", "has_bin"), [("east/out/1", True), ("east/wait/1", False), ("east/wait/1", True)])
-def test_a_picker_that_is_left_alone_clears_the_roads_and_the_harvest_goes_on_with_its_fleet_control(where, has_bin):
+@pytest.mark.parametrize(
+    ("where", "has_bin"), [("east/out/1", True), ("east/wait/1", False), ("east/wait/1", True)]
+)
+def test_a_picker_that_is_left_alone_clears_the_roads_and_the_harvest_goes_on_with_its_fleet_control(
+    where, has_bin
+):
     """At the end of a row, and beyond the roads with its bin on them, it holds up carriers; without a bin the one that brings one."""
     fleet, name = Fleet(SMALL, ["picker"], timing=Timing(patience=20.0)), "picker_01"
-    fleet.until(lambda: fleet.state(name).get("lastNodeId") == where and bool(fleet.state(name)["loads"]) is has_bin)
+    fleet.until(
+        lambda: (
+            fleet.state(name).get("lastNodeId") == where
+            and bool(fleet.state(name)["loads"]) is has_bin
+        )
+    )
     fleet.cut(name)
     fleet.wires[name].inbox.clear()
-    fleet.until(lambda: stands_at(fleet, name) == "east/aside/1" and fleet.run.memories[name].reserved == [], seconds=200.0)
+    fleet.until(
+        lambda: (
+            stands_at(fleet, name) == "east/aside/1" and fleet.run.memories[name].reserved == []
+        ),
+        seconds=200.0,
+    )
     assert fleet.run.seen[name].hitch
     fleet.cut(name, is_up=True)
-    fleet.until(lambda: fleet.state(name)["lastNodeId"] == "east/aside/1" and fleet.state(name)["operatingMode"] == "AUTOMATIC")
+    fleet.until(
+        lambda: (
+            fleet.state(name)["lastNodeId"] == "east/aside/1"
+            and fleet.state(name)["operatingMode"] == "AUTOMATIC"
+        )
+    )
     assert finishes(fleet)
 
 
@@ -118,9 +161,17 @@ def test_a_picker_waits_for_its_empty_bin_and_says_what_it_cannot_do():
     fleet, name = Fleet(SMALL, ["picker"]), "picker_01"
     fleet.has_master = False
     fleet.tick()
-    fleet.master.drive(name, "", ["west/in/1", "east/out/1", "east/wait/1", "east/wait/2"], {"east/out/1": ("drop", None)})
+    fleet.master.drive(
+        name,
+        "",
+        ["west/in/1", "east/out/1", "east/wait/1", "east/wait/2"],
+        {"east/out/1": ("drop", None)},
+    )
     error = fleet.until(lambda: fleet.state(name)["errors"])[0]
-    assert "it must first couple the empty bin" in error["errorDescription"] and fleet.run.memories[name].reserved == []
+    assert (
+        "it must first couple the empty bin" in error["errorDescription"]
+        and fleet.run.memories[name].reserved == []
+    )
     fleet.master.instant(name, "cancelOrder")
     fleet.until(lambda: fleet.state(name)["instantActionStates"])
     fleet.has_master = True
@@ -133,7 +184,9 @@ def test_a_vehicle_that_is_ordered_on_where_it_cannot_turn_serves_the_picker_bes
     fleet, name = Fleet(SMALL | {"route": route}, timing=Timing(patience=60.0)), "carrier_01"
     fleet.has_master = False
     fleet.tick()
-    fleet.master.drive(name, "", fleet.master.way(fleet.state(name)["lastNodeId"], "east/stop/1"), {})
+    fleet.master.drive(
+        name, "", fleet.master.way(fleet.state(name)["lastNodeId"], "east/stop/1"), {}
+    )
     fleet.has_master = True
     assert finishes(fleet)
 
@@ -148,7 +201,9 @@ def test_a_vehicle_that_is_left_alone_in_the_queue_drives_up():
 
 def all_done(fleet, name, node, job):
     """Whether the actions at a node are finished."""
-    actions = {state["actionId"]: state["actionStatus"] for state in fleet.state(name)["actionStates"]}
+    actions = {
+        state["actionId"]: state["actionStatus"] for state in fleet.state(name)["actionStates"]
+    }
     kind = job["actions"].get(node)
     return kind is None or actions.get(f"{job['order']} {kind[0]}") == "FINISHED"
 
@@ -160,14 +215,20 @@ def test_a_vehicle_that_drives_home_by_itself_says_so_and_takes_no_order():
     assert fleet.state(name)["nodeStates"] == []
     fleet.master.drive(name, "new", ["queue/1"], {})
     fleet.until(lambda: fleet.state(name)["errors"])
-    assert [error["errorType"] for error in fleet.state(name)["errors"]] == ["MOBILE_ROBOT_NOT_AVAILABLE"]
+    assert [error["errorType"] for error in fleet.state(name)["errors"]] == [
+        "MOBILE_ROBOT_NOT_AVAILABLE"
+    ]
     fleet.until(lambda: fleet.state(name)["operatingMode"] == "AUTOMATIC")
-    assert fleet.state(name)["lastNodeId"].startswith("queue/") and fleet.state(name)["errors"] == []
+    assert (
+        fleet.state(name)["lastNodeId"].startswith("queue/") and fleet.state(name)["errors"] == []
+    )
 
 
 def test_a_bin_that_another_carrier_fetches_fails_the_action_and_the_order_can_be_cancelled():
     fleet, name = begun(released=99)
     other = next(one for one in fleet.wires if one != name)
     fleet.master.begin(other, fleet.master.jobs[name]["call"])
-    fleet.until(lambda: any(error["errorType"] == "ACTION_FAILED" for error in fleet.state(other)["errors"]))
+    fleet.until(
+        lambda: any(error["errorType"] == "ACTION_FAILED" for error in fleet.state(other)["errors"])
+    )
     assert finishes(fleet)

@@ -41,7 +41,9 @@ def test_from_every_line_there_is_a_way_to_every_station(graph):
 def test_an_edge_is_one_straight_drive(graph):
     for edge in graph.edges.values():
         start, end = graph.nodes[edge.start], graph.nodes[edge.end]
-        assert edge.length > 0.0 and (start.x == pytest.approx(end.x) or start.y == pytest.approx(end.y))
+        assert edge.length > 0.0 and (
+            start.x == pytest.approx(end.x) or start.y == pytest.approx(end.y)
+        )
 
 
 @pytest.mark.parametrize("route", ["two-way", "one-way"])
@@ -50,7 +52,11 @@ def test_pickers_can_drive_through_all_their_rows_and_park(route):
     graph = graph_of_pickers(layout, Picker(layout, "picker_01").route)
     for block in layout.blocks.values():
         for row in block.rows:
-            start = f"west/in/{row}" if (row, block.start) == (block.rows[0], "west") else f"{block.start}/wait/{row}"
+            start = (
+                f"west/in/{row}"
+                if (row, block.start) == (block.rows[0], "west")
+                else f"{block.start}/wait/{row}"
+            )
             for end in ("west/park", "east/park"):
                 assert graph.way(start, [f"{end}/{block.rows[-1]}"])
 
@@ -61,5 +67,7 @@ def test_others_read_the_map(graph):
     (layout,) = LIFLayoutCollection.from_dict(lif).to_dict()["layouts"]
     assert layout == lif["layouts"][0]
     nodes = {node["nodeId"] for node in layout["nodes"]}
-    assert {name for station in layout["stations"] for name in station["interactionNodeIds"]} <= nodes
+    assert {
+        name for station in layout["stations"] for name in station["interactionNodeIds"]
+    } <= nodes
     assert {edge[end] for edge in layout["edges"] for end in ("startNodeId", "endNodeId")} <= nodes

@@ -27,7 +27,11 @@ def harvested(fleet):
     bumps = []
     while not fleet.run.engine.over:
         assert fleet.run.engine.tick < 20_000, [fleet.state(name) for name in fleet.wires]
-        bumps += [event for event in fleet.tick() if event.what == "collision" and event.who in fleet.wires]
+        bumps += [
+            event
+            for event in fleet.tick()
+            if event.what == "collision" and event.who in fleet.wires
+        ]
     for _, topic, message in fleet.heard:
         check(topic, message)
     return bumps
@@ -56,7 +60,16 @@ def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scen
         (SMALL, ["picker", "carrier"]),
         (SMALL | {"dispatch": "predictive", "rows": 5}, ["picker"]),
         (SMALL | {"rows": 5, "rows_to_pickers": "balanced"}, ["picker_02"]),
-        ({"rows": 4, "row_length": 24.0, "route": "one-way", "carriers": 3, "metres_per_bin": 48.0}, ["picker", "carrier"]),
+        (
+            {
+                "rows": 4,
+                "row_length": 24.0,
+                "route": "one-way",
+                "carriers": 3,
+                "metres_per_bin": 48.0,
+            },
+            ["picker", "carrier"],
+        ),
     ],
     ids=str,
 )
@@ -64,7 +77,11 @@ def test_a_fleet_control_drives_pickers_until_the_harvest_has_finished(scenario,
     fleet = checked(Fleet(scenario, names))
     assert harvested(fleet) == []
     assert [error for name in fleet.wires for error in fleet.state(name)["errors"]] == []
-    assert all("/park/" in fleet.state(name)["lastNodeId"] for name in fleet.wires if name.startswith("picker"))
+    assert all(
+        "/park/" in fleet.state(name)["lastNodeId"]
+        for name in fleet.wires
+        if name.startswith("picker")
+    )
 
 
 def test_a_picker_picks_a_row_and_changes_bins_by_one_order_that_is_released_step_by_step():
@@ -73,15 +90,38 @@ def test_a_picker_picks_a_row_and_changes_bins_by_one_order_that_is_released_ste
     fleet.tick()
     row, bins = ("west/in/1", "east/out/1"), ("east/out/1", "east/wait/1")
     fleet.master.drive(
-        name, "", [*row, "east/wait/1"], dict(zip((row, *bins), [("harvest", None), ("drop", None), ("pick", None)], strict=True))
+        name,
+        "",
+        [*row, "east/wait/1"],
+        dict(zip((row, *bins), [("harvest", None), ("drop", None), ("pick", None)], strict=True)),
     )
     fleet.has_master = True
-    fleet.until(lambda: [one["actionStatus"] for one in fleet.state(name).get("actionStates", [])] == ["FINISHED"] * 3)
+    fleet.until(
+        lambda: (
+            [one["actionStatus"] for one in fleet.state(name).get("actionStates", [])]
+            == ["FINISHED"] * 3
+        )
+    )
     states = [message for who, topic, message in fleet.heard if (who, topic) == (name, "state")]
-    done = [sorted(one["actionType"] for one in state["actionStates"] if one["actionStatus"] == "FINISHED") for state in states]
-    assert [kinds for kinds, _ in groupby(done)][:4] == [[], ["harvest"], ["drop", "harvest"], ["drop", "harvest", "pick"]]
+    done = [
+        sorted(
+            one["actionType"] for one in state["actionStates"] if one["actionStatus"] == "FINISHED"
+        )
+        for state in states
+    ]
+    assert [kinds for kinds, _ in groupby(done)][:4] == [
+        [],
+        ["harvest"],
+        ["drop", "harvest"],
+        ["drop", "harvest", "pick"],
+    ]
     loads = [[load["loadType"] for load in state["loads"]] for state in states]
-    assert [kinds for kinds, _ in groupby(loads)] == [["empty bin"], ["full bin"], [], ["empty bin"]]
+    assert [kinds for kinds, _ in groupby(loads)] == [
+        ["empty bin"],
+        ["full bin"],
+        [],
+        ["empty bin"],
+    ]
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
@@ -101,9 +141,15 @@ def test_the_same_run_gives_the_same_messages():
 
 @pytest.mark.parametrize(
     "message",
-    [*(("factsheet", factsheet_of(kind, 1.0)) for kind in ("carrier", "picker")), ("connection", connection_of("CONNECTION_BROKEN"))],
+    [
+        *(("factsheet", factsheet_of(kind, 1.0)) for kind in ("carrier", "picker")),
+        ("connection", connection_of("CONNECTION_BROKEN")),
+    ],
     ids=lambda pair: pair[0],
 )
 def test_what_is_sent_once_is_as_the_standard_has_it(message):
     topic, body = message
-    check(topic, json.loads(json.dumps({"headerId": 0, **HEADER, "serialNumber": "carrier_01"} | body)))
+    check(
+        topic,
+        json.loads(json.dumps({"headerId": 0, **HEADER, "serialNumber": "carrier_01"} | body)),
+    )

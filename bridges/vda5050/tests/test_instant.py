@@ -11,7 +11,14 @@ from orchard.sim.lookahead import IgnoredHolds, Lookahead
 
 
 def status(fleet, name, action):
-    return next((one["actionStatus"] for one in fleet.state(name)["instantActionStates"] if one["actionId"] == action), None)
+    return next(
+        (
+            one["actionStatus"]
+            for one in fleet.state(name)["instantActionStates"]
+            if one["actionId"] == action
+        ),
+        None,
+    )
 
 
 def test_a_vehicle_that_is_paused_stands_and_goes_on():
@@ -35,8 +42,14 @@ def test_a_cancelled_order_ends_at_the_next_node_and_a_new_one_begins_there():
     fleet.until(lambda: status(fleet, name, cancel) == "RUNNING")
     fleet.until(lambda: status(fleet, name, cancel) == "FINISHED")
     after = fleet.state(name)
-    assert after["lastNodeId"] == state["nodeStates"][0]["nodeId"] and not after["nodeStates"] and not after["driving"]
-    assert {one["actionStatus"] for one in after["actionStates"]} == {"FAILED"} and after["orderId"] == state["orderId"]
+    assert (
+        after["lastNodeId"] == state["nodeStates"][0]["nodeId"]
+        and not after["nodeStates"]
+        and not after["driving"]
+    )
+    assert {one["actionStatus"] for one in after["actionStates"]} == {"FAILED"} and after[
+        "orderId"
+    ] == state["orderId"]
     fleet.has_master = True
     fleet.master.jobs.clear()
     assert finishes(fleet)
@@ -54,9 +67,13 @@ def test_what_a_vehicle_cannot_do_fails_and_is_said(kind, parameters, error):
     action = fleet.master.instant(name, kind, **parameters)
     fleet.until(lambda: status(fleet, name, action) == "FAILED")
     (told,) = fleet.state(name)["errors"]
-    assert told["errorType"] == error and told["errorReferences"] == [{"referenceKey": "actionId", "referenceValue": action}]
+    assert told["errorType"] == error and told["errorReferences"] == [
+        {"referenceKey": "actionId", "referenceValue": action}
+    ]
     fine = fleet.master.instant(name, "stateRequest")
-    fleet.until(lambda: status(fleet, name, fine) == "FINISHED" and fleet.state(name)["errors"] == [])
+    fleet.until(
+        lambda: status(fleet, name, fine) == "FINISHED" and fleet.state(name)["errors"] == []
+    )
 
 
 def test_that_there_is_no_order_to_cancel_is_said_until_a_new_one_is_taken():
@@ -68,7 +85,9 @@ def test_that_there_is_no_order_to_cancel_is_said_until_a_new_one_is_taken():
     fine = fleet.master.instant(name, "stateRequest")
     fleet.until(lambda: status(fleet, name, fine) == "FINISHED")
     (told,) = fleet.state(name)["errors"]
-    assert told["errorType"] == "NO_ORDER_TO_CANCEL" and told["errorReferences"] == [{"referenceKey": "actionId", "referenceValue": action}]
+    assert told["errorType"] == "NO_ORDER_TO_CANCEL" and told["errorReferences"] == [
+        {"referenceKey": "actionId", "referenceValue": action}
+    ]
     sent(fleet, name, lambda order: None)
     fleet.until(lambda: fleet.state(name)["driving"])
     assert fleet.state(name)["errors"] == []
@@ -78,12 +97,24 @@ def test_a_factsheet_is_sent_on_request_and_finished_instant_actions_are_forgott
     fleet, name = begun()
     request = fleet.master.instant(name, "factsheetRequest")
     fleet.until(lambda: status(fleet, name, request) == "FINISHED")
-    assert fleet.master.newest["factsheet"][name]["typeSpecification"]["seriesName"] == "orchard-carrier"
+    assert (
+        fleet.master.newest["factsheet"][name]["typeSpecification"]["seriesName"]
+        == "orchard-carrier"
+    )
     fleet.master.instant(name, "clearInstantActions")
-    fleet.until(lambda: [one["actionType"] for one in fleet.state(name)["instantActionStates"]] == ["clearInstantActions"])
+    fleet.until(
+        lambda: (
+            [one["actionType"] for one in fleet.state(name)["instantActionStates"]]
+            == ["clearInstantActions"]
+        )
+    )
 
 
-@pytest.mark.parametrize("payload", [b"{", b"[]", b'{"actions": 3}', b" " * (1 << 20) + b"{}"], ids=lambda payload: str(payload[:12]))
+@pytest.mark.parametrize(
+    "payload",
+    [b"{", b"[]", b'{"actions": 3}', b" " * (1 << 20) + b"{}"],
+    ids=lambda payload: str(payload[:12]),
+)
 def test_what_is_no_instant_action_is_said(payload):
     fleet, name = begun()
     fleet.wires[name].inbox.append(("instantActions", payload))
@@ -97,7 +128,10 @@ def test_a_vehicle_to_which_nothing_happens_sends_a_state_each_second(holds):
     fleet = Fleet(SMALL, holds=holds)
     for _ in range(101):
         fleet.tick()
-    assert [len([1 for name, _, _ in fleet.heard if name == one]) for one in fleet.wires] == [11, 11]
+    assert [len([1 for name, _, _ in fleet.heard if name == one]) for one in fleet.wires] == [
+        11,
+        11,
+    ]
 
 
 def test_a_vehicle_to_which_nothing_happens_is_asked_once_a_second():
@@ -120,9 +154,36 @@ def noise(seed, length):
     ("topic", "message"),
     [
         ("order", {"orderId": noise(0, 400_000), "orderUpdateId": 3, "nodes": [], "edges": []}),
-        ("instantActions", {"actions": [{"actionType": noise(1, 400_000), "actionId": "one", "blockingType": "NONE"}]}),
-        ("instantActions", {"actions": [{"actionType": "stateRequest", "actionId": noise(2, 400_000), "blockingType": "NONE"}]}),
-        ("order", {"orderId": "one", "orderUpdateId": 0, "nodes": [HERE], "edges": [], "serialNumber": "carrier_02"}),
+        (
+            "instantActions",
+            {
+                "actions": [
+                    {"actionType": noise(1, 400_000), "actionId": "one", "blockingType": "NONE"}
+                ]
+            },
+        ),
+        (
+            "instantActions",
+            {
+                "actions": [
+                    {
+                        "actionType": "stateRequest",
+                        "actionId": noise(2, 400_000),
+                        "blockingType": "NONE",
+                    }
+                ]
+            },
+        ),
+        (
+            "order",
+            {
+                "orderId": "one",
+                "orderUpdateId": 0,
+                "nodes": [HERE],
+                "edges": [],
+                "serialNumber": "carrier_02",
+            },
+        ),
         ("instantActions", {"actions": [], "serialNumber": "carrier_02"}),
     ],
     ids=["order", "type", "id", "order of another", "actions of another"],
@@ -133,7 +194,9 @@ def test_what_a_vehicle_cannot_keep_or_is_for_another_one_is_rejected_in_few_wor
     fleet.tick()
     fleet.master.publish(name, topic, message)
     state = fleet.until(lambda: fleet.state(name).get("errors") and fleet.state(name), seconds=5.0)
-    assert [error["errorType"] for error in state["errors"]] == ["VALIDATION_FAILURE"] and len(json.dumps(state)) < 3000
+    assert [error["errorType"] for error in state["errors"]] == ["VALIDATION_FAILURE"] and len(
+        json.dumps(state)
+    ) < 3000
 
 
 def test_the_names_of_many_instant_actions_are_kept_while_they_fit():
@@ -141,10 +204,16 @@ def test_the_names_of_many_instant_actions_are_kept_while_they_fit():
     fleet.has_master = False
     fleet.tick()
     for number in range(50):
-        action = {"actionType": noise(number, 200), "actionId": noise(100 + number, 200), "blockingType": "NONE"}
+        action = {
+            "actionType": noise(number, 200),
+            "actionId": noise(100 + number, 200),
+            "blockingType": "NONE",
+        }
         fleet.master.publish(name, "instantActions", {"actions": [action]})
     state = fleet.until(lambda: fleet.state(name).get("errors") and fleet.state(name), seconds=5.0)
-    assert 20 < len(state["instantActionStates"]) < 50 and state["instantActionStates"][-1]["actionId"] == noise(149, 200)
+    assert 20 < len(state["instantActionStates"]) < 50 and state["instantActionStates"][-1][
+        "actionId"
+    ] == noise(149, 200)
 
 
 def sent(fleet, name, change):
@@ -164,10 +233,15 @@ def test_a_vehicle_remembers_no_more_than_it_can():
     for _ in range(60):
         fleet.master.instant(name, "stateRequest")
     ids = [noise(number, 200) for number in range(200)]
-    actions = [{"actionType": "drop", "actionId": one, "blockingType": "HARD", "actionParameters": []} for one in ids]
+    actions = [
+        {"actionType": "drop", "actionId": one, "blockingType": "HARD", "actionParameters": []}
+        for one in ids
+    ]
     sent(fleet, name, lambda order: order["nodes"][-1].update(actions=actions))
     state = fleet.until(lambda: fleet.state(name)["errors"] and fleet.state(name))
-    assert [error["errorType"] for error in state["errors"]] == ["INSUFFICIENT_MEMORY"] and len(state["instantActionStates"]) == 50
+    assert [error["errorType"] for error in state["errors"]] == ["INSUFFICIENT_MEMORY"] and len(
+        state["instantActionStates"]
+    ) == 50
     sent(fleet, name, lambda order: None)
     fleet.until(lambda: fleet.state(name)["driving"])
 
@@ -182,11 +256,19 @@ def test_an_edge_may_be_driven_more_slowly():
 def test_a_vehicle_drops_no_other_bin_than_the_one_that_is_named():
     fleet, name = Fleet(SMALL), "carrier_01"
     fleet.has_master = False
-    other = {"actionType": "drop", "actionId": "a", "blockingType": "HARD", "actionParameters": [{"key": "loadId", "value": "bin_02"}]}
+    other = {
+        "actionType": "drop",
+        "actionId": "a",
+        "blockingType": "HARD",
+        "actionParameters": [{"key": "loadId", "value": "bin_02"}],
+    }
     sent(fleet, name, lambda order: order["nodes"][-1].update(actions=[other]))
     (told,) = fleet.until(lambda: fleet.state(name)["errors"])
     (load,) = fleet.state(name)["loads"]
-    assert told["errorType"] == "ACTION_FAILED" and told["errorDescription"] == f"its bin is {load['loadId']}, not bin_02"
+    assert (
+        told["errorType"] == "ACTION_FAILED"
+        and told["errorDescription"] == f"its bin is {load['loadId']}, not bin_02"
+    )
 
 
 @pytest.mark.parametrize("ticks", [1, 2])

@@ -27,35 +27,66 @@ KINDS = ("--robots", "carrier", "picker")
 def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_killed(tmp_path):
     """The run is not as fast as it can be: without a broker nothing is done in it, and after 600 s it would be jammed."""
     port = free_port()
-    with broker(tmp_path, port) as first, scene(tmp_path, SMALL, port, ("--without", "picker", "--speed", "20"), KINDS) as run:
+    with (
+        broker(tmp_path, port) as first,
+        scene(tmp_path, SMALL, port, ("--without", "picker", "--speed", "20"), KINDS) as run,
+    ):
         control = Control(lif(tmp_path), port)
         try:
-            is_busy = lambda: next((name for name in CARRIERS if control.states.get(name, {}).get("nodeStates")), None)  # noqa: E731
+
+            def is_busy() -> str | None:
+                return next(
+                    (name for name in CARRIERS if control.states.get(name, {}).get("nodeStates")),
+                    None,
+                )
+
             busy = control.until(is_busy, BEGIN_SECONDS)
             with bridging(run.endpoint, port, tmp_path, *KINDS) as second:
                 assert second.wait(BEGIN_SECONDS) == 2, "its robots are taken"
-            assert {message["connectionState"] for _, topic, message in control.heard if topic == "connection"} == {"ONLINE"}
+            assert {
+                message["connectionState"]
+                for _, topic, message in control.heard
+                if topic == "connection"
+            } == {"ONLINE"}
             first.kill()
             first.wait()
             with broker(tmp_path, port):
                 before = len(control.heard)
-                control.until(lambda: len(control.heard) > before + 10 and control.states[busy]["orderId"])
+                control.until(
+                    lambda: len(control.heard) > before + 10 and control.states[busy]["orderId"]
+                )
                 order = control.states[busy]["orderId"]
                 run.bridge.kill()
-                control.until(lambda: all(control.connection(name) == "CONNECTION_BROKEN" for name in FLEET))
+                control.until(
+                    lambda: all(control.connection(name) == "CONNECTION_BROKEN" for name in FLEET)
+                )
                 with bridging(run.endpoint, port, tmp_path, *KINDS):
-                    control.until(lambda: all(control.connection(name) == "ONLINE" for name in FLEET), BEGIN_SECONDS)
+                    control.until(
+                        lambda: all(control.connection(name) == "ONLINE" for name in FLEET),
+                        BEGIN_SECONDS,
+                    )
                     control.until(lambda: control.heard[-1][1] == "state")
-                    assert control.states[busy]["orderId"] in (order, *(job["order"] for job in control.jobs.values()))
+                    assert control.states[busy]["orderId"] in (
+                        order,
+                        *(job["order"] for job in control.jobs.values()),
+                    )
                     assert run.orchard.wait(BEGIN_SECONDS) == 0
-                    control.until(lambda: all(control.connection(name) == "OFFLINE" for name in FLEET))
+                    control.until(
+                        lambda: all(control.connection(name) == "OFFLINE" for name in FLEET)
+                    )
         finally:
             control.close()
     for _, topic, message in control.heard:
         check(topic, message)
     assert {topic for _, topic, _ in control.heard} == {"state", "connection", "factsheet"}
-    done = [[one["actionStatus"] for one in message["actionStates"]] for _, topic, message in control.heard if topic == "state"]
-    assert ["FINISHED"] * 3 in done, "all actions of an order; the run may end before its last node, which no state tells any more"
+    done = [
+        [one["actionStatus"] for one in message["actionStates"]]
+        for _, topic, message in control.heard
+        if topic == "state"
+    ]
+    assert ["FINISHED"] * 3 in done, (
+        "all actions of an order; the run may end before its last node, which no state tells any more"
+    )
     assert "3 of 3 rows" in (tmp_path / "orchard.log").read_text() and "Traceback" not in run.told()
 
 
@@ -76,9 +107,14 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
 
 @pytest.mark.parametrize(
     ("endpoint", "told"),
-    [("nowhere", "nowhere: not an endpoint; use one such as tcp/127.0.0.1:7447"), ("tls/127.0.0.1:7447", "tls needs certificates")],
+    [
+        ("nowhere", "nowhere: not an endpoint; use one such as tcp/127.0.0.1:7447"),
+        ("tls/127.0.0.1:7447", "tls needs certificates"),
+    ],
 )
-def test_a_bridge_does_not_wait_at_an_endpoint_at_which_no_run_can_be(endpoint, told, capsys, monkeypatch):
+def test_a_bridge_does_not_wait_at_an_endpoint_at_which_no_run_can_be(
+    endpoint, told, capsys, monkeypatch
+):
     monkeypatch.setattr("os.environ", dict(os.environ))
     monkeypatch.setattr(command.time, "sleep", lambda _: pytest.fail("it waits"))
     assert command.main(["drive", endpoint]) == 2
@@ -87,7 +123,9 @@ def test_a_bridge_does_not_wait_at_an_endpoint_at_which_no_run_can_be(endpoint, 
 
 def opened(network, address, serial="carrier_01", topics=()):
     """A vehicle's line that is open."""
-    line = Line(network, broker_at(f"mqtt://{address}", "vda5050", "orchard", "3.0.0"), serial, topics, [])
+    line = Line(
+        network, broker_at(f"mqtt://{address}", "vda5050", "orchard", "3.0.0"), serial, topics, []
+    )
     assert line.take() == []
     return line
 
@@ -104,7 +142,13 @@ def told(capsys):
     said = []
 
     def wait(words):
-        until(lambda: said.extend(capsys.readouterr().err.splitlines()) or any(words in line for line in said), said)
+        until(
+            lambda: (
+                said.extend(capsys.readouterr().err.splitlines())
+                or any(words in line for line in said)
+            ),
+            said,
+        )
         return said
 
     return wait
@@ -159,14 +203,19 @@ def test_a_broker_that_does_not_answer_is_told_of(told, monkeypatch):
     network = Network()
     with server(b"") as address:
         opened(network, address)
-        told("the broker gives no answer to vehicles that connect: Keep alive timeout; trying again")
+        told(
+            "the broker gives no answer to vehicles that connect: Keep alive timeout; trying again"
+        )
         network.close()
 
 
 def test_what_is_no_broker_keeps_no_other_line_from_fleet_control(tmp_path, told):
     """It lets the vehicle in, and sends an order whose topic is no text."""
     port, network = free_port(), Network()
-    with server(b"\x20\x02\x00\x00" + b"\x30\x05\x00\x02\xff\xfe{") as address, broker(tmp_path, port):
+    with (
+        server(b"\x20\x02\x00\x00" + b"\x30\x05\x00\x02\xff\xfe{") as address,
+        broker(tmp_path, port),
+    ):
         opened(network, address)
         told("the broker is not one of MQTT: UnicodeDecodeError")
         hears(opened(network, f"127.0.0.1:{port}", "carrier_02", ["order"]))
@@ -189,7 +238,10 @@ def test_the_bridges_of_two_interfaces_share_a_broker(tmp_path):
     port, network = free_port(), Network()
     with broker(tmp_path, port):
         address = f"mqtt://127.0.0.1:{port}"
-        both = [Line(network, broker_at(address, name, "orchard", "3.0.0"), "carrier_01", ["order"], []) for name in ("one", "two")]
+        both = [
+            Line(network, broker_at(address, name, "orchard", "3.0.0"), "carrier_01", ["order"], [])
+            for name in ("one", "two")
+        ]
         for line in both:
             hears(line)
         network.close()
@@ -217,7 +269,9 @@ def test_connecting_many_vehicles_lets_the_others_be_read(monkeypatch):
 
 
 def test_a_password_may_hold_any_character():
-    at = broker_at("mqtt://the%20fleet:p%40ss%2Fw%3Ard@127.0.0.1:1883", "vda5050", "orchard", "3.0.0")
+    at = broker_at(
+        "mqtt://the%20fleet:p%40ss%2Fw%3Ard@127.0.0.1:1883", "vda5050", "orchard", "3.0.0"
+    )
     assert (at.user, at.password, at.host) == ("the fleet", "p@ss/w:rd", "127.0.0.1")
 
 
@@ -225,7 +279,11 @@ def test_a_password_may_hold_any_character():
     ("scenario", "names", "told"),
     [
         ({"dispatch": "predictive"}, ["carrier_01"], "start the run with --without dispatch"),
-        ({"dispatch": "nearest"}, ["carrier_01", "bin_01"], "bin_01: only carriers and pickers are vehicles"),
+        (
+            {"dispatch": "nearest"},
+            ["carrier_01", "bin_01"],
+            "bin_01: only carriers and pickers are vehicles",
+        ),
     ],
 )
 def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):
@@ -234,7 +292,13 @@ def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):
 
 
 def test_a_bridge_waits_for_a_run(capsys, monkeypatch):
-    answers = iter([BusError("no router answers there"), BusError("no router answers there"), SimpleNamespace(names=["dispatch"])])
+    answers = iter(
+        [
+            BusError("no router answers there"),
+            BusError("no router answers there"),
+            SimpleNamespace(names=["dispatch"]),
+        ]
+    )
 
     def connect(endpoint, secure):
         if isinstance(why := next(answers), BusError):
@@ -244,4 +308,6 @@ def test_a_bridge_waits_for_a_run(capsys, monkeypatch):
     monkeypatch.setattr(command, "connect", connect)
     monkeypatch.setattr(command, "AGAIN_SECONDS", 0.0)
     assert command.wait_for_a_run("tcp/127.0.0.1:7447", None) == ["dispatch"]
-    assert capsys.readouterr().err == "orchard-vda5050: waiting for a run: no router answers there\n"
+    assert (
+        capsys.readouterr().err == "orchard-vda5050: waiting for a run: no router answers there\n"
+    )

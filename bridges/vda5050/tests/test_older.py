@@ -61,7 +61,9 @@ async def driven():
             told = len(fleet.heard)
             fleet.tick()
             for name, topic, message in fleet.heard[told:]:
-                await here.publish(f"uagv/v2/orchard/{name}/{topic}", json.dumps(in_21(topic, message)).encode())
+                await here.publish(
+                    f"uagv/v2/orchard/{name}/{topic}", json.dumps(in_21(topic, message)).encode()
+                )
             session = await master.session(key)
             if session.state is not None and condition(session.state):
                 return session.state

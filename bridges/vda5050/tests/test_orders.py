@@ -26,24 +26,39 @@ HEADER = {
 
 
 def node(name, sequence, released=True, actions=(), **more):
-    return {"nodeId": name, "sequenceId": sequence, "released": released, "actions": list(actions)} | more
+    return {
+        "nodeId": name,
+        "sequenceId": sequence,
+        "released": released,
+        "actions": list(actions),
+    } | more
 
 
 def action(kind="handOver", key="loadId", value="bin_01", number=1):
     parameters = [{"key": key, "value": value}] if key else []
-    return {"actionType": kind, "actionId": f"action {number}", "blockingType": "HARD", "actionParameters": parameters}
+    return {
+        "actionType": kind,
+        "actionId": f"action {number}",
+        "blockingType": "HARD",
+        "actionParameters": parameters,
+    }
 
 
 def order(update=0, first=0, released=99, actions=(), order_id="one"):
     """An order from node number `first` of the way to its end, with `actions` there."""
     nodes = [node(name, 2 * n, n <= released) for n, name in enumerate(WAY)][first:]
     nodes[-1]["actions"] = list(actions)
-    edges = [{"edgeId": "", "sequenceId": 2 * n + 1, "released": n < released, "actions": []} for n in range(first, len(WAY) - 1)]
+    edges = [
+        {"edgeId": "", "sequenceId": 2 * n + 1, "released": n < released, "actions": []}
+        for n in range(first, len(WAY) - 1)
+    ]
     return HEADER | {"orderId": order_id, "orderUpdateId": update, "nodes": nodes, "edges": edges}
 
 
 def taken(state, message):
-    return orders.take(state, orders.read(json.dumps(message).encode()), GRAPH, BINS, START.x, START.y)
+    return orders.take(
+        state, orders.read(json.dumps(message).encode()), GRAPH, BINS, START.x, START.y
+    )
 
 
 def changed(message, path, value):
@@ -57,19 +72,28 @@ def changed(message, path, value):
     return message
 
 
-HEIGHT = {"actionParameters": [{"key": "loadId", "value": "bin_01"}, {"key": "height", "value": 1.0}]}
+HEIGHT = {
+    "actionParameters": [{"key": "loadId", "value": "bin_01"}, {"key": "height", "value": 1.0}]
+}
 
 
 def placed(**more):
     """An order whose first node has a position."""
-    return changed(order(), ["nodes", 0, "nodePosition"], {"x": START.x, "y": START.y, "mapId": "orchard"} | more)
+    return changed(
+        order(),
+        ["nodes", 0, "nodePosition"],
+        {"x": START.x, "y": START.y, "mapId": "orchard"} | more,
+    )
 
 
 BEGUN = taken(OrderState(), order(released=2))
 CANCELLED = taken(OrderState(), order(released=2))
 orders.cancel(CANCELLED, is_driving=False)
 WITH_ACTION = taken(OrderState(), order(actions=[action()]))
-AGAIN = [node(WAY[-1], 2 * len(WAY) - 2), node(WAY[-1], 2 * len(WAY), actions=[action()])]  # of the same name
+AGAIN = [
+    node(WAY[-1], 2 * len(WAY) - 2),
+    node(WAY[-1], 2 * len(WAY), actions=[action()]),
+]  # of the same name
 EDGE = {"edgeId": "", "sequenceId": 2 * len(WAY) - 1, "released": True, "actions": []}
 DONE = OrderState("one", 3, b"", WAY[2], 4)
 
@@ -132,18 +156,44 @@ def test_an_order_is_rejected_with_the_standards_error(error_type, state, messag
 def test_what_is_done_while_driving_cannot_forbid_to_drive(blocking):
     graph = graph_of_pickers(LAYOUT, Carrier(LAYOUT, "carrier_01").route)
     way = ["west/in/1", "east/out/1"]
-    edge = {"edgeId": "", "sequenceId": 1, "released": True, "actions": [action("harvest", key="") | {"blockingType": blocking}]}
-    message = HEADER | {"orderId": "one", "orderUpdateId": 0, "nodes": [node(way[0], 0), node(way[1], 2)], "edges": [edge]}
+    edge = {
+        "edgeId": "",
+        "sequenceId": 1,
+        "released": True,
+        "actions": [action("harvest", key="") | {"blockingType": blocking}],
+    }
+    message = HEADER | {
+        "orderId": "one",
+        "orderUpdateId": 0,
+        "nodes": [node(way[0], 0), node(way[1], 2)],
+        "edges": [edge],
+    }
     start = graph.nodes[way[0]]
     with pytest.raises(Rejected, match="its blockingType must be NONE or SINGLE"):
-        orders.take(OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y)
+        orders.take(
+            OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y
+        )
     edge["actions"][0]["blockingType"] = "NONE"
-    assert orders.take(OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y).order_id == "one"
+    assert (
+        orders.take(
+            OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y
+        ).order_id
+        == "one"
+    )
 
 
 @pytest.mark.parametrize(
     "payload",
-    [b"", b"[]", b"{}", b"null", b"\xff", b'{"orderId": 3}', b"[" * 100_000, b" " * (1 << 20) + b"{}"],
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b"null",
+        b"\xff",
+        b'{"orderId": 3}',
+        b"[" * 100_000,
+        b" " * (1 << 20) + b"{}",
+    ],
     ids=lambda payload: str(payload[:12]),
 )
 def test_what_is_no_order_is_rejected(payload):
@@ -154,7 +204,9 @@ def test_what_is_no_order_is_rejected(payload):
 def test_a_rejected_order_is_named():
     with pytest.raises(Rejected) as rejected:
         taken(OrderState(), changed(order(), ["nodes", 0, "nodeId"], None))
-    named = {one.reference_key: one.reference_value for one in rejected.value.error.error_references}
+    named = {
+        one.reference_key: one.reference_value for one in rejected.value.error.error_references
+    }
     assert named == {"orderId": "one", "orderUpdateId": "0"}
 
 
@@ -168,22 +220,31 @@ def test_fields_that_the_standard_may_add_are_ignored():
 
 def test_an_update_extends_the_base_and_replaces_the_horizon():
     begun = taken(OrderState(), order(released=2, actions=[action(number=1)]))
-    assert [one.action_id for one in begun.actions] == ["action 1"] and begun.decision_point == (WAY[2], 4)
+    assert [one.action_id for one in begun.actions] == ["action 1"] and begun.decision_point == (
+        WAY[2],
+        4,
+    )
     updated = taken(begun, order(update=1, first=2, actions=[action(number=2)]))
-    assert [(one.node_id, one.sequence_id, one.released) for one in updated.nodes] == [(name, 2 * n, True) for n, name in enumerate(WAY)][
-        1:
-    ]
+    assert [(one.node_id, one.sequence_id, one.released) for one in updated.nodes] == [
+        (name, 2 * n, True) for n, name in enumerate(WAY)
+    ][1:]
     assert [one.sequence_id for one in updated.edges] == [2 * n + 1 for n in range(len(WAY) - 1)]
     assert [one.action_id for one in updated.actions] == ["action 2"]
 
 
 def test_an_order_that_is_done_goes_on_with_an_update_at_its_last_node():
     updated = taken(DONE, order(update=7, first=2))
-    assert (updated.last_node, updated.last_sequence, len(updated.nodes)) == (WAY[2], 4, len(WAY) - 3)
+    assert (updated.last_node, updated.last_sequence, len(updated.nodes)) == (
+        WAY[2],
+        4,
+        len(WAY) - 3,
+    )
 
 
 def test_actions_can_be_added_at_the_decision_point_by_a_node_of_the_same_name():
-    begun = taken(OrderState(), changed(changed(order(), ["nodes"], [node(WAY[0], 0)]), ["edges"], []))
+    begun = taken(
+        OrderState(), changed(changed(order(), ["nodes"], [node(WAY[0], 0)]), ["edges"], [])
+    )
     again = order(update=1) | {
         "nodes": [node(WAY[0], 0), node(WAY[0], 2)],
         "edges": [{"edgeId": "", "sequenceId": 1, "released": True, "actions": []}],
@@ -193,15 +254,27 @@ def test_actions_can_be_added_at_the_decision_point_by_a_node_of_the_same_name()
 
 def test_the_first_node_may_allow_a_vehicle_to_stand_further_away():
     far = START.x - 3.0
-    position = {"x": START.x, "y": START.y, "mapId": "orchard", "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0}}
-    message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode())
+    position = {
+        "x": START.x,
+        "y": START.y,
+        "mapId": "orchard",
+        "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0},
+    }
+    message = orders.read(
+        json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode()
+    )
     assert orders.take(OrderState(), message, GRAPH, BINS, far, START.y).order_id == "one"
 
 
 @pytest.mark.parametrize(("x", "y"), [(-6.0, 0.0), (0.0, 1.0), (-1.0, 3.0)])
 def test_what_an_order_allows_lets_no_vehicle_drive_off_the_roads(x, y):
     """It would drive straight on from where it stands, to the side of the edge or from far away."""
-    far = {"x": START.x, "y": START.y, "mapId": "orchard", "allowedDeviationXY": {"a": 500.0, "b": 500.0, "theta": 0.0}}
+    far = {
+        "x": START.x,
+        "y": START.y,
+        "mapId": "orchard",
+        "allowedDeviationXY": {"a": 500.0, "b": 500.0, "theta": 0.0},
+    }
     message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], far)).encode())
     with pytest.raises(Rejected, match="m away"):
         orders.take(OrderState(), message, GRAPH, BINS, START.x + x, START.y + y)
@@ -215,7 +288,10 @@ def test_a_field_that_is_null_is_not_there():
 
 def test_an_update_leaves_the_error_with_which_a_vehicle_stands():
     state = taken(OrderState(), order(released=2))
-    state.errors = [Rejected(kind, "why", {}).error for kind in ("ACTION_FAILED", "NODE_UNREACHABLE", "SAME_ORDER_UPDATE_ID")]
+    state.errors = [
+        Rejected(kind, "why", {}).error
+        for kind in ("ACTION_FAILED", "NODE_UNREACHABLE", "SAME_ORDER_UPDATE_ID")
+    ]
     updated = taken(state, order(update=1, first=2))
     assert [error.error_type for error in updated.errors] == ["ACTION_FAILED", "NODE_UNREACHABLE"]
 

@@ -14,7 +14,13 @@ from orchard import Scenario, lay_out, with_changes
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.gym import dispatch_env, single_env
 
-ALONE = Scenario(rows=3, people={"workers": 0, "visitors": 0}, animals={"dogs": 0, "cats": 0}, weeds=0, tractor=False)
+ALONE = Scenario(
+    rows=3,
+    people={"workers": 0, "visitors": 0},
+    animals={"dogs": 0, "cats": 0},
+    weeds=0,
+    tractor=False,
+)
 ROOT = Path(__file__).parents[3]
 SEEDS = (101, 102, 103)
 
@@ -42,7 +48,9 @@ def test_check_env(name):
     check_env(RescaleAction(single_env(ALONE, name), np.float32(-1.0), np.float32(1.0)))
 
 
-@pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # it recommends what RescaleAction makes
+@pytest.mark.filterwarnings(
+    "ignore:.*symmetric and normalized"
+)  # it recommends what RescaleAction makes
 def test_check_env_with_velocities_in_metres_and_radians():
     check_env(single_env(ALONE, "carrier_01"))
 
@@ -53,7 +61,9 @@ def test_check_env_of_dispatch():
 
 def block(name):
     """The text of a block of code of docs/extending.md."""
-    (text,) = re.findall(rf"^```python {name}\n(.*?)```$", (ROOT / "docs" / "extending.md").read_text(), re.M | re.S)
+    (text,) = re.findall(
+        rf"^```python {name}\n(.*?)```$", (ROOT / "docs" / "extending.md").read_text(), re.M | re.S
+    )
     return text
 
 
@@ -75,6 +85,10 @@ def test_a_dispatch_policy_learns_and_decides(tmp_path, monkeypatch):
     learned = import_module("examples.learned_dispatch")
     learned.learn(minutes=0.05, seed=1)
     decided, choose = [], learned.Learned.choose
-    monkeypatch.setattr(learned.Learned, "choose", lambda *seen: decided.append(choose(*seen)) or decided[-1])
-    DiscreteHarvest(lay_out(with_changes(ALONE, rows=5, dispatch="examples.learned_dispatch.Learned"))).run()
+    monkeypatch.setattr(
+        learned.Learned, "choose", lambda *seen: decided.append(choose(*seen)) or decided[-1]
+    )
+    DiscreteHarvest(
+        lay_out(with_changes(ALONE, rows=5, dispatch="examples.learned_dispatch.Learned"))
+    ).run()
     assert decided

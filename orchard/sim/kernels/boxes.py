@@ -4,7 +4,9 @@ import numpy as np
 
 from orchard.sim.kernels.jit import inlined, jit, sin_cos
 
-X, Y, HALF_LENGTH, HALF_WIDTH, COSINE, SINE, RADIUS = range(7)  # columns: centre, half sizes, heading, circumscribed circle; m
+X, Y, HALF_LENGTH, HALF_WIDTH, COSINE, SINE, RADIUS = range(
+    7
+)  # columns: centre, half sizes, heading, circumscribed circle; m
 TOUCH = 1e-9  # m; boxes that overlap by at most this only touch
 
 
@@ -43,8 +45,18 @@ def overlap(a, b):
 @inlined
 def _meet_along(a, b, dx, dy, cosine, sine):
     """Whether the projections of two boxes on both axes of `a` overlap; cosine and sine: of the angle between them, absolute."""
-    ahead = abs(a[COSINE] * dx + a[SINE] * dy) - a[HALF_LENGTH] - cosine * b[HALF_LENGTH] - sine * b[HALF_WIDTH]
-    aside = abs(a[COSINE] * dy - a[SINE] * dx) - a[HALF_WIDTH] - sine * b[HALF_LENGTH] - cosine * b[HALF_WIDTH]
+    ahead = (
+        abs(a[COSINE] * dx + a[SINE] * dy)
+        - a[HALF_LENGTH]
+        - cosine * b[HALF_LENGTH]
+        - sine * b[HALF_WIDTH]
+    )
+    aside = (
+        abs(a[COSINE] * dy - a[SINE] * dx)
+        - a[HALF_WIDTH]
+        - sine * b[HALF_LENGTH]
+        - cosine * b[HALF_WIDTH]
+    )
     return ahead < -TOUCH and aside < -TOUCH
 
 

@@ -11,12 +11,20 @@ from pathlib import Path
 from orchard.folders import write_whole
 
 COMPILING = "compiling for this machine; this is done once and takes up to a minute"
-UNUSED_SECONDS = 24 * 3600.0  # after which the kernels of other sources are removed; a program that runs now may still load them
+UNUSED_SECONDS = (
+    24 * 3600.0
+)  # after which the kernels of other sources are removed; a program that runs now may still load them
 DIGEST = 32  # bytes of the SHA-256 of name and code, with which each file begins
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
-_SOURCES = [*sorted(_HERE.glob("*.py")), *(_FIELD / f"{module}.py" for module in ("kinds", "layout", "passes", "repeatable", "scenario"))]
+_SOURCES = [
+    *sorted(_HERE.glob("*.py")),
+    *(
+        _FIELD / f"{module}.py"
+        for module in ("kinds", "layout", "passes", "repeatable", "scenario")
+    ),
+]
 
 log = logging.getLogger("orchard")
 
@@ -27,7 +35,10 @@ def kernels_folder() -> Path | None:
     if not chosen and not os.access(_HERE, os.W_OK):
         return None
     sources = b"".join(path.read_bytes() for path in _SOURCES)
-    return Path(chosen or _HERE / "__pycache__") / f"kernels-{hashlib.sha256(sources).hexdigest()[:16]}"
+    return (
+        Path(chosen or _HERE / "__pycache__")
+        / f"kernels-{hashlib.sha256(sources).hexdigest()[:16]}"
+    )
 
 
 def are_compiled() -> bool:
@@ -65,10 +76,14 @@ class KernelFiles:
         except FileNotFoundError:
             return None
         except OSError as error:
-            self._say(f"compiled kernels in {self._folder} cannot be read: {error.strerror}; they are compiled anew")
+            self._say(
+                f"compiled kernels in {self._folder} cannot be read: {error.strerror}; they are compiled anew"
+            )
             return None
         if _digest(name, content[DIGEST:]) != content[:DIGEST]:
-            self._say(f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to a minute")
+            self._say(
+                f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to a minute"
+            )
             return None
         return content[DIGEST:]
 
@@ -79,7 +94,9 @@ class KernelFiles:
             write_whole(self._folder / name, _digest(name, code) + code)
             _remove_unused(self._folder)
         except OSError as error:
-            self._say(f"compiled kernels cannot be kept in {self._folder}: {error.strerror}; the next start compiles them again")
+            self._say(
+                f"compiled kernels cannot be kept in {self._folder}: {error.strerror}; the next start compiles them again"
+            )
 
     def _say(self, words: str) -> None:
         if words not in self._said:

@@ -13,8 +13,12 @@ WEST, SOUTH, CELL, COLUMNS, ROWS = range(5)  # indices into a grid's frame
 class Grid(NamedTuple):
     """Square cells over the ground, row by row from the south-west, and the boxes of each cell."""
 
-    frame: np.ndarray  # (5,): west edge, south edge and side of a cell, m; number of columns, number of rows
-    begin: np.ndarray  # (columns x rows + 1,) int64: the boxes of cell k are members[begin[k] : begin[k + 1]]
+    frame: (
+        np.ndarray
+    )  # (5,): west edge, south edge and side of a cell, m; number of columns, number of rows
+    begin: (
+        np.ndarray
+    )  # (columns x rows + 1,) int64: the boxes of cell k are members[begin[k] : begin[k + 1]]
     members: np.ndarray  # int64: indices of boxes
 
 
@@ -22,7 +26,15 @@ def frame_of(walls: np.ndarray, cell: float) -> np.ndarray:
     """Return the frame of a grid that covers all walls, (w, 7) boxes that face east. `cell`: side of a cell, m."""
     x, y, hx, hy = walls[:, X], walls[:, Y], walls[:, HALF_LENGTH], walls[:, HALF_WIDTH]
     west, south = float((x - hx).min()), float((y - hy).min())
-    return np.array([west, south, cell, int(((x + hx).max() - west) / cell) + 1, int(((y + hy).max() - south) / cell) + 1])
+    return np.array(
+        [
+            west,
+            south,
+            cell,
+            int(((x + hx).max() - west) / cell) + 1,
+            int(((y + hy).max() - south) / cell) + 1,
+        ]
+    )
 
 
 def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
@@ -32,8 +44,13 @@ def grid_of(walls: np.ndarray, reach: float, cell: float = 5.0) -> Grid:
     columns, rows = np.arange(int(frame[COLUMNS]))[:, None], np.arange(int(frame[ROWS]))[:, None]
     dx = np.maximum(np.abs(x - frame[WEST] - (columns + 0.5) * cell) - hx - cell / 2, 0.0)
     dy = np.maximum(np.abs(y - frame[SOUTH] - (rows + 0.5) * cell) - hy - cell / 2, 0.0)
-    near = [np.nonzero(dx * dx + of_row * of_row <= reach * reach + TOUCH) for of_row in dy]  # the columns, and the walls
-    begin = np.cumsum(np.concatenate([[0], *(np.bincount(column, minlength=len(columns)) for column, _ in near)]), dtype=np.int64)
+    near = [
+        np.nonzero(dx * dx + of_row * of_row <= reach * reach + TOUCH) for of_row in dy
+    ]  # the columns, and the walls
+    begin = np.cumsum(
+        np.concatenate([[0], *(np.bincount(column, minlength=len(columns)) for column, _ in near)]),
+        dtype=np.int64,
+    )
     return Grid(frame, begin, np.concatenate([members for _, members in near]).astype(np.int64))
 
 

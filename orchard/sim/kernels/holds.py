@@ -26,12 +26,21 @@ def end_holds(
         ):
             until[i] = 0
             continue
-        if freer_within[i] > 0.0 and left_freer(ranges, begin[i], begin[i + 1], freer_within[i]) != was_left_freer[i]:
+        if (
+            freer_within[i] > 0.0
+            and left_freer(ranges, begin[i], begin[i + 1], freer_within[i]) != was_left_freer[i]
+        ):
             until[i] = 0
         for z in range(watched.shape[1]):
-            if watched[i, z] != NONE and occupied(ranges, begin[i], begin[i + 1], spans[watched[i, z]]) != was_occupied[i, z]:
+            if (
+                watched[i, z] != NONE
+                and occupied(ranges, begin[i], begin[i + 1], spans[watched[i, z]])
+                != was_occupied[i, z]
+            ):
                 until[i] = 0
-            if still[i, z] != NONE and changed(ranges, before, begin[i], begin[i + 1], spans[still[i, z]]):
+            if still[i, z] != NONE and changed(
+                ranges, before, begin[i], begin[i + 1], spans[still[i, z]]
+            ):
                 until[i] = 0
 
 

@@ -19,7 +19,9 @@ from numba.extending import register_jitable
 from orchard.field import repeatable
 from orchard.sim.kernels.cache import KernelFiles, kernels_folder
 
-numba.config.DISABLE_JIT = False  # whatever NUMBA_DISABLE_JIT says: functions that are not compiled give other bits
+numba.config.DISABLE_JIT = (
+    False  # whatever NUMBA_DISABLE_JIT says: functions that are not compiled give other bits
+)
 _folder = kernels_folder()
 _files = None if _folder is None else KernelFiles(_folder)
 
@@ -28,10 +30,15 @@ class _Cache(NullCache):
     """Keeps a kernel's code in files with checksums: numba's own cache loads whatever is in its files. Names say on what it depends."""
 
     def __init__(self, files: KernelFiles, function: Callable[..., Any]) -> None:
-        self._files, self._name = files, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+        self._files, self._name = (
+            files,
+            f"{function.__module__.rpartition('.')[2]}.{function.__name__}",
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        rtsys.initialize(target_context)  # the functions that count references; all else numba needs to compile, and to load nothing
+        rtsys.initialize(
+            target_context
+        )  # the functions that count references; all else numba needs to compile, and to load nothing
         code = self._files.load(self._file(sig, target_context.codegen()))
         return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
 
@@ -50,14 +57,18 @@ def jit(function: Callable[..., Any], allocates: bool = False, **options: Any) -
     In one that makes none, numba counts no references to arrays, which took a third of a step of ten robots: an array costs a call from
     Python 45 ns instead of 110, and a call of an inner function nothing. If one that makes arrays does not say so, numba refuses it.
     """
-    kernel = njit(nogil=True, error_model="numpy", _nrt=allocates, **options)(function)  # no fastmath, which would change the bits
+    kernel = njit(nogil=True, error_model="numpy", _nrt=allocates, **options)(
+        function
+    )  # no fastmath, which would change the bits
     if _files is not None:
         kernel._cache = _Cache(_files, function)
     return kernel
 
 
 allocating = partial(jit, allocates=True)
-inlined = partial(jit, forceinline=True)  # for functions called in inner loops: saves passing their arrays, seven words each
+inlined = partial(
+    jit, forceinline=True
+)  # for functions called in inner loops: saves passing their arrays, seven words each
 
 for _inner in (repeatable.sine_series, repeatable.cosine_series, repeatable.arctan_unit):
     register_jitable(_inner)
@@ -77,5 +88,7 @@ def in_order(kernel: Any, values: Mapping[str, T], skip: int = 0) -> list[T]:
     """
     names = list(signature(kernel.py_func).parameters)[skip:]
     if set(names) != set(values):
-        raise TypeError(f"{kernel.py_func.__name__}: the arguments {sorted(set(names) ^ set(values))} are missing or unknown")
+        raise TypeError(
+            f"{kernel.py_func.__name__}: the arguments {sorted(set(names) ^ set(values))} are missing or unknown"
+        )
     return [values[name] for name in names]

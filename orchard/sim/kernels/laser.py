@@ -26,7 +26,17 @@ import numpy as np
 
 from orchard.field.kinds import LASER_RANGE
 from orchard.field.repeatable import TURN
-from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, place
+from orchard.sim.kernels.boxes import (
+    COSINE,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    RADIUS,
+    SINE,
+    TOUCH,
+    X,
+    Y,
+    place,
+)
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import inlined, jit, log, sin_cos
 
@@ -71,7 +81,17 @@ def cast_all(
         if sees[i]:
             x = bodies[i, X] + ahead[i] * bodies[i, COSINE]
             y = bodies[i, Y] + ahead[i] * bodies[i, SINE]
-            _cast(i, x, y, bodies, body_grid, walls, wall_grid, round_ if around[i] else front, inverse)
+            _cast(
+                i,
+                x,
+                y,
+                bodies,
+                body_grid,
+                walls,
+                wall_grid,
+                round_ if around[i] else front,
+                inverse,
+            )
         for k in range(len(inverse)):
             inverse[k] = 1.0 / inverse[k]
             inverse[k] = inverse[k] if inverse[k] <= LASER_RANGE else np.inf
@@ -102,7 +122,9 @@ def _in_view(boxes, k, x, y, c, s, forward):
     dx, dy = boxes[k, X] - x, boxes[k, Y] - y
     radius = boxes[k, RADIUS]
     reach = LASER_RANGE + radius
-    return dx * dx + dy * dy <= reach * reach and not (forward and c * dx + s * dy < -radius - TOUCH)
+    return dx * dx + dy * dy <= reach * reach and not (
+        forward and c * dx + s * dy < -radius - TOUCH
+    )
 
 
 @inlined
@@ -111,7 +133,10 @@ def _paint_box(box, x, y, c, s, fan, inverse):
     dx, dy = box[X] - x, box[Y] - y
     at_x, at_y = c * dx + s * dy, c * dy - s * dx
     axis_x, axis_y = c * box[COSINE] + s * box[SINE], c * box[SINE] - s * box[COSINE]
-    along, across = -(axis_x * at_x + axis_y * at_y), axis_y * at_x - axis_x * at_y  # the sensor in the box's frame
+    along, across = (
+        -(axis_x * at_x + axis_y * at_y),
+        axis_y * at_x - axis_x * at_y,
+    )  # the sensor in the box's frame
     gap_along, gap_across = abs(along) - box[HALF_LENGTH], abs(across) - box[HALF_WIDTH]
     if gap_along <= 0.0 and gap_across <= 0.0:
         _paint_inside(along, across, axis_x, axis_y, box, fan, inverse)
@@ -127,7 +152,9 @@ def _paint_box(box, x, y, c, s, fan, inverse):
     if gap_across > 0.0:
         other = _corner(frame, -h, w, fan)
         right, left = (other, near) if end == flank else (near, other)
-        _paint_face(right, left, flank * axis_y / gap_across, -flank * axis_x / gap_across, fan, inverse)
+        _paint_face(
+            right, left, flank * axis_y / gap_across, -flank * axis_x / gap_across, fan, inverse
+        )
 
 
 @inlined
@@ -165,7 +192,9 @@ def _paint_face(right, left, a, b, fan, inverse):
         return
     last = len(inverse) - 1
     end = right[2] + width + SLACK
-    _paint_beams(int(np.ceil(right[2] - SLACK)), min(int(end), last), right, left, a, b, fan, inverse)
+    _paint_beams(
+        int(np.ceil(right[2] - SLACK)), min(int(end), last), right, left, a, b, fan, inverse
+    )
     if end >= fan.turn:
         _paint_beams(0, min(int(end - fan.turn), last), right, left, a, b, fan, inverse)
 
@@ -199,8 +228,13 @@ def _paint_inside(along, across, axis_x, axis_y, box, fan, inverse):
         return
     for k in range(len(inverse)):
         c, s = fan.cosine[k], fan.sine[k]
-        by_an_end = max(axis_x / ahead * c + axis_y / ahead * s, -axis_x / behind * c - axis_y / behind * s)
-        by_a_side = max(axis_x / on_left * s - axis_y / on_left * c, axis_y / on_right * c - axis_x / on_right * s)
+        by_an_end = max(
+            axis_x / ahead * c + axis_y / ahead * s, -axis_x / behind * c - axis_y / behind * s
+        )
+        by_a_side = max(
+            axis_x / on_left * s - axis_y / on_left * c,
+            axis_y / on_right * c - axis_x / on_right * s,
+        )
         inverse[k] = max(inverse[k], max(by_an_end, by_a_side))
 
 

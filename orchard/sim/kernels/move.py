@@ -6,7 +6,19 @@ import numpy as np
 
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
-from orchard.sim.kernels.boxes import COSINE, HALF_LENGTH, HALF_WIDTH, RADIUS, SINE, TOUCH, X, Y, circles_meet, overlap, place
+from orchard.sim.kernels.boxes import (
+    COSINE,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    RADIUS,
+    SINE,
+    TOUCH,
+    X,
+    Y,
+    circles_meet,
+    overlap,
+    place,
+)
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import allocating, inlined, jit, sin_cos, wrap
 
@@ -34,7 +46,9 @@ class Rows(NamedTuple):
 def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
     """Write into twists, (n, 3), the wanted twists within each body's limits: speed (n,) m/s, turn (n,) rad/s."""
     for i in range(len(wanted)):
-        is_finite = np.isfinite(wanted[i, 0]) and np.isfinite(wanted[i, 1]) and np.isfinite(wanted[i, 2])
+        is_finite = (
+            np.isfinite(wanted[i, 0]) and np.isfinite(wanted[i, 1]) and np.isfinite(wanted[i, 2])
+        )
         if stopped[i] or not is_finite or (sideways[i] and coupled[i] == NONE):
             twists[i, :] = 0.0
             continue
@@ -42,7 +56,11 @@ def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
         left = min(max(wanted[i, 1], -speed[i]), speed[i]) if sideways[i] else 0.0
         together = np.sqrt(forward * forward + left * left)
         share = speed[i] / together if together > speed[i] else 1.0
-        twists[i, 0], twists[i, 1], twists[i, 2] = forward * share, left * share, min(max(wanted[i, 2], -turn[i]), turn[i])
+        twists[i, 0], twists[i, 1], twists[i, 2] = (
+            forward * share,
+            left * share,
+            min(max(wanted[i, 2], -turn[i]), turn[i]),
+        )
 
 
 @jit
@@ -51,7 +69,11 @@ def arc(x, y, yaw, forward, left, turn, seconds):
     half = 0.5 * turn * seconds
     s, c = sin_cos(yaw + half)
     length = seconds if half == 0.0 else seconds * (sin_cos(half)[0] / half)
-    return x + length * (c * forward - s * left), y + length * (s * forward + c * left), wrap(yaw + turn * seconds)
+    return (
+        x + length * (c * forward - s * left),
+        y + length * (s * forward + c * left),
+        wrap(yaw + turn * seconds),
+    )
 
 
 @jit
@@ -73,7 +95,21 @@ def advance(
         before[k] = pose[pickers[k], 0]
     place(pose, boxes)
     bodies_near = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
-    is_eventful = move_all(twist, pose, coupled, tows, walls, walls_near, boxes, bodies_near, distance, collisions, refused, blocked, met)
+    is_eventful = move_all(
+        twist,
+        pose,
+        coupled,
+        tows,
+        walls,
+        walls_near,
+        boxes,
+        bodies_near,
+        distance,
+        collisions,
+        refused,
+        blocked,
+        met,
+    )
     is_eventful |= pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from)
     full_bins(fill, coupled, pickers, bin_full, bin_least, full)
     for is_full in full:
@@ -92,7 +128,21 @@ def full_bins(fill, coupled, pickers, bin_full, bin_least, full):
 
 
 @inlined
-def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, collisions, refused, blocked, met):
+def move_all(
+    twist,
+    pose,
+    coupled,
+    tows,
+    walls,
+    wall_grid,
+    boxes,
+    body_grid,
+    distance,
+    collisions,
+    refused,
+    blocked,
+    met,
+):
     """Move each body with its twist for one time step, one after another, if nothing solid is in the way: else its twist becomes 0.
 
     boxes (n, 7) and walls (w, 7): the bodies at their poses, and the walls; body_grid, wall_grid: their Grids. Return whether a collision
@@ -100,7 +150,9 @@ def move_all(twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, dis
     """
     begins = False
     for i in range(len(pose)):
-        obstacle = _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused)
+        obstacle = _move_one(
+            i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused
+        )
         met[i] = NONE if blocked[i] else obstacle
         collisions[i] += met[i] != NONE
         begins |= met[i] != NONE
@@ -150,7 +202,9 @@ def _leaves_its_bin(moved, me, coupled, tows, boxes):
 @inlined
 def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
     """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NONE."""
-    first = len(boxes)  # the bodies' grid was made before any body moved; its cells are large enough for one step
+    first = len(
+        boxes
+    )  # the bodies' grid was made before any body moved; its cells are large enough for one step
     column, row = column_and_row(body_grid.frame, moved[X], moved[Y])
     for near in range(max(row - 1, 0), min(row + 2, int(body_grid.frame[ROWS]))):
         begin, end = strip(body_grid, column, near)
@@ -180,7 +234,9 @@ def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
     n, boxes, count, found = len(pose), shapes.copy(), 0, np.empty((2 * len(pose), 2), np.int64)
     place(pose, boxes)
     for i in range(n):
-        if not solid[i]:  # np.flatnonzero would load numba's array functions, and with them SciPy: 0.2 s
+        if not solid[
+            i
+        ]:  # np.flatnonzero would load numba's array functions, and with them SciPy: 0.2 s
             continue
         for j in range(i + 1, n):
             if solid[j] and circles_meet(boxes[i], boxes, j) and overlap(boxes[i], boxes[j]):
@@ -284,7 +340,9 @@ def _pick_row(r, end, done, a_bin, rows, fill):
     if part >= 2 and rows.picked[r, part] == ripe:  # it has come to the edge
         rows.picked[r, 1 - end] = rows.picked[r, 3 - end]
         rows.picked[r, 2:] = 0.0
-    fill[a_bin] = _or_full(fill[a_bin] + grows * rows.share[r], rows.full, FULL_WITHIN * rows.share[r])
+    fill[a_bin] = _or_full(
+        fill[a_bin] + grows * rows.share[r], rows.full, FULL_WITHIN * rows.share[r]
+    )
     return True
 
 

@@ -24,18 +24,24 @@ def export_bag(recording: Path, file: Path, robots: list[str], with_scans: bool)
         for note in lacks(drives):
             print_error(f"{recording}: {note}")
         count = export(drives, names, file, _shown)
-    print_line(f"{file}: {count:,} messages of {', '.join(names)}, {file.stat().st_size / 1e6:.1f} MB")
+    print_line(
+        f"{file}: {count:,} messages of {', '.join(names)}, {file.stat().st_size / 1e6:.1f} MB"
+    )
     return FINISHED
 
 
 def _shown(ticks: Iterable[Any], count: int) -> Iterable[Any]:
-    return track(ticks, "exporting", count, console=console, transient=True, disable=not console.is_terminal)
+    return track(
+        ticks, "exporting", count, console=console, transient=True, disable=not console.is_terminal
+    )
 
 
 def check_bag(file: Path) -> None:
     """Raise ValueError for a file that a bag must not replace, OSError without its directory."""
     if file.suffix != ".mcap":
-        raise ValueError(f"{file}: expected a name that ends in .mcap, as {file.with_suffix('.mcap')}")
+        raise ValueError(
+            f"{file}: expected a name that ends in .mcap, as {file.with_suffix('.mcap')}"
+        )
     if not file.parent.is_dir():
         raise OSError(f"{file}: cannot be written: {file.parent} is no directory")
     if file.exists() and not (file.is_file() and file.read_bytes().startswith(HEAD)):
@@ -44,8 +50,19 @@ def check_bag(file: Path) -> None:
 
 def lacks(drives: Drives) -> list[str]:
     """Return what is not in the recording, and so not in its bag."""
-    gaps = [f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s" for since, until in drives.gaps]
+    gaps = [
+        f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s"
+        for since, until in drives.gaps
+    ]
     late = [f"the recording begins at {drives.first * TIME_STEP:.1f} s"] if drives.first > 1 else []
-    torn = [f"its end is torn off, and it is repaired; it ends at {drives.last * TIME_STEP:.1f} s"] if drives.is_torn else []
-    left_out = [f"{drives.left_out} ticks are not recorded: the poses before them stand for them"] if drives.left_out else []
+    torn = (
+        [f"its end is torn off, and it is repaired; it ends at {drives.last * TIME_STEP:.1f} s"]
+        if drives.is_torn
+        else []
+    )
+    left_out = (
+        [f"{drives.left_out} ticks are not recorded: the poses before them stand for them"]
+        if drives.left_out
+        else []
+    )
     return [f"{words}; the bag lacks that, too" for words in (*late, *gaps, *torn)] + left_out

@@ -35,12 +35,18 @@ class Drives:
     names: list[str]  #: of all bodies, in the order of the layout
     first: int = 0  #: the first tick
     last: int = 0  #: the newest tick
-    gaps: list[tuple[int, int]] = field(default_factory=list)  #: (last tick before, first tick after) of what is not recorded
+    gaps: list[tuple[int, int]] = field(
+        default_factory=list
+    )  #: (last tick before, first tick after) of what is not recorded
     left_out: int = 0  #: ticks that are not recorded besides, because the logger was too slow
     is_torn: bool = False  #: whether the end of a part is missing
     poses: dict[int, dict[str, State]] = field(default_factory=dict)  #: tick -> body -> its pose
-    velocities: dict[int, dict[str, Velocities]] = field(default_factory=dict)  #: tick of the step's end -> body -> done and wanted
-    points: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)  #: tick -> body -> (m, 2) m, what its laser hit, in its frame
+    velocities: dict[int, dict[str, Velocities]] = field(
+        default_factory=dict
+    )  #: tick of the step's end -> body -> done and wanted
+    points: dict[int, dict[str, np.ndarray]] = field(
+        default_factory=dict
+    )  #: tick -> body -> (m, 2) m, what its laser hit, in its frame
 
     def ticks(self) -> Iterator[tuple[int, Mapping[str, State], Mapping[str, Velocities]]]:
         """Yield for each recorded tick its number, and pose and velocities of every body that was seen so far."""
@@ -60,7 +66,9 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
     drives: Drives | None = None
     for file in parts:
         if (known := read_part(file)) is None:
-            raise RecordingError(f"{file}: it cannot be read: it is no recording, or too much of it is missing")
+            raise RecordingError(
+                f"{file}: it cannot be read: it is no recording, or too much of it is missing"
+            )
         chunks = _chunks_of(file, with_scans)
         if drives is None:
             scenario = _scenario_in(file, chunks)
@@ -71,7 +79,9 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
         for chunk in chunks:
             _take(drives, chunk)
     if drives is None or not drives.poses:
-        raise RecordingError(f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing")
+        raise RecordingError(
+            f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing"
+        )
     drives.first, drives.last = min(drives.poses), max(drives.poses)
     return drives
 
@@ -86,7 +96,9 @@ def _scenario_in(file: Path, chunks: list[Chunk]) -> Scenario:
         if chunk.entity_path == f"/{SCENARIO}":
             (text,) = column(chunk, "TextDocument:text")[0]
             return check(msgspec.json.decode(text), f"the scenario in {file}")
-    raise RecordingError(f"{file}: it has no scenario and no velocities: an older version recorded it")
+    raise RecordingError(
+        f"{file}: it has no scenario and no velocities: an older version recorded it"
+    )
 
 
 def _take(drives: Drives, chunk: Chunk) -> None:
@@ -94,7 +106,9 @@ def _take(drives: Drives, chunk: Chunk) -> None:
     if path == POSES:
         _take_poses(drives, chunk)
     elif path == f"/{VELOCITIES}":
-        for tick, body, velocities in zip(ticks_of(chunk), column(chunk, "body"), column(chunk, "velocities"), strict=True):
+        for tick, body, velocities in zip(
+            ticks_of(chunk), column(chunk, "body"), column(chunk, "velocities"), strict=True
+        ):
             drives.velocities.setdefault(tick, {})[drives.names[body[0]]] = tuple(velocities)
     elif path.startswith(f"/{SCANS}") and not chunk.is_static:
         for tick, points in zip(ticks_of(chunk), column(chunk, "Points3D:positions"), strict=True):
@@ -103,7 +117,10 @@ def _take(drives: Drives, chunk: Chunk) -> None:
 
 
 def _take_poses(drives: Drives, chunk: Chunk) -> None:
-    columns = (column(chunk, f"Transform3D:{name}") for name in ("child_frame", "translation", "quaternion"))
+    columns = (
+        column(chunk, f"Transform3D:{name}")
+        for name in ("child_frame", "translation", "quaternion")
+    )
     for tick, frames, places, turns in zip(ticks_of(chunk), *columns, strict=True):
         (x, y, _), (_, _, z, w) = places[0], turns[0]
         drives.poses.setdefault(tick, {})[frames[0]] = x, y, z, w
@@ -114,6 +131,8 @@ def ranges_of(points: np.ndarray, laser: Laser, every: int) -> np.ndarray:
     beams = math.ceil(laser.beams / every)
     ranges = np.full(beams, np.inf, dtype=np.float32)
     x, y = points[:, 0] - laser.ahead, points[:, 1]
-    numbers = np.clip(np.round((np.arctan2(y, x) - laser.first) / (laser.increment * every)), 0, beams - 1).astype(int)
+    numbers = np.clip(
+        np.round((np.arctan2(y, x) - laser.first) / (laser.increment * every)), 0, beams - 1
+    ).astype(int)
     np.minimum.at(ranges, numbers, np.minimum(np.hypot(x, y), LASER_RANGE).astype(np.float32))
     return ranges

@@ -9,7 +9,15 @@ from types import TracebackType
 from typing import Any, Literal
 
 import numpy as np
-from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -27,7 +35,9 @@ from orchard_ros2.messages import TICK_NANOSECONDS, Message
 from orchard_ros2.topics import QoS, Topic
 
 VERSION: Literal[9] = 9  # of a bag's metadata: that of ROS 2 Jazzy
-NEVER = QosTime(2**31 - 1, 2**32 - 1)  # no deadline, no end of life: what rosbag2 writes for infinity
+NEVER = QosTime(
+    2**31 - 1, 2**32 - 1
+)  # no deadline, no end of life: what rosbag2 writes for infinity
 
 
 class Bag(AbstractContextManager["Bag"]):
@@ -37,7 +47,9 @@ class Bag(AbstractContextManager["Bag"]):
         self._file, self.count = file, 0
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._folder = TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.")
-        self._writer = Writer(Path(self._folder.name) / "bag", version=VERSION, storage_plugin=StoragePlugin.MCAP)
+        self._writer = Writer(
+            Path(self._folder.name) / "bag", version=VERSION, storage_plugin=StoragePlugin.MCAP
+        )
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
         self._connections: dict[tuple[Topic, str], Connection] = {}
@@ -50,11 +62,18 @@ class Bag(AbstractContextManager["Bag"]):
 
     def _connect(self, topic: Topic, robot: str) -> Connection:
         name = "/" + topic.of(robot).removeprefix("/")
-        made = self._writer.add_connection(name, topic.type, typestore=self._store, offered_qos_profiles=[_qos(topic.qos)])
+        made = self._writer.add_connection(
+            name, topic.type, typestore=self._store, offered_qos_profiles=[_qos(topic.qos)]
+        )
         self._connections[topic, robot] = made
         return made
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         with self._folder:
             self._writer.close()
             if kind is None:
@@ -65,10 +84,22 @@ class Bag(AbstractContextManager["Bag"]):
 def _qos(qos: QoS) -> Qos:
     reliability = QosReliability.RELIABLE if qos.reliable else QosReliability.BEST_EFFORT
     durability = QosDurability.TRANSIENT_LOCAL if qos.latched else QosDurability.VOLATILE
-    return Qos(QosHistory.KEEP_LAST, qos.depth, reliability, durability, NEVER, NEVER, QosLiveliness.AUTOMATIC, NEVER, False)
+    return Qos(
+        QosHistory.KEEP_LAST,
+        qos.depth,
+        reliability,
+        durability,
+        NEVER,
+        NEVER,
+        QosLiveliness.AUTOMATIC,
+        NEVER,
+        False,
+    )
 
 
-Track = Callable[[Iterable[Any], int], Iterable[Any]]  # (ticks, how many) -> the same ticks; shows how far it is
+Track = Callable[
+    [Iterable[Any], int], Iterable[Any]
+]  # (ticks, how many) -> the same ticks; shows how far it is
 
 
 def chosen(drives: Drives, words: Sequence[str]) -> list[str]:
@@ -98,21 +129,35 @@ def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
     bag.write(topics.GRID, "", first, grid_of(lay_out(drives.scenario.without_code).walls.tolist()))
     for name in robots:
         kind = KINDS[kind_of(name)]
-        shape = description(name, (kind.length, kind.width, kind.height), kind.colour, kind.laser.ahead)
+        shape = description(
+            name, (kind.length, kind.width, kind.height), kind.colour, kind.laser.ahead
+        )
         bag.write(topics.ROBOT_DESCRIPTION, name, first, messages.text(shape))
     lasers = [(name, KINDS[kind_of(name)].laser.ahead) for name in robots]
     bag.write(topics.TF_STATIC, "", first, messages.static_transforms(lasers))
 
 
-def _commands(bag: Bag, tick: int, velocities: Mapping[str, Velocities], robots: Sequence[str]) -> None:
+def _commands(
+    bag: Bag, tick: int, velocities: Mapping[str, Velocities], robots: Sequence[str]
+) -> None:
     for name in robots:
         if name in velocities:
             forward, left, turn = velocities[name][3:]
-            bag.write(topics.CMD_VEL, name, tick, messages.velocity(name, tick, forward, turn, left))
+            bag.write(
+                topics.CMD_VEL, name, tick, messages.velocity(name, tick, forward, turn, left)
+            )
 
 
-def _tick(bag: Bag, tick: int, poses: Mapping[str, State], velocities: Mapping[str, Velocities], robots: Sequence[str]) -> None:
-    states = {name: (*poses[name], *velocities.get(name, STILL)[:3]) for name in robots if name in poses}
+def _tick(
+    bag: Bag,
+    tick: int,
+    poses: Mapping[str, State],
+    velocities: Mapping[str, Velocities],
+    robots: Sequence[str],
+) -> None:
+    states = {
+        name: (*poses[name], *velocities.get(name, STILL)[:3]) for name in robots if name in poses
+    }
     bag.write(topics.CLOCK, "", tick, messages.clock(tick))
     bag.write(topics.TF, "", tick, messages.transforms(tick, states))
     for name, state in states.items():
@@ -126,4 +171,9 @@ def _scans(bag: Bag, tick: int, points: Mapping[str, np.ndarray], robots: Sequen
             laser = KINDS[kind_of(name)].laser
             ranges = array("f", ranges_of(points[name], laser, SCAN_BEAMS).tobytes())
             step = laser.increment * SCAN_BEAMS
-            bag.write(topics.SCAN, name, tick, messages.scan(name, tick, ranges, laser.first, step, LASER_NEAREST, LASER_RANGE))
+            bag.write(
+                topics.SCAN,
+                name,
+                tick,
+                messages.scan(name, tick, ranges, laser.first, step, LASER_NEAREST, LASER_RANGE),
+            )

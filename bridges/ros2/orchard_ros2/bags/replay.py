@@ -32,7 +32,9 @@ class Commands:
     """What a bag holds to drive robots again."""
 
     scenario: Scenario | None  #: of the run that was recorded; None if the bag does not say
-    velocities: Mapping[str, Mapping[int, Twist]]  #: robot -> tick at which the step begins -> the velocity for it
+    velocities: Mapping[
+        str, Mapping[int, Twist]
+    ]  #: robot -> tick at which the step begins -> the velocity for it
 
 
 class Replayed:
@@ -47,14 +49,19 @@ class Replayed:
         return replace(action, twist=self._velocity(seen.tick, action.twist), hold=None)
 
     def _velocity(self, tick: int, otherwise: Twist) -> Twist:
-        newest = next((at for at in range(tick, tick - KEPT_TICKS, -1) if at in self._velocities), None)
+        newest = next(
+            (at for at in range(tick, tick - KEPT_TICKS, -1) if at in self._velocities), None
+        )
         return otherwise if newest is None else self._velocities[newest]
 
 
 def replayed(agents: Mapping[str, Agent], commands: Commands) -> dict[str, Agent]:
     """Return the agents, those of the bag's robots with the bag's velocities."""
     known = commands.velocities
-    return {name: Replayed(agent, known[name]) if name in known else agent for name, agent in agents.items()}
+    return {
+        name: Replayed(agent, known[name]) if name in known else agent
+        for name, agent in agents.items()
+    }
 
 
 def read_commands(bag: Path) -> Commands:
@@ -66,12 +73,18 @@ def read_commands(bag: Path) -> Commands:
     for connection, time, message in _messages(bag, topics):
         if robot := _robot_of(connection.topic, connection.msgtype):
             tick, twist = _velocity_of(message, time)
-            velocities.setdefault(robot, {})[tick] = _checked(twist, f"{bag}: {connection.topic}, tick {tick}")
+            velocities.setdefault(robot, {})[tick] = _checked(
+                twist, f"{bag}: {connection.topic}, tick {tick}"
+            )
         else:
             scenario = _scenario(message.data, f"the scenario in {bag}")
     if not velocities:
         wanted = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
-        there = f"its topics are {printable(', '.join(sorted(topics)), 500)}" if topics else "it has no topics"
+        there = (
+            f"its topics are {printable(', '.join(sorted(topics)), 500)}"
+            if topics
+            else "it has no topics"
+        )
         raise ValueError(f"{bag}: it has no velocity; expected {wanted}; {there}")
     return Commands(scenario, velocities)
 
@@ -81,8 +94,14 @@ def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, An
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
             topics |= {f"{one.topic} ({one.msgtype})" for one in reader.connections}
-            wanted = [one for one in reader.connections if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)]
-            for connection, time, data in reader.messages(wanted) if wanted else ():  # of no connections it would yield all
+            wanted = [
+                one
+                for one in reader.connections
+                if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)
+            ]
+            for connection, time, data in (
+                reader.messages(wanted) if wanted else ()
+            ):  # of no connections it would yield all
                 yield connection, time, reader.deserialize(data, connection.msgtype)
     except Exception as error:  # a damaged file lets its library raise any, such as KeyError
         fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
@@ -102,7 +121,9 @@ def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> Non
     if unknown := sorted(commands.velocities.keys() - names.keys()):
         robots = [name for name in names if kind_of(name) in VEHICLES]
         drives = f"it drives {printable(', '.join(unknown), 500)}, not in this orchard, whose robots are {', '.join(robots)}"
-        raise ValueError(f"{bag}: {drives}; expected the orchard of the bag: its scenario, or --pickers and --carriers as there")
+        raise ValueError(
+            f"{bag}: {drives}; expected the orchard of the bag: its scenario, or --pickers and --carriers as there"
+        )
 
 
 def _robot_of(topic: str, kind: str) -> str:
@@ -114,10 +135,14 @@ def _velocity_of(message: Any, time: int) -> tuple[int, Twist]:
     twist = getattr(message, "twist", message)
     stamp = message.header.stamp if hasattr(message, "header") else None
     nanoseconds = stamp.sec * 10**9 + stamp.nanosec if stamp is not None else time
-    return -(-nanoseconds // TICK_NANOSECONDS), Twist(twist.linear.x, twist.linear.y, twist.angular.z)
+    return -(-nanoseconds // TICK_NANOSECONDS), Twist(
+        twist.linear.x, twist.linear.y, twist.angular.z
+    )
 
 
 def _checked(twist: Twist, where: str) -> Twist:
     if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
-        raise ValueError(f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to {FASTEST:g}")
+        raise ValueError(
+            f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to {FASTEST:g}"
+        )
     return twist

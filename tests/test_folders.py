@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from orchard_ros2.bags.replay import read_commands
+from patience import PATIENCE
 
 from orchard.app.runs_view import past_runs
 from orchard.field.geojson import import_rows
@@ -53,9 +54,9 @@ kept = [bytes([n % 256]) * 1000 for n in range(20_000)]
 settle()
 assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))
 """
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=PATIENCE)
 
 
 def test_the_collector_runs_seldom_from_the_first_import_of_a_process_on():
     program = "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] == orchard.memory.YOUNG"
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=PATIENCE)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from local_runs import local_hash, start_afresh
 from msgspec.structs import replace
+from patience import PATIENCE
 from stage import Stage, Standing, empty_orchard
 
 from orchard import (
@@ -369,7 +370,7 @@ def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_s
     assert stage.account.figures()["orders_refused"] == 1
     fleet.physics(scenario)
     fleet.share(1)
-    code, out, _ = fleet.world.end(120.0)
+    code, out, _ = fleet.world.end(PATIENCE)
     assert code == 1
     assert re.search(
         rf"refused: tick {stage.world.tick}, .* hash {stage.local.engine.hash}", out

@@ -13,7 +13,8 @@ import psutil
 import pytest
 from local_runs import local_hash
 from own_agents import Hostile
-from page_server import ROOT, RUN_SECONDS, page, skip_without_packages, wait_for
+from page_server import ROOT, page, skip_without_packages, wait_for
+from patience import PATIENCE
 from selenium.webdriver.common.keys import Keys
 
 from orchard.app.charts import STEPS
@@ -47,7 +48,7 @@ def test_the_web_viewer_is_on_the_loopback_only():
         assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
     finally:
         viewer.terminate()
-        viewer.communicate(timeout=10)
+        viewer.communicate(timeout=PATIENCE)
 
 
 WEBSOCKET = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
@@ -61,7 +62,7 @@ def answer(address, what, **names):
     """The status with which the page answers a request whose headers Host and Origin say this."""
     order, path, headers = ASKED[what]
     own = address.removeprefix("http://")
-    link = http.client.HTTPConnection(own, timeout=20)
+    link = http.client.HTTPConnection(own, timeout=PATIENCE)
     link.request(
         order,
         path,
@@ -257,9 +258,7 @@ def run_to_its_end(page, folder):
     before = {*folder.glob("harvest-*.yaml")}
     page.press("run")
     [file] = page.until(lambda: {*folder.glob("harvest-*.yaml")} - before, "a run of its own")
-    page.until(
-        lambda: f"finished, {file.stem}" in page.view("result").text, "its result", RUN_SECONDS
-    )
+    page.until(lambda: f"finished, {file.stem}" in page.view("result").text, "its result", PATIENCE)
     return file
 
 
@@ -306,7 +305,7 @@ def test_a_small_orchard_is_run_to_its_end(small, server):
     picture = small.until(
         lambda: small.view("picture").get_attribute("src"), "the recording, in Rerun's viewer"
     )
-    assert urllib.request.urlopen(picture, timeout=10).status == 200
+    assert urllib.request.urlopen(picture, timeout=PATIENCE).status == 200
 
 
 def test_a_run_in_realtime_takes_numbers_only(small):
@@ -323,15 +322,15 @@ def test_a_run_in_realtime_takes_numbers_only(small):
     small.until(
         lambda: "% picked" in small.view("progress").text,
         "progress of a run of processes",
-        RUN_SECONDS,
+        PATIENCE,
     )
     assert small.view("state").text == "running"
     small.turn_to("Picture")
     small.until(
-        lambda: shown_charts(small) == list(STEPS), "all charts grow while it runs", RUN_SECONDS
+        lambda: shown_charts(small) == list(STEPS), "all charts grow while it runs", PATIENCE
     )
     small.press("stop")
-    small.tell_state("stopped", RUN_SECONDS)
+    small.tell_state("stopped", PATIENCE)
     small.turn_to("Summary")
     summary = all_figures(small)
     assert re.search(r"mode\s+realtime", summary)
@@ -395,11 +394,11 @@ def test_an_agents_hostile_words_are_only_words(small, tmp_path):
         small.turn_to("Messages")  # the page turns to another view when the run begins
         return text if Hostile.words in (text := small.view("messages").text) else ""
 
-    text = small.until(said, "the error is shown as it is", RUN_SECONDS)
+    text = small.until(said, "the error is shown as it is", PATIENCE)
     small.until(
         lambda: not small.driver.find_elements("css selector", ".wishes[inert]"),
         "the run is over",
-        RUN_SECONDS,
+        PATIENCE,
     )
     assert "\x1b" not in text
     assert not small.view("messages").find_elements("css selector", "img")
@@ -411,7 +410,7 @@ def test_a_run_is_seen_live(small):
     small.driver.set_window_size(700, 500)  # few pixels: there is no graphics card to draw them
     small.switch("live", True)
     small.press("run")
-    small.until(lambda: small.view("picture").is_displayed(), "the live picture", RUN_SECONDS)
+    small.until(lambda: small.view("picture").is_displayed(), "the live picture", PATIENCE)
     small.tell_state("running")
     small.driver.switch_to.frame(small.view("picture"))
     small.one("canvas")
@@ -437,7 +436,7 @@ def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
     )
     small.fill("duration", 5)
     small.press("run")
-    small.tell_state("finished", RUN_SECONDS)
+    small.tell_state("finished", PATIENCE)
     small.turn_to("Picture")
     assert small.until(lambda: small.view("picture").get_attribute("src"), "the next run has one")
 
@@ -447,15 +446,11 @@ def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server)
     small.fill("duration", 100)
     small.press("run")
     small.tell_state("running")
-    small.until(
-        lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS
-    )
+    small.until(lambda: "simulated" in small.view("progress").text, "the first progress", PATIENCE)
     small.driver.execute_script("window.mark = 'the same page'")
     summaries = set(server[1].glob("*.json"))
     with small.frozen():  # for 10 s or more, as while it loads the picture's viewer
-        small.until(
-            lambda: set(server[1].glob("*.json")) - summaries, "the run is over", RUN_SECONDS
-        )
+        small.until(lambda: set(server[1].glob("*.json")) - summaries, "the run is over", PATIENCE)
     small.tell_state("finished")
     assert "simulated 1:40 min" in small.view("progress").text
     assert small.driver.execute_script("return window.mark") == "the same page"
@@ -464,9 +459,7 @@ def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server)
 def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     small.press("run")
     small.tell_state("running")
-    small.until(
-        lambda: "simulated" in small.view("progress").text, "the first progress", RUN_SECONDS
-    )
+    small.until(lambda: "simulated" in small.view("progress").text, "the first progress", PATIENCE)
     small.reload()
     small.tell_state("running")
     assert small.field("rows").get_attribute("value") == "3"
@@ -478,7 +471,7 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
     )
     assert is_locked(small), "mode and speed are those of the run"
     small.press("stop")
-    small.tell_state("stopped", RUN_SECONDS)
+    small.tell_state("stopped", PATIENCE)
     assert re.search(r"finished\s+False", all_figures(small))
     assert "3 rows, 2 pickers, 2 carriers, seed 1" in small.view("result").text, (
         "whatever the form says now"
@@ -521,7 +514,7 @@ def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one
     compared = small.until(
         lambda: text if "Side by side" in (text := small.view("comparison").text) else "",
         "both",
-        RUN_SECONDS,
+        PATIENCE,
     )
     assert compared.count(", from 2:59") == 2, "in the legend and in the table"
     above, below, *_ = [
@@ -549,7 +542,7 @@ def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one
             (parent, small.view("result").text.split(", ")[-1]), shown, strict=True
         )
     ] == [True, True]
-    assert [urllib.request.urlopen(url, timeout=10).status for url in shown] == [200, 200]
+    assert [urllib.request.urlopen(url, timeout=PATIENCE).status for url in shown] == [200, 200]
     small.unchoose_runs()
     small.until(
         lambda: not any(is_open(urlsplit(url).port) for url in shown),
@@ -569,7 +562,7 @@ def test_why_a_run_cannot_go_on_so_is_told_in_the_words_of_the_command(small, pa
     small.switch("fork-carriers-automatic", False)
     small.fill("fork-carriers", 1)
     small.press("fork")
-    small.tell_state("failed", RUN_SECONDS)
+    small.tell_state("failed", PATIENCE)
     small.until(
         lambda: (
             "1 cannot be taken away: only 0 of them wait in the queue" in small.view("summary").text

@@ -8,7 +8,8 @@ import time
 from contextlib import contextmanager
 
 import pytest
-from page_server import RUN_SECONDS, skip_without_packages
+from page_server import skip_without_packages
+from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
 from orchard.local import Local
@@ -266,7 +267,7 @@ def test_dark_stays_after_a_reload(browser):
 EMPTY = {"people.workers": 0, "people.visitors": 0, "animals.dogs": 0, "animals.cats": 0}
 
 
-def state(page, words, seconds=RUN_SECONDS):
+def state(page, words, seconds=PATIENCE):
     page.until(
         lambda: page.view("study-state").text.lower() == words, f"the study is {words}", seconds
     )
@@ -340,7 +341,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.choose("horizon", "one harvest")
     page.fill("study-budget", 600)
     page.press("study-start")
-    page.until(lambda: "with predictive" in page.view("answer").text, "it grows", RUN_SECONDS)
+    page.until(lambda: "with predictive" in page.view("answer").text, "it grows", PATIENCE)
     state(page, "running")
     page.press("study-stop")
     state(page, "stopped")

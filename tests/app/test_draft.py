@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from made_surveys import UNEQUAL, orchard_of
+from patience import PATIENCE
 
 from orchard.app.charts import BINS, BUSY, WAITING, course_of
 from orchard.app.command import Files, fresh_files
@@ -350,7 +351,7 @@ def test_what_a_command_prints_and_leaves_that_is_no_result_is_named(tmp_path, m
         "orchard.app.study_run.study_command", lambda settings, files: [sys.executable, "-c", code]
     )
     study = StudyRun(Scenario(), StudySettings(), files)
-    study._listener.join(20.0)
+    study._listener.join(PATIENCE)
     assert (study.is_over, study.result, study.state) == (True, None, "failed")
     assert study.said[0] == 2 and "odd.json is passed over: JSON is malformed" in study.said[1][-1]
 

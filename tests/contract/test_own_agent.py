@@ -6,8 +6,8 @@ import own_agents
 import pytest
 from code_blocks import block
 from command_line import orchard, python, scenario_file
-from fleet import SECONDS
 from local_runs import SMALL, driven_by, local_hash, played
+from patience import PATIENCE
 from recordings import texts_in
 
 from orchard.agents.catalogue import make_agents
@@ -64,7 +64,7 @@ def test_a_name_that_is_taken_is_refused_to_an_own_agent_as_well(fleet):
     fleet.physics(SMALL, "--speed", "10")
     fleet.host()
     code = block("docs/how-to.md", "own agent").replace("tcp/127.0.0.1:7447", fleet.endpoint)
-    fleet.client().hear("orchard/clock").get(timeout=SECONDS)
+    fleet.client().hear("orchard/clock").get(timeout=PATIENCE)
     assert "picker_01: it is taken" in python("-c", code, code=1).stderr
 
 
@@ -115,7 +115,7 @@ def test_no_mistake_of_one_agent_changes_what_the_others_do_in_any_mode(fleet):
     fleet.share(2)
     code, out, err = fleet.world.end()
     assert (code, local.engine.hash in out) == (1, True), out + err
-    hosts = [host.end(10.0) for host in fleet.hosts]
+    hosts = [host.end(PATIENCE) for host in fleet.hosts]
     assert [code for code, _, _ in hosts] == [0, 0]
     assert sum(err.count("raised an error") for _, _, err in hosts) == 1, (
         "only picker_01, and logged once"

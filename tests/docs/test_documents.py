@@ -9,9 +9,10 @@ import tomllib
 
 import pytest
 from code_blocks import DOCUMENTS, ROOT, block, blocks, blocks_in, commands
-from command_line import SECONDS, line_with, python, summary_of
+from command_line import line_with, python, summary_of
 from command_line import orchard as run_py
 from local_runs import local_hash
+from patience import PATIENCE
 
 import orchard
 from chaos.report import ENDURANCE_HEAD, HEAD, RECOVERY
@@ -88,7 +89,7 @@ def test_the_commands_in_the_documents_run(command, tmp_path):
     line = {"make": ["make", "--dry-run", *words], "python": [sys.executable, *words, "--help"]}[
         program
     ]
-    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -227,7 +228,7 @@ STEPS = {step.splitlines()[0]: blocks(step) for step in TUTORIAL.split("\n## ")[
 
 
 def run_in(folder, command):
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -268,7 +269,7 @@ def test_the_two_terminals_of_the_tutorial(tmp_path):
         try:
             line_with("carrier: left to other processes", one)
             run_in(tmp_path, second)
-            one.communicate(timeout=SECONDS)
+            one.communicate(timeout=PATIENCE)
         finally:
             one.kill()
     assert summary_of(tmp_path / "summary.json")["hash"] == local_hash(Scenario(rows=3), 100)

@@ -9,13 +9,13 @@ import psutil
 import pytest
 from command_line import ROOT, orchard, scenario_file
 from local_runs import driven_by, local_hash
+from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
 from orchard.launch import local_run
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 
-SECONDS = 30.0  # that anything here may take on a busy machine
 SHORT = ("--rows", "3", "--record", "none", "--speed", "1", "--duration", "30")
 STAND_IN = f"""#!{sys.executable}
 import os, signal, sys
@@ -54,7 +54,7 @@ def interrupted_at(module: str, *command: str) -> tuple[int, str]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        timeout=SECONDS,
+        timeout=PATIENCE,
     )
     return done.returncode, done.stderr
 
@@ -90,7 +90,7 @@ def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
-        said, _ = process.communicate(timeout=SECONDS)
+        said, _ = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
     assert process.returncode == -signal.SIGINT
@@ -129,14 +129,14 @@ def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
         )
         seen = psutil.Process(int(pids.read_text()))
         run.send_signal(signal.SIGINT)
-        run.wait(SECONDS)
-        seen.wait(SECONDS)
+        run.wait(PATIENCE)
+        seen.wait(PATIENCE)
     finally:
         for pid in map(int, pids.read_text().split()):  # first, for it holds run.py's output open
             if psutil.pid_exists(pid):
                 os.kill(pid, signal.SIGKILL)
         run.kill()
-        run.communicate(timeout=SECONDS)
+        run.communicate(timeout=PATIENCE)
 
 
 def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
@@ -172,6 +172,6 @@ def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_
 
 def test_ctrl_c_ends_an_agent_that_catches_everything_by_force(tmp_path):
     path = scenario_file(tmp_path, driven_by(picker_01="Stubborn"))
-    done = orchard(path, "--mode", "local", "--record", "none", seconds=60.0, code=1)
+    done = orchard(path, "--mode", "local", "--record", "none", code=1)
     assert "picker_01 still thinks about tick 3, in" in done.stderr
     assert "ended by force" in done.stderr

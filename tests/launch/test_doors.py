@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 from code_blocks import ROOT
-from command_line import SECONDS, python
+from command_line import python
+from patience import PATIENCE
 
 from orchard.folders import runs_folder
 from orchard.launch import commands, terminal
@@ -74,7 +75,7 @@ def test_each_door_of_a_clone_keeps_recordings_in_one_place(door, tmp_path):
         env=there,
         check=True,
         capture_output=True,
-        timeout=SECONDS,
+        timeout=PATIENCE,
     )
     assert len(list((tmp_path / "runs").glob("*.rrd"))) == 1
 

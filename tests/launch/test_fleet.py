@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 from fleet import until
+from patience import PATIENCE
 from recorded_messages import Clock
 from rich.console import Console
 
@@ -105,9 +106,9 @@ def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(
     said = SimpleQueue()
     with Supervisor(said.put) as fleet:
         fleet.start(ProcessSpec("child", "shouting", []))
-        assert said.get(timeout=20.0) == r"child: \xff"
+        assert said.get(timeout=PATIENCE) == r"child: \xff"
         until(said, lambda line: line == "child: over", 20.0)
-        fleet.wait(20.0)
+        fleet.wait(PATIENCE)
         assert fleet.exit_code("child") == 0
 
 
@@ -122,7 +123,7 @@ def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     with Supervisor(said.put) as fleet:
         fleet.start(ProcessSpec("dies", "forking", ["now"], again=True))
         fleet.start(ProcessSpec("lives", "forking", []))
-        forks = [psutil.Process(int(said.get(timeout=20.0).split()[1])) for _ in range(2)]
+        forks = [psutil.Process(int(said.get(timeout=PATIENCE).split()[1])) for _ in range(2)]
     _, alive = psutil.wait_procs(forks, 20.0)
     for fork in alive:
         fork.kill()
@@ -253,7 +254,7 @@ def test_processes_take_turns():
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     take_turns(child.pid)
     assert os.sched_getscheduler(child.pid) == os.SCHED_BATCH
-    child.communicate(b"\n", timeout=20)
+    child.communicate(b"\n", timeout=PATIENCE)
     take_turns(child.pid)  # a process that has ended takes no turn, and that is no mistake
 
 

@@ -11,6 +11,7 @@ from command_line import orchard, running, scenario_file, summary_of, wait_until
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from local_runs import SHORT, SMALL, local_hash, played
+from patience import PATIENCE
 from stage import empty_orchard
 
 from orchard.contract.agent import Action
@@ -322,7 +323,7 @@ def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_or_killed_too
         )
         assert summary_of(path)["hash"] == local_hash(SMALL, 120)
         run.send_signal(end)
-        run.communicate(timeout=30)
+        run.communicate(timeout=PATIENCE)
     orchard(
         "fork",
         folder.stem,

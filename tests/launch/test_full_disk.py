@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import ROOT, SECONDS, summary_of
+from command_line import ROOT, summary_of
 from local_runs import local_hash
+from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
 
@@ -48,7 +49,7 @@ def harvest(
     environment = os.environ | {"COLUMNS": "200", "ORCHARD_RUNS": str(disk / "runs")}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
     return subprocess.run(
-        list(map(str, command)), cwd=disk, text=True, timeout=SECONDS, env=environment, **streams
+        list(map(str, command)), cwd=disk, text=True, timeout=PATIENCE, env=environment, **streams
     )
 
 
@@ -114,7 +115,7 @@ def test_a_pipe_that_is_closed_early_ends_nothing():
             stdout=closed,
             stderr=subprocess.PIPE,
             text=True,
-            timeout=SECONDS,
+            timeout=PATIENCE,
         )
     assert (done.returncode, done.stderr) == (
         0,
@@ -132,6 +133,6 @@ def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
             {"stdout": full, "stderr": subprocess.PIPE},
         )
         done = subprocess.run(
-            command, cwd=ROOT, **streams, text=True, timeout=SECONDS, env=buffered
+            command, cwd=ROOT, **streams, text=True, timeout=PATIENCE, env=buffered
         )
     assert (done.returncode, done.stderr) == (0, "")

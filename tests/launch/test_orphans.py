@@ -11,8 +11,8 @@ from pathlib import Path
 import psutil
 import pytest
 from command_line import ROOT, line_with, orchard, scenario_file, summary_of, wait_until_simulated
-from fleet import SECONDS
 from local_runs import SMALL, local_at, local_hash
+from patience import PATIENCE
 
 from orchard.launch import run_notes
 from orchard.launch.distributed import RESULT
@@ -62,12 +62,12 @@ def begun(folder: Path, *arguments: object):
         for process in [*processes, run]:
             with suppress(psutil.NoSuchProcess):
                 process.kill()
-        run.communicate(timeout=SECONDS)
+        run.communicate(timeout=PATIENCE)
 
 
 def ended(folder: Path, *arguments: object) -> tuple[int, str]:
     run = run_py(folder, *arguments)
-    printed, _ = run.communicate(timeout=120)
+    printed, _ = run.communicate(timeout=PATIENCE)
     return run.returncode, printed
 
 
@@ -91,8 +91,8 @@ def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash
             process for process in processes if "orchard.processes.physics" in process.cmdline()
         ]
         run.send_signal(number)
-        run.wait(SECONDS)
-        physics.wait(SECONDS)
+        run.wait(PATIENCE)
+        physics.wait(PATIENCE)
         (folder,) = (tmp_path / "runs").glob("*.snapshots")
         (end,) = temporary.glob(f"*/{RESULT}")
         last = newest(folder, [])
@@ -110,7 +110,7 @@ def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash
             "--summary",
             path,
         )
-        _, alive = psutil.wait_procs(processes, SECONDS)
+        _, alive = psutil.wait_procs(processes, PATIENCE)
         assert (code, alive) == (0, []), printed
     assert summary_of(path)["hash"] == local_hash(SMALL, round(DURATION * 10))
     assert not list((tmp_path / "runs").glob("*.going"))
@@ -123,8 +123,8 @@ def test_frozen_processes_end_too(tmp_path):
         for process in processes:
             process.suspend()
         run.kill()
-        run.wait(SECONDS)
-        assert psutil.wait_procs(processes, SECONDS)[1] == []
+        run.wait(PATIENCE)
+        assert psutil.wait_procs(processes, PATIENCE)[1] == []
     code, printed = ended(tmp_path, "stop")
     assert code == 2
     assert "no run is active here" in printed
@@ -139,11 +139,11 @@ def test_what_does_not_end_by_itself_is_ended_by_force(tmp_path, monkeypatch):
         for run in ("run7", "run8")
     ]
     try:
-        deadline = time.monotonic() + SECONDS
+        deadline = time.monotonic() + PATIENCE
         while not all(map(processes_of, ("run7", "run8"))):
             assert time.monotonic() < deadline
         assert end_left_over(tmp_path, said.append)
-        assert others[0].wait(SECONDS) == -signal.SIGKILL
+        assert others[0].wait(PATIENCE) == -signal.SIGKILL
         assert processes_of("run8") == [others[1].pid]
         assert "run run7: its `orchard` is gone; ending the 1 processes" in said[0]
         assert not end_left_over(tmp_path, said.append)

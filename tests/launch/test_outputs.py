@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 import typer
-from command_line import SECONDS, orchard, starting, summary_of
+from command_line import orchard, starting, summary_of
 from fleet import Process
+from patience import PATIENCE
 
 from orchard.launch.options import COMMANDS, NETWORK, ORCHARD, OUTPUT, RUN
 from orchard.launch.runs import Runs, check_writable
@@ -163,13 +164,13 @@ def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_n
         "--summary",
         summary,
     ) as run:
-        deadline = time.monotonic() + SECONDS
+        deadline = time.monotonic() + PATIENCE
         while not (summary.exists() and list(runs.glob("*.packing"))):
             assert run.poll() is None and time.monotonic() < deadline
             time.sleep(0.05)
         assert summary_of(summary)["sim_seconds"] == 5.0
         run.send_signal(signal.SIGINT)
-        run.wait(SECONDS)
+        run.wait(PATIENCE)
     assert [path.name for path in runs.iterdir()] == ["run.rrd"]
     assert summary_of(summary)["recording_parts"] == ["run.rrd"]
 

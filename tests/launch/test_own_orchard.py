@@ -8,6 +8,7 @@ import sys
 import pytest
 from code_blocks import ROOT, block, commands
 from command_line import python
+from patience import PATIENCE
 from typer.testing import CliRunner
 
 from orchard.field.scenario import load, parse
@@ -15,7 +16,6 @@ from orchard.launch.commands import app
 
 SAMPLE = ROOT / "examples" / "te_puke.geojson"
 NEEDS = "pyproj is missing: pip install 'orchard-sim[survey,dev]'"
-SECONDS = 240
 
 
 def imported(*words: object):
@@ -36,7 +36,7 @@ def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):
         "2",
     ]  # as it stands it only takes longer
     for words in (make, short, export):
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
         assert done.returncode == 0, done.stdout + done.stderr
     assert load(tmp_path / "te_puke.yaml").rows == 8
     stations = json.loads((tmp_path / "te_puke.lif.json").read_text())["layouts"][0]["stations"]

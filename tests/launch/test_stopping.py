@@ -11,6 +11,7 @@ import typer
 from code_blocks import block, commands
 from command_line import orchard, running, summary_of
 from fleet import Client, assert_goes_on, assert_stands, until
+from patience import PATIENCE
 
 from orchard.contract.messages import pack
 from orchard.launch import asking
@@ -77,7 +78,7 @@ def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, r
             assert_pauses_and_steps()
             assert_goes_on(poses)
         someone.quit()
-        out, _ = run.communicate(timeout=120)
+        out, _ = run.communicate(timeout=PATIENCE)
         assert run.returncode == 0, out
     summary = summary_of(path)
     assert summary["violations"] == []
@@ -111,8 +112,8 @@ def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(m
         asked = pool.submit(
             control, RunNote("a", physics.endpoint), of_robots(robots, is_stop=True)
         )
-        question = physics.inbox.take(20.0)
-        assert "has not answered yet" in told.get(timeout=20.0)
+        question = physics.inbox.take(PATIENCE)
+        assert "has not answered yet" in told.get(timeout=PATIENCE)
         question.reply(pack(Stopped("a", 0, robots, robots)))
         question.drop()
         assert asked.result(20.0).changed == robots
@@ -126,7 +127,7 @@ def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
         asked = pool.submit(control, RunNote("", physics.endpoint), of_robots([], is_stop=True))
         replies = {"scenario": RunInfo("a", 0, "lockstep", [], {}), "stop": Stopped("a", 0, [], [])}
         for what in replies:
-            question = physics.inbox.take(20.0)
+            question = physics.inbox.take(PATIENCE)
             assert question.key == f"orchard/{what}"
             assert physics.inbox.take(1.0) is None
             question.reply(pack(replies[what]))
@@ -159,7 +160,7 @@ def test_a_stop_stops_all_runs_here_whatever_becomes_of_one_of_them(runs, monkey
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:
         asked = pool.submit(stop)
         questions = [
-            physics.inbox.take(20.0) for physics in going
+            physics.inbox.take(PATIENCE) for physics in going
         ]  # the second one is asked before the first one has answered
         for question, name in zip(questions, "ab", strict=True):
             question.reply(pack(Stopped(name, 0, [f"picker_{name}"], [f"picker_{name}"], True)))

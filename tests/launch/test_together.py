@@ -11,6 +11,7 @@ import msgspec
 import pytest
 from command_line import orchard, running, scenario_file
 from local_runs import SMALL
+from patience import PATIENCE
 from rich.console import Console
 from run_endings import harvested
 
@@ -200,5 +201,5 @@ def test_a_run_that_goes_on_is_not_gone_on_with_a_second_time(tmp_path, mode):
         again = orchard("--resume", folder, "--record", "none", code=2)
         assert "the run of these snapshots is still active; stop it first" in again.stderr
         run.send_signal(signal.SIGINT)
-        printed, _ = run.communicate(timeout=30)
+        printed, _ = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, printed

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from code_blocks import ROOT
-from command_line import SECONDS
+from patience import PATIENCE
 from run_endings import harvested
 
 from orchard.launch import commands
@@ -268,7 +268,7 @@ def test_a_strange_place_ends_in_words_at_once(before, variable, arguments, code
         pytest.skip("this machine makes no network namespaces")
     there = os.environ | {"ORCHARD_RUNS": str(tmp_path)} | variable
     command = [*before, sys.executable, str(ROOT / "run.py"), *arguments]
-    done = subprocess.run(command, env=there, capture_output=True, text=True, timeout=SECONDS)
+    done = subprocess.run(command, env=there, capture_output=True, text=True, timeout=PATIENCE)
     assert (done.returncode, told in done.stdout + done.stderr) == (code, True), (
         done.stdout + done.stderr
     )

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from random import Random
 
 import pytest
+from patience import PATIENCE
 
 from chaos.relay import Relay
 from chaos.simulated.link import Delays
@@ -330,15 +331,12 @@ def test_a_cut_ends_a_query_that_is_under_way(net):
     assert is_silent(asker)
 
 
-SECONDS = 60.0  # that any of this may take on a busy machine
-
-
 def run_by(work, threads=1):
     started = [threading.Thread(target=work, daemon=True) for _ in range(threads)]
     for thread in started:
         thread.start()
     for thread in started:
-        thread.join(SECONDS)
+        thread.join(PATIENCE)
     return not any(thread.is_alive() for thread in started)
 
 
@@ -360,10 +358,10 @@ def test_whoever_rings_while_others_do_is_heard():
     putters = 4
 
     def take() -> None:
-        heard.extend(inbox.take(SECONDS) for _ in range(putters * 5000))
+        heard.extend(inbox.take(PATIENCE) for _ in range(putters * 5000))
 
     reader = threading.Thread(target=take, daemon=True)
     reader.start()
     assert run_by(lambda: [inbox.put(Signal(number)) for number in range(5000)], putters)
-    reader.join(SECONDS)
+    reader.join(PATIENCE)
     assert sorted(heard) == sorted(Signal(number) for number in range(5000) for _ in range(putters))

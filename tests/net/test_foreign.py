@@ -8,6 +8,7 @@ import msgpack
 import pytest
 from command_line import python
 from local_runs import SMALL, played
+from patience import PATIENCE
 from stage import ONE_WAY, empty_orchard
 
 from examples import foreign_carrier, foreign_holder, foreign_host
@@ -22,16 +23,14 @@ from orchard.field.scenario import Animals, People, Scenario
 
 pytestmark = pytest.mark.processes
 
-HARVEST_SECONDS = 240.0  # of wall time, on a busy machine
 
-
-def harvest(fleet, scenario, name="carrier_01", seconds=HARVEST_SECONDS) -> dict:
+def harvest(fleet, scenario, name="carrier_01", seconds=PATIENCE) -> dict:
     fleet.physics(scenario, "--duration", "20000")
     ends = fleet.client().hear("orchard/end")
     fleet.host("--without", name)
     done = python("-I", foreign_carrier.__file__, fleet.endpoint, name, seconds=seconds)
     fleet.end()
-    return ends.get(timeout=1.0) | {
+    return ends.get(timeout=PATIENCE) | {
         "taken": int(re.fullmatch(r"(\d+) bins taken\n", done.stdout)[1])
     }
 
@@ -86,7 +85,7 @@ OTHERS = {
 @pytest.mark.parametrize("what", OTHERS)
 def test_it_does_so_in_other_orchards_too(fleet, what):
     scenario, name = OTHERS[what]
-    end = harvest(fleet, scenario, name, 4 * HARVEST_SECONDS)
+    end = harvest(fleet, scenario, name, 4 * PATIENCE)
     assert_all_delivered(end, scenario.rows)
     assert end["taken"] > 0
 

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from fleet import ROOT, SECONDS
+from fleet import ROOT
+from patience import PATIENCE
 
 from orchard.contract.agent import Action, Mail, without_body
 from orchard.contract.guard import Guard
@@ -45,13 +46,13 @@ def test_a_process_that_does_not_end_when_asked_ends_when_its_parent_is_gone(tmp
     (tmp_path / "child.py").write_text(CHILD)
     there = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
     subprocess.run(
-        [sys.executable, "-c", PARENT], cwd=tmp_path, env=there, timeout=SECONDS, check=True
+        [sys.executable, "-c", PARENT], cwd=tmp_path, env=there, timeout=PATIENCE, check=True
     )
     child = int((tmp_path / "pid").read_text())
     if psutil.pid_exists(child):
         process = psutil.Process(child)
         try:
-            process.wait(SECONDS)
+            process.wait(PATIENCE)
         finally:
             if process.is_running():
                 process.kill()
@@ -80,7 +81,7 @@ sys.exit(run_process("child", RouterOptions, None, body))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with Supervisor(print) as supervisor:
         supervisor.start(ProcessSpec("child", "child", [], again=True))
-        supervisor.wait(SECONDS)
+        supervisor.wait(PATIENCE)
         assert (supervisor.exit_code("child"), supervisor.running["child"].line.code) == (
             exit_code,
             code,
@@ -107,7 +108,7 @@ def told():
 def test_who_thinks_for_too_long_is_named_with_the_place(told):
     class Brooding:
         def tick(self, observation, mail, memory):
-            assert told.there.wait(30.0)
+            assert told.there.wait(PATIENCE)
             return Action(memory=memory)
 
     host = SimpleNamespace(

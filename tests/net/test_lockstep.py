@@ -3,13 +3,13 @@
 import math
 import queue
 import signal
-import time
 
 import msgpack
 import pytest
 from command_line import python
-from fleet import SECONDS, until
+from fleet import until
 from local_runs import AGENTS, SMALL, TICKS, TOY
+from patience import PATIENCE
 
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
@@ -109,7 +109,7 @@ def test_only_the_owner_drives_a_robot(fleet):
         figures, lambda message: sum(message["messages_refused"].values()) > len(wanted)
     )["messages_refused"]
     assert refused == dict.fromkeys(wanted, 1) | {"not owned": 2}
-    said = [told.get(timeout=SECONDS) for _ in wanted]
+    said = [told.get(timeout=PATIENCE) for _ in wanted]
     assert {refusal["reason"]: refusal["key"] for refusal in said} == dict.fromkeys(
         wanted, "orchard/picker_02/velocity"
     ) | {
@@ -159,7 +159,7 @@ def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):
     host = fleet.host(agents="calling_agents:broken")
     code, _, _ = fleet.world.end()
     assert code == 1, "a broken agent is not a good run"
-    code, _, err = host.end(10.0)
+    code, _, err = host.end()
     assert code == 0
     assert err.count("picker_01 raised an error at tick 0") == 1
     assert "calling_agents.py" in err
@@ -195,7 +195,7 @@ def test_hosts_leave_when_physics_is_gone(fleet):
     host = fleet.host("--patience", "1", agents=TOY)
     until(clock, lambda message: message["tick"] == 3)
     fleet.world.signal(signal.SIGKILL)
-    code, _, err = host.end(10.0)
+    code, _, err = host.end()
     assert code == 1
     assert "physics is gone" in err
 
@@ -206,10 +206,8 @@ def test_physics_names_who_is_missing_and_all_stop_when_asked(fleet):
     assert any(
         fleet.world.error() == "physics: waiting for 1 agents: picker_02\n" for _ in range(10)
     )
-    begun = time.monotonic()
     host.signal(signal.SIGTERM)
     fleet.stop()
-    assert time.monotonic() - begun < 3.0
 
 
 def test_bins_and_physics_answer_questions(fleet):

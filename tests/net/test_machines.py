@@ -8,9 +8,10 @@ import subprocess
 import pytest
 from code_blocks import block, commands
 from command_line import line_with, orchard, starting, summary_of
-from fleet import ROOT, SECONDS, until
+from fleet import ROOT, until
 from local_runs import SMALL, TICKS, TOY, local_hash
 from machines import machines, needs_machines, run_both, slowed, unplugged, within
+from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
 from orchard.net.zenoh_bus import router
@@ -40,7 +41,7 @@ def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(fle
         )
         assert fleet.end() == local_hash(SMALL, TICKS)
         routing.signal(signal.SIGTERM)
-        assert routing.end(10.0)[0] == 0
+        assert routing.end()[0] == 0
 
 
 @needs_machines
@@ -100,10 +101,10 @@ def test_who_is_missing_is_told_and_a_guest_is_all_that_it_takes(tmp_path):
         typed = shlex.split(line_with("left to other processes: ", run).partition("processes: ")[2])
         said = line_with("waiting for", run)
         assert "carrier_01, carrier_02" in said
-        guest = subprocess.run(typed, cwd=ROOT, capture_output=True, text=True, timeout=60)
+        guest = subprocess.run(typed, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
         assert guest.returncode == 0, guest.stdout + guest.stderr
         assert "hosting carrier_01, carrier_02, picker_01" in guest.stdout
-        out, _ = run.communicate(timeout=SECONDS)
+        out, _ = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, out
     assert summary_of(path)["hash"] == local_hash(Scenario(rows=3), 50)
 

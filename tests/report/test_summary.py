@@ -9,6 +9,7 @@ import xml.etree.ElementTree as Xml
 import msgspec
 import pytest
 from local_runs import local_at
+from patience import PATIENCE
 from rich.console import Console
 from run_endings import harvested
 
@@ -148,9 +149,9 @@ def test_a_run_that_gets_ready_shows_that_it_goes_on_until_its_first_figures(mon
             lambda words: (lines.write(words + "\n"), told.set() if "so far" in words else None),
         )
         progress.get_ready("compiling")
-        assert told.wait(30.0)
+        assert told.wait(PATIENCE)
         progress.show(FIGURES, {}, {})
-        progress.preparing.join(30.0)
+        progress.preparing.join(PATIENCE)
     assert lines.getvalue().startswith("compiling\ngetting ready: 0:00 min so far\n")
     assert not progress.preparing.is_alive()
 

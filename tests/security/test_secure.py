@@ -9,9 +9,9 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 import zenoh
-from fleet import SECONDS
 from fleet import Fleet as Processes
 from local_runs import SMALL
+from patience import PATIENCE
 from secured_run import HERS, KEYS, MINE, Farm, Somebody
 
 from orchard.contract.messages import pack
@@ -144,10 +144,10 @@ def test_an_agent_hears_its_own_mail_and_no_other(meeting):
 
 def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
     """All of them that a request to a robot's agent reaches. It is asked again until there is one."""
-    deadline, heard = time.monotonic() + SECONDS, []
+    deadline, heard = time.monotonic() + PATIENCE, []
     while not heard:
         assert time.monotonic() < deadline, f"no session answers for {name}"
-        asker.bus.ask(KEYS.of("mail", name), b"", name, SECONDS)
+        asker.bus.ask(KEYS.of("mail", name), b"", name, PATIENCE)
         while not isinstance(asker.bus.inbox.take(0.01), Final):
             for other in others:
                 if isinstance(question := other.bus.inbox.take(0.0), Query):

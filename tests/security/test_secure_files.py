@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from code_blocks import block, commands
 from command_line import orchard, scenario_file, summary_of
-from fleet import SECONDS, Process
+from fleet import Process
 from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, run_both, within
+from patience import PATIENCE
 from secured_run import KEYS, Somebody
 from typer.testing import CliRunner
 
@@ -323,7 +324,7 @@ def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_t
     for folder in (here, there):
         folder.mkdir()
     for command in (*alone, make_roles):
-        subprocess.run(command, cwd=here, check=True, timeout=SECONDS)
+        subprocess.run(command, cwd=here, check=True, timeout=PATIENCE)
     shutil.copytree(here / "roles" / "shed", there / "shed")
     with machines("d") as (host, guest):
         run_both(host, first, guest, second, here, there)

@@ -6,8 +6,9 @@ import calling_agents
 import msgpack
 import pyarrow.parquet as pq
 import pytest
-from fleet import SECONDS, until
+from fleet import until
 from local_runs import SMALL, TICKS, TOY
+from patience import PATIENCE
 from recorded_messages import KEYS, RUN, Clock, Run, roster
 
 from orchard.contract.messages import pack
@@ -68,11 +69,12 @@ def test_a_pause_makes_no_agent_late_and_no_tick():
 
 
 class Late(Inbox):
-    """In it a velocity arrives while physics waits for the next tick to be due."""
+    """In it a velocity arrives while physics waits for the next tick to be due. Waiting takes virtual time."""
 
-    def __init__(self, engine: Engine, tick: int) -> None:
+    def __init__(self, engine: Engine, tick: int, clock: Clock) -> None:
         super().__init__()
-        self._engine, self._from, self.at = engine, tick, -1
+        self._engine, self._from, self._clock = engine, tick, clock
+        self.at = -1
 
     def take(self, seconds: float = 0.0, enough: int = 1):
         tick = self._engine.tick
@@ -82,18 +84,20 @@ class Late(Inbox):
                 KEYS.of("velocity", "picker_01"),
                 pack(Velocity(RUN, tick, Linear(0.5), Angular(0.0))),
             )
-        return super().take(seconds, enough)
+        self._clock.now += seconds
+        return super().take(0.0, enough)
 
 
 @pytest.mark.parametrize("mode", ["realtime", "lockstep"])
 def test_a_velocity_that_arrives_before_the_next_tick_is_due_counts_in_this_one(mode):
     run = Run(SMALL, RUN, 20)
     bus, engine = run.physics.bus, Engine.begin(SMALL)
+    bus.clock = Clock()
     names = list(engine.layout.agents)
     physics = RunLoop(
         bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=4.0, duration=2.0, absent=names)
     )
-    bus.inbox, poses = Late(engine, 3), {}
+    bus.inbox, poses = Late(engine, 3, bus.clock), {}
 
     def see(key: str, payload: bytes) -> None:
         if key == KEYS.of("pose", "picker_01"):
@@ -180,7 +184,7 @@ def test_an_agent_that_is_silent_while_the_run_is_paused_is_not_missed(fleet):
     someone = fleet.client()
     clock, lost = (someone.hear(f"orchard/{what}") for what in ("clock", "lost"))
     asked(someone, "set_simulation_state", state="paused")
-    deadline = time.monotonic() + SECONDS
+    deadline = time.monotonic() + PATIENCE
     token = someone.declare("orchard/alive/traffic/silent")
     while someone.join("traffic", "silent")["refused"]:  # its token may come later
         assert time.monotonic() < deadline

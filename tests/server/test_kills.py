@@ -20,6 +20,7 @@ from command_line import (
     wait_until_simulated,
 )
 from local_runs import driven_by, local_hash
+from patience import PATIENCE
 from stage import empty_orchard
 
 from orchard.field.layout import lay_out
@@ -53,7 +54,7 @@ def first_process(run: subprocess.Popen, word: str) -> psutil.Process:
 
 
 def end(run: subprocess.Popen) -> str:
-    printed, _ = run.communicate(timeout=120)
+    printed, _ = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, printed
     return printed
 
@@ -213,7 +214,7 @@ def test_ctrl_c_while_physics_does_not_listen_yet_ends_the_run():
         physics.suspend()
         first_process(run, "agents")
         run.send_signal(signal.SIGINT)
-        printed, _ = run.communicate(timeout=60)
+        printed, _ = run.communicate(timeout=PATIENCE)
         assert "Traceback" not in printed
         assert run.returncode in (1, 130), (
             "there was nothing to finish yet; 130 is what a shell shows while it is still loading"

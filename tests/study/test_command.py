@@ -12,7 +12,8 @@ from pathlib import Path
 
 import psutil
 import pytest
-from command_line import SECONDS, orchard, starting
+from command_line import orchard, starting
+from patience import PATIENCE
 
 from orchard.app.command import Files
 from orchard.app.study_run import StudyRun, StudySettings
@@ -68,12 +69,12 @@ def undisturbed(folder) -> dict:
 def known(store: Path) -> int:
     if not store.exists():
         return 0
-    with closing(sqlite3.connect(store, timeout=30.0)) as database:
+    with closing(sqlite3.connect(store, timeout=PATIENCE)) as database:
         return database.execute("SELECT count(*) FROM runs").fetchone()[0]
 
 
 def wait_for_runs(store: Path) -> None:
-    end = time.monotonic() + SECONDS
+    end = time.monotonic() + PATIENCE
     while known(store) < 3:
         assert time.monotonic() < end, "no run was kept"
         time.sleep(0.02)
@@ -96,7 +97,7 @@ def test_the_library_the_command_and_the_page_give_one_answer(folder, tmp_path, 
     )
     files = Files(tmp_path, "rent")
     page = StudyRun(scenario, StudySettings(), files)
-    page._listener.join(SECONDS)
+    page._listener.join(PATIENCE)
     orchard(
         "study",
         files.scenario,
@@ -156,12 +157,12 @@ def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, 
         wait_for_runs(folder / store)
         children = psutil.Process(first.pid).children(recursive=True)
         os.killpg(first.pid, number) if number == signal.SIGINT else first.kill()
-        code = first.wait(SECONDS)
+        code = first.wait(PATIENCE)
         said = first.stdout.read() if number == signal.SIGINT else ""
     assert code in (0, -signal.SIGKILL)
     assert number == signal.SIGKILL or "stopped; the runs so far are kept" in said
     assert "Traceback" not in said
-    psutil.wait_procs(children, SECONDS)
+    psutil.wait_procs(children, PATIENCE)
     assert not [
         child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE
     ]

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from command_line import ROOT, SECONDS, orchard
+from command_line import ROOT, orchard
 from machines import machines, needs_machines, within
+from patience import PATIENCE
 from work import blocked_signals, deadly, double, faulty, loud, slow
 
 from orchard.contract.printed import MOST_LINES
@@ -21,7 +22,6 @@ from orchard.study.study import StudyOptions, study
 from orchard.study.workers import WorkersError, processes, scheduled
 
 HERE = Path(__file__).parent
-PATIENCE = 120.0  # s, for a busy machine
 NUMBERS = list(range(12))
 
 
@@ -272,7 +272,7 @@ def test_two_machines_give_the_same_table_as_one(tmp_path):
             *options,
         ]
         there = subprocess.run(
-            [*map(str, command)], cwd=ROOT, capture_output=True, text=True, timeout=SECONDS
+            [*map(str, command)], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE
         )
         assert there.returncode == 0, there.stderr
     tables = [

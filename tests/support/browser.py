@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+from patience import PATIENCE
 from selenium import webdriver
 from selenium.common.exceptions import (
     ElementClickInterceptedException,
@@ -20,7 +21,6 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
-SECONDS = 15.0  # that the page may take to follow
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync", "--force-prefers-reduced-motion")  # fmt: skip
 
@@ -55,7 +55,7 @@ class Browser:
     def __init__(self, driver: webdriver.Chrome) -> None:
         self.driver = driver
 
-    def until(self, holds: Callable[[], Any], what: str, seconds: float = SECONDS) -> Any:
+    def until(self, holds: Callable[[], Any], what: str, seconds: float = PATIENCE) -> Any:
         """Wait until something holds. Each look costs the browser a layout, so the pauses grow with the wait."""
         begun = time.monotonic()
         while True:
@@ -228,5 +228,5 @@ class Browser:
             for page in pages:
                 page.resume()
 
-    def tell_state(self, state: str, seconds: float = SECONDS) -> None:
+    def tell_state(self, state: str, seconds: float = PATIENCE) -> None:
         self.until(lambda: self.view("state").text.lower() == state, f"the run is {state}", seconds)

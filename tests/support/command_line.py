@@ -12,15 +12,15 @@ from pathlib import Path
 
 import psutil
 from forked_processes import PATHS, ROOT, Forked
+from patience import PATIENCE
 
 from orchard.field.scenario import Scenario, to_yaml
 
-SECONDS = 240.0  # that any one run may take on a busy machine
 PATH = os.pathsep.join(PATHS)  # where own agents and policies of the tests are found
 
 
 def orchard(
-    *arguments: object, code: int | None = 0, seconds: float = SECONDS, folder: Path = ROOT
+    *arguments: object, code: int | None = 0, seconds: float = PATIENCE, folder: Path = ROOT
 ) -> subprocess.CompletedProcess:
     """Run it in a folder to its end, which has this exit code; None: any. It forks, too.
 
@@ -37,7 +37,7 @@ def orchard(
 
 
 def python(
-    *words: object, code: int = 0, cwd: Path = ROOT, seconds: float = SECONDS, **environment: str
+    *words: object, code: int = 0, cwd: Path = ROOT, seconds: float = PATIENCE, **environment: str
 ) -> subprocess.CompletedProcess:
     """Run a Python program of its own to its end, which has this exit code."""
     there = os.environ | {"COLUMNS": "200"} | environment

@@ -17,12 +17,12 @@ from pathlib import Path
 import msgpack
 import zenoh
 from forked_processes import PATHS, Forked
+from patience import PATIENCE
 
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.wire.keys import Keys
 
 ROOT = Path(__file__).parents[2]
-SECONDS = 40.0  # that any one wait may take on a busy machine
 
 
 class Process:
@@ -51,7 +51,7 @@ class Process:
         with selectors.DefaultSelector() as selector:
             selector.register(stream, selectors.EVENT_READ)
             while not said.endswith(b"\n"):
-                assert selector.select(SECONDS), f"the process says nothing more than {said!r}"
+                assert selector.select(PATIENCE), f"the process says nothing more than {said!r}"
                 if not (byte := os.read(stream.fileno(), 1)):
                     break
                 said += byte
@@ -68,7 +68,7 @@ class Process:
         threading.Thread(target=read, daemon=True).start()
         return heard
 
-    def end(self, seconds: float = SECONDS) -> tuple[int, str, str]:
+    def end(self, seconds: float = PATIENCE) -> tuple[int, str, str]:
         """Its exit code, and what it printed since, once it has ended by itself."""
         out, self.complaints = self._popen.communicate(timeout=seconds)
         return self._popen.returncode, out, self.complaints
@@ -117,12 +117,12 @@ class Fleet:
         for i in range(hosts):
             self.host("--share", f"{i}/{hosts}", agents=agents)
 
-    def end(self, seconds: float = SECONDS) -> str:
+    def end(self, seconds: float = PATIENCE) -> str:
         """The hash, once physics and all hosts have ended well."""
         code, out, err = self.world.end(seconds)
         assert code == 0, out + err
         for host in self.hosts:
-            code, _, err = host.end(10.0)
+            code, _, err = host.end()
             assert code == 0, err
         return re.search(r"hash (\w+)", out).group(1)
 
@@ -230,7 +230,7 @@ class Client(AnyClient):
         ]
 
 
-def until(heard: queue.Queue, wanted, seconds: float = SECONDS):
+def until(heard: queue.Queue, wanted, seconds: float = PATIENCE):
     """The first message for which something is so."""
     deadline = time.monotonic() + seconds
     while True:

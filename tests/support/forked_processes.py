@@ -25,6 +25,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from patience import PATIENCE
+
 DOORS = (
     "orchard.processes.physics",
     "orchard.processes.agents",
@@ -121,7 +123,7 @@ class Server:
         """Start a process. `files`: its stdout and stderr. Return its id, and a queue that will have its exit code."""
         with self._lock:
             socket.send_fds(self._socket, [json.dumps(request).encode()], files)
-            pid = self._born.get(timeout=60.0)
+            pid = self._born.get(timeout=PATIENCE)
             return pid, self._exits[pid]
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from command_line import line_with
-from fleet import SECONDS
+from patience import PATIENCE
 
 
 def why_not() -> str:
@@ -24,7 +24,7 @@ needs_machines = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never"
 
 
 def _ip(*words: str) -> None:
-    subprocess.run(["ip", *words], check=True, timeout=20)
+    subprocess.run(["ip", *words], check=True, timeout=PATIENCE)
 
 
 @contextmanager
@@ -91,9 +91,9 @@ def run_both(
             cwd=there,
             capture_output=True,
             text=True,
-            timeout=3 * SECONDS,
+            timeout=3 * PATIENCE,
         )
-        rest, _ = one.communicate(timeout=SECONDS)
+        rest, _ = one.communicate(timeout=PATIENCE)
     finally:
         one.kill()
     assert (one.returncode, other.returncode) == (0, 0), said + rest + other.stdout + other.stderr

@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 from orchard.launch.supervisor import free_port
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = [shutil.which("chromium"), shutil.which("chromedriver")]
 WINDOW = (1500, 1000)  # pixels
-RUN_SECONDS = 60.0  # that a small run may take on a busy machine
 
 ON_CI = os.environ.get("CI") == "true"  # where nothing is skipped
 
@@ -60,7 +60,7 @@ def served(runs: Path):
         yield address
     finally:
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE) == 0
 
 
 @contextmanager

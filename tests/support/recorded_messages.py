@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import msgpack
+from patience import PATIENCE
 
 from docs.message_examples import EXAMPLES
 from orchard.agents.catalogue import make_agents
@@ -173,7 +174,7 @@ class Run:
             self.code = ended.code
             for name in self.host.runners:
                 self.net.alive(KEYS.of("alive", name, HOST), False)
-        run.join(20.0)
+        run.join(PATIENCE)
         return ends[0]
 
 

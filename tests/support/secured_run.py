@@ -4,8 +4,8 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from fleet import SECONDS
 from local_runs import SMALL
+from patience import PATIENCE
 
 from orchard.contract.messages import pack
 from orchard.field.geometry import Twist
@@ -62,7 +62,7 @@ class Somebody:
 
     def asks(self, what: str, message=None, session: str = "*") -> list[Replied]:
         self.bus.ask(
-            KEYS.of(what, session=session), pack(message) if message else b"", what, SECONDS
+            KEYS.of(what, session=session), pack(message) if message else b"", what, PATIENCE
         )
         replies = []
         while not isinstance(item := self.wait(Replied | Final), Final):
@@ -71,7 +71,7 @@ class Somebody:
 
     def wait(self, type_: type, wanted=lambda item: True):
         """The first thing of a type that arrives, for which something is so."""
-        deadline = time.monotonic() + SECONDS
+        deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             item = self.bus.inbox.take(max(0.0, deadline - time.monotonic()))
             if isinstance(item, type_) and wanted(item):
@@ -85,7 +85,7 @@ class Somebody:
 
     def sees_it_move(self, name: str, driving) -> Odometry:
         """The first pose of a robot that is not the next one, while a session drives it."""
-        deadline, first = time.monotonic() + SECONDS, self.pose(name)
+        deadline, first = time.monotonic() + PATIENCE, self.pose(name)
         while (pose := self.pose(name)).pose == first.pose:
             assert time.monotonic() < deadline, f"{name} does not move"
             driving(pose.tick)

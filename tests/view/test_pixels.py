@@ -14,6 +14,7 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from page_server import ROOT, chromium_with, skip_without_packages
+from patience import PATIENCE
 from PIL import Image
 from recordings import frames, recording_of, starts
 from rerun.experimental import ViewerClient
@@ -111,7 +112,6 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
 
 
 SOFTWARE = "--enable-unsafe-swiftshader"  # WebGL without a graphics card
-SECONDS = 240.0  # that the viewer may take on a busy machine
 END = 30_000  # tick: the viewer plays four times as fast as life, and must not come there while the test looks
 NEAR = (
     40  # sum of the differences of a colour's three parts; leaves are 59 from a pin that is green
@@ -159,11 +159,11 @@ def test_a_recording_opens_whole_at_its_beginning_with_robots_in_view(
         browser.driver.set_window_size(900, 700)
         browser.driver.get(address)
         browser.until(
-            lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", SECONDS
+            lambda: pixels(browser, STATES["picking"]) > 20, "pins of robots that pick", PATIENCE
         )
         assert pixels(browser, KINDS["picker"].colour) > 5
         assert pixels(browser, STATES["calling"]) == 0
-    with urlopen(parse_qs(urlsplit(address).query)["url"][0], timeout=SECONDS) as answer:
+    with urlopen(parse_qs(urlsplit(address).query)["url"][0], timeout=PATIENCE) as answer:
         assert answer.read() == b"".join(
             part.read_bytes() for part in parts_of(tmp_path / "run.rrd")
         )

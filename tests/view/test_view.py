@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from made_surveys import UNEQUAL, orchard_of
+from patience import PATIENCE
 from recordings import SECONDS, Rows, chunks, entities_with, poses_at, recording_of, starts
 from rerun.chunk import RrdReader
 
@@ -284,7 +285,7 @@ def test_a_live_recording_is_served_on_the_loopback_only(layout: Layout) -> None
     port = free_port()
     recorder = Recorder(layout, "live", port=port)
     assert recorder.uri.startswith("rerun+http://127.0.0.1:")
-    with socket.create_connection(("127.0.0.1", port), timeout=5):
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE):
         pass
     recorder.close()
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from command_line import ROOT, orchard, python
 from page_server import wait_for
+from patience import PATIENCE
 
 from orchard.launch.supervisor import open_viewer
 from orchard.view.files import HEAD, viewer_program
@@ -17,7 +18,6 @@ from orchard.view.reader import optimize
 from orchard.view.web import address, command, free_pair, serve_web
 
 RUN = ROOT / "run.py"
-SECONDS = 30.0  # that anything here may take on a busy machine
 STAND_IN = f"""#!{sys.executable}
 import json, pathlib, sys
 words = sys.argv[1:]
@@ -45,7 +45,7 @@ def told(stand_in: Path) -> list[str]:
 def test_without_the_variable_it_is_the_one_of_the_package(monkeypatch):
     monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
     done = subprocess.run(
-        [viewer_program(), "--version"], capture_output=True, text=True, timeout=SECONDS
+        [viewer_program(), "--version"], capture_output=True, text=True, timeout=PATIENCE
     )
     assert done.returncode == 0
     assert "rerun" in done.stdout
@@ -98,7 +98,7 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
 
 
 def test_a_live_run_is_shown_by_it_in_a_window_and_to_browsers(stand_in):
-    open_viewer("rerun+http://127.0.0.1:9/proxy").wait(SECONDS)
+    open_viewer("rerun+http://127.0.0.1:9/proxy").wait(PATIENCE)
     assert told(stand_in) == ["--bind", "127.0.0.1", "rerun+http://127.0.0.1:9/proxy"], (
         "and no other machine can send it data"
     )
@@ -147,13 +147,13 @@ ASKED = [
 def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(
     stand_in, tmp_path, path, headers, answers
 ):
-    stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({SECONDS})\n")
+    stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({PATIENCE})\n")
     for name in ("a run.rrd", "a run.part2.rrd", "other.rrd"):
         (tmp_path / name).write_text(name)
     port = free_pair()
     with serve_web(port, str(tmp_path / "a run.rrd"), str(tmp_path / "a run.part2.rrd")) as server:
         wait_for(server, address(port, "a run.rrd"))
-        link = HTTPConnection("127.0.0.1", port + 1, timeout=SECONDS)
+        link = HTTPConnection("127.0.0.1", port + 1, timeout=PATIENCE)
         link.request("GET", path, headers=headers)
         answer = link.getresponse()
         assert (answer.status, answer.getheader("Access-Control-Allow-Origin")) == answers

@@ -1,0 +1,5 @@
+"""How long a test waits for what must happen."""
+
+# s of wall time. A hang ends the test; a busy machine does not. No test asserts how long
+# something took: by this much, processors that others use would decide.
+PATIENCE = 300.0

@@ -54,11 +54,12 @@ study: $(VENV)/installed-study  ## how many carriers for people who pick a hecta
 view: $(VENV)/installed  ## open the newest recording
 	$(VENV)/bin/orchard view
 
-lint: $(VENV)/installed-dev  ## style, types, and the order of the packages
+lint: $(VENV)/installed-dev  ## style, types, the order of the packages, and how the code reads
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check --quiet .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
+	$(RUN) .ci/readability.py
 
 test: $(VENV)/installed-dev  ## all tests but the long matrix
 	$(RUN) -m pytest --numprocesses 3 --dist worksteal

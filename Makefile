@@ -60,6 +60,7 @@ lint: $(VENV)/installed-dev  ## style, types, the order of the packages, and how
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 	$(RUN) .ci/readability.py
+	$(VENV)/bin/codespell
 
 test: $(VENV)/installed-dev  ## all tests but the long matrix
 	$(RUN) -m pytest --numprocesses 3 --dist worksteal

@@ -1,4 +1,7 @@
-"""Poses, velocities, headings and boxes: x east, y north, m; yaw in rad, 0 faces east, counter-clockwise positive (REP-103)."""
+"""Poses, velocities, headings and boxes.
+
+x points east and y north, m. Yaw is in rad: 0 faces east, counter-clockwise is positive (REP-103).
+"""
 
 from typing import NamedTuple, TypeVar
 
@@ -6,7 +9,8 @@ import numpy as np
 
 from orchard.field import repeatable
 
-EAST = 0.0  # rad, as the next three: headings in the frame `map`, counter-clockwise
+# Headings in the frame `map`, rad, counter-clockwise.
+EAST = 0.0
 NORTH = repeatable.QUARTER
 WEST = repeatable.PI
 SOUTH = -repeatable.QUARTER
@@ -42,6 +46,7 @@ class Rect(NamedTuple):
     north: float
 
     def contains(self, x: float, y: float) -> bool:
+        """Whether a point lies in it or on its edge, m."""
         return self.west <= x <= self.east and self.south <= y <= self.north
 
 
@@ -56,16 +61,25 @@ def nearest_heading(yaw: float) -> str:
 
 
 def to_frame(pose: Pose, x: Number, y: Number) -> tuple[Number, Number]:
-    """Convert a point, or arrays of points, from the orchard's frame to a pose's frame: metres ahead, metres to the left."""
-    s, c = repeatable.sin_cos(pose.yaw)
-    dx, dy = x - pose.x, y - pose.y
-    return c * dx + s * dy, c * dy - s * dx
+    """Convert a point, or arrays of points, from the orchard's frame to a pose's frame, m.
+
+    Return the metres ahead, and the metres to the left.
+    """
+    sine, cosine = repeatable.sin_cos(pose.yaw)
+    dx = x - pose.x
+    dy = y - pose.y
+    return cosine * dx + sine * dy, cosine * dy - sine * dx
 
 
 def from_frame(pose: Pose, ahead: Number, left: Number) -> tuple[Number, Number]:
-    """Convert a point, or arrays of points, from a pose's frame, metres ahead and to the left, to the orchard's frame."""
-    s, c = repeatable.sin_cos(pose.yaw)
-    return pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
+    """Convert a point, or arrays of points, from a pose's frame to the orchard's frame, m.
+
+    `ahead`, `left`: metres in front of the pose, and to the left of it. Return x and y.
+    """
+    sine, cosine = repeatable.sin_cos(pose.yaw)
+    x = pose.x + cosine * ahead - sine * left
+    y = pose.y + sine * ahead + cosine * left
+    return x, y
 
 
 def yaw_of(z: float, w: float) -> float:

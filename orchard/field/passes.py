@@ -1,7 +1,8 @@
-"""The passes of a picker through its rows. On each it picks what fills its bin, and drives out at the other end than it came in.
+"""The passes of a picker through its rows.
 
-A bin of `metres_per_bin` fills inside a row, goes on with the next row, or ends with its picker's last row. What is unpicked of a row is
-one interval, because each pass begins or ends at one of its edges.
+On each pass it picks what fills its bin, and drives out at the other end than it came in. A bin of
+`metres_per_bin` fills inside a row, goes on with the next row, or ends with its picker's last row.
+What is unpicked of a row is one interval, because each pass begins or ends at one of its edges.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,51 +13,97 @@ from orchard.field.plugins import MISTAKES, contained, load_plugin, place_of_cla
 from orchard.field.rows import Block, End
 from orchard.field.scenario import ONWARD, OUTWARD, Scenario
 
-FULL_WITHIN = 1e-6  # m: a bin that lacks at most this is full, a row is picked
+# m. A bin that lacks at most this is full; a row of which at most this is left is picked.
+FULL_WITHIN = 1e-6
 _OTHER: dict[End, End] = {"west": "east", "east": "west"}
+
 Order = Callable[[float, float, float], float]
-"""Returns the x at which a pass begins to pick its metres. It gets the x of both edges of what is unpicked, the one first to which the
-picker comes first, and those metres, which are fewer. The pass must begin at the first edge, or end at the last one."""
+"""Returns the x at which a pass begins to pick, m.
+
+It gets the x of both edges of what is unpicked and the metres that the pass picks, which are fewer.
+The first edge is the one to which the picker comes first. The pass must begin at the first edge, or
+end at the last one.
+"""
 
 
 def onward(first: float, last: float, metres: float) -> float:
-    """Pick from the edge on to which the picker comes first. It then drives through what is unpicked with the full bin."""
+    """Pick from the edge on to which the picker comes first.
+
+    It then drives through what is unpicked with the full bin.
+    """
     return first
 
 
 def outward(first: float, last: float, metres: float) -> float:
-    """Pick up to the edge at which the picker drives out, so that its bin is full there. It first drives through what stays unpicked."""
-    return last - metres if last > first else last + metres
+    """Pick up to the edge at which the picker drives out, so that its bin is full there.
+
+    It first drives through what stays unpicked.
+    """
+    if last > first:
+        return last - metres
+    return last + metres
 
 
 ORDERS: dict[str, Order] = {ONWARD: onward, OUTWARD: outward}
 
 
 class Pass(NamedTuple):
-    """One drive of a picker through a row."""
+    """One drive of a picker through a row. x in the orchard's frame, m."""
 
     row: int
-    end: End  # at which it leaves the row
-    begin: float  # x at which it begins to pick, m
-    stop: float  # x at which it has picked its part, m
-    is_inside: bool  # it begins beyond fruit that it leaves
-    fill: float  # metres that are in its bin at that end
-    is_full: bool  # the bin, there
-    leaves_bin: bool  # there: it is full, or the picker's last one
-    ends_row: bool  # nothing of the row is left to pick
+    # The end at which the picker leaves the row.
+    end: End
+    # x at which it begins to pick, and x at which it has picked its part.
+    begin: float
+    stop: float
+    # Whether it begins beyond fruit that it leaves.
+    is_inside: bool
+    # Metres of row that are in its bin at that end.
+    fill: float
+    is_full: bool
+    # Whether it leaves the bin at that end, which is full or its last one.
+    leaves_bin: bool
+    # Whether nothing of the row remains to be picked.
+    ends_row: bool
 
     @property
     def metres(self) -> float:
-        """What it picks."""
+        """The metres of row that it picks."""
         return abs(self.stop - self.begin)
 
 
-def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Block) -> list[Pass]:
-    """Return the passes of a picker by the order that the scenario names: a built-in one, or a user's function.
+class Interval(NamedTuple):
+    """What is unpicked of a row: x of its west and of its east edge, m."""
 
-    Raises ScenarioError for an order or a result that cannot be.
+    west: float
+    east: float
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        return self.east - self.west
+
+    def towards(self, end: End) -> tuple[float, float]:
+        """Return x of both edges in the order in which a picker comes to them that leaves at an end."""
+        if end == "east":
+            return self.west, self.east
+        return self.east, self.west
+
+    def without(self, begin: float, stop: float) -> "Interval":
+        """Return what remains when the part between two x is picked. The part ends at an edge."""
+        if min(begin, stop) <= self.west:
+            return Interval(max(begin, stop), self.east)
+        return Interval(self.west, min(begin, stop))
+
+
+def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Block) -> list[Pass]:
+    """Return the passes of a picker by the order that the scenario names.
+
+    That is a built-in one, or a user's function. Raises ScenarioError for an order or a result
+    that cannot be.
     """
-    key, path = "order_in_row", scenario.order_in_row
+    key = "order_in_row"
+    path = scenario.order_in_row
     if path in ORDERS:
         return passes_of(rows, block, scenario.bin_metres, ORDERS[path])
     order = load_plugin(key, path)
@@ -75,53 +122,66 @@ def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Bl
 def passes_of(
     rows: Sequence[tuple[float, float]], block: Block, metres_per_bin: float | None, order: Order
 ) -> list[Pass]:
-    """Return the passes of a picker, in their order. Raises ValueError if `order` returns what cannot be.
+    """Return the passes of a picker, in their order.
 
-    `rows`: x of the west and of the east end of each row, m. `metres_per_bin`: None if each row fills one bin.
+    `rows`: x of the west and of the east end of each row, m. `metres_per_bin`: None if each row
+    fills one bin. Raises ValueError if `order` returns what cannot be.
     """
-    made, end, room = list[Pass](), _OTHER[block.start], metres_per_bin or 0.0
+    passes = list[Pass]()
+    end = _OTHER[block.start]
+    room = metres_per_bin or 0.0
     for count, row in enumerate(block.rows, start=1):
-        west, east = rows[row - 1]
-        full = metres_per_bin or east - west
-        room = room if metres_per_bin else full
-        while east - west > FULL_WITHIN:
-            metres, is_done = min(room, east - west), east - west - room <= FULL_WITHIN
-            first, last = (west, east) if end == "east" else (east, west)
-            begin = first if is_done else _begin(order, first, last, metres)
-            is_inside = begin != first
-            stop = (
-                last
-                if is_done or is_inside
-                else first + metres
-                if end == "east"
-                else first - metres
-            )
-            west, east = sorted((first, begin) if is_inside else (stop, last))
-            room -= metres
-            is_full, is_last = room <= FULL_WITHIN, is_done and count == len(block.rows)
-            made.append(
+        unpicked = Interval(*rows[row - 1])
+        if metres_per_bin:
+            capacity = metres_per_bin
+        else:
+            capacity = room = unpicked.length
+        is_last_row = count == len(block.rows)
+        while unpicked.length > FULL_WITHIN:
+            ends_row = unpicked.length - room <= FULL_WITHIN
+            first, last = unpicked.towards(end)
+            if ends_row:
+                begin, stop = first, last
+            else:
+                begin, stop = _part(order, first, last, room)
+            room -= min(room, unpicked.length)
+            unpicked = unpicked.without(begin, stop)
+            is_full = room <= FULL_WITHIN
+            passes.append(
                 Pass(
-                    row,
-                    end,
-                    begin,
-                    stop,
-                    is_inside,
-                    full - room,
-                    is_full,
-                    is_full or is_last,
-                    is_done,
+                    row=row,
+                    end=end,
+                    begin=begin,
+                    stop=stop,
+                    is_inside=begin != first,
+                    fill=capacity - room,
+                    is_full=is_full,
+                    leaves_bin=is_full or (ends_row and is_last_row),
+                    ends_row=ends_row,
                 )
             )
-            end, room = _OTHER[end], full if is_full else room
-    return made
+            end = _OTHER[end]
+            if is_full:
+                room = capacity
+    return passes
 
 
-def _begin(order: Order, first: float, last: float, metres: float) -> float:
-    """Return where a pass begins that does not pick all."""
-    begin, outermost = order(first, last, metres), outward(first, last, metres)
-    for x in (first, outermost):
-        if isinstance(begin, float | int) and abs(begin - x) <= FULL_WITHIN:
-            return x
-    raise ValueError(
-        f"it returned {begin!r} for {metres:g} m of x = {first:g} to {last:g}; must be {first:g} or {outermost:g}"
-    )
+def _part(order: Order, first: float, last: float, metres: float) -> tuple[float, float]:
+    """Return x at which a pass that does not pick all begins, and x at which it stops, m."""
+    begin = order(first, last, metres)
+    outermost = outward(first, last, metres)
+    if not isinstance(begin, float | int):
+        raise _wrong(begin, first, last, metres)
+    if abs(begin - first) <= FULL_WITHIN:
+        forward = metres if last > first else -metres
+        return first, first + forward
+    if abs(begin - outermost) <= FULL_WITHIN:
+        return outermost, last
+    raise _wrong(begin, first, last, metres)
+
+
+def _wrong(begin: object, first: float, last: float, metres: float) -> ValueError:
+    """Return the error for an order that returned what cannot be."""
+    part = f"{metres:g} m of x = {first:g} to {last:g}"
+    allowed = f"{first:g} or {outward(first, last, metres):g}"
+    return ValueError(f"it returned {begin!r} for {part}; must be {allowed}")

@@ -1,7 +1,10 @@
-"""Functions with the same bits on every machine: sine, cosine, atan2, log and exp from + - * / and sqrt only, and random numbers.
+"""Functions with the same bits on every machine: sine, cosine, atan2, log, exp, and random numbers.
 
-libm and numpy's SIMD variants of these functions differ between processors, so no value that the run's hash covers uses them.
-A random number depends only on (seed, name, tick), so an agent that is restarted draws the same numbers.
+They use + - * / and sqrt only. libm and numpy's SIMD variants of these functions differ between
+processors, so no value that the run's hash covers uses them. Each term of a series is a statement
+of its own: the order of the operations decides the bits.
+
+A random number depends only on (seed, name, tick), so an agent that is restarted draws the same.
 """
 
 import hashlib
@@ -11,10 +14,12 @@ PI = math.pi
 TURN = 2.0 * math.pi
 QUARTER = 0.5 * math.pi
 
-_QUARTER_HIGH = 1.5707963267341256  # pi/2, its first 33 bits
-_QUARTER_LOW = 6.077100506506192e-11  # pi/2 less the above
-_LN2_HIGH = 0.6931471803691238  # ln 2, its first 33 bits
-_LN2_LOW = 1.9082149292705877e-10  # ln 2 less the above
+# pi/2: its first 33 bits, and the rest. So a multiple of the first part is exact.
+_QUARTER_HIGH = 1.5707963267341256
+_QUARTER_LOW = 6.077100506506192e-11
+# ln 2, in the same way.
+_LN2_HIGH = 0.6931471803691238
+_LN2_LOW = 1.9082149292705877e-10
 _SQRT_HALF = 0.7071067811865476
 _ARCTAN_OF_EIGHTHS = (
     0.0,
@@ -30,55 +35,48 @@ _ARCTAN_OF_EIGHTHS = (
 
 
 def sine_series(r: float) -> float:
-    """Return sin(r) for |r| <= pi/4."""
+    """Return sin(r) for |r| <= pi/4, r in rad."""
     s = r * r
-    return r * (
-        1.0
-        - s
-        / 6.0
-        * (
-            1.0
-            - s
-            / 20.0
-            * (
-                1.0
-                - s
-                / 42.0
-                * (1.0 - s / 72.0 * (1.0 - s / 110.0 * (1.0 - s / 156.0 * (1.0 - s / 210.0))))
-            )
-        )
-    )
+    tail = 1.0 - s / 210.0
+    tail = 1.0 - s / 156.0 * tail
+    tail = 1.0 - s / 110.0 * tail
+    tail = 1.0 - s / 72.0 * tail
+    tail = 1.0 - s / 42.0 * tail
+    tail = 1.0 - s / 20.0 * tail
+    tail = 1.0 - s / 6.0 * tail
+    return r * tail
 
 
 def cosine_series(r: float) -> float:
-    """Return cos(r) for |r| <= pi/4."""
+    """Return cos(r) for |r| <= pi/4, r in rad."""
     s = r * r
-    return 1.0 - s / 2.0 * (
-        1.0
-        - s
-        / 12.0
-        * (
-            1.0
-            - s
-            / 30.0
-            * (
-                1.0
-                - s
-                / 56.0
-                * (1.0 - s / 90.0 * (1.0 - s / 132.0 * (1.0 - s / 182.0 * (1.0 - s / 240.0))))
-            )
-        )
-    )
+    tail = 1.0 - s / 240.0
+    tail = 1.0 - s / 182.0 * tail
+    tail = 1.0 - s / 132.0 * tail
+    tail = 1.0 - s / 90.0 * tail
+    tail = 1.0 - s / 56.0 * tail
+    tail = 1.0 - s / 30.0 * tail
+    tail = 1.0 - s / 12.0 * tail
+    return 1.0 - s / 2.0 * tail
 
 
 def sin_cos(angle: float) -> tuple[float, float]:
-    """Return the sine and cosine of an angle in radians. The reduction to a quadrant is exact up to some thousand turns."""
+    """Return the sine and cosine of an angle in rad.
+
+    The reduction to a quadrant is exact up to some thousand turns.
+    """
     quarters = math.floor(angle / QUARTER + 0.5)
     rest = (angle - quarters * _QUARTER_HIGH) - quarters * _QUARTER_LOW
-    s, c = sine_series(rest), cosine_series(rest)
-    if quarters % 2:
-        s, c = c, -s
-    return (-s, -c) if quarters % 4 >= 2 else (s, c)
+    sine = sine_series(rest)
+    cosine = cosine_series(rest)
+    quadrant = quarters % 4
+    if quadrant == 0:
+        return sine, cosine
+    if quadrant == 1:
+        return cosine, -sine
+    if quadrant == 2:
+        return -sine, -cosine
+    return -cosine, sine
 
 
 def arctan_unit(t: float) -> float:
@@ -87,25 +85,29 @@ def arctan_unit(t: float) -> float:
     known = eighth / 8.0
     r = (t - known) / (1.0 + t * known)
     s = r * r
-    series = r * (
-        1.0
-        - s
-        * (
-            1.0 / 3.0
-            - s * (1.0 / 5.0 - s * (1.0 / 7.0 - s * (1.0 / 9.0 - s * (1.0 / 11.0 - s / 13.0))))
-        )
-    )
-    return _ARCTAN_OF_EIGHTHS[eighth] + series
+    tail = 1.0 / 11.0 - s / 13.0
+    tail = 1.0 / 9.0 - s * tail
+    tail = 1.0 / 7.0 - s * tail
+    tail = 1.0 / 5.0 - s * tail
+    tail = 1.0 / 3.0 - s * tail
+    return _ARCTAN_OF_EIGHTHS[eighth] + r * (1.0 - s * tail)
 
 
 def atan2(y: float, x: float) -> float:
     """Return the angle of the vector (x, y), rad, in (-pi, pi]; 0 for the zero vector."""
-    ax, ay = abs(x), abs(y)
+    ax = abs(x)
+    ay = abs(y)
     if ax == 0.0 and ay == 0.0:
         return 0.0
-    angle = arctan_unit(ay / ax) if ay <= ax else QUARTER - arctan_unit(ax / ay)
-    angle = PI - angle if x < 0.0 else angle
-    return -angle if y < 0.0 else angle
+    if ay <= ax:
+        angle = arctan_unit(ay / ax)
+    else:
+        angle = QUARTER - arctan_unit(ax / ay)
+    if x < 0.0:
+        angle = PI - angle
+    if y < 0.0:
+        angle = -angle
+    return angle
 
 
 def wrap(angle: float) -> float:
@@ -113,21 +115,28 @@ def wrap(angle: float) -> float:
     if -PI < angle <= PI:
         return angle
     wrapped = angle - TURN * math.floor(angle / TURN + 0.5)
-    return PI if wrapped <= -PI else wrapped
+    if wrapped <= -PI:
+        return PI
+    return wrapped
 
 
 def log(x: float) -> float:
     """Return the natural logarithm of a finite x > 0."""
     mantissa, exponent = math.frexp(x)
     if mantissa < _SQRT_HALF:
-        mantissa, exponent = mantissa * 2.0, exponent - 1
+        mantissa *= 2.0
+        exponent -= 1
     z = (mantissa - 1.0) / (mantissa + 1.0)
     s = z * z
-    tail = 1.0 / 13.0 + s * (1.0 / 15.0 + s * (1.0 / 17.0 + s / 19.0))
-    series = s * (
-        1.0 / 3.0
-        + s * (1.0 / 5.0 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s * (1.0 / 11.0 + s * tail))))
-    )
+    tail = 1.0 / 17.0 + s / 19.0
+    tail = 1.0 / 15.0 + s * tail
+    tail = 1.0 / 13.0 + s * tail
+    tail = 1.0 / 11.0 + s * tail
+    tail = 1.0 / 9.0 + s * tail
+    tail = 1.0 / 7.0 + s * tail
+    tail = 1.0 / 5.0 + s * tail
+    tail = 1.0 / 3.0 + s * tail
+    series = s * tail
     return exponent * _LN2_HIGH + (2.0 * z + (2.0 * z * series + exponent * _LN2_LOW))
 
 
@@ -144,9 +153,12 @@ def exp(x: float) -> float:
 def draw(seed: int, name: str, tick: int, count: int = 1) -> list[float]:
     """Return `count` (at most 8) random numbers, uniform in [0, 1), for one agent at one tick."""
     digest = hashlib.blake2b(f"{seed}/{name}/{tick}".encode(), digest_size=64).digest()
-    return [
-        (int.from_bytes(digest[8 * i : 8 * i + 8], "little") >> 11) / 2.0**53 for i in range(count)
-    ]
+    numbers = []
+    for i in range(count):
+        eight_bytes = digest[8 * i : 8 * i + 8]
+        # A float holds 53 bits.
+        numbers.append((int.from_bytes(eight_bytes, "little") >> 11) / 2.0**53)
+    return numbers
 
 
 def exponential(u: float, mean: float) -> float:
@@ -155,5 +167,8 @@ def exponential(u: float, mean: float) -> float:
 
 
 def normal(u: float, v: float) -> float:
-    """Return a normally distributed number, mean 0 and deviation 1, for u and v, uniform in [0, 1): Box and Muller's method."""
+    """Return a normally distributed number, mean 0 and deviation 1, by Box and Muller's method.
+
+    `u` and `v`: uniform in [0, 1).
+    """
     return math.sqrt(exponential(u, 2.0)) * sin_cos(TURN * v)[1]

@@ -1,7 +1,11 @@
-"""The rules that give rows, numbered from 1 at the top, to pickers: functions of the `Scenario` that return {picker: Block}."""
+"""The rules that give rows to pickers: functions of the `Scenario` that return {picker: Block}.
+
+Rows are numbered from 1 at the top.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal, get_args
 
 from orchard.field.kinds import name_of
@@ -13,29 +17,41 @@ End = Literal["west", "east"]
 
 @dataclass(frozen=True)
 class Block:
-    """The rows of a picker: neighbours, in the order in which it picks them, from north to south, because pickers go on southward only."""
+    """The rows of a picker: neighbours, in the order in which it picks them.
+
+    They go from north to south, because pickers go on southward only.
+    """
 
     rows: tuple[int, ...]
-    start: End = "west"  #: the end of the first row at which it starts; from there on it ends its rows on either side in turn
+    #: The end of the first row at which the picker starts. From there on it leaves its rows at
+    #: either end in turn.
+    start: End = "west"
 
 
 def balanced(scenario: Scenario) -> dict[str, Block]:
     """Return neighbouring rows for each picker so that none has two more than another."""
-    return _cut(
-        scenario, [scenario.rows * i // scenario.pickers for i in range(scenario.pickers + 1)]
-    )
+    count = scenario.pickers
+    return _cut(scenario, [scenario.rows * i // count for i in range(count + 1)])
 
 
 def balanced_ends(scenario: Scenario) -> dict[str, Block]:
-    """Return the blocks of `balanced`; every second picker starts at the east end, so both sides' roads are used from the beginning."""
-    return {
-        name: Block(block.rows, ("west", "east")[i % 2])
-        for i, (name, block) in enumerate(balanced(scenario).items())
-    }
+    """Return the blocks of `balanced`, of which every second one starts at the east end.
+
+    So the roads on both sides are used from the beginning.
+    """
+    blocks = {}
+    start: End = "west"
+    for name, block in balanced(scenario).items():
+        blocks[name] = Block(block.rows, start)
+        start = "east" if start == "west" else "west"
+    return blocks
 
 
 def manual(scenario: Scenario) -> dict[str, Block]:
-    """Return rows by the manual's rule: rows // pickers neighbouring rows for each picker; the last one gets the remainder too."""
+    """Return rows // pickers neighbouring rows for each picker, as the manual does.
+
+    The last picker gets the remainder too.
+    """
     share = scenario.rows // scenario.pickers
     return _cut(scenario, [*(i * share for i in range(scenario.pickers)), scenario.rows])
 
@@ -48,11 +64,13 @@ RULES: dict[str, Callable[[Scenario], dict[str, Block]]] = {
 
 
 def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
-    """Return the block of each picker by the rule that the scenario names: a built-in one, or a user's function.
+    """Return the block of each picker by the rule that the scenario names.
 
-    A user's rule may return plain sequences of rows, which begin in the west. Raises ScenarioError for a rule or a result that cannot be.
+    That is a built-in one, or a user's function, which may return plain sequences of rows, which
+    begin in the west. Raises ScenarioError for a rule or a result that cannot be.
     """
-    key, path = "rows_to_pickers", scenario.rows_to_pickers
+    key = "rows_to_pickers"
+    path = scenario.rows_to_pickers
     if path in RULES:
         return RULES[path](scenario)
     rule = load_plugin(key, path)
@@ -63,45 +81,56 @@ def rows_to_pickers(scenario: Scenario) -> dict[str, Block]:
         raise unusable(key, path, error, wanted, place_of_class(rule)) from error
 
 
-def _checked(given: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
-    if not isinstance(given, Mapping) or any(name not in given for name in _pickers(scenario)):
-        raise TypeError(
-            f"it returned {given!r}; it must return a map with the keys {', '.join(_pickers(scenario))}"
-        )
-    named = {
-        name: given[name] if isinstance(given[name], Block) else Block(given[name])
-        for name in _pickers(scenario)
-    }
-    blocks = {
-        name: Block(tuple(int(row) for row in block.rows), block.start)
-        for name, block in named.items()
-    }
-    shown = {name: block.rows for name, block in blocks.items()}
-    if sorted(row for rows in shown.values() for row in rows) != list(
-        range(1, scenario.rows + 1)
-    ) or not all(shown.values()):
+def _checked(result: Mapping[str, Any], scenario: Scenario) -> dict[str, Block]:
+    """Return what a user's rule returned as blocks. Raises TypeError or ValueError."""
+    names = _pickers(scenario)
+    if not isinstance(result, Mapping) or any(name not in result for name in names):
+        keys = ", ".join(names)
+        raise TypeError(f"it returned {result!r}; it must return a map with the keys {keys}")
+    blocks = {name: _block_of(result[name]) for name in names}
+    rows_of = {name: block.rows for name, block in blocks.items()}
+    all_rows = sorted(row for block in blocks.values() for row in block.rows)
+    is_complete = all_rows == list(range(1, scenario.rows + 1))
+    if not is_complete or not all(rows_of.values()):
         raise ValueError(
-            f"{shown}: each row of 1 to {scenario.rows} must go to one picker, and each picker must get at least one"
+            f"{rows_of}: each row of 1 to {scenario.rows} must go to one picker, "
+            "and each picker must get at least one"
         )
-    if any(rows != tuple(range(rows[0], rows[-1] + 1)) for rows in shown.values()):
+    if not all(_are_neighbours(rows) for rows in rows_of.values()):
         raise ValueError(
-            f"{shown}: the rows of a picker must be neighbours, in their order from north to south"
+            f"{rows_of}: the rows of a picker must be neighbours, "
+            "in their order from north to south"
         )
-    if wrong := [
+    wrong_starts = [
         f"{name} at {block.start!r}"
         for name, block in blocks.items()
         if block.start not in get_args(End)
-    ]:
-        raise ValueError(f"a picker starts at the end 'west' or 'east', and not {', '.join(wrong)}")
+    ]
+    if wrong_starts:
+        wrong = ", ".join(wrong_starts)
+        raise ValueError(f"a picker starts at the end 'west' or 'east', and not {wrong}")
     return blocks
 
 
-def _cut(scenario: Scenario, ends: list[int]) -> dict[str, Block]:
-    """`ends`: the last row before each block, and that of the last block."""
-    return {
-        name: Block(tuple(range(ends[i] + 1, ends[i + 1] + 1)))
-        for i, name in enumerate(_pickers(scenario))
-    }
+def _block_of(given_rows: Any) -> Block:
+    """Return a block, or plain rows, as a block of whole numbers."""
+    block = given_rows if isinstance(given_rows, Block) else Block(given_rows)
+    return Block(tuple(int(row) for row in block.rows), block.start)
+
+
+def _are_neighbours(rows: tuple[int, ...]) -> bool:
+    return rows == tuple(range(rows[0], rows[-1] + 1))
+
+
+def _cut(scenario: Scenario, last_rows: list[int]) -> dict[str, Block]:
+    """Return a block for each picker.
+
+    `last_rows`: the row before the first block, then the last row of each block.
+    """
+    blocks = {}
+    for name, (before, last) in zip(_pickers(scenario), pairwise(last_rows), strict=True):
+        blocks[name] = Block(tuple(range(before + 1, last + 1)))
+    return blocks
 
 
 def _pickers(scenario: Scenario) -> list[str]:

@@ -1,4 +1,7 @@
-"""The kinds of bodies (size, colour, speed, laser, towing), and the names of agents. Figures: docs/reference.md."""
+"""The kinds of bodies (size, colour, speed, laser, towing), and the names of agents.
+
+Figures: docs/reference.md.
+"""
 
 import math
 from collections.abc import Iterable
@@ -7,16 +10,16 @@ from dataclasses import dataclass
 from orchard.field.repeatable import PI
 
 
-@dataclass(
-    frozen=True, eq=False
-)  # compared by identity: there is one for each kind, and they are keys of what is looked up often
+# Lasers are compared by identity: there is one for each kind, and they are keys of what is looked up
+# often.
+@dataclass(frozen=True, eq=False)
 class Laser:
-    """A laser range finder: `beams` beams counter-clockwise from `first`, `increment` apart (rad), mounted `ahead` of the centre (m)."""
+    """A laser range finder. Its beams go counter-clockwise."""
 
     beams: int
-    first: float
-    increment: float
-    ahead: float
+    first: float  # rad, the angle of the first beam
+    increment: float  # rad, from a beam to the next one
+    ahead: float  # m, from the body's centre forward to where it is mounted
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,13 @@ class Kind:
     speed: float  # m/s, maximum
     turn: float  # rad/s, maximum
     laser: Laser
-    tows: float = 0.0  # m from its centre back to the centre of its coupled bin; 0: it tows nothing
+    # m from its centre back to the centre of its coupled bin; 0: it tows nothing.
+    tows: float = 0.0
     solid: bool = True
-    robot: bool = False  # robots move before people and animals; they can be stopped, and their states are counted
-    sideways: bool = False  # can move to its left and right, but only on the bar of a robot
+    # Robots move before people and animals. They can be stopped, and their states are counted.
+    robot: bool = False
+    # Whether it can move to its left and right, but only on the bar of a robot.
+    sideways: bool = False
 
     @property
     def radius(self) -> float:
@@ -47,7 +53,9 @@ class Kind:
 
 
 LASER_RANGE = 10.0  # m
-LASER_NEAREST = 0.0  # m: a ray is cast from the laser's centre itself (orchard/sim/kernels/laser.py), so no return is too near
+# m. A ray is cast from the laser's centre itself (orchard/sim/kernels/laser.py), so no return is too
+# near.
+LASER_NEAREST = 0.0
 
 
 def _front(length: float) -> Laser:
@@ -69,20 +77,21 @@ KINDS: dict[str, Kind] = {
     "weed": Kind(0.5, 0.5, 0.5, (60, 160, 40), 0.0, 0.0, AROUND, solid=False),
 }
 
-# What is done for several kinds follows from their properties: a new kind is in these lists by itself.
+# What is done for several kinds follows from their properties: a new kind is in these lists by
+# itself.
 ROBOTS = tuple(name for name, kind in KINDS.items() if kind.robot)
-VEHICLES = tuple(
-    name for name in ROBOTS if KINDS[name].drives
-)  # robots with a pin, a short name and receivers of their own: all but bins
-HAULERS = tuple(
-    name for name, kind in KINDS.items() if kind.tows
-)  # the harvest makes progress while they finish steps of their plans
-MOVERS = tuple(
-    name for name, kind in KINDS.items() if kind.drives
-)  # their scans are recorded, and they can learn
+# Robots with a pin, a short name and receivers of their own: all but bins.
+VEHICLES = tuple(name for name in ROBOTS if KINDS[name].drives)
+# The harvest makes progress while they finish steps of their plans.
+HAULERS = tuple(name for name, kind in KINDS.items() if kind.tows)
+# Their scans are recorded, and they can learn.
+MOVERS = tuple(name for name, kind in KINDS.items() if kind.drives)
 
-TRAFFIC, DISPATCH = "traffic", "dispatch"  # grants places on the roads; sends carriers to full bins
-BODILESS = (TRAFFIC, DISPATCH)  # our agents without a body
+# The agents without a body that the program brings: one grants places on the roads, and one sends
+# carriers to full bins.
+TRAFFIC = "traffic"
+DISPATCH = "dispatch"
+BODILESS = (TRAFFIC, DISPATCH)
 PEOPLE = ("worker", "visitor")
 ANIMALS = ("dog", "cat")
 
@@ -111,20 +120,27 @@ def name_of(kind: str, number: int) -> str:
 def select_agents(
     names: Iterable[str], only: list[str], without: list[str], share: str = "0/1"
 ) -> list[str]:
-    """Return the selected ones of these names, in their order; `only` and `without`: kinds or names; an empty `only` selects all.
+    """Return the selected ones of these names, in their order.
 
-    `share` "I/N": of them every N-th from the I-th, from 0. Raises ValueError for an unknown kind or name, or a wrong share.
+    `only` and `without`: kinds or names; an empty `only` selects all. `share` "I/N": of them every
+    N-th from the I-th, from 0. Raises ValueError for an unknown kind or name, or a wrong share.
     """
     names = list(names)
     for word in [*only, *without]:
-        if not any(word in (name, kind_of(name)) for name in names):
-            raise ValueError(
-                f"{word}: no such agent or kind; there are {', '.join(sorted({kind_of(name) for name in names}))}"
-            )
+        if not any(_is_meant(name, [word]) for name in names):
+            kinds = ", ".join(sorted({kind_of(name) for name in names}))
+            raise ValueError(f"{word}: no such agent or kind; there are {kinds}")
     first, _, of = share.partition("/")
     if not (first.isdecimal() and of.isdecimal() and int(first) < int(of)):
         raise ValueError(f"share {share}: must be I/N, with I from 0 to N - 1")
-    kept = [name for name in names if not only or name in only or kind_of(name) in only]
-    return [name for name in kept if name not in without and kind_of(name) not in without][
-        int(first) :: int(of)
+    selected = [
+        name
+        for name in names
+        if (not only or _is_meant(name, only)) and not _is_meant(name, without)
     ]
+    return selected[int(first) :: int(of)]
+
+
+def _is_meant(name: str, words: list[str]) -> bool:
+    """Whether a name, or its kind, is one of some words."""
+    return name in words or kind_of(name) in words

@@ -1,7 +1,8 @@
-"""Work as it is: the speed at which each row is picked, when a robot fails and for how long, drawn by the seed.
+"""Work as it is: how fast each row is picked, when a robot fails and for how long, drawn by the seed.
 
-Of a row's picking time, that to drive along it at top speed is sure, and the rest is drawn. So no row is picked faster than a picker
-can drive, and mean and deviation of the whole time are exactly those that the scenario names.
+Of a row's picking time, the time to drive along it at top speed is sure, and the rest is drawn. So
+no row is picked faster than a picker can drive, and mean and deviation of the whole time are exactly
+those that the scenario names.
 """
 
 import math
@@ -11,23 +12,30 @@ from orchard.field.kinds import KINDS
 from orchard.field.repeatable import draw, exp, exponential, log, normal
 from orchard.field.scenario import Scenario
 
-Chances = Iterator[list[float]]  # pairs of random numbers, uniform in [0, 1)
+# Pairs of random numbers, uniform in [0, 1).
+Chances = Iterator[list[float]]
 
 
 def picking_speed_of(scenario: Scenario, row: int) -> float:
     """Return the speed at which a row is picked from end to end, m/s."""
-    mean, most, spread = scenario.mean_picking_speed, KINDS["picker"].speed, scenario.picking.spread
+    mean = scenario.mean_picking_speed
+    spread = scenario.picking.spread
     if spread.distribution == "none":
         return mean
+    most = KINDS["picker"].speed
     chances = (draw(scenario.seed, f"picking of row {row}", number, 2) for number in range(2**63))
-    rest = _SHARES[spread.distribution](spread.cv * most / (most - mean), chances)
-    return most * mean / (mean + (most - mean) * rest)
+    share = _SHARES[spread.distribution](spread.cv * most / (most - mean), chances)
+    return most * mean / (mean + (most - mean) * share)
 
 
 def failure(
     seed: int, robot: str, number: int, mean_between: float, mean_repair: float
 ) -> tuple[float, float]:
-    """Return how long a robot works until it fails for the number-th time, from 0, and how long its repair takes: exponential, s."""
+    """Return when a robot fails, and how long its repair takes, s. Both are exponential.
+
+    `number`: which failure of this robot, from 0. The first time is that of its work since it
+    started or was repaired.
+    """
     until, repair = draw(seed, f"failure of {robot}", number, 2)
     return exponential(until, mean_between), exponential(repair, mean_repair)
 
@@ -41,12 +49,15 @@ def _lognormal(cv: float, chances: Chances) -> float:
 
 
 def _gamma(cv: float, chances: Chances) -> float:
-    """Marsaglia and Tsang, A simple method for generating gamma variables, ACM TOMS 26 (2000), for shapes of 1 and more."""
+    """Return a share by the method of Marsaglia and Tsang, for shapes of 1 and more.
+
+    A simple method for generating gamma variables, ACM TOMS 26 (2000).
+    """
     shape = 1.0 / (cv * cv)
     d = shape - 1.0 / 3.0
     while True:
-        (u, v), (w, _) = next(chances), next(chances)
-        x = normal(u, v)
+        x = normal(*next(chances))
+        w, _ = next(chances)
         cube = (1.0 + x / math.sqrt(9.0 * d)) ** 3
         if cube > 0.0 and log(1.0 - w) < 0.5 * x * x + d * (1.0 - cube + log(cube)):
             return d * cube / shape

@@ -1,7 +1,8 @@
-"""The rows of an orchard of one's own, as surveyed, within limits; and where on the earth they lie. `orchard layout import` writes it.
+"""The rows of an orchard of one's own, as surveyed, within limits; and where on the earth they lie.
 
-The rows lie in the frame `map` (REP-103): parallel to x, the first one in the north. The roads at both ends are straight, and lie beyond
-the row that reaches furthest there.
+`orchard layout import` writes it. The rows lie in the frame `map` (REP-103): parallel to x, the
+first one in the north. The roads at both ends are straight, and lie beyond the row that reaches
+furthest there.
 """
 
 import cmath
@@ -15,14 +16,22 @@ from pydantic_core import PydanticCustomError
 from orchard.field.problems import Section
 from orchard.field.queue import LONGEST_ROW, SHORTEST_ROW
 
-FEWEST_ROWS, MOST_ROWS = 3, 100
-TRUNK = 0.5  # m square; posts too
-NARROWEST_ROW, WIDEST_ROW = 5.0, 12.0  # m between the trees of a row
-CLOSEST = 5.3  # m from a row's centre line to the next one's: turns and exchanges at neighbouring rows stay 1 cm and more apart
+FEWEST_ROWS = 3
+MOST_ROWS = 100
+# m, square; posts too.
+TRUNK = 0.5
+# m between the trees of a row.
+NARROWEST_ROW = 5.0
+WIDEST_ROW = 12.0
+# m from a row's centre line to the next one's. Turns and exchanges at neighbouring rows stay 1 cm
+# and more apart.
+CLOSEST = 5.3
 FURTHEST = WIDEST_ROW + TRUNK  # m
-SET_BACK = 30.0  # m, at most, from a row's end to the furthest end on that side, where the road is
+# m, at most, from a row's end to the furthest end on that side, where the road is.
+SET_BACK = 30.0
 ROUNDING = 1e-6  # m
-NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"  # no control characters: names are printed
+# No control characters: names are printed.
+NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"
 
 
 class SurveyedRow(Section):
@@ -53,7 +62,10 @@ class SurveyedRow(Section):
 
 
 class Origin(Section):
-    """Where the frame `map` lies in a projected coordinate system: shifted by x and y, turned by yaw, and scaled."""
+    """Where the frame `map` lies in a projected coordinate system.
+
+    It is shifted by x and y, turned by yaw, and scaled.
+    """
 
     crs: Annotated[
         str,
@@ -118,7 +130,8 @@ class Survey(Section):
 
     @model_validator(mode="after")
     def _within_limits(self) -> "Survey":
-        if faults := [f"{row.id}: {fault}" for row, fault in faults_of(self.rows)]:
+        faults = [f"{row.id}: {fault}" for row, fault in faults_of(self.rows)]
+        if faults:
             error = {
                 "text": "; ".join(faults),
                 "fields": ("rows",),
@@ -129,40 +142,43 @@ class Survey(Section):
 
 
 def faults_of(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
-    """Yield the rows that do not fit the others, and for each what is wrong and the limit. `rows`: from north to south."""
-    if rows[0].south:
-        yield (
-            rows[0],
-            f"is the first, and lies {rows[0].south:g} m south of it; its south must be 0",
-        )
+    """Yield the rows that do not fit the others, and for each what is wrong and the limit.
+
+    `rows`: from north to south.
+    """
+    yield from _faults_of_spacing(rows)
+    yield from _faults_of_ends(rows)
+    names = set[str]()
+    for row in rows:
+        if row.id in names:
+            yield row, "the name of two rows; each needs its own"
+        names.add(row.id)
+
+
+def _faults_of_spacing(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
+    first = rows[0]
+    if first.south:
+        yield first, f"is the first, and lies {first.south:g} m south of it; its south must be 0"
     for north, row in pairwise(rows):
-        if not CLOSEST - ROUNDING <= (gap := row.south - north.south) <= FURTHEST + ROUNDING:
-            yield (
-                row,
-                f"lies {gap:.2f} m south of row {north.id}; must be {CLOSEST:g} to {FURTHEST:g} m from centre line to centre line",
-            )
-    west, east = min(row.start for row in rows), max(row.start + row.length for row in rows)
+        gap = row.south - north.south
+        if not CLOSEST - ROUNDING <= gap <= FURTHEST + ROUNDING:
+            limits = f"{CLOSEST:g} to {FURTHEST:g} m from centre line to centre line"
+            yield row, f"lies {gap:.2f} m south of row {north.id}; must be {limits}"
+
+
+def _faults_of_ends(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
+    westernmost = min(rows, key=lambda row: row.start)
+    easternmost = max(rows, key=lambda row: row.start + row.length)
+    west = westernmost.start
+    east = easternmost.start + easternmost.length
     if west:
-        yield (
-            min(rows, key=lambda row: row.start),
-            f"is the westernmost, and starts at {west:g} m; its start must be 0",
-        )
+        fault = f"is the westernmost, and starts at {west:g} m; its start must be 0"
+        yield westernmost, fault
     if east - west > LONGEST_ROW + ROUNDING:
-        furthest = max(rows, key=lambda row: row.start + row.length)
-        yield (
-            furthest,
-            f"ends {east - west:.2f} m east of the westernmost end; must be at most {LONGEST_ROW:g} m",
-        )
+        fault = f"ends {east - west:.2f} m east of the westernmost end"
+        yield easternmost, f"{fault}; must be at most {LONGEST_ROW:g} m"
     for row in rows:
         for end, back in (("west", row.start - west), ("east", east - row.start - row.length)):
             if back > SET_BACK + ROUNDING:
-                yield (
-                    row,
-                    f"its {end} end lies {back:.2f} m before the furthest {end} end; must be at most {SET_BACK:g} m",
-                )
-    ids = [row.id for row in rows]
-    yield from (
-        (row, "the name of two rows; each needs its own")
-        for i, row in enumerate(rows)
-        if row.id in ids[:i]
-    )
+                fault = f"its {end} end lies {back:.2f} m before the furthest {end} end"
+                yield row, f"{fault}; must be at most {SET_BACK:g} m"

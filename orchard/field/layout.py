@@ -1,4 +1,7 @@
-"""The layout of an orchard, made from a scenario. Figures: docs/reference.md. Metres, in the frame `map`: x east, y north."""
+"""The layout of an orchard, made from a scenario. Figures: docs/reference.md.
+
+Metres, in the frame `map`: x east, y north.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,32 +26,40 @@ from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
 from orchard.field.survey import TRUNK, Survey, SurveyedRow
 
-KEPT_LAYOUTS = 8  # in the cache
+# Layouts in the cache.
+KEPT_LAYOUTS = 8
 
-# metres, in the frame `map`
-X_WEST, X_EAST = (
-    -50.0,
-    50.0,
-)  # x of the fences' centre lines; the eastern one with rows of the usual length
-TOP = 34.0  # y of the top fence's centre line, unless the queue reaches further north
-ABOVE_QUEUE = 3.5  # m from the northernmost line of the queue to the top fence's centre line
+# All that follows is in metres, in the frame `map`. The east side is that of rows of the usual
+# length.
+# x of the fences' centre lines.
+X_WEST = -50.0
+X_EAST = 50.0
+# y of the top fence's centre line, unless the queue reaches further north.
+TOP = 34.0
+# From the northernmost line of the queue to the top fence's centre line.
+ABOVE_QUEUE = 3.5
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
-TREE_TOP_LINE = 13.5  # y of the northernmost line of trees
-FIRST_TREE, TREE_PITCH, LAST_TREE = (
-    -34.5,
-    6.0,
-    3.0,
-)  # x of the first; from tree to tree; the last is at least so far from the row's end
-BELOW_ROWS = 21.0  # m from the last tree line to the bottom fence's centre line
-ROW_WEST = -35.5  # x of the west end of the picked part of a row
-EAST_START = 41.0  # x of a picker that starts at an east end: where pickers wait for bins, off both roads; with rows of the usual length
+# y of the northernmost line of trees.
+TREE_TOP_LINE = 13.5
+# x of the first tree.
+FIRST_TREE = -34.5
+# From tree to tree.
+TREE_PITCH = 6.0
+# The last tree is at least so far from the row's end.
+LAST_TREE = 3.0
+# From the last tree line to the bottom fence's centre line.
+BELOW_ROWS = 21.0
+# x of the west end of the picked part of a row.
+ROW_WEST = -35.5
+# x of a picker that starts at an east end: where pickers wait for bins, off both roads.
+EAST_START = 41.0
 DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
-BAY = Rect(
-    -34.5, 23.6, -29.5, 25.4
-)  # its usual place, at the driveway's south edge: a full bin at rest in it is unloaded
-UNLOADING_SECONDS = 5.0  # s at rest in the bay (docs/reference.md)
+# The bay at its usual place, at the driveway's south edge. A full bin at rest in it is unloaded.
+BAY = Rect(-34.5, 23.6, -29.5, 25.4)
+# s at rest in the bay (docs/reference.md).
+UNLOADING_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
@@ -56,13 +67,16 @@ class Lane:
     """A row that is picked, between two tree lines. Rows count from 1 at the top."""
 
     number: int
-    y: float  #: its centre line
-    picking_speed: float  #: m/s, from end to end
-    west: float  #: x of the west end of its picked part
-    length: float  #: of its picked part
-    width: (
-        float  #: between its trees; twice the nearer side, if its centre line is not in the middle
-    )
+    #: y of its centre line, m.
+    y: float
+    #: m/s, from end to end.
+    picking_speed: float
+    #: x of the west end of its picked part, m.
+    west: float
+    #: m, of its picked part.
+    length: float
+    #: m between its trees; twice the nearer side, if its centre line is not in the middle.
+    width: float
 
     @property
     def east(self) -> float:
@@ -92,37 +106,53 @@ class TreeLine(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """All properties of an orchard that do not change during the harvest. All agents of a process and physics share it: it is read-only."""
+    """All properties of an orchard that do not change during the harvest.
+
+    All agents of a process and physics share it: it is read-only.
+    """
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
-    lines: tuple[TreeLine, ...]  #: the lines of trees, from the top; one more than lanes
-    blocks: Mapping[
-        str, Block
-    ]  #: picker -> its rows, in the order in which it picks them, and the end at which it starts
-    starts: tuple[
-        Start, ...
-    ]  #: in the order in which bodies move: robots by name, people and animals by name, weeds
-    walls: np.ndarray  #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post; fences first
+    #: The lines of trees, from the top; one more than lanes.
+    lines: tuple[TreeLine, ...]
+    #: Picker -> its rows, in the order in which it picks them, and the end at which it starts.
+    blocks: Mapping[str, Block]
+    #: In the order in which bodies move: robots by name, people and animals by name, weeds.
+    starts: tuple[Start, ...]
+    #: (n, 4), m: x, y, half length along x, half width along y of each fence, trunk and post;
+    #: fences first.
+    walls: np.ndarray
 
     @property
     def row_length(self) -> float:
-        """Length of the rows, m; in a surveyed orchard from the westernmost end of a row to the easternmost one."""
+        """Length of the rows, m.
+
+        In a surveyed orchard it is that from the westernmost end of a row to the easternmost one.
+        """
         return self.scenario.row_length
 
     @property
     def metres_per_bin(self) -> float:
-        """Metres of row that fill a bin. If each row fills one, they are metres of a row of the full length."""
+        """Metres of row that fill a bin.
+
+        If each row fills one, they are metres of a row of the full length.
+        """
         return self.scenario.bin_metres or self.row_length
 
     def passes(self, block: Block) -> list[Pass]:
-        """Return the passes of a picker through its rows. Raises ScenarioError for an order of the user's own that cannot be."""
+        """Return the passes of a picker through its rows.
+
+        Raises ScenarioError for an order of the user's own that cannot be.
+        """
         return passes_in(self.scenario, [(lane.west, lane.east) for lane in self.lanes], block)
 
     @cached_property
     def bins(self) -> int:
         """The number of bins that a harvest fills; of each picker's the last one may be part full."""
-        return sum(one.leaves_bin for block in self.blocks.values() for one in self.passes(block))
+        count = 0
+        for block in self.blocks.values():
+            count += sum(drive.leaves_bin for drive in self.passes(block))
+        return count
 
     @property
     def is_picked_again(self) -> bool:
@@ -132,9 +162,9 @@ class Layout:
     @property
     def mean_length(self) -> float:
         """Mean length of the picked parts of the rows, m."""
-        return (
-            fmean(lane.length for lane in self.lanes) if self.scenario.survey else self.row_length
-        )
+        if self.scenario.survey is None:
+            return self.row_length
+        return fmean(lane.length for lane in self.lanes)
 
     @property
     def row_east(self) -> float:
@@ -173,24 +203,12 @@ class Layout:
 
     @cached_property
     def queue(self) -> Queue:
-        """Where carriers wait: the queue of the scenario's route. Raises ScenarioError if there is no room for it."""
+        """Where carriers wait: the queue of the scenario's route.
+
+        Raises ScenarioError if there is no room for it.
+        """
         scenario = self.scenario
-        name = (
-            scenario.route
-            if scenario.route in QUEUES
-            else getattr(load_plugin("route", scenario.route), "QUEUE", ONE_WAY)
-        )
-        if name not in [*QUEUES]:
-            raise ScenarioError(
-                [
-                    Problem(
-                        "scenario",
-                        f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}",
-                        "route",
-                        scenario.route,
-                    )
-                ]
-            )
+        name = self._queue_name()
         wanted = (
             name,
             scenario.row_length,
@@ -200,20 +218,30 @@ class Layout:
         )
         queue = queue_of(*wanted)
         if queue is None:
-            text = lack_of_room(*wanted)
-            raise ScenarioError(
-                [Problem("scenario", text, "carriers", str(scenario.queue_carriers))]
-            )
+            carriers = str(scenario.queue_carriers)
+            raise ScenarioError([Problem("scenario", lack_of_room(*wanted), "carriers", carriers)])
         return queue
+
+    def _queue_name(self) -> str:
+        """Return the route whose queue is used: an own route names one."""
+        route = self.scenario.route
+        if route in QUEUES:
+            return route
+        name: str = getattr(load_plugin("route", route), "QUEUE", ONE_WAY)
+        if name not in [*QUEUES]:
+            text = f"its QUEUE is {name!r}; must be {' or '.join(QUEUES)}"
+            raise ScenarioError([Problem("scenario", text, "route", route)])
+        return name
 
     @cached_property
     def first_charging(self) -> int:
-        """The number of places of the lines in which carriers wait: beyond them are those in which they charge. 0 without batteries."""
-        return (
-            self.queue.whole_lines(self.scenario.queue_carriers)
-            if self.scenario.has_batteries
-            else 0
-        )
+        """The number of places of the lines in which carriers wait. 0 without batteries.
+
+        The lines in which they charge are beyond them.
+        """
+        if not self.scenario.has_batteries:
+            return 0
+        return self.queue.whole_lines(self.scenario.queue_carriers)
 
     @property
     def queue_places(self) -> int:
@@ -223,11 +251,11 @@ class Layout:
     @cached_property
     def charging_lines(self) -> tuple[float, ...]:
         """y of each line in which carriers charge, m."""
-        return (
-            tuple(self.queue.used(self.queue_places)[len(self.queue.used(self.first_charging)) :])
-            if self.first_charging
-            else ()
-        )
+        if not self.first_charging:
+            return ()
+        waiting = self.queue.used(self.first_charging)
+        both = self.queue.used(self.queue_places)
+        return tuple(both[len(waiting) :])
 
     @property
     def bottom(self) -> float:
@@ -258,72 +286,82 @@ class Layout:
         return self  # it is read-only
 
     def lane(self, number: int) -> Lane:
+        """Return a row's lane. Rows count from 1 at the top."""
         return self.lanes[number - 1]
 
     def beyond(self, row: int, side: str) -> float:
-        """Return the metres from the end of a row to the furthest end of a row on that side, 'east' or 'west'."""
+        """Return the metres from the end of a row to the furthest end of a row on that side.
+
+        `side`: 'east' or 'west'.
+        """
         lane = self.lane(row)
-        return self.row_east - lane.east if side == "east" else lane.west - ROW_WEST
+        if side == "east":
+            return self.row_east - lane.east
+        return lane.west - ROW_WEST
 
     def picking_seconds(self, row: int, metres: float) -> float:
-        """Return the time for which a picker works at some metres of a row, with the mean time for which it stands because it failed, s."""
+        """Return the time for which a picker works at some metres of a row, s.
+
+        It has the mean time for which the picker stands because it failed.
+        """
         return metres / self.lane(row).picking_speed * (1.0 + self.scenario.picking.failure.share)
 
 
 def lay_out(scenario: Scenario) -> Layout:
-    """Return the layout of a scenario. Solid bodies do not overlap, and the same scenario and seed give the same layout.
+    """Return the layout of a scenario.
 
-    The last layouts are kept, because their parts are read-only: a second run of a scenario begins at once.
+    Solid bodies do not overlap, and the same scenario and seed give the same layout. The last
+    layouts are kept, because their parts are read-only: a second run of a scenario begins at once.
+    Raises ScenarioError for what only the layout shows, such as an own rule that cannot be.
     """
     return _laid_out(scenario.model_dump_json())
-
-
-@lru_cache(maxsize=KEPT_LAYOUTS)
-def _laid_out(text: str) -> Layout:
-    scenario = Scenario.model_validate_json(text)
-    lanes, lines = (
-        _alike(scenario) if scenario.survey is None else _surveyed(scenario, scenario.survey)
-    )
-    bare = Layout(
-        scenario,
-        lanes,
-        lines,
-        MappingProxyType(rows_to_pickers(scenario)),
-        starts=(),
-        walls=np.empty((0, 4)),
-    )
-    trunks_and_posts = [
-        (x, line.y, TRUNK / 2, TRUNK / 2)
-        for line in lines
-        for x in sorted(line.trees_x + line.posts_x)
-    ]
-    walls, machines, half = (
-        np.array(_fences(bare) + trunks_and_posts),
-        _machines(bare),
-        FENCE_THICKNESS / 2,
-    )
-    inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
-    rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
-    starts = machines + guests(
-        scenario, machines, walls, inside, rows, keep_off=bare.queue.in_use(bare.queue_places)
-    )
-    starts.sort(
-        key=lambda start: (not KINDS[start.kind].robot, not KINDS[start.kind].solid, start.name)
-    )
-    walls.setflags(write=False)
-    return replace(bare, starts=tuple(starts), walls=walls)
 
 
 Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
 
 
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _laid_out(text: str) -> Layout:
+    scenario = Scenario.model_validate_json(text)
+    if scenario.survey is None:
+        lanes, lines = _alike(scenario)
+    else:
+        lanes, lines = _surveyed(scenario, scenario.survey)
+    bare = Layout(
+        scenario=scenario,
+        lanes=lanes,
+        lines=lines,
+        blocks=MappingProxyType(rows_to_pickers(scenario)),
+        starts=(),
+        walls=np.empty((0, 4)),
+    )
+    walls = np.array(_fences(bare) + _trunks_and_posts(bare))
+    walls.setflags(write=False)
+    machines = _machines(bare)
+    half = FENCE_THICKNESS / 2
+    inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
+    rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
+    keep_off = bare.queue.in_use(bare.queue_places)
+    starts = machines + guests(scenario, machines, walls, inside, rows, keep_off)
+    starts.sort(key=_moving_order)
+    return replace(bare, starts=tuple(starts), walls=walls)
+
+
+def _moving_order(start: Start) -> tuple[bool, bool, str]:
+    """Return what is least for the body that moves first: robots, then people and animals, weeds."""
+    kind = KINDS[start.kind]
+    return not kind.robot, not kind.solid, start.name
+
+
 def _alike(scenario: Scenario) -> Rows:
-    pitch, length, width = scenario.row_width + TRUNK, scenario.row_length, scenario.row_width
-    ys = [TREE_TOP_LINE - (i + 0.5) * pitch for i in range(scenario.rows)]
-    lanes = [
-        Lane(row, y, picking_speed_of(scenario, row), ROW_WEST, length, width)
-        for row, y in enumerate(ys, start=1)
-    ]
+    """Return the lanes and lines of trees of rows that are all alike."""
+    pitch = scenario.row_width + TRUNK
+    length = scenario.row_length
+    lanes = []
+    for number in range(1, scenario.rows + 1):
+        y = TREE_TOP_LINE - (number - 0.5) * pitch
+        speed = picking_speed_of(scenario, number)
+        lanes.append(Lane(number, y, speed, ROW_WEST, length, scenario.row_width))
     lines = [
         TreeLine(TREE_TOP_LINE - i * pitch, ROW_WEST, ROW_WEST + length)
         for i in range(scenario.rows + 1)
@@ -332,69 +370,92 @@ def _alike(scenario: Scenario) -> Rows:
 
 
 def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
-    rows, souths = survey.rows, [row.south for row in survey.rows]
+    """Return the lanes of surveyed rows. A line of trees lies midway between two of them."""
+    souths = [row.south for row in survey.rows]
     between = [(north + south) / 2 for north, south in pairwise(souths)]
-    lines = [2 * souths[0] - between[0], *between, 2 * souths[-1] - between[-1]]
-    ys = [TREE_TOP_LINE - (line - lines[0]) for line in lines]
+    first = 2 * souths[0] - between[0]
+    last = 2 * souths[-1] - between[-1]
+    souths_of_lines = [first, *between, last]
+    ys = [TREE_TOP_LINE - (south - first) for south in souths_of_lines]
     lanes = [
-        _lane(scenario, number, row, row.south - lines[0], ys)
-        for number, row in enumerate(rows, start=1)
+        _lane(scenario, number, row, row.south - first, ys)
+        for number, row in enumerate(survey.rows, start=1)
     ]
-    beside = [lanes[max(0, i - 1) : i + 1] for i in range(len(ys))]
-    ends = [(min(lane.west for lane in near), max(lane.east for lane in near)) for near in beside]
-    return tuple(lanes), tuple(
-        TreeLine(y, *west_and_east) for y, west_and_east in zip(ys, ends, strict=True)
-    )
+    lines = []
+    for i, y in enumerate(ys):
+        beside = lanes[max(0, i - 1) : i + 1]
+        west = min(lane.west for lane in beside)
+        east = max(lane.east for lane in beside)
+        lines.append(TreeLine(y, west, east))
+    return tuple(lanes), tuple(lines)
 
 
 def _lane(
     scenario: Scenario, number: int, row: SurveyedRow, south: float, lines: list[float]
 ) -> Lane:
-    """Return the lane of a surveyed row. `south`: how far it lies south of the first line of trees, m; `lines`: y of all lines, m."""
+    """Return the lane of a surveyed row.
+
+    `south`: how far it lies south of the first line of trees, m; `lines`: y of all lines, m.
+    """
     y = TREE_TOP_LINE - south
-    width = 2 * min(lines[number - 1] - y, y - lines[number]) - TRUNK
+    nearer_side = min(lines[number - 1] - y, y - lines[number])
     return Lane(
-        number, y, picking_speed_of(scenario, number), ROW_WEST + row.start, row.length, width
+        number=number,
+        y=y,
+        picking_speed=picking_speed_of(scenario, number),
+        west=ROW_WEST + row.start,
+        length=row.length,
+        width=2 * nearer_side - TRUNK,
     )
 
 
 def _fences(layout: Layout) -> list[tuple[float, float, float, float]]:
-    low, half = layout.bottom, FENCE_THICKNESS / 2
-    middle, half_height = (layout.top + low) / 2, (layout.top - low) / 2 + half
-    across, half_width = (X_WEST + layout.east) / 2, (layout.east - X_WEST) / 2 + half
-    return [(across, y, half_width, half) for y in (layout.top, low)] + [
-        (x, middle, half, half_height) for x in (X_WEST, layout.east)
-    ]
+    """Return the fences in the north, south, west and east, as boxes of `Layout.walls`."""
+    bottom = layout.bottom
+    half = FENCE_THICKNESS / 2
+    middle_x = (X_WEST + layout.east) / 2
+    middle_y = (layout.top + bottom) / 2
+    half_width = (layout.east - X_WEST) / 2 + half
+    half_height = (layout.top - bottom) / 2 + half
+    along_x = [(middle_x, y, half_width, half) for y in (layout.top, bottom)]
+    along_y = [(x, middle_y, half, half_height) for x in (X_WEST, layout.east)]
+    return along_x + along_y
+
+
+def _trunks_and_posts(layout: Layout) -> list[tuple[float, float, float, float]]:
+    """Return the trees and posts of all lines, as boxes of `Layout.walls`."""
+    boxes = []
+    for line in layout.lines:
+        for x in sorted(line.trees_x + line.posts_x):
+            boxes.append((x, line.y, TRUNK / 2, TRUNK / 2))
+    return boxes
 
 
 def _picker_start(layout: Layout, block: Block) -> Pose:
-    """Return the start of a picker: in the west at the head of its first row; in the east off the roads, where its bin stands on none."""
+    """Return the start of a picker.
+
+    In the west it is at the head of its first row; in the east it is off the roads, where its bin
+    stands on none.
+    """
     lane = layout.lane(block.rows[0])
-    return (
-        Pose(lane.west, lane.y, EAST)
-        if block.start == "west"
-        else Pose(EAST_START + layout.row_length - USUAL_ROW, lane.y, WEST)
-    )
+    if block.start == "west":
+        return Pose(lane.west, lane.y, EAST)
+    return Pose(EAST_START + layout.row_length - USUAL_ROW, lane.y, WEST)
 
 
 def _machines(layout: Layout) -> list[Start]:
+    """Return the starts of pickers, carriers and the tractor, each robot with its bin behind it."""
     robots = [
         ("picker", name, _picker_start(layout, block)) for name, block in layout.blocks.items()
     ]
-    robots += [
-        ("carrier", name_of("carrier", i + 1), layout.queue.place(i))
-        for i in range(layout.scenario.carrier_count)
-    ]
+    for i in range(layout.scenario.carrier_count):
+        robots.append(("carrier", name_of("carrier", i + 1), layout.queue.place(i)))
     starts = []
     for number, (kind, name, pose) in enumerate(robots, start=1):
-        bin_name, behind = (
-            name_of("bin", number),
-            KINDS[kind].tows if pose.yaw == EAST else -KINDS[kind].tows,
-        )
+        bin_name = name_of("bin", number)
+        behind = KINDS[kind].tows if pose.yaw == EAST else -KINDS[kind].tows
         starts.append(Start(name, kind, pose, bin_name))
         starts.append(Start(bin_name, "bin", Pose(pose.x - behind, pose.y, pose.yaw)))
-    return starts + (
-        [Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST))]
-        if layout.scenario.tractor
-        else []
-    )
+    if layout.scenario.tractor:
+        starts.append(Start(name_of("tractor", 1), "tractor", Pose(-45.0, 29.0, EAST)))
+    return starts

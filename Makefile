@@ -102,5 +102,5 @@ site: $(VENV)/installed-docs  ## the documents as a site, in .site/html; it runs
 pictures: $(VENV)/installed-dev  ## docs/orchard.png and docs/exchange.webp, by the viewer itself; needs .ci/apt-packages.txt
 	$(RUN) docs/pictures.py
 
-clean:
-	rm -rf $(VENV) runs .site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist *.egg-info
+clean:  ## what make has made here; recordings and snapshots in runs/ stay
+	rm -rf $(VENV) .site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist *.egg-info

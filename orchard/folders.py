@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -35,10 +36,12 @@ def regular(path: str | Path) -> Path:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file, in place of an old one, so that a kill leaves the old file or the new one. Raises OSError, and leaves nothing then."""
-    beside = path.with_name(
-        f".{path.name}.{os.getpid()}.new"
-    )  # readers of a folder pass over names with a dot
+    """Write a file, in place of an old one, so that a kill leaves the old file or the new one.
+
+    Raises OSError, and leaves nothing then.
+    """
+    # Readers of a folder pass over names with a dot.
+    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         with beside.open("wb") as file:
             file.write(content)
@@ -48,3 +51,12 @@ def write_whole(path: Path, content: bytes) -> None:
     except OSError as error:
         beside.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def half_written(folder: Path, name: str) -> list[Path]:
+    """Return what `write_whole` has left in a folder where a kill has ended it.
+
+    `name`: a regular expression for the names of the whole files. Files of others stay.
+    """
+    left = re.compile(rf"\.(?:{name})\.\d+\.new")
+    return [path for path in folder.glob(".*.new") if left.fullmatch(path.name)]

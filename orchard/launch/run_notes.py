@@ -15,10 +15,13 @@ from pathlib import Path
 
 import msgspec
 
+from orchard.folders import regular
 from orchard.launch.request import RunRequest
 from orchard.launch.terminal import CTRL_C, typed
 from orchard.net.endpoints import BusError
 from orchard.net.lifeline import ALONE_SECONDS, STARTED_BY
+
+LONGEST = 10_000  # characters of a note
 
 
 class RunNote(msgspec.Struct):
@@ -67,19 +70,23 @@ def announced(
 
 
 def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
-    """Return the active runs, sorted by id. Stale notes, whose run.py is gone, are appended to `gone`."""
+    """Return the active runs, sorted by id. Stale notes, whose run.py is gone, go into `gone`.
+
+    A file that holds no note, or that of another run than its name says, is passed over.
+    """
     notes = []
     for path in sorted(folder.glob("*.going")):
-        with (
-            suppress(OSError, msgspec.DecodeError),
-            path.open() as file,
-        ):  # gone meanwhile, or malformed
+        # It may have gone meanwhile, or be no note.
+        with suppress(OSError, ValueError), regular(path).open() as file:
+            note = msgspec.json.decode(file.read(LONGEST), type=RunNote)
+            if note.run != path.stem:
+                continue
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
                 if gone is not None:
                     gone.append(path)
             except BlockingIOError:  # the run holds the lock
-                notes.append(msgspec.json.decode(file.read(), type=RunNote))
+                notes.append(note)
     return notes
 
 

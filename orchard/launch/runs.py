@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from orchard.sim.snapshot import SNAPSHOT, SnapshotError
+from orchard.sim.snapshot import SNAPSHOT, SnapshotError, snapshots_in
 from orchard.view.files import check_recording, is_further_part
 
 LAST = "last"  # for --resume: the run with the newest snapshots
@@ -65,7 +65,7 @@ class Runs:
                 raise SnapshotError(f"{run}: no snapshots of such a run; {expected}")
             return folder
         last = _newest(
-            path for path in self.folder.glob("*.snapshots") if any(path.glob(f"*{suffix}"))
+            path for path in self.folder.glob("*.snapshots") if snapshots_in(path, suffix)
         )
         if last is None:
             raise SnapshotError(

@@ -38,7 +38,7 @@ from orchard.report.summary import (
     unusual_figures,
     write_summary,
 )
-from orchard.sim.snapshot import SNAPSHOT, SnapshotError, newest
+from orchard.sim.snapshot import SNAPSHOT, SnapshotError, newest, snapshots_in
 from orchard.view.files import remove_half_packed
 
 FINISHED, FAILED, BAD_INPUT = 0, 1, 2  # exit codes
@@ -199,7 +199,7 @@ def report(request: RunRequest, result: dict[str, Any] | None, why: str) -> int:
     recording, folder = request.recording, request.snapshots
     code = _report_result(request, result, why)
     if why == "harvested" or request.options.replay:  # what a bag drives cannot go on without it
-        for snapshot in folder.glob(f"*{SNAPSHOT}"):  # keyframes stay, for forks
+        for snapshot in snapshots_in(folder, SNAPSHOT):  # keyframes stay, for forks
             snapshot.unlink(missing_ok=True)
     elif folder.is_dir():
         with suppress(SnapshotError):  # none is usable

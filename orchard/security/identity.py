@@ -4,7 +4,6 @@ import importlib
 import json
 import logging
 import re
-import shutil
 import socket
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -23,6 +22,7 @@ log = logging.getLogger("orchard")
 ROLE, ACCESS = "role.json", "access.json"  # a role's files
 SIMULATION = "simulation"  # what a bridge may control, beside robots
 HOME = "authority"  # the authority's own directory
+FILES = (ROLE, ACCESS, CERTIFICATE, KEY, AUTHORITY)  # all that is in these directories
 LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
 SECONDS = 3.0  # time that the other side has for each step, when a process finds out why it cannot connect
 _NAME = re.compile(
@@ -281,21 +281,47 @@ def _refuse_repeats(words: Sequence[str], why: str) -> None:
 
 
 def _make_room(folder: Path, anew: bool) -> None:
-    """Make an empty directory that only its owner can read. With `anew`, remove what an earlier call made there."""
-    made = [
-        path
-        for path in folder.glob("*/")
-        if (path / ROLE).is_file() or (path.name == HOME and (path / CERTIFICATE).is_file())
-    ]
+    """Make an empty directory that only its owner can read.
+
+    With `anew`, remove what an earlier call made there. Raises ValueError if anything else is there.
+    """
+    made = [path for path in folder.glob("*") if _is_made_here(path)]
     if made and not anew:
         raise ValueError(
             f"{folder}: it has an authority already; --anew replaces it, and makes the old certificates invalid"
         )
-    if folder.exists() and not set(folder.iterdir()) <= set(made):
+    if folder.exists() and (others := sorted(set(folder.iterdir()) - set(made))):
         raise ValueError(
-            f"{folder}: it has other files; expected a directory that is empty or does not exist yet"
+            f"{folder}: it has other files, such as {others[0].name}; "
+            "expected a directory that is empty or does not exist yet"
         )
+    _refuse_additions(made)
     for path in made:
-        shutil.rmtree(path)
+        for file in path.iterdir():
+            file.unlink()
+        path.rmdir()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.chmod(0o700)
+
+
+def _is_made_here(path: Path) -> bool:
+    """Whether a path is the directory of a role, under its own name, or that of an authority."""
+    if path.is_symlink() or not path.is_dir():
+        return False
+    if path.name == HOME:
+        return (path / CERTIFICATE).is_file()
+    try:
+        return role_in(path).name == path.name
+    except ValueError:
+        return False
+
+
+def _refuse_additions(directories: Iterable[Path]) -> None:
+    """Raise ValueError if somebody has put more into these directories than `make` writes."""
+    for path in directories:
+        for file in sorted(path.iterdir()):
+            if file.name not in FILES or not file.is_file():
+                raise ValueError(
+                    f"{file}: `orchard secure` did not make it, and --anew would remove it; "
+                    "move it elsewhere first"
+                )

@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Meta
 
 from orchard.contract.messages import Written, pack, unpack
-from orchard.folders import regular, write_whole
+from orchard.folders import half_written, regular, write_whole
 
 VERSION = 9
 HEAD = b"orchard snapshot %d\n"
@@ -25,6 +25,8 @@ STEM, SNAPSHOT, KEYFRAME = (
     ".keyframe",
 )  # keyframes stay: from each of them a run can be forked
 RUN = "run"  # file: the id of the run that writes its snapshots into the folder
+# The names of its snapshots and keyframes, as a regular expression.
+NAMES = rf"tick-\d{{9,}}(?:{re.escape(SNAPSHOT)}|{re.escape(KEYFRAME)})"
 
 
 class SnapshotError(Exception):
@@ -64,19 +66,31 @@ def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
 
 
 def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
-    """Write a file of `as_file` into a run's folder, remove those that it outdates, and return its path. Raises OSError."""
+    """Write a file of `as_file` into a run's folder, and return its path. Raises OSError.
+
+    What it outdates is removed, and what a process has left that was killed while it wrote.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path, others = folder / name, list[Path]()
     if run_of(folder) != run:
-        others = [old for old in folder.glob("tick-*") if old != path]
+        others = [old for old in snapshots_in(folder) if old != path]
         write_whole(folder / RUN, run.encode())
     write_whole(path, content)
-    for old in [
-        *(others or _outdated(path)),
-        *folder.glob("*.new"),
-    ]:  # the latter of a process that was killed while it wrote
+    for old in (*(others or _outdated(path)), *half_written(folder, f"{NAMES}|{RUN}")):
         old.unlink(missing_ok=True)
     return path
+
+
+def snapshots_in(folder: Path, *suffixes: str) -> list[Path]:
+    """Return the snapshots and keyframes of a folder, or those with these suffixes, in any order.
+
+    Files with names that the program does not give are others' and are left out.
+    """
+    return [
+        path
+        for path in folder.glob("tick-*")
+        if re.fullmatch(NAMES, path.name) and (not suffixes or path.suffix in suffixes)
+    ]
 
 
 def _outdated(path: Path) -> list[Path]:
@@ -161,11 +175,8 @@ def newest(
 
 def ticks_of(folder: Path) -> list[int]:
     """Return the ticks of which a folder has a keyframe or a snapshot, which may be damaged."""
-    stems = {path.stem.removeprefix("tick-") for path in _newest_first(folder, KEYFRAME, SNAPSHOT)}
-    return sorted(int(tick) for tick in stems if tick.isdecimal())
+    return sorted({int(path.stem.removeprefix("tick-")) for path in snapshots_in(folder)})
 
 
 def _newest_first(folder: Path, *suffixes: str) -> list[Path]:
-    return sorted(
-        (path for suffix in suffixes for path in folder.glob(f"tick-*{suffix}")), reverse=True
-    )
+    return sorted(snapshots_in(folder, *suffixes), reverse=True)

@@ -1,5 +1,6 @@
 """The folder of a run's tables: its files, whether a run may write there, and how tables grow in it."""
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,11 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from orchard.field.scenario import Scenario
-from orchard.folders import write_whole
+from orchard.folders import half_written, write_whole
 from orchard.report.summary import UNITS
 from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
 
+PART = r"\d{6,}\.parquet"  # regular expression: the names of a table's files in its folder
 MOST_ROWS = 50_000  # of a file; the newest is written again until it has as many
 # Columns of numbers that seldom come again: their bytes compress better in planes.
 PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
@@ -35,7 +37,7 @@ class GrowingTable:
         """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
         self.schema, self._folder = schema, folder
         folder.mkdir(parents=True, exist_ok=True)
-        for torn in folder.glob("*.new"):  # of a program that was killed while it wrote
+        for torn in half_written(folder, PART):
             torn.unlink()
         self._remove_from(until)
         self._number = max((int(part.stem) for part in files_of(folder)), default=0) + 1
@@ -71,13 +73,19 @@ class GrowingTable:
 
 
 def files_of(table: Path) -> list[Path]:
-    """Return the files of a table, in the order of their rows: itself, or those in its folder."""
-    return [table] if table.is_file() else sorted(table.glob("*.parquet"))
+    """Return the files of a table, in the order of their rows: itself, or those in its folder.
+
+    Files that a user has put beside these are not of the table.
+    """
+    if table.is_file():
+        return [table]
+    return sorted(path for path in table.glob("*.parquet") if re.fullmatch(PART, path.name))
 
 
 SCENARIO = b"orchard.scenario"  # in the metadata of each file: the scenario as JSON
 GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}  # while the run goes on
 AT_THE_END = {"calls": CALLS, "exchanges": EXCHANGES}
+SUMMARY = "summary"
 
 
 def path_of(folder: Path, table: str) -> Path:
@@ -86,12 +94,15 @@ def path_of(folder: Path, table: str) -> Path:
 
 
 def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> None:
-    """Make the folder. `tick`: at which a resumed run goes on. Raises OSError, or ValueError for tables there."""
+    """Make the folder. `tick`: at which a resumed run goes on.
+
+    Raises OSError, or ValueError for tables there. A run that is resumed goes on with its own ones.
+    """
     instead = "; --table DIR names another folder"
-    if files_of(path_of(folder, "bodies")):
-        if tick is None:
-            raise ValueError(f"{folder}: tables of a run are there, and are not replaced{instead}")
+    if tick is not None and files_of(path_of(folder, "bodies")):
         _check_tables(folder, scenario, tick, instead)
+    else:
+        _check_empty(folder, instead)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".orchard"
@@ -101,6 +112,16 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
         raise OSError(
             f"{folder}: tables cannot be written there: {error.strerror}{instead}"
         ) from error
+
+
+def _check_empty(folder: Path, instead: str) -> None:
+    """Raise ValueError if a folder has anything in the place of a table."""
+    names = [name for name in (*GROWING, *AT_THE_END, SUMMARY) if path_of(folder, name).exists()]
+    if names and files_of(path_of(folder, "bodies")):
+        raise ValueError(f"{folder}: tables of a run are there, and are not replaced{instead}")
+    if names:
+        there = path_of(folder, names[0])
+        raise ValueError(f"{there}: it has the name of a table, and is not replaced{instead}")
 
 
 def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> None:
@@ -113,7 +134,7 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
         raise ValueError(f"{there} cannot be read: {error}{instead}") from error
     if msgspec.json.decode(told) != msgspec.json.decode(scenario.model_dump_json()):
         raise ValueError(f"{there} are of another scenario{instead}")
-    if last != tick and path_of(folder, "summary").exists():
+    if last != tick and path_of(folder, SUMMARY).exists():
         raise ValueError(
             f"{there} are of a run that ended at tick {last}, and this one goes on at tick {tick}: its rows would be lost{instead}"
         )
@@ -133,7 +154,7 @@ def last_tick(folder: Path) -> int:
 def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
     """Write the summary of a run beside its other tables. Return what is wrong with these, as missing rows."""
     try:
-        write_table(path_of(folder, "summary"), as_table(summary))
+        write_table(path_of(folder, SUMMARY), as_table(summary))
         last = last_tick(folder)
     except (OSError, pa.ArrowException) as error:
         return [

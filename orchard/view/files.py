@@ -33,9 +33,10 @@ def packing(path: Path) -> Path:
 
 
 def remove_half_packed(path: Path) -> None:
-    """Delete what processes that were killed while they packed the parts of a recording have left."""
+    """Delete what processes have left that were killed while they packed a recording's parts."""
     for whole in parts_of(path):
-        packing(whole).unlink(missing_ok=True)
+        if _may_be_replaced(packing(whole)):
+            packing(whole).unlink(missing_ok=True)
 
 
 def is_recording(path: Path) -> bool:
@@ -48,8 +49,16 @@ def _head_of(path: Path) -> bytes:
         return file.read(len(HEAD))
 
 
+def _may_be_replaced(path: Path) -> bool:
+    """Whether there is nothing in the place of a recording but a recording, or an empty file."""
+    return not path.exists() or (path.is_file() and _head_of(path) in (HEAD, b""))
+
+
 def check_recording(path: Path) -> None:
-    """Raise ValueError for a file that a recording must not replace: by its name, or by its contents."""
+    """Raise ValueError for files that a recording must not replace, by their names or contents.
+
+    Its further parts, and the copies that are made to pack it, are such files too.
+    """
     if path.suffix != ".rrd":
         raise ValueError(
             f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}"
@@ -58,10 +67,13 @@ def check_recording(path: Path) -> None:
         raise ValueError(
             f"{path}: a further part of another recording has such a name; expected one without .part and a number"
         )
-    if path.is_file() and _head_of(path) not in (HEAD, b""):
-        raise ValueError(
-            f"{path}: this file is no recording, and is not replaced; expected another name, or a recording"
-        )
+    parts = parts_of(path) or [path]
+    for file in (*parts, *map(packing, parts)):
+        if not _may_be_replaced(file):
+            raise ValueError(
+                f"{file}: this file is no recording, and is not replaced; "
+                "expected another name, or a recording"
+            )
 
 
 def remove_further_parts(path: Path) -> None:

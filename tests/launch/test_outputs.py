@@ -15,9 +15,11 @@ from fleet import Process
 from patience import PATIENCE
 
 from orchard.launch.options import COMMANDS, NETWORK, ORCHARD, OUTPUT, RUN
+from orchard.launch.run_notes import end_left_over
 from orchard.launch.runs import Runs, check_writable
 from orchard.launch.terminal import exit_on_errors
 from orchard.sim.snapshot import SnapshotError
+from orchard.view.files import remove_half_packed
 
 GROUPS = (ORCHARD, RUN, OUTPUT, NETWORK)
 SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
@@ -71,7 +73,7 @@ def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
         (tmp_path / f"{name}.snapshots").mkdir()
     with pytest.raises(SnapshotError, match="no run there to resume"):
         Runs(tmp_path).snapshots("last")
-    (tmp_path / "first.snapshots" / "tick-00000005.snapshot").touch()
+    (tmp_path / "first.snapshots" / "tick-000000005.snapshot").touch()
     assert Runs(tmp_path).snapshots("last") == tmp_path / "first.snapshots"
 
 
@@ -99,6 +101,41 @@ def test_a_recording_replaces_no_file_that_is_none(name, told, tmp_path):
     with pytest.raises(ValueError, match=told):
         Runs(tmp_path).recording(str(notes))
     assert notes.read_text() == "a year's work"
+
+
+@pytest.mark.parametrize("name", ["run.part2.rrd", "run.rrd.packing", "run.part2.rrd.packing"])
+def test_a_recording_replaces_no_file_with_the_name_of_a_part(name, recording, tmp_path):
+    for part in ("run.rrd", "run.part2.rrd"):
+        (tmp_path / part).write_bytes(recording.read_bytes())
+    (tmp_path / name).write_text("a year's work")
+    with pytest.raises(ValueError, match=f"{name}: this file is no recording, and is not replaced"):
+        Runs(tmp_path).recording(str(tmp_path / "run.rrd"))
+    remove_half_packed(tmp_path / "run.rrd")
+    assert (tmp_path / name).read_text() == "a year's work"
+
+
+def test_a_half_packed_recording_goes(recording, tmp_path):
+    (tmp_path / "run.rrd").write_bytes(recording.read_bytes())
+    half = tmp_path / "run.rrd.packing"
+    half.write_bytes(recording.read_bytes()[:100])
+    assert Runs(tmp_path).recording(str(tmp_path / "run.rrd")) == tmp_path / "run.rrd"
+    remove_half_packed(tmp_path / "run.rrd")
+    assert not half.exists()
+
+
+OF_OTHERS = {
+    "trip.going": "Monday: to the orchard",
+    "walk.going": '{"run": "another", "endpoint": "tcp/127.0.0.1:9"}',
+    "list.going": "[]",
+}
+
+
+def test_only_notes_of_runs_are_cleared_away(tmp_path):
+    for name, text in OF_OTHERS.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "gone.going").write_text('{"run": "gone", "endpoint": "tcp/127.0.0.1:9"}')
+    assert not end_left_over(tmp_path, print)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == OF_OTHERS
 
 
 def test_a_recording_replaces_one_and_an_empty_file(recording, tmp_path):
@@ -148,7 +185,7 @@ def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_n
 ):
     packer, summary, runs = tmp_path / "packer", tmp_path / "summary.json", tmp_path / "runs"
     packer.write_text(
-        f"#!/bin/sh\nfor last; do :; done\necho half > $last\nexec {sys.executable} -c 'import time; time.sleep(600)'\n"
+        f"#!/bin/sh\nfor last; do :; done\necho RRF2 and half of it > $last\nexec {sys.executable} -c 'import time; time.sleep(600)'\n"
     )
     packer.chmod(0o755)
     monkeypatch.setenv("RERUN_CLI_PATH", str(packer))

@@ -54,6 +54,31 @@ def test_an_authority_is_not_overwritten_unasked(tmp_path):
     assert not (path / "agents_2").exists()
 
 
+def test_roles_made_anew_leave_what_somebody_has_put_beside_them(tmp_path):
+    assert secured(tmp_path, "--rows", 3, "--hosts", 1).exit_code == 0
+    for folder in ("agents_1", "authority"):
+        diary = tmp_path / folder / "diary.txt"
+        diary.write_text("dear diary")
+        done = secured(tmp_path, "--rows", 3, "--anew")
+        assert done.exit_code == 2
+        assert f"{diary}: `orchard secure` did not make it" in done.stderr
+        assert diary.read_text() == "dear diary"
+        diary.unlink()
+
+
+@pytest.mark.parametrize(
+    "role", ['{"role": "web server"}', '{"name": "web", "duty": 1}', "no JSON"]
+)
+def test_a_folder_with_a_role_of_another_program_stays(role, tmp_path):
+    assert secured(tmp_path, "--rows", 3, "--hosts", 1).exit_code == 0
+    (tmp_path / "web").mkdir()
+    (tmp_path / "web" / "role.json").write_text(role)
+    done = secured(tmp_path, "--rows", 3, "--anew")
+    assert done.exit_code == 2
+    assert "it has other files, such as web" in done.stderr
+    assert (tmp_path / "web" / "role.json").read_text() == role
+
+
 def test_each_agent_gets_a_role_however_long_its_name_is(tmp_path):
     (tmp_path / "own.yaml").write_text(f"agents_without_body: {{{LONGEST}: my_package.Weather}}")
     done = secured(tmp_path / "roles", tmp_path / "own.yaml", "--hosts", "each")

@@ -58,16 +58,72 @@ def test_kernels_are_there_once_some_of_these_sources_are_kept(tmp_path, monkeyp
     assert cache.are_compiled()
 
 
-def test_kernels_of_other_sources_go_once_no_program_has_used_them_for_a_day(tmp_path):
+def folder_of_kernels(above, digit: str):
+    """The folder of kernels of other sources: the program names it by a hash of them."""
+    return above / f"kernels-{digit * 16}"
+
+
+def test_kernels_of_other_sources_go_after_a_day_without_use(tmp_path):
     now = time.time()
-    folders = {name: tmp_path / f"kernels-{name}" for name in ("old", "loaded", "new", "own")}
+    folders = {digit: folder_of_kernels(tmp_path, digit) for digit in "0123"}
+    old, loaded, new, own = folders.values()
     for folder in folders.values():
         KernelFiles(folder).keep("scan.nbc", CODE)
-    for name, folder in folders.items():
-        os.utime(folder, (now, now if name == "new" else now - cache.UNUSED_SECONDS - 60.0))
-    assert KernelFiles(folders["loaded"]).load("scan.nbc") == CODE
-    KernelFiles(folders["own"]).keep("laser.nbc", CODE)
-    assert {name for name, folder in folders.items() if folder.exists()} == {"loaded", "new", "own"}
+    (old / ".laser.nbc.4711.new").write_bytes(CODE)  # of a process that was killed
+    for folder in (old, loaded, own):
+        os.utime(folder, (now, now - cache.UNUSED_SECONDS - 60.0))
+    assert KernelFiles(loaded).load("scan.nbc") == CODE
+    KernelFiles(own).keep("laser.nbc", CODE)
+    assert {folder for folder in folders.values() if folder.exists()} == {loaded, new, own}
+
+
+def with_a_name_of_their_own(folder):
+    folder.rename(folder.with_name("kernels-thesis"))
+
+
+def without_the_mark(folder):
+    (folder / cache.MARK).unlink()
+
+
+def with_another_text_as_mark(folder):
+    (folder / cache.MARK).write_text("My thesis is about compiled kernels.")
+
+
+def with_a_chapter(folder):
+    (folder / "chapter1.tex").write_text("Kernels are small programs.")
+
+
+def with_a_folder(folder):
+    (folder / "figures.nbc").mkdir()
+
+
+def as_a_link(folder):
+    folder.rename(folder.with_name("thesis"))
+    folder.symlink_to("thesis")
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        with_a_name_of_their_own,
+        without_the_mark,
+        with_another_text_as_mark,
+        with_a_chapter,
+        with_a_folder,
+        as_a_link,
+    ],
+)
+def test_a_folder_that_may_be_the_users_stays_as_it_is(changed, tmp_path):
+    folder = folder_of_kernels(tmp_path, "a")
+    KernelFiles(folder).keep("scan.nbc", CODE)
+    changed(folder)
+    long_ago = time.time() - 100 * cache.UNUSED_SECONDS
+    for path in tmp_path.iterdir():
+        os.utime(path, (long_ago, long_ago))
+    before = sorted(tmp_path.rglob("*"))
+    own = folder_of_kernels(tmp_path, "b")
+    KernelFiles(own).keep("laser.nbc", CODE)
+    assert sorted({*tmp_path.rglob("*")} - {own, *own.iterdir()}) == before
 
 
 def test_torn_and_changed_kernels_are_compiled_anew_in_the_same_run_and_said_in_one_line(kept):
@@ -154,7 +210,7 @@ def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, capl
             writer.wait()
     assert [writer.returncode for writer in writers] == [0, 0]
     assert caplog.records == []
-    assert [path.name for path in tmp_path.iterdir()] == ["a.nbc"]
+    assert {path.name for path in tmp_path.iterdir()} == {"a.nbc", cache.MARK}
 
 
 @pytest.mark.soak

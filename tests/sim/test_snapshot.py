@@ -88,6 +88,18 @@ def test_the_first_snapshot_of_another_run_takes_the_place_of_one_of_the_same_ti
     assert newest(written, []).run == "other" and len(list(written.glob("tick-*"))) == 1
 
 
+def test_files_of_a_user_beside_snapshots_stay(written):
+    names = ("tick-notes.txt", "tick-12.snapshot", "holiday.snapshot", "notes.new")
+    for name in names:
+        (written / name).write_text("a year's work")
+    (written / ".tick-000000011.snapshot.4711.new").write_text("half a snapshot")
+    other = local_at(13).snapshot()
+    other.run = "other"
+    path = store(*as_file(other), written, "other")
+    assert {file.name for file in files(written)} == {*names, path.name, "run"}
+    assert newest(written, []).tick == 13
+
+
 def test_snapshots_of_another_run_are_passed_over_and_named_even_if_they_are_most_and_newest(
     tmp_path,
 ):

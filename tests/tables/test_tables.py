@@ -308,6 +308,29 @@ def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
     assert (tmp_path / "tables" / "bodies.parquet" / "000001.parquet").read_bytes() == before
 
 
+@pytest.mark.parametrize("name", ["events", "messages", "calls", "exchanges", "summary"])
+def test_a_file_with_the_name_of_a_table_is_refused_and_kept(name, tmp_path):
+    own = tmp_path / f"{name}.parquet"
+    own.write_text("a year's work")
+    with pytest.raises(ValueError, match=rf"{name}.parquet: it has the name of a table"):
+        check_folder(tmp_path, SMALL)
+    with pytest.raises(ValueError, match="--table DIR names another folder"):
+        check_folder(tmp_path, SMALL, 5)
+    assert own.read_text() == "a year's work"
+
+
+def test_files_of_a_user_beside_the_rows_of_a_table_stay(tmp_path):
+    table = tmp_path / "bodies.parquet"
+    local = Local(SMALL)
+    run(local, tmp_path, 20).close()
+    names = ("notes.new", ".notes.txt.12.new", "notes.parquet")
+    for name in names:
+        (table / name).write_text("a year's work")
+    run(Local.resume(local.snapshot()), tmp_path, 30).close()
+    assert [(table / name).read_text() for name in names] == ["a year's work"] * 3
+    assert last_tick(tmp_path) == 30
+
+
 def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path):
     run(Local(SMALL), tmp_path, 5).close()
     done = python("-m", "orchard.processes.physics", "--table", tmp_path, code=2)

@@ -3,18 +3,23 @@
 import hashlib
 import logging
 import os
-import shutil
+import re
 import time
 from contextlib import suppress
 from pathlib import Path
 
-from orchard.folders import write_whole
+from orchard.folders import half_written, regular, write_whole
 
 COMPILING = "compiling for this machine; this is done once and takes up to a minute"
-UNUSED_SECONDS = (
-    24 * 3600.0
-)  # after which the kernels of other sources are removed; a program that runs now may still load them
+# After so long without use, the kernels of other sources are removed. A program that runs now may
+# still load them.
+UNUSED_SECONDS = 24 * 3600.0  # s
 DIGEST = 32  # bytes of the SHA-256 of name and code, with which each file begins
+FOLDER = re.compile(r"kernels-[0-9a-f]{16}")  # the names of folders of kernels
+MARK = "made-by-the-orchard.txt"  # a file that tells a folder of kernels from a folder of the user
+MARKED = b"""The Orchard keeps its compiled kernels in this folder.
+It removes the folder when no program has used it for a day.
+"""
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
@@ -48,11 +53,35 @@ def are_compiled() -> bool:
 
 
 def _remove_unused(own: Path) -> None:
-    """Remove the folders beside a program's own one that no program has used for UNUSED_SECONDS. Another process may do so too."""
+    """Remove the folders of kernels beside a program's own one that nothing has used for so long.
+
+    Another process may do so at the same time.
+    """
     for folder in own.parent.glob("kernels-*"):
-        with suppress(FileNotFoundError):
-            if folder != own and time.time() - folder.stat().st_mtime > UNUSED_SECONDS:
-                shutil.rmtree(folder, ignore_errors=True)
+        with suppress(OSError):
+            is_unused = time.time() - folder.stat().st_mtime > UNUSED_SECONDS
+            if folder != own and is_unused and _is_made_here(folder):
+                _remove(folder)
+
+
+def _is_made_here(folder: Path) -> bool:
+    """Whether a folder has the name and the mark of a folder of kernels, and nothing else in it."""
+    if not FOLDER.fullmatch(folder.name) or folder.is_symlink():
+        return False
+    if regular(folder / MARK).read_bytes() != MARKED:
+        return False
+    return set(folder.iterdir()) == {folder / MARK, *_kernels_in(folder)}
+
+
+def _kernels_in(folder: Path) -> list[Path]:
+    return [*folder.glob("*.nbc"), *half_written(folder, r".+\.nbc")]
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder of kernels. What somebody adds meanwhile stays, and so does its folder."""
+    for path in (*_kernels_in(folder), folder / MARK):
+        path.unlink(missing_ok=True)
+    folder.rmdir()
 
 
 def _digest(name: str, code: bytes) -> bytes:
@@ -91,6 +120,8 @@ class KernelFiles:
         """Write the code of a kernel, and remove kernels of other sources. If that fails, it is logged once for all files."""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
+            if not (self._folder / MARK).exists():
+                write_whole(self._folder / MARK, MARKED)
             write_whole(self._folder / name, _digest(name, code) + code)
             _remove_unused(self._folder)
         except OSError as error:

@@ -7,7 +7,7 @@ QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockst
  $(patsubst %,tests/contract/test_%.py,read_only zones) \
  $(patsubst %,tests/sim/test_%.py,deeds invariants movement picking repeatable scan snapshot)
 RUN := $(VENV)/bin/python
-INSTALL := .ci/install $(VENV) --constraint constraints.txt --editable
+INSTALL := bash .ci/install $(VENV) --constraint constraints.txt --editable
 
 unexport PYTHONDONTWRITEBYTECODE  # each of hundreds of processes would compile all its modules
 
@@ -31,7 +31,7 @@ $(VENV)/installed-study: $(VENV)/installed
 	touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
-	$(INSTALL) '.[app,secure,study,optimum,gym,survey,ros2-export,dev]'
+	$(INSTALL) '.[app,secure,study,optimum,gym,survey,ros2-export,dev]' --editable bridges/ros2 --editable bridges/vda5050
 	touch $@ $(VENV)/installed-app $(VENV)/installed-study
 
 $(VENV)/installed-docs: $(VENV)/installed
@@ -69,13 +69,13 @@ quick: $(VENV)/installed-dev  ## the tests that tell most, in at most 90 s
 	$(RUN) -m pytest --numprocesses 2 --dist loadfile $(QUICK)
 
 ecosystem: $(VENV)/installed-dev  ## the tests against ROS 2 and other software, each in an environment of its own
-	.ci/ecosystem
+	bash .ci/ecosystem
 
 pythons: $(VENV)/installed-dev  ## the core of the tests on every other Python from 3.11 on that is here
-	.ci/pythons
+	bash .ci/pythons
 
 package: $(VENV)/installed-dev $(VENV)/installed-release  ## wheel and source archive: built, checked, installed and run outside the tree; its SBOM and licences, in dist/
-	.ci/package
+	bash .ci/package
 
 soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
 	$(RUN) -m pytest -m soak

@@ -4,6 +4,13 @@ What users need is imported from here: `from orchard import Scenario, Local, Act
 name is imported when it is first used, so an agent's process does not load Rerun, and local mode does not load Zenoh.
 """
 
+from pathlib import Path
+
 import lazy_loader
+
+_here = Path(__file__).parent
+if not (_here / "processes").is_dir():
+    # In a clone, `orchard.processes` and `orchard.config` are folders at the top level.
+    __path__.append(str(_here.parent))
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

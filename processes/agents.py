@@ -116,7 +116,7 @@ def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
     agents = made(options.agents, layout, names)  # only these: a class may end its process
     if options.replay is not None:
-        from orchard_ros2.bags.replay import (
+        from orchard.bags.replay import (
             read_commands,
             replayed,
         )  # not at the top: its packages are an extra

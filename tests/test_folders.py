@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from orchard_ros2.bags.replay import read_commands
 from patience import PATIENCE
 
 from orchard.app.runs_view import past_runs
+from orchard.bags.replay import read_commands
 from orchard.field.geojson import import_rows
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import load

@@ -6,7 +6,7 @@ from pathlib import Path
 from orchard.field.scenario import Scenario, load, parse
 
 DEFAULT = "orchard"  # the name of the scenario that a run has if none is given
-_CONFIG = files("orchard").joinpath("config")
+_CONFIG = files("orchard.config")
 
 
 def names() -> list[str]:

@@ -167,7 +167,7 @@ def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
 def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
     """The scenario of a bag, unless a file is given. A bag may come from others: its code must be asked for."""
     with terminal.needs_extra("A bag", "ros2-export"):
-        from orchard_ros2.bags.replay import check_robots, read_commands
+        from orchard.bags.replay import check_robots, read_commands
     commands = read_commands(bag)
     if commands.scenario is None or chosen.scenario:
         scenario = _scenario(chosen.scenario, chosen.changes)
@@ -345,7 +345,7 @@ def view(recording: options.Recording = None, web: options.Browser = None) -> No
 def export(chosen: ExportOptions) -> None:
     """Make a bag of ROS 2 from a recording, with all its parts: clock, transforms, odometry and velocities of the robots."""
     with terminal.needs_extra("A bag", "ros2-export"):
-        from orchard_ros2.bags.command import export_bag
+        from orchard.launch.bag import export_bag
     raise typer.Exit(
         export_bag(
             _recording(chosen.recording), chosen.mcap, chosen.robots or [], chosen.with_scans

@@ -121,7 +121,7 @@ def run(
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
     if request.options.replay is None:
         return None
-    from orchard_ros2.bags.replay import (
+    from orchard.bags.replay import (
         read_commands,
         replayed,
     )  # not at the top: its packages are an extra

@@ -11,6 +11,7 @@ from orchard.field.survey import Survey
 from orchard.folders import write_whole
 from orchard.launch import options
 from orchard.launch.terminal import exit_on_errors, needs_extra, own_classes_run, print_line
+from orchard.roads.export import export_map
 
 
 def write_scenario(
@@ -31,8 +32,6 @@ def write_scenario(
 
 def write_map(lif: options.NewMap, scenario: options.File = None) -> None:
     """Write the roads of an orchard as a map for fleet control, in the layout interchange format (LIF) of the VDMA."""
-    from orchard_vda5050.export import export_map
-
     with own_classes_run(), exit_on_errors(ScenarioError, OSError):
         print_line(f"{lif}: {export_map(lay_out(load_or_shipped(scenario)), lif)}")
 

@@ -13,13 +13,15 @@ from command_line import orchard
 from hypothesis import given
 from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
-from orchard_ros2 import messages, topics
-from orchard_ros2.bags import drives
-from orchard_ros2.bags import export as bags
-from orchard_ros2.bags.command import check_bag, export_bag, lacks
-from orchard_ros2.bags.drives import RecordingError, ranges_of, read_drives
-from orchard_ros2.bags.export import Bag, chosen, export
-from orchard_ros2.bags.replay import (
+from rosbags.highlevel import AnyReader
+
+from orchard.agents.catalogue import make_agents
+from orchard.bags import drives
+from orchard.bags import export as bags
+from orchard.bags.drives import RecordingError, ranges_of, read_drives
+from orchard.bags.export import Bag, chosen, export
+from orchard.bags.plain import messages, topics
+from orchard.bags.replay import (
     KEPT_TICKS,
     SCENARIO,
     Commands,
@@ -27,13 +29,11 @@ from orchard_ros2.bags.replay import (
     read_commands,
     replayed,
 )
-from rosbags.highlevel import AnyReader
-
-from orchard.agents.catalogue import make_agents
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
+from orchard.launch.bag import check_bag, export_bag, lacks
 from orchard.launch.commands import app
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
@@ -247,7 +247,7 @@ def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, mon
     for name in [
         name
         for name in sys.modules
-        if name.startswith(("rosbags", "orchard_ros2.bags", "orchard_ros2.bags.command"))
+        if name.startswith(("rosbags", "orchard.bags", "orchard.launch.bag"))
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)

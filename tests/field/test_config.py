@@ -14,7 +14,7 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes
 from orchard.field.shipped import load_or_shipped
 
-CONFIG = Path(__file__).parents[2] / "orchard" / "config"
+CONFIG = Path(__file__).parents[2] / "config"
 
 
 def test_the_default_file_says_exactly_the_defaults() -> None:

@@ -35,7 +35,7 @@ def small_disk(tmp_path):
 def harvest(
     disk: Path, seconds: float, *arguments: object, **streams: object
 ) -> subprocess.CompletedProcess:
-    scenario = ROOT / "orchard" / "config" / "orchard.yaml"
+    scenario = ROOT / "config" / "orchard.yaml"
     command = [
         sys.executable,
         ROOT / "run.py",

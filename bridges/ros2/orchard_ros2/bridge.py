@@ -18,11 +18,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from orchard_ros2 import bodies, cdr, deeds, field, messages, topics, wire
+from orchard_ros2 import deeds, wire
 from orchard_ros2.client import PREFIX, Client, Heard, Refused
-from orchard_ros2.messages import Message
+from orchard_ros2.plain import bodies, cdr, field, messages, topics
+from orchard_ros2.plain.messages import Message
+from orchard_ros2.plain.topics import QoS, Topic
 from orchard_ros2.role import MADE_BY, role_in
-from orchard_ros2.topics import QoS, Topic
 
 GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
 NO_TF2 = "tf2_msgs cannot be imported: /tf and /tf_static are not published. Install ROS 2's package tf2_msgs, and source its setup"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
-from orchard_ros2.bodies import kind_of
+from orchard_ros2.plain.bodies import kind_of
 from orchard_ros2.wire import state_of
 
 Pose = Mapping[str, Any]  # the Orchard's message `pose`

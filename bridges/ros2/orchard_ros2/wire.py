@@ -5,9 +5,9 @@ from array import array
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from orchard_ros2 import messages, topics
-from orchard_ros2.messages import Message
-from orchard_ros2.topics import Topic
+from orchard_ros2.plain import messages, topics
+from orchard_ros2.plain.messages import Message
+from orchard_ros2.plain.topics import Topic
 
 State = tuple[float, float, float, float, float, float, float]
 View = tuple[Topic, Callable[[str, Mapping[str, Any]], Message]]

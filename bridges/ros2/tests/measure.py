@@ -14,8 +14,8 @@ import psutil
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from orchard_ros2 import topics
 from orchard_ros2.bridge import profile, type_of
+from orchard_ros2.plain import topics
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 

@@ -6,8 +6,8 @@ import pytest
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from orchard_ros2 import topics
 from orchard_ros2.bridge import profile
+from orchard_ros2.plain import topics
 
 ERRING = """
 rows: 3

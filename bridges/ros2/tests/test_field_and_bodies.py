@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from orchard_ros2 import bodies, field, topics
+from orchard_ros2.plain import bodies, field, topics
 
 ROOT = Path(__file__).parents[3]
 coordinates = st.floats(-60.0, 60.0)

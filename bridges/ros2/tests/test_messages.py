@@ -12,8 +12,9 @@ import numpy
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from orchard_ros2 import cdr, messages, topics, wire
-from orchard_ros2.messages import Message
+from orchard_ros2 import wire
+from orchard_ros2.plain import cdr, messages, topics
+from orchard_ros2.plain.messages import Message
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 

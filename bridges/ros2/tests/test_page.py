@@ -21,8 +21,8 @@ from conftest import (
     wait_until_it_says,
 )
 from nav_msgs.msg import Odometry
-from orchard_ros2 import topics
-from orchard_ros2.topics import Topic
+from orchard_ros2.plain import topics
+from orchard_ros2.plain.topics import Topic
 
 
 def test_the_commands_and_the_node_drive_the_robot(tmp_path):

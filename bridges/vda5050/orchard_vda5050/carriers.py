@@ -9,10 +9,10 @@ from orchard.agents.steps import Deliver, TakeBin, Unload
 from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
-from orchard_vda5050.actions import DROP, HAND_OVER, PICK, UNLOAD
+from orchard.roads.actions import DROP, HAND_OVER, PICK, UNLOAD
+from orchard.roads.graph import BAY, QUEUE, Graph
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver
-from orchard_vda5050.graph import BAY, QUEUE, Graph
 from orchard_vda5050.order import ActionOrder, Node, Parameter
 from orchard_vda5050.vehicle import ON_A_NODE, Port, Timing, Vehicle
 

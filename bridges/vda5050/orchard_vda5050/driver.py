@@ -13,10 +13,10 @@ from msgspec.structs import replace
 from orchard import DriveTo, Mail, Observation, OneWay, PlanExecutor, Step
 from orchard.agents.steps import Need
 from orchard.field.scenario import TIME_STEP
+from orchard.roads.actions import WITH_THE_BIN
+from orchard.roads.graph import Graph
 from orchard_vda5050 import order as orders
-from orchard_vda5050.actions import WITH_THE_BIN
 from orchard_vda5050.calls import Calls
-from orchard_vda5050.graph import Graph
 from orchard_vda5050.order import ActionOrder, ActionState, Edge, Error, Node, OrderState, Rejected
 
 ACTION_SECONDS = 300.0  # after which an action that is not done has failed

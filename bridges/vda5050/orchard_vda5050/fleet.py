@@ -9,13 +9,14 @@ from orchard.agents.policies import POLICIES
 from orchard.agents.routes import ROUTES
 from orchard.contract.guard import Guard
 from orchard.field.kinds import DISPATCH, kind_of
+from orchard.roads.pickers import graphs_of
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.carriers import CarrierVehicle
 from orchard_vda5050.desk import Desk
 from orchard_vda5050.line import Broker, Line, Notices, broker_at
 from orchard_vda5050.messages import connection_of, factsheet_of
 from orchard_vda5050.network import Network
-from orchard_vda5050.pickers import PickerVehicle, graphs_of
+from orchard_vda5050.pickers import PickerVehicle
 from orchard_vda5050.vehicle import Port, Timing
 
 VEHICLES: Mapping[str, type[CarrierVehicle | PickerVehicle]] = {

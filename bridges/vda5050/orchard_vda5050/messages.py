@@ -10,9 +10,9 @@ import msgspec
 from orchard import Observation
 from orchard.field.kinds import KINDS
 from orchard.field.scenario import TIME_STEP
-from orchard_vda5050.actions import ACTIONS, IGNORED, INSTANT, Action
-from orchard_vda5050.graph import Graph
-from orchard_vda5050.lif import MAP, series
+from orchard.roads.actions import ACTIONS, IGNORED, INSTANT, Action
+from orchard.roads.graph import Graph
+from orchard.roads.lif import MAP, series
 from orchard_vda5050.order import LARGEST, LONGEST_ID, ActionState, Edge, Error, Node, OrderState
 
 Message = dict[str, Any]

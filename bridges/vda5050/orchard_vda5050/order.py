@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from orchard_vda5050.actions import ACTIONS, IGNORED, Action
-from orchard_vda5050.graph import Graph
-from orchard_vda5050.graph import Node as Place
-from orchard_vda5050.lif import MAP
+from orchard.roads.actions import ACTIONS, IGNORED, Action
+from orchard.roads.graph import Graph
+from orchard.roads.graph import Node as Place
+from orchard.roads.lif import MAP
 
 LONGEST_ID = 200  # characters of the name of an order or an action
 LONGEST_TOLD = 300  # characters of what an error says or refers to

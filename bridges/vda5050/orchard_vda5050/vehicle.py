@@ -16,12 +16,12 @@ from orchard.contract.agent import LARGEST_MEMORY
 from orchard.contract.messages import Answer
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
+from orchard.roads.actions import INSTANT
+from orchard.roads.graph import Graph
+from orchard.roads.lif import edge_id
 from orchard_vda5050 import order as orders
-from orchard_vda5050.actions import INSTANT
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver, Duty, Onward
-from orchard_vda5050.graph import Graph
-from orchard_vda5050.lif import edge_id
 from orchard_vda5050.messages import Message, Status, factsheet_of, state_of, visualization_of
 from orchard_vda5050.order import (
     ActionOrder,

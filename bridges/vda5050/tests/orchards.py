@@ -5,11 +5,12 @@ from itertools import count
 
 from master import Master
 from orchard_vda5050.calls import Calls
-from orchard_vda5050.fleet import agents_of, graphs_of
-from orchard_vda5050.lif import lif_of
+from orchard_vda5050.fleet import agents_of
 from orchard_vda5050.vehicle import Timing
 
 from orchard import Local, Scenario
+from orchard.roads.lif import lif_of
+from orchard.roads.pickers import graphs_of
 from orchard.sim.lookahead import Lookahead
 
 HEADER = {"timestamp": "2026-01-01T00:00:00.000Z", "version": "3.0.0", "manufacturer": "orchard"}

@@ -1,12 +1,12 @@
 """The roads as nodes and edges, and as a LIF map that others read."""
 
 import pytest
-from orchard_vda5050.graph import BAY, graph_of
-from orchard_vda5050.lif import lif_of
-from orchard_vda5050.pickers import graph_of_pickers
 from vdma_lif.models import LIFLayoutCollection
 
 from orchard import Carrier, Picker, Scenario, lay_out
+from orchard.roads.graph import BAY, graph_of
+from orchard.roads.lif import lif_of
+from orchard.roads.pickers import graph_of_pickers
 
 LAYOUT = lay_out(Scenario(rows=4, pickers=2))
 SCENARIOS = [

@@ -5,11 +5,11 @@ from functools import reduce
 
 import pytest
 from orchard_vda5050 import order as orders
-from orchard_vda5050.graph import graph_of
 from orchard_vda5050.order import OrderState, Rejected
-from orchard_vda5050.pickers import graph_of_pickers
 
 from orchard import Carrier, Scenario, lay_out
+from orchard.roads.graph import graph_of
+from orchard.roads.pickers import graph_of_pickers
 
 LAYOUT = lay_out(Scenario(rows=3, pickers=2))
 GRAPH = graph_of(LAYOUT, Carrier(LAYOUT, "carrier_01").route)

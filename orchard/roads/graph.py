@@ -12,9 +12,12 @@ from math import hypot, inf
 
 from msgspec import structs
 
-from orchard import DriveTo, Face, Layout, OneWay, Pose, Side, Step
-from orchard.agents.steps import Free, Need
+from orchard.agents.robot import Step
+from orchard.agents.route import OneWay, Side
+from orchard.agents.steps import DriveTo, Face, Free, Need
+from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout
 
 BAY = "bay"
 QUEUE = "queue/"  # the beginning of the names of the queue's nodes

@@ -11,6 +11,8 @@ from msgspec.structs import replace
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
+from orchard.bags.plain import messages
+from orchard.bags.plain import topics as known
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.messages import FASTEST
 from orchard.field.geometry import Twist
@@ -18,13 +20,11 @@ from orchard.field.kinds import VEHICLES, kind_of
 from orchard.field.problems import printable
 from orchard.field.scenario import Scenario, check
 from orchard.folders import regular
-from orchard_ros2.messages import TICK_NANOSECONDS
-from orchard_ros2.topics import CMD_VEL, CMD_VEL_UNSTAMPED, LATCHED, Topic
 
-SCENARIO = Topic("orchard/scenario", "std_msgs/msg/String", LATCHED)  # as JSON
+SCENARIO = known.Topic("orchard/scenario", "std_msgs/msg/String", known.LATCHED)  # as JSON
 A_BAG = "a bag of ROS 2: an .mcap file, or the folder of a bag with its metadata.yaml"
 KEPT_TICKS = 5  # steps that one velocity drives a robot, as advice on the network: 0.5 s
-VELOCITIES = {CMD_VEL.type, CMD_VEL_UNSTAMPED.type}
+VELOCITIES = {known.CMD_VEL.type, known.CMD_VEL_UNSTAMPED.type}
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _velocity_of(message: Any, time: int) -> tuple[int, Twist]:
     twist = getattr(message, "twist", message)
     stamp = message.header.stamp if hasattr(message, "header") else None
     nanoseconds = stamp.sec * 10**9 + stamp.nanosec if stamp is not None else time
-    return -(-nanoseconds // TICK_NANOSECONDS), Twist(
+    return -(-nanoseconds // messages.TICK_NANOSECONDS), Twist(
         twist.linear.x, twist.linear.y, twist.angular.z
     )
 

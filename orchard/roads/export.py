@@ -4,10 +4,10 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
-from orchard import Layout
+from orchard.field.layout import Layout
 from orchard.folders import write_whole
-from orchard_vda5050.lif import lif_of
-from orchard_vda5050.pickers import graphs_of
+from orchard.roads.lif import lif_of
+from orchard.roads.pickers import graphs_of
 
 
 def export_map(layout: Layout, file: Path) -> str:

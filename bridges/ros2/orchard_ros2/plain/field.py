@@ -4,8 +4,8 @@ from array import array
 from collections.abc import Sequence
 from math import ceil, floor
 
-from orchard_ros2 import messages
-from orchard_ros2.messages import Message
+from . import messages
+from .messages import Message
 
 RESOLUTION = 0.1  # m, the side of a cell
 OCCUPIED = 100

@@ -21,18 +21,13 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from orchard.bags.drives import STILL, Drives, State, ranges_of
+from orchard.bags.plain import bodies, cdr, field, messages, topics
+from orchard.bags.replay import SCENARIO
 from orchard.contract.events import Velocities
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, VEHICLES, kind_of, select_agents
 from orchard.field.layout import lay_out
 from orchard.view.recorder import SCAN_BEAMS
-from orchard_ros2 import messages, topics
-from orchard_ros2.bags.drives import STILL, Drives, State, ranges_of
-from orchard_ros2.bags.replay import SCENARIO
-from orchard_ros2.bodies import description
-from orchard_ros2.cdr import encoded
-from orchard_ros2.field import grid_of
-from orchard_ros2.messages import TICK_NANOSECONDS, Message
-from orchard_ros2.topics import QoS, Topic
 
 VERSION: Literal[9] = 9  # of a bag's metadata: that of ROS 2 Jazzy
 NEVER = QosTime(
@@ -52,15 +47,15 @@ class Bag(AbstractContextManager["Bag"]):
         )
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
-        self._connections: dict[tuple[Topic, str], Connection] = {}
+        self._connections: dict[tuple[topics.Topic, str], Connection] = {}
 
-    def write(self, topic: Topic, robot: str, tick: int, message: Message) -> None:
+    def write(self, topic: topics.Topic, robot: str, tick: int, message: messages.Message) -> None:
         """Write a message at the time of a tick. `robot`: '' for a topic of no robot."""
         connection = self._connections.get((topic, robot)) or self._connect(topic, robot)
-        self._writer.write(connection, tick * TICK_NANOSECONDS, encoded(message))
+        self._writer.write(connection, tick * messages.TICK_NANOSECONDS, cdr.encoded(message))
         self.count += 1
 
-    def _connect(self, topic: Topic, robot: str) -> Connection:
+    def _connect(self, topic: topics.Topic, robot: str) -> Connection:
         name = "/" + topic.of(robot).removeprefix("/")
         made = self._writer.add_connection(
             name, topic.type, typestore=self._store, offered_qos_profiles=[_qos(topic.qos)]
@@ -81,7 +76,7 @@ class Bag(AbstractContextManager["Bag"]):
                 written.replace(self._file)
 
 
-def _qos(qos: QoS) -> Qos:
+def _qos(qos: topics.QoS) -> Qos:
     reliability = QosReliability.RELIABLE if qos.reliable else QosReliability.BEST_EFFORT
     durability = QosDurability.TRANSIENT_LOCAL if qos.latched else QosDurability.VOLATILE
     return Qos(
@@ -126,10 +121,12 @@ def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> i
 def _begin(bag: Bag, drives: Drives, robots: Sequence[str]) -> None:
     first = drives.first
     bag.write(SCENARIO, "", first, messages.text(drives.scenario.model_dump_json()))
-    bag.write(topics.GRID, "", first, grid_of(lay_out(drives.scenario.without_code).walls.tolist()))
+    bag.write(
+        topics.GRID, "", first, field.grid_of(lay_out(drives.scenario.without_code).walls.tolist())
+    )
     for name in robots:
         kind = KINDS[kind_of(name)]
-        shape = description(
+        shape = bodies.description(
             name, (kind.length, kind.width, kind.height), kind.colour, kind.laser.ahead
         )
         bag.write(topics.ROBOT_DESCRIPTION, name, first, messages.text(shape))

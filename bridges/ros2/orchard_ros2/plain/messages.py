@@ -11,7 +11,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from orchard_ros2 import topics
+from . import topics
 
 TICKS_PER_SECOND = 10
 TICK_NANOSECONDS = 10**9 // TICKS_PER_SECOND

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from orchard_vda5050.actions import ACTIONS
-from orchard_vda5050.graph import BAY, Edge, Graph, Node
+from orchard.roads.actions import ACTIONS
+from orchard.roads.graph import BAY, Edge, Graph, Node
 
 VERSION = "1.0.0"
 MAP = "orchard"  # the mapId of all nodes

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from xml.etree import ElementTree as Xml
 
-from orchard_ros2 import topics
+from . import topics
 
 
 def kind_of(name: str) -> str:

@@ -6,11 +6,11 @@ from typing import Any
 
 from rich.progress import track
 
+from orchard.bags.drives import Drives, RecordingError, read_drives
+from orchard.bags.export import chosen, export
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP
 from orchard.launch.terminal import FINISHED, console, exit_on_errors, print_error, print_line
-from orchard_ros2.bags.drives import Drives, RecordingError, read_drives
-from orchard_ros2.bags.export import chosen, export
 
 HEAD = b"\x89MCAP0\r\n"  # with which each MCAP file begins
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from struct import Struct
 from typing import Any
 
-from orchard_ros2.messages import Message, UInt8
+from .messages import Message, UInt8
 
 HEAD = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
 OF_FLOAT32 = {

@@ -77,13 +77,18 @@ With prices in the scenario it is the number with the least cost of a bin:
 prices: {{picker_per_hour: 25, carrier_per_hour: 8}}        # in your currency
 ```
 
-If you name numbers (`--vary carriers=1..8`), and the best is the last one, the answer begins with "At least".
+If you name numbers (`--vary carriers=1..8`), and the best is the last one, the answer begins with "At least". If it is the first one, and
+the runs tell it from the others, the answer begins with "At most".
 
 ## How sure it is
 
 All settings have the same seeds, as many in each line, so the same rows are slow in all of them. `behind` is by how much the best mean is
 ahead of a setting, on the same seeds. A setting has `=` only if the whole interval of that is within 2 %. It has `?` if the runs do not
-tell, and the answer says how much longer would: "not enough runs to tell 4 from 5: 40 s more would".
+tell, and the answer says how much longer would: "not enough runs to tell 4 from 5: 40 s more would". A setting whose limit without
+traffic is more than 2 % behind the best mean has no mark, because no run exceeds the limit. After one run `behind` has no interval.
+
+The first runs are those of the ends of each range. The next ones halve its gaps, until each setting has a run. If the time ends before
+that, the answer says how many settings have not run, and nothing of what lies beyond the range.
 
 The study looks after 5, 10, 20, 40 and 80 replications. It ends when nothing is undecided, or when its time is used (`--budget`, 5 min). A
 setting on the very edge of 2 % keeps its `?`: it is no longer undecided when its difference is known to 1 % by itself. All

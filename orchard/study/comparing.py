@@ -4,6 +4,9 @@ A setting is *equal* to the best if the whole interval of its paired difference 
 interval is larger, and *unknown* else: too few runs are no equality. The intervals are Student's. Bonferroni's rule shares 1 - confidence
 among the settings and the LOOKS, so all of them hold together, at whichever look a study ends. An unknown setting is no longer undecided
 when its difference is known to half of what is worth it: one on the very edge would take runs for ever, and either word is as good.
+
+A setting is *worse* too if its limit without traffic is behind the best mean by what is worth it.
+No run exceeds the limit, so more runs could tell nothing else.
 """
 
 import math
@@ -49,12 +52,15 @@ class Comparison:
     robots: Mapping[int, int]  # of each setting: as few as possible
     ahead: Mapping[int, float]  # the lead of the best mean, as a share of the setting's own mean
     leads: Mapping[int, Interval | None]  # with its interval; None: the runs do not tell
+    top: int  # the setting with the best mean
+    #: Those whose limit is behind the best mean by what is worth it.
+    limited: Collection[int] = ()
 
     @property
     def best(self) -> int:
         """The answer: of those that are as good as the best mean, one with the fewest robots."""
         return min(
-            (i for i, lead in self.ahead.items() if lead < self.within),
+            (i for i, lead in self.ahead.items() if lead < self.within and i not in self.limited),
             key=lambda i: (self.robots[i], self.ahead[i]),
         )
 
@@ -68,6 +74,8 @@ class Comparison:
 
     def standing(self, i: int) -> Standing:
         lead = self.leads[i]
+        if i in self.limited:
+            return "worse"
         if lead is None:
             return "unknown"
         if -self.within < lead.low and lead.high < self.within:
@@ -116,8 +124,12 @@ def compare(
     confidence: float,
     within: float,
     without_chance: Collection[int] = (),
+    limits: Mapping[int, float] | None = None,
 ) -> Comparison:
-    """Compare settings by their values on the same seeds, as many of each. `without_chance`: those of which all seeds give the same.
+    """Compare settings by their values on the same seeds, as many of each.
+
+    `without_chance`: those of which all seeds give the same. `limits`: the best mean that a setting
+    can have, as far as that is known.
 
     Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign test: 2 / 2**n must be small.
     """
@@ -137,4 +149,20 @@ def compare(
             if is_sure or np.ptp(differences) > 0.0
             else None
         )
-    return Comparison(len(samples[top]), within, confidence, error, robots, ahead, leads)
+    best_mean = float(np.mean(samples[top]))
+    limited = [
+        i
+        for i, limit in (limits or {}).items()
+        if i != top and sign * (best_mean - limit) >= within * abs(limit)
+    ]
+    return Comparison(
+        count=len(samples[top]),
+        within=within,
+        confidence=confidence,
+        error=error,
+        robots=robots,
+        ahead=ahead,
+        leads=leads,
+        top=top,
+        limited=limited,
+    )

@@ -91,6 +91,13 @@ class Replications:
             return self.settings[i].cost_per_bin(record.bins_per_hour) or 0.0
         return record.sim_seconds if self.goal == "harvest_seconds" else record.bins_per_hour
 
+    def limit(self, i: int, record: RunRecord) -> float:
+        """Return the best value of the goal that the limit without traffic allows a run."""
+        rate = record.bound_bins_per_hour
+        if self.goal == "cost_per_bin":
+            return self.settings[i].cost_per_bin(rate) or 0.0
+        return 3600.0 * record.bins / rate if self.goal == "harvest_seconds" else rate
+
     def sample(self, i: int, model: Model, count: int) -> list[float]:
         """Return the values of the goal by seed. The one run of a setting without chance stands for all seeds."""
         values = [self.value(i, record) for record in self.known(i, model)[:count]]

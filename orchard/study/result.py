@@ -57,6 +57,8 @@ class Row:
     lead: (
         Interval | None
     )  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
+    #: The same without an interval: one run tells it. None: this is the best mean, or it jammed.
+    behind: float | None = None
     check: Check | None = None
     proven_seconds: float | None = (
         None  # no harvest without traffic is shorter; None: it is not about harvests, or nothing is proven
@@ -82,9 +84,9 @@ class StudyResult:
     wall_seconds: float
     stopped_by: StoppedBy  # why no more replications were made
     undecided: list[dict[str, Any]]  # settings that more runs may show to be the answer
-    seconds_needed: (
-        float | None
-    )  # about how much longer that takes; None: longer than a study goes on, or nothing is undecided
+    #: About how much longer that takes, or a run of each setting that has none. None: longer than a
+    #: study goes on, or nothing is undecided.
+    seconds_needed: float | None
     beyond: dict[
         str, Any
     ]  # values that were not tried, and may be better, because the best is the last one that was
@@ -93,6 +95,8 @@ class StudyResult:
     ]  # what the budget did not allow, what jammed, where fast and full model disagree
     version: str
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs
+    #: Settings that are asked for, and have no run yet. One of them may be the best.
+    not_run: list[dict[str, Any]] = field(default_factory=list)
 
     @property
     def best_row(self) -> Row | None:

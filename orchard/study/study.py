@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from orchard.agents.catalogue import check_plugins
@@ -38,6 +38,7 @@ from orchard.study.settings import (
     numbered,
     settings_of,
 )
+from orchard.study.spread import number_beyond, spread
 from orchard.study.store import Store
 from orchard.study.words import answer, counted, orchard_words
 from orchard.study.workers import Workers, processes, scheduled
@@ -252,7 +253,7 @@ class _Study:
     def _replicate(self, count: int, until: float) -> bool:
         """Do so many replications of all settings that do not jam. Return whether all are done."""
         while True:
-            is_whole = self.runs.do(self._alive(), self.model, count, until)
+            is_whole = self.runs.do(self._in_order(), self.model, count, until)
             if not is_whole or not (self.is_open and self._add_numbers()):
                 return is_whole
 
@@ -267,6 +268,12 @@ class _Study:
     def _alive(self) -> list[int]:
         jammed = self.jammed
         return [i for i in range(len(self.settings)) if i not in jammed]
+
+    def _in_order(self) -> list[int]:
+        """Return the settings that do not jam, those first that tell most of the whole range."""
+        alive = set(self._alive())
+        order = spread(self.varied, [setting.values for setting in self.settings])
+        return [i for i in order if i in alive]
 
     def _add_numbers(self) -> bool:
         """Add numbers of carriers if the answer so far needs them. Return whether it does."""
@@ -283,16 +290,20 @@ class _Study:
         return bool(more)
 
     def _is_wide(self, found: Comparison) -> bool:
-        """Whether the rate of a setting that is alone is not narrow enough."""
-        if len(self.settings) > 1 or not self.settings[found.best].is_random:
+        """Whether the rate of the best setting is not known well enough.
+
+        It needs the runs of the first look. If the setting is alone, its interval must be narrow.
+        """
+        if not self.settings[found.best].is_random:
+            return False
+        if found.count < LOOKS[0]:
+            return True
+        if len(found.leads) > 1:
             return False
         one = interval(
             self.runs.sample(found.best, self.model, found.count), self.options.confidence
         )
-        return (
-            found.count < LOOKS[0]
-            or not 0.0 < one.high - one.mean <= self.options.within * one.mean
-        )
+        return not 0.0 < one.high - one.mean <= self.options.within * one.mean
 
     # -- what they tell
 
@@ -307,10 +318,29 @@ class _Study:
             default=1,
         )
         samples = {i: self.runs.sample(i, self.model, count) for i in shown}
-        is_max, robots = self.goal == "bins_per_hour", {i: self._robots(i) for i in shown}
         return compare(
-            samples, robots, is_max, self.options.confidence, self.options.within, without_chance
+            samples,
+            robots={i: self._robots(i) for i in shown},
+            is_max=self.goal == "bins_per_hour",
+            confidence=self.options.confidence,
+            within=self.options.within,
+            without_chance=without_chance,
+            limits={i: self._limit(i, count) for i in shown if self._has_limit(i)},
         )
+
+    def _has_limit(self, i: int) -> bool:
+        """Whether no run of a setting can exceed its limit.
+
+        It is the limit of a long run by built-in classes. One harvest begins with full batteries.
+        """
+        scenario = self.settings[i].scenario
+        is_long = self.options.horizon == "long" or not scenario.has_batteries
+        return is_long and not scenario.own_classes
+
+    def _limit(self, i: int, count: int) -> float:
+        """The best mean that a setting can have on the first seeds, without traffic."""
+        records = self.runs.known(i, self.model)[:count]
+        return fmean(self.runs.limit(i, record) for record in records)
 
     def _robots(self, i: int) -> int:
         """How many robots a setting has, of which few are good; 0 if their cost is in the goal."""
@@ -320,6 +350,7 @@ class _Study:
     def _result(self) -> StudyResult:
         found = self._found()
         shown = sorted([*(found.leads if found else ()), *self.jammed], key=self._place)
+        missing = [i for i in range(len(self.settings)) if i not in shown]
         undecided = found.undecided if found else []
         records = self.runs.records.values()
         result = StudyResult(
@@ -336,10 +367,11 @@ class _Study:
             wall_seconds=time.time() - self.begun,
             stopped_by=self.stopped_by,
             undecided=[self.settings[i].values for i in undecided],
-            seconds_needed=self._seconds_needed(found) if found else None,
-            beyond=self._beyond(self.settings[found.best]) if found else {},
+            seconds_needed=self._seconds_needed(found, missing) if found else None,
+            # A setting that has not run may be better than the last one that has.
+            beyond=self._beyond(self.settings[found.best]) if found and not missing else {},
             notes=[
-                *self._about(shown),
+                *self._about(shown, missing),
                 *self._no_room(found),
                 *self._row_ends(found),
                 *self._part_full(found),
@@ -350,6 +382,7 @@ class _Study:
             violations=sorted(
                 {line for record in records for line in record.violations.splitlines()}
             ),
+            not_run=[self.settings[i].values for i in sorted(missing, key=self._place)],
         )
         return replace(result, answer=answer(result))
 
@@ -369,11 +402,14 @@ class _Study:
             row,
             standing=stands,
             lead=found.leads[i],
+            behind=None if i == found.top else found.ahead[i],
             check=self.checks.get(i),
             proven_seconds=self.proven.get(i),
         )
 
-    def _seconds_needed(self, found: Comparison) -> float | None:
+    def _seconds_needed(self, found: Comparison, missing: Sequence[int]) -> float | None:
+        if missing:
+            return self.runs.seconds_for(missing, self.model, 1)
         needed = found.replications_needed() if found.undecided else None
         return (
             None
@@ -382,39 +418,31 @@ class _Study:
         )
 
     def _beyond(self, best: Setting) -> dict[str, Any]:
-        """The next value after the last one that was tried of a key, if the best has that, and it is possible."""
+        """Return the next value of each key of which the best setting has the last one tried.
+
+        A value that the scenario cannot have is left out.
+        """
         beyond = {}
         for key, values in self.varied.items():
-            numbers = sorted(
-                value
-                for value in values
-                if isinstance(value, int | float) and not isinstance(value, bool)
-            )
-            steps = (
-                {numbers[-1]: 1, numbers[0]: -1}
-                if len(numbers) == len(values) > (1 if key == CARRIERS else 2)
-                else {}
-            )
-            if steps and (step := steps.get(best.values[key])):  # a section is no key of a map
-                following = best.values[key] + step * min(
-                    after - before for before, after in pairwise(numbers)
-                )
-                if not settings_of(
-                    self.scenario,
-                    {one: [value] for one, value in (best.values | {key: following}).items()},
-                )[1]:
-                    beyond[key] = following
+            following = number_beyond(values, best.values[key])
+            if following is not None and self._is_possible(best.values | {key: following}):
+                beyond[key] = following
         return beyond
+
+    def _is_possible(self, values: Mapping[str, Any]) -> bool:
+        """Whether the scenario can have these values. `values`: dotted path -> value."""
+        _, problems = settings_of(self.scenario, {key: [value] for key, value in values.items()})
+        return not problems
 
     # -- its notes
 
-    def _about(self, shown: Sequence[int]) -> list[str]:
+    def _about(self, shown: Sequence[int], missing: Sequence[int]) -> list[str]:
         notes = []
         if not any(setting.is_random for setting in self.settings):
             notes.append(
                 "nothing in these settings is random, so one run of each stands for all seeds"
             )
-        if missing := [i for i in range(len(self.settings)) if i not in shown]:
+        if missing:
             why = (
                 "the study was stopped before"
                 if self.stopped_by == "stopped"

@@ -18,7 +18,7 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "bins/h": lambda row: _interval(row.bins_per_hour) or "jammed",
     "harvest, s": lambda row: _interval(row.harvest_seconds),
     "a bin": lambda row: _interval(row.cost_per_bin),
-    "behind, %": lambda row: _lead(row.lead),
+    "behind, %": lambda row: _behind(row),
     "wait, s": lambda row: f"{row.picker_waiting_seconds:.0f}",
     "busy": lambda row: f"{100.0 * row.carrier_utilisation:.0f} %",
     "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
@@ -28,9 +28,10 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
 }
 MARKS: dict[Standing, str] = {"best": "*", "equal": "=", "unknown": "?", "worse": "", "jammed": ""}
 MEANING = (
-    "* the answer; = within {within:g} % of the best, for certain; ? the runs do not tell. {runs} of each by the {model}, on the same "
-    "seeds; ± interval of {confidence:g} % confidence. behind: the best. wait: of a picker for an empty bin. busy: carriers outside the "
-    "queue. bound: the limit without traffic, and what sets it."
+    "* the answer; = within {within:g} % of the best, for certain; ? the runs do not tell. "
+    "{runs} of each by the {model}, on the same seeds; ± interval of {confidence:g} % confidence. "
+    "behind: the best mean, which has -. wait: of a picker for an empty bin. "
+    "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
 OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and how far above it this one is."
 CHECKED = " checked: by the simulator."
@@ -124,13 +125,14 @@ def _cell(head: str, row: Row) -> str:
     )
 
 
-def _lead(lead: Interval | None) -> str:
-    """How far behind the best a setting is, in percent, to a tenth."""
-    return (
-        f"{100.0 * lead.mean:.1f} ±{100.0 * (lead.high - lead.mean):.1f}"
-        if lead is not None and lead.mean
-        else ""
-    )
+def _behind(row: Row) -> str:
+    """How far behind the best mean a setting is, in percent, to a tenth; '' of the best mean."""
+    if row.behind is None:
+        return ""
+    figure = f"{100.0 * row.behind:.1f}"
+    if row.lead is None:
+        return figure
+    return f"{figure} ±{100.0 * (row.lead.high - row.lead.mean):.1f}"
 
 
 def _interval(interval: Interval | None) -> str:

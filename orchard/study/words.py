@@ -154,20 +154,11 @@ def answer(result: StudyResult) -> str:
     if not result.table:
         return "No setting has been run yet."
     if (best := result.best_row) is None:
-        what = (
-            setting_words(result.table[0].setting)
-            if len(result.table) == 1
-            else f"All {len(result.table)} settings"
-        )
-        return f"{what} jammed: some robots waited for ever."
-    further = [value > best.setting[key] for key, value in result.beyond.items()]
-    is_range = (
-        further and result.beyond.keys() == {*ROBOTS} & best.setting.keys() and not result.undecided
-    )
-    shown = f"{('At least ' if any(further) else 'At most ') if is_range else ''}{setting_words(best.setting)}"
+        return _all_jammed(result)
     parts = [
-        f"{shown}: {_figures(best, result)}",
+        f"{_best_words(best, result)}: {_figures(best, result)}",
         _optimum(best),
+        _not_run(result),
         _end(result),
         _alike(result),
         _undecided(result),
@@ -176,6 +167,48 @@ def answer(result: StudyResult) -> str:
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
     return f"{'; '.join(filter(None, parts))}. {orchard}."
+
+
+def _all_jammed(result: StudyResult) -> str:
+    """That no setting of the table has a harvest."""
+    if len(result.table) == 1:
+        settings = setting_words(result.table[0].setting)
+    else:
+        settings = f"All {len(result.table)} settings"
+    parts = [f"{settings} jammed: some robots waited for ever", _not_run(result)]
+    return f"{'; '.join(filter(None, parts))}."
+
+
+def _best_words(best: Row, result: StudyResult) -> str:
+    """The best setting. An end of a range comes first: 'At least 8 pickers, 3 carriers'."""
+    ends = dict[str, str]()
+    for key, value in result.beyond.items():
+        if value > best.setting[key]:
+            ends[key] = "at least"
+        elif not result.undecided:
+            ends[key] = "at most"
+    parts = [f"{word} {setting_words({key: best.setting[key]})}" for key, word in ends.items()]
+    rest = {key: value for key, value in best.setting.items() if key not in ends}
+    if rest or not parts:
+        parts.append(setting_words(rest))
+    words = ", ".join(parts)
+    return words[0].upper() + words[1:] if ends else words
+
+
+def _not_run(result: StudyResult) -> str:
+    """What is asked for and has no run yet: then nothing is said of what lies beyond."""
+    if not result.not_run:
+        return ""
+    count = len(result.not_run)
+    all_of_them = count + len(result.table)
+    some = setting_words(result.not_run[0])
+    if count == 1:
+        words = f"1 of {all_of_them} settings has not run, {some}, and may be better"
+    else:
+        words = f"{count} of {all_of_them} settings have not run, such as {some}, and may be better"
+    if result.seconds_needed is None:
+        return words
+    return f"{words}: {max(1, ceil(result.seconds_needed)):,} s more would run each once"
 
 
 def _figures(best: Row, result: StudyResult) -> str:
@@ -212,7 +245,8 @@ def _end(result: StudyResult) -> str:
 def _alike(result: StudyResult) -> str:
     """What is as good as the best."""
     equal = [row.setting for row in result.table if row.standing == "equal"]
-    if not equal or result.best is None or result.beyond or result.undecided:
+    is_open = result.beyond or result.undecided or result.not_run
+    if not equal or result.best is None or is_open:
         return ""
     key, within = _only_difference([result.best, *equal]), f"{100.0 * result.within:g} %"
     if (lead := result.best_row and result.best_row.lead) and lead.high > result.within:
@@ -235,7 +269,7 @@ def _undecided(result: StudyResult) -> str:
     others = [one for one in result.undecided if one != result.best] or [
         row.setting for row in result.table if row.standing == "equal"
     ]
-    if not result.undecided or result.best is None or not others:
+    if not result.undecided or result.best is None or not others or result.not_run:
         return ""
     key = _only_difference([result.best, *others])
     names = [value_words(one[key]) if key else _one(one) for one in others]

@@ -99,10 +99,38 @@ ANSWERS = [
     ),
     (
         of(
-            replace(LONE, setting={"carriers": 1, "picking_rate": 2.0}),
-            beyond={"picking_rate": 2.5},
+            replace(LONE, setting={"carriers": 1, "chargers": 2}),
+            beyond={"chargers": 3},
         ),
-        "1 carrier, picking rate 2: 84.1 bins an hour; the range is too small, as picking rate 2.5 may be better.",
+        "At least chargers 2, 1 carrier: 84.1 bins an hour; the range is too small, as chargers 3 may be better.",
+    ),
+    (
+        of(
+            replace(LONE, setting={"pickers": 2, "carriers": 5, "dispatch": "nearest"}),
+            beyond={"pickers": 1, "carriers": 6},
+        ),
+        "At most 2 pickers, at least 5 carriers, nearest: 84.1 bins an hour; the range is too small, "
+        "as 1 picker and 6 carriers may be better.",
+    ),
+    (
+        of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=39.2, beyond={"carriers": 11}),
+        "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers may be better; "
+        "not enough runs to tell 9 from 10: 40 s more would.",
+    ),
+    (
+        of(NINE, TEN, unsure=(TEN,), seconds_needed=39.2, beyond={"carriers": 8}),
+        "9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may be better; "
+        "not enough runs to tell 10 from 9: 40 s more would.",
+    ),
+    (
+        of(NINE, TEN, ties=(TEN,), not_run=[carriers(8), carriers(11)], seconds_needed=2.5),
+        "9 carriers: 84.1 ± 0.6 bins an hour; 2 of 4 settings have not run, such as 8 carriers, "
+        "and may be better: 3 s more would run each once.",
+    ),
+    (
+        of(NINE, TEN, unsure=(TEN,), not_run=[carriers(8)], seconds_needed=0.2),
+        "9 carriers: 84.1 ± 0.6 bins an hour; 1 of 3 settings has not run, 8 carriers, and may be better: "
+        "1 s more would run each once.",
     ),
     (
         of(NINE, TEN, best=NINE, ties=(TEN,), beyond={"carriers": 8}),
@@ -190,6 +218,11 @@ def test_the_answer_is_one_sentence_and_one_about_its_orchard(result, told):
             "All 2 settings jammed: some robots waited for ever.",
         ),
         (a_result([JAMMED], None), "12 carriers jammed: some robots waited for ever."),
+        (
+            a_result([JAMMED], None, not_run=[carriers(13)]),
+            "12 carriers jammed: some robots waited for ever; 1 of 2 settings has not run, 13 carriers, "
+            "and may be better.",
+        ),
         (a_result([], None), "No setting has been run yet."),
     ],
 )
@@ -289,6 +322,18 @@ def test_a_column_without_a_figure_and_a_key_with_one_value_are_left_out():
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
     assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
     assert "rows" not in table.words(replace(whole(), varied={"rows": [20], **whole().varied}))[0]
+
+
+def test_how_far_behind_one_run_is_has_a_figure_and_only_the_best_has_none():
+    rows = [
+        a_row(88.2, setting=carriers(3), lead=interval(0.0), behind=None),
+        a_row(84.0, setting=carriers(2), lead=None, behind=0.05),
+        a_row(88.2, setting=carriers(4), lead=interval(0.0), behind=0.0),
+        a_row(80.0, setting=carriers(1), lead=interval(0.1, 0.02), behind=0.1),
+    ]
+    heads, lines = table.words(a_result(rows, carriers(3)))
+    behind = heads.index("behind, %")
+    assert [line[behind] for line in lines] == ["-", "5.0", "0.0 ±0.0", "10.0 ±2.0"]
 
 
 def test_what_looks_like_an_order_to_the_terminal_is_shown_as_it_is():

@@ -117,6 +117,29 @@ def test_too_few_runs_are_no_equality() -> None:
     )
 
 
+LIMITED = [
+    # more bins an hour; one run of each
+    ([29.3], [17.2], 17.4, True, 0.0, "worse"),
+    # within what counts: the runs decide, and one of them cannot
+    ([29.3], [28.9], 29.0, True, 0.0, "unknown"),
+    # least cost; the limit is the least that it can be
+    ([2.0], [2.9], 2.8, False, 1.0, "worse"),
+    ([2.0], [2.9], 2.0, False, 1.0, "unknown"),
+]
+
+
+@pytest.mark.parametrize(("best", "other", "limit", "is_max", "own", "standing"), LIMITED)
+def test_a_setting_whose_limit_is_behind_is_worse(
+    best: list[float], other: list[float], limit: float, is_max: bool, own: float, standing: str
+) -> None:
+    """Whatever its runs tell. The limit of the best itself says nothing of it, as 0 of 29.3."""
+    found = compare(
+        {0: best, 1: other}, {0: 2, 1: 1}, is_max, 0.95, 0.02, limits={0: own, 1: limit}
+    )
+    assert (found.standing(1), found.best) == (standing, 0 if standing == "worse" else found.best)
+    assert found.undecided == ([] if standing == "worse" else [1])
+
+
 def test_less_is_better_where_the_goal_says_so() -> None:
     found = compare(
         {0: [3.0, 3.1, 2.9, 3.0, 3.1], 1: [2.0, 2.0, 1.9, 2.1, 2.1]},

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
+from few_runs import FewRuns
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -478,6 +479,100 @@ def test_a_used_budget_is_told(tmp_path):
     )
     assert short.stopped_by == "budget" and short.best is None and short.table == []
     assert any("there was no time for a run of 3 settings" in note for note in short.notes)
+
+
+def short(
+    monkeypatch: pytest.MonkeyPatch, runs: int, scenario: Scenario, varied: dict, **options: object
+) -> tuple[StudyResult, FewRuns]:
+    """A study whose budget ends after so many runs."""
+    workers = FewRuns(runs)
+    monkeypatch.setattr(module, "processes", lambda count: workers)
+    return study(scenario, varied, replace(AMPLE, **options)), workers
+
+
+GANG = Scenario(
+    rows=8,
+    pickers=6,
+    row_length=40.0,
+    picking_rate=20.0,
+    bins_per_row=3,
+    picking={"spread": {"distribution": "lognormal", "cv": 0.28}},
+    **QUIET,
+)
+FLEETS = [1, 2, 3, 4, 6]
+
+
+@pytest.mark.parametrize(("runs", "tried"), [(1, [1]), (2, [1, 6]), (3, [1, 3, 6])])
+def test_a_budget_that_ends_early_has_seen_the_whole_range(runs, tried, monkeypatch, tmp_path):
+    """It says what has not run, and nothing of what lies beyond the range."""
+    cut, _ = short(
+        monkeypatch,
+        runs,
+        GANG,
+        {"carriers": FLEETS},
+        horizon="long",
+        store=tmp_path / "s.db",
+    )
+    assert [row.setting["carriers"] for row in cut.table] == tried
+    missing = [number for number in FLEETS if number not in tried]
+    assert cut.not_run == [{"carriers": number} for number in missing]
+    assert f"; {len(missing)} of 5 settings have not run, such as 2 carriers" in cut.answer
+    assert not re.search("at (least|most)|range is too small|gain", cut.answer, re.IGNORECASE)
+    assert cut.beyond == {} and cut.seconds_needed > 0.0
+
+
+def test_a_budget_that_ends_early_names_what_it_has_not_seen_of_two_ranges(monkeypatch, tmp_path):
+    """Of pickers and carriers with prices the corners are known first."""
+    prices = {"picker_per_hour": 28.0, "carrier_per_hour": 12.0, "overhead_per_hour": 35.0}
+    cut, workers = short(
+        monkeypatch,
+        4,
+        with_changes(GANG, prices=prices),
+        {"pickers": [2, 4, 6, 8], "carriers": [1, 2, 3]},
+        horizon="long",
+        store=tmp_path / "s.db",
+    )
+    corners = [(2, 1), (2, 3), (8, 1), (8, 3)]
+    assert [(run.scenario.pickers, run.scenario.carriers) for run in workers.done] == corners
+    assert "; 8 of 12 settings have not run, such as 2 pickers, 2 carriers, and may" in cut.answer
+
+
+def test_every_setting_has_a_run_before_one_has_two(monkeypatch, tmp_path):
+    _, workers = short(
+        monkeypatch, 7, GANG, {"carriers": FLEETS}, horizon="long", store=tmp_path / "s.db"
+    )
+    runs = [(run.scenario.seed, run.scenario.carriers) for run in workers.done]
+    # Limits alone tell the best here, but one run is no answer.
+    assert runs == [(1, 1), (1, 6), (1, 3), (1, 2), (1, 4), (2, 1), (2, 6)]
+
+
+def test_one_run_tells_that_a_setting_with_a_lower_limit_is_worse(monkeypatch, tmp_path):
+    """Its runs cannot exceed the limit, so no more are asked for. How far behind is shown."""
+    cut, _ = short(
+        monkeypatch, 2, GANG, {"carriers": [1, 6]}, horizon="long", store=tmp_path / "s.db"
+    )
+    one, six = cut.table
+    assert one.bound_bins_per_hour < 0.98 * six.bins_per_hour.mean
+    assert (one.standing, one.lead, six.standing, six.behind) == ("worse", None, "best", None)
+    assert one.behind == pytest.approx(six.bins_per_hour.mean / one.bins_per_hour.mean - 1.0)
+    assert cut.undecided == [] and "not enough runs" not in cut.answer
+
+
+@pytest.mark.parametrize("varied", [{"carriers": [1, 2]}, {"pickers": [2, 3], "carriers": [1, 2]}])
+def test_a_best_setting_at_the_end_of_a_range_is_at_least_that(varied, monkeypatch, tmp_path):
+    """Though one run of each does not tell it from the others."""
+    told, _ = short(
+        monkeypatch,
+        math.prod(map(len, varied.values())),
+        GANG,
+        varied,
+        horizon="long",
+        store=tmp_path / "s.db",
+    )
+    assert told.best == {key: values[-1] for key, values in varied.items()}
+    assert told.beyond == {key: values[-1] + 1 for key, values in varied.items()}
+    words = ["at least 3 pickers", "at least 2 carriers"][-len(varied) :]
+    assert told.answer.startswith(f"{', '.join(words).capitalize()}: ")
 
 
 def test_the_long_run_and_costs(tmp_path):

@@ -23,7 +23,8 @@ def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
     row = dict(setting={"carriers": 9}, model="fast", replications=5, jammed=0 if known else 5,
                bins_per_hour=interval(rate, half) if known else None, harvest_seconds=interval(72000.0 / rate) if known else None,
                cost_per_bin=None, picker_waiting_seconds=316.2, carrier_utilisation=0.774, bound_bins_per_hour=91.2, bottleneck="carriers",
-               standing="worse" if known else "jammed", lead=FAR if known else None)  # fmt: skip
+               standing="worse" if known else "jammed", lead=FAR if known else None,
+               behind=FAR.mean if known else None)  # fmt: skip
     return Row(**row | changes)
 
 

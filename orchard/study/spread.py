@@ -1,0 +1,64 @@
+"""The order in which the settings of a study run: the ends of each range first, then the middles.
+
+A study whose time ends early then knows something of the whole range, and not all of one end.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of a setting is a number, of which some lie between others."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def spread(varied: Mapping[str, Sequence[Any]], settings: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Return the numbers of the settings in the order in which they run.
+
+    The corners of all ranges come first. Each further round halves the gaps of the rounds before.
+    `varied`: key -> all its values; `settings`: the values of each setting by key.
+    """
+    rounds = {key: _rounds(values) for key, values in varied.items()}
+
+    def place(number: int) -> tuple[int, int, int]:
+        setting = settings[number]
+        of_keys = [rounds[key][list(varied[key]).index(setting[key])] for key in varied]
+        return max(of_keys, default=0), sum(of_keys), number
+
+    return sorted(range(len(settings)), key=place)
+
+
+def _rounds(values: Sequence[Any]) -> list[int]:
+    """Return for each value the round in which it is tried first: 0 if it is an end or no number."""
+    rounds = [0] * len(values)
+    in_order = sorted(
+        (number for number, value in enumerate(values) if is_number(value)),
+        key=lambda number: values[number],
+    )
+    gaps = [(0, len(in_order) - 1)]
+    next_round = 1
+    while gaps:
+        smaller: list[tuple[int, int]] = []
+        for first, last in gaps:
+            if last - first > 1:
+                middle = (first + last) // 2
+                rounds[in_order[middle]] = next_round
+                smaller += [(first, middle), (middle, last)]
+        gaps = smaller
+        next_round += 1
+    return rounds
+
+
+def number_beyond(values: Sequence[Any], value: Any) -> Any:
+    """Return the next number after the last one of a range that ends with `value`, on that side.
+
+    The step is the least of the range. None: `value` lies inside, or these are no two numbers.
+    """
+    if len(values) < 2 or not all(map(is_number, values)):
+        return None
+    numbers = sorted(values)
+    step = min(after - before for before, after in pairwise(numbers))
+    if value == numbers[-1]:
+        return value + step
+    return value - step if value == numbers[0] else None

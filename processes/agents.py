@@ -121,7 +121,8 @@ def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int)
             replayed,
         )  # not at the top: its packages are an extra
 
-        agents = replayed(agents, read_commands(Path(options.replay)))
+        commands = read_commands(Path(options.replay), options.from_first_stamp)
+        agents = replayed(agents, commands)
     guards = {name: guarded(layout, name, agent) for name, agent in agents.items()}
     if options.check_agents:
         for guard in guards.values():

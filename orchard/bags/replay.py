@@ -1,8 +1,9 @@
 """Lets the velocities in a bag drive its robots again. Their agents go on with plan, mail and deeds."""
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +33,10 @@ class Commands:
     """What a bag holds to drive robots again."""
 
     scenario: Scenario | None  #: of the run that was recorded; None if the bag does not say
-    velocities: Mapping[
-        str, Mapping[int, Twist]
-    ]  #: robot -> tick at which the step begins -> the velocity for it
+    #: robot -> tick at which the step begins -> the velocity for it
+    velocities: Mapping[str, Mapping[int, Twist]]
+    #: robot -> the tick of each of its velocities in the bag; several may be of one tick
+    ticks: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
 
 class Replayed:
@@ -64,20 +66,38 @@ def replayed(agents: Mapping[str, Agent], commands: Commands) -> dict[str, Agent
     }
 
 
-def read_commands(bag: Path) -> Commands:
+def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
     """Return what a bag holds on NAME/cmd_vel, TwistStamped or Twist, of each robot.
 
-    A velocity counts from the tick of its stamp on, or of the message's time if it has none. Raises ValueError for what cannot be used.
+    A velocity counts from its stamp on, or from the message's time if it has none. A stamp of 0 is
+    none. Times count from 0 s, or from the first velocity of the bag if `from_first_stamp`.
+    Raises ValueError for what cannot be used.
     """
-    scenario, velocities, topics = None, dict[str, dict[int, Twist]](), set[str]()
+    scenario = None
+    topics = set[str]()
+    stamped = dict[str, list[tuple[int, Twist]]]()
     for connection, time, message in _messages(bag, topics):
         if robot := _robot_of(connection.topic, connection.msgtype):
-            tick, twist = _velocity_of(message, time)
-            velocities.setdefault(robot, {})[tick] = _checked(
-                twist, f"{bag}: {connection.topic}, tick {tick}"
-            )
+            stamp = _stamp_of(message, time)
+            where = f"{bag}: {connection.topic}, at {stamp / 1e9:.1f} s"
+            stamped.setdefault(robot, []).append((stamp, _twist_of(message, where)))
         else:
             scenario = _scenario(message.data, f"the scenario in {bag}")
+    _check_velocities(bag, stamped, topics)
+    begin = min(stamp for told in stamped.values() for stamp, _ in told) if from_first_stamp else 0
+    velocities = dict[str, dict[int, Twist]]()
+    ticks = dict[str, list[int]]()
+    for robot, told in sorted(stamped.items()):
+        told.sort(key=itemgetter(0))
+        # What is between two ticks counts from the later one on.
+        ticks[robot] = [-((begin - stamp) // messages.TICK_NANOSECONDS) for stamp, _ in told]
+        twists = (twist for _, twist in told)
+        velocities[robot] = dict(zip(ticks[robot], twists, strict=True))
+    return Commands(scenario, velocities, ticks)
+
+
+def _check_velocities(bag: Path, velocities: Mapping[str, Any], topics: set[str]) -> None:
+    """Raise ValueError for a bag without a velocity. `topics`: those that it has."""
     if not velocities:
         wanted = "the topic /NAME/cmd_vel of a robot, of type TwistStamped or Twist"
         there = (
@@ -86,7 +106,6 @@ def read_commands(bag: Path) -> Commands:
             else "it has no topics"
         )
         raise ValueError(f"{bag}: it has no velocity; expected {wanted}; {there}")
-    return Commands(scenario, velocities)
 
 
 def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
@@ -131,16 +150,18 @@ def _robot_of(topic: str, kind: str) -> str:
     return robot if rest == "cmd_vel" and kind in VELOCITIES else ""
 
 
-def _velocity_of(message: Any, time: int) -> tuple[int, Twist]:
-    twist = getattr(message, "twist", message)
-    stamp = message.header.stamp if hasattr(message, "header") else None
-    nanoseconds = stamp.sec * 10**9 + stamp.nanosec if stamp is not None else time
-    return -(-nanoseconds // messages.TICK_NANOSECONDS), Twist(
-        twist.linear.x, twist.linear.y, twist.angular.z
-    )
+def _stamp_of(message: Any, time: int) -> int:
+    """Return the stamp of a velocity, or the message's time if it has none, in ns."""
+    if not hasattr(message, "header"):
+        return time
+    stamp = message.header.stamp
+    return int(stamp.sec * 10**9 + stamp.nanosec) or time
 
 
-def _checked(twist: Twist, where: str) -> Twist:
+def _twist_of(message: Any, where: str) -> Twist:
+    """Return a velocity. Raises ValueError for one that no robot can have."""
+    given = getattr(message, "twist", message)
+    twist = Twist(given.linear.x, given.linear.y, given.angular.z)
     if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
         raise ValueError(
             f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to {FASTEST:g}"

@@ -18,6 +18,7 @@ from orchard.field.scenario import TICKS_PER_SECOND, Scenario, check, with_chang
 from orchard.field.shipped import load_or_shipped
 from orchard.folders import runs_folder
 from orchard.launch import asking, options, own_orchard, terminal
+from orchard.launch.bag_velocities import BagVelocities
 from orchard.launch.fork import check_end, clock, fork_of
 from orchard.launch.options import (
     BoundOptions,
@@ -34,6 +35,7 @@ from orchard.launch.study_options import BenchmarkOptions, StudyArguments
 from orchard.launch.watch import check_ports, open_window, serve
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
+from orchard.server.options import last_tick
 from orchard.server.snapshots import examine, sole
 from orchard.sim.restore import world_from
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, Snapshot, SnapshotError, as_file, newest, store
@@ -99,16 +101,13 @@ def fork(chosen: ForkOptions) -> None:
 def _request(chosen: HarvestOptions) -> RunRequest:
     runs = Runs(runs_folder())
     before = _before(chosen, runs)
+    velocities = None
     if before is not None:
         scenario = check(before.scenario, "the snapshot's scenario")
         if chosen.mode == "local" or (isinstance(chosen, ForkOptions) and chosen.stop):
             check_end(world_from(before), chosen.duration)
     else:
-        scenario = (
-            _scenario(chosen.scenario, chosen.changes)
-            if chosen.replay is None
-            else _replayed(chosen, chosen.replay)
-        )
+        scenario, velocities = _scenario_and_velocities(chosen)
     check_plugins(lay_out(scenario))
     recording = runs.recording(chosen.record)
     snapshots = (
@@ -120,7 +119,9 @@ def _request(chosen: HarvestOptions) -> RunRequest:
             "run": runs.snapshots(chosen.run, KEYFRAME).stem,
             "seconds": (chosen.at or 0) / TICKS_PER_SECOND,
         }
-    request = RunRequest(chosen, scenario, recording, snapshots, before, parent, runs.folder)
+    request = RunRequest(
+        chosen, scenario, recording, snapshots, before, parent, runs.folder, velocities
+    )
     if chosen.summary is not None:
         check_writable(chosen.summary)
     if chosen.table is not None:
@@ -164,11 +165,18 @@ def _changed(scenario: Scenario, given: dict[str, Any]) -> Scenario:
         return with_changes(scenario, **given)
 
 
-def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
-    """The scenario of a bag, unless a file is given. A bag may come from others: its code must be asked for."""
+def _scenario_and_velocities(chosen: HarvestOptions) -> tuple[Scenario, BagVelocities | None]:
+    """Return the scenario of a run from its start, and when the velocities of its bag drive, if any.
+
+    The scenario is that of the bag, unless a file is given. A bag may come from others: its code
+    must be asked for.
+    """
+    bag = chosen.replay
+    if bag is None:
+        return _scenario(chosen.scenario, chosen.changes), None
     with terminal.needs_extra("A bag", "ros2-export"):
         from orchard.bags.replay import check_robots, read_commands
-    commands = read_commands(bag)
+    commands = read_commands(bag, chosen.from_first_stamp)
     if commands.scenario is None or chosen.scenario:
         scenario = _scenario(chosen.scenario, chosen.changes)
     else:
@@ -184,7 +192,9 @@ def _replayed(chosen: HarvestOptions, bag: Path) -> Scenario:
                 f"{bag}: {words}: {printable(', '.join(code), 500)}; --own-code imports it, a SCENARIO.yaml replaces it"
             )
     check_robots(bag, commands, lay_out(scenario).index)
-    return scenario
+    velocities = BagVelocities(bag, commands.ticks)
+    velocities.check(last_tick(chosen.duration))
+    return scenario, velocities
 
 
 def _snapshot(chosen: HarvestOptions, where: str, runs: Runs) -> Snapshot:

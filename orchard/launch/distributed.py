@@ -145,6 +145,7 @@ def start_hosts(
             only=[*share],
             check_agents=checks,
             replay=replay,
+            from_first_stamp=credentials.options.from_first_stamp,
         )
         supervisor.start(
             ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share)

@@ -126,7 +126,8 @@ def _replayed(request: RunRequest) -> dict[str, Agent] | None:
         replayed,
     )  # not at the top: its packages are an extra
 
-    return replayed(make_agents(lay_out(request.scenario)), read_commands(request.options.replay))
+    commands = read_commands(request.options.replay, request.options.from_first_stamp)
+    return replayed(make_agents(lay_out(request.scenario)), commands)
 
 
 def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapshot:

@@ -296,6 +296,9 @@ class HarvestOptions:
     replay: Path | None = option(
         RUN, "Let the velocities in a bag drive its robots: docs/ros2.md.", "FILE.mcap"
     )
+    from_first_stamp: bool = flag(
+        RUN, "--from-first-stamp", "Begin at the first velocity in the bag, not at its time 0."
+    )
     own_code: bool = flag(
         RUN, "--own-code", "Import the code that the scenario in a bag names: docs/ros2.md."
     )
@@ -374,6 +377,11 @@ class HarvestOptions:
             yield "--only", f"leave out {wrong}: the run itself defines that"
         if self.replay and self.resume:
             yield "--replay", "a replay begins at its bag's beginning; leave out --resume"
+        if self.from_first_stamp and not self.replay:
+            yield (
+                "--from-first-stamp",
+                "it is about a bag's velocities: give --replay FILE.mcap, too",
+            )
         if self.own_code and not self.replay:
             yield "--own-code", "it is about the scenario in a bag: give --replay FILE.mcap, too"
         if self.mode == "realtime" and self.speed == math.inf:

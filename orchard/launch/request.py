@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from orchard.field.scenario import Scenario
+from orchard.launch.bag_velocities import BagVelocities
 from orchard.launch.options import HarvestOptions
 from orchard.launch.supervisor import free_port
 from orchard.security.identity import Identity, Keyring
@@ -28,6 +29,7 @@ class RunRequest:
     notes: Path | None = (
         None  # folder for the note with which `run.py stop` finds the run; None: no note
     )
+    velocities: BagVelocities | None = None  # those of the bag that drives robots, if there is one
 
     @cached_property
     def data_port(self) -> int:

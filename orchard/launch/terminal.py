@@ -229,7 +229,9 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
         if request.options.verbose
         else unusual_figures(result)
     )
-    lines = [sentence(outcome), limit_sentence(outcome), _what_to_try(request)]
+    velocities = request.velocities
+    driven = [] if velocities is None else [velocities.told(outcome.ticks)]
+    lines = [sentence(outcome), limit_sentence(outcome), *driven, _what_to_try(request)]
     _print_result_lines(*lines, *([as_table(figures)] if figures else []))
     if slow := speed_not_kept(request, outcome):
         print_error(slow)
@@ -240,6 +242,8 @@ def _report_result(request: RunRequest, result: dict[str, Any] | None, why: str)
         if why in ("harvested", "duration", "stopped", "broken", "refused")
         else [why, *result["jam"]]
     )
+    if velocities is not None and why != "stopped":
+        troubles += velocities.troubles(outcome.ticks)
     try:
         if summary is not None:
             write_summary(summary, result)

@@ -71,6 +71,9 @@ class HostOptions(ClientOptions, frozen=True, kw_only=True):
     replay: Annotated[
         str | None, option("FILE.mcap", "a bag whose velocities drive its robots")
     ] = None
+    from_first_stamp: Annotated[
+        bool, option("", "the times in the bag count from its first velocity")
+    ] = False
 
 
 class LoggerOptions(ClientOptions, frozen=True, kw_only=True):

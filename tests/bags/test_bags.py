@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import orchard
+from command_line import orchard, scenario_file
 from hypothesis import given
 from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
@@ -34,6 +34,7 @@ from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.launch.bag import check_bag, export_bag, lacks
+from orchard.launch.bag_velocities import BagVelocities
 from orchard.launch.commands import app
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
@@ -326,11 +327,118 @@ def test_bags_of_other_software_are_read_too(tmp_path):
         tmp_path / "one.mcap",
         (topics.CMD_VEL_UNSTAMPED, "picker_01", 7, messages.twist(0.5, 0.0, 0.1)),
     )
-    assert read_commands(path) == Commands(None, {"picker_01": {7: Twist(0.5, 0.0, 0.1)}})
+    expected = Commands(None, {"picker_01": {7: Twist(0.5, 0.0, 0.1)}}, {"picker_01": [7]})
+    assert read_commands(path) == expected
     late = messages.velocity("picker_01", 7, 0.5, 0.1)
     late.fields["header"].fields["stamp"].fields["nanosec"] += 1
     path = written(tmp_path / "two.mcap", (topics.CMD_VEL, "picker_01", 9, late))
     assert read_commands(path).velocities == {"picker_01": {8: Twist(0.5, 0.0, 0.1)}}
+
+
+def test_a_stamp_of_zero_is_no_stamp(tmp_path):
+    unset = messages.velocity("picker_01", 0, 0.5, 0.1)
+    path = written(tmp_path / "one.mcap", (topics.CMD_VEL, "picker_01", 9, unset))
+    assert read_commands(path).velocities == {"picker_01": {9: Twist(0.5, 0.0, 0.1)}}
+
+
+def test_the_newest_stamp_counts_where_messages_have_changed_places(tmp_path):
+    old = messages.velocity("picker_01", 7, 0.5, 0.0)
+    old.fields["header"].fields["stamp"].fields["nanosec"] -= 1
+    new = messages.velocity("picker_01", 7, 0.25, 0.0)
+    path = written(
+        tmp_path / "one.mcap",
+        (topics.CMD_VEL, "picker_01", 8, new),
+        (topics.CMD_VEL, "picker_01", 9, old),
+    )
+    commands = read_commands(path)
+    assert commands.velocities == {"picker_01": {7: Twist(0.25)}}
+    assert commands.ticks == {"picker_01": [7, 7]}
+
+
+TODAY = 17_642_900_000  # the tick of a wall clock: seconds since 1970 times ten
+
+
+def recorded_today(path: Path, kind: str, robots: tuple[str, ...] = ("picker_01",)) -> Path:
+    """Write 20 velocities of each robot as a user records them with ROS 2: by the wall clock."""
+    told = []
+    for tick in range(TODAY, TODAY + 20):
+        for robot in robots:
+            if kind == "Twist":
+                told.append((topics.CMD_VEL_UNSTAMPED, robot, tick, messages.twist(0.25, 0.0, 0.0)))
+            else:
+                velocity = messages.velocity(robot, tick, 0.25, 0.0)
+                told.append((topics.CMD_VEL, robot, tick, velocity))
+    return written(path, *told)
+
+
+@pytest.mark.parametrize("kind", ["Twist", "TwistStamped"])
+def test_a_bag_of_the_wall_clock_can_begin_at_its_first_stamp(tmp_path, kind):
+    path = recorded_today(tmp_path / "run.mcap", kind)
+    commands = read_commands(path, from_first_stamp=True)
+    assert commands.ticks == {"picker_01": [*range(20)]}
+    assert driven(commands, 20).engine.hash != local_hash(SMALL, 20)
+
+
+def test_the_first_stamp_of_all_robots_is_the_beginning(tmp_path):
+    later = messages.velocity("picker_02", TODAY + 4, 0.25, 0.0)
+    later.fields["header"].fields["stamp"].fields["nanosec"] += 1
+    path = written(
+        tmp_path / "run.mcap",
+        (topics.CMD_VEL, "picker_02", TODAY + 4, later),
+        (
+            topics.CMD_VEL,
+            "picker_01",
+            TODAY + 1,
+            messages.velocity("picker_01", TODAY + 1, 0.25, 0.0),
+        ),
+    )
+    ticks = read_commands(path, from_first_stamp=True).ticks
+    assert ticks == {"picker_01": [0], "picker_02": [4]}
+
+
+REPLAY = ("--rows", 3, "--mode", "local", "--record", "none")
+
+
+@pytest.mark.parametrize(
+    ("kind", "duration", "ending"),
+    [
+        ("Twist", ("--duration", 20), "would end at 20.0 s"),
+        ("TwistStamped", (), "would end with the harvest"),
+    ],
+)
+def test_a_bag_without_a_velocity_in_the_run_is_refused(tmp_path, kind, duration, ending):
+    path = recorded_today(tmp_path / "run.mcap", kind)
+    done = orchard("replay", path, *REPLAY, *duration, code=2)
+    assert done.stdout == ""
+    assert done.stderr == (
+        f"{path}: none of its 20 velocities falls within the run: "
+        "the first is at 1764290000.0 s, the last at 1764290001.9 s; "
+        f"the run begins at 0 s and {ending}; "
+        "--from-first-stamp begins the run at the first velocity of the bag\n"
+    )
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_a_replay_says_how_many_velocities_of_each_robot_fell_within_it(tmp_path, mode):
+    path = recorded_today(tmp_path / "run.mcap", "Twist", ("picker_02", "picker_01"))
+    run = ("replay", path, scenario_file(tmp_path, SMALL), "--mode", mode, "--record", "none")
+    done = orchard(*run, "--duration", "1.5", "--from-first-stamp")
+    counts = "picker_01 15 of 20, picker_02 15 of 20"
+    assert f"Velocities of {path} that fell within the run: {counts}.\n" in done.stdout
+    expected = driven(read_commands(path, from_first_stamp=True), 15).engine.hash
+    assert done.stdout.endswith(f"hash {expected}\n")
+
+
+def test_a_run_that_ends_before_the_first_velocity_has_failed():
+    velocities = BagVelocities(Path("run.mcap"), {"picker_01": [900, 901], "picker_02": [-1]})
+    velocities.check(math.inf)
+    assert [*velocities.troubles(901)] == []
+    (trouble,) = velocities.troubles(900)
+    assert "none of its 3 velocities falls within the run" in trouble
+    assert "the run begins at 0 s and ended at 90.0 s" in trouble
+    counts = "picker_01 1 of 2, picker_02 0 of 1"
+    told = f"Velocities of run.mcap that fell within the run: {counts}."
+    assert velocities.told(901) == told
 
 
 MOVES = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, 1.0, 0.0))
@@ -353,7 +461,7 @@ UNUSABLE = [
     ),
     (
         [NAN],
-        r"/picker_01/cmd_vel, tick 3: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100",
+        r"/picker_01/cmd_vel, at 0.3 s: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100",
     ),
     (
         [scenario("rows: 3"), MOVES],

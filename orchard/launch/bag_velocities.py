@@ -1,0 +1,59 @@
+"""When the velocities of a bag drive its robots: what is refused before a run, and told after it."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
+
+# No harvest takes a hundred days. Stamps of the wall clock count from 1970.
+LONGEST_HARVEST = 100 * 24 * 3600 * TICKS_PER_SECOND
+WAY_OUT = "--from-first-stamp begins the run at the first velocity of the bag"
+
+
+@dataclass(frozen=True)
+class BagVelocities:
+    """The times of the velocities in a bag. Tick k begins k * 0.1 s after the run's begin."""
+
+    bag: Path
+    #: robot -> the tick of each of its velocities; those before the run's begin are below 0
+    ticks: Mapping[str, Sequence[int]]
+
+    def check(self, end: float) -> None:
+        """Raise ValueError if no velocity can fall within a run that ends at tick `end` or before.
+
+        `end` is infinite if the harvest itself ends the run.
+        """
+        if not any(self._within(robot, min(end, LONGEST_HARVEST)) for robot in self.ticks):
+            is_endless = end == math.inf
+            ending = "would end with the harvest" if is_endless else f"would end at {_seconds(end)}"
+            raise ValueError(self._refusal(ending))
+
+    def told(self, end: int) -> str:
+        """Return how many velocities of each robot fell within the run, which ended at tick `end`."""
+        counts = (
+            f"{robot} {self._within(robot, end)} of {len(ticks)}"
+            for robot, ticks in self.ticks.items()
+        )
+        return f"Velocities of {self.bag} that fell within the run: {', '.join(counts)}."
+
+    def troubles(self, end: int) -> Iterator[str]:
+        """Yield what is wrong if no velocity at all fell within the run, which ended at tick `end`."""
+        if not any(self._within(robot, end) for robot in self.ticks):
+            yield self._refusal(f"ended at {_seconds(end)}")
+
+    def _within(self, robot: str, end: float) -> int:
+        return sum(0 <= tick < end for tick in self.ticks[robot])
+
+    def _refusal(self, ending: str) -> str:
+        every = [tick for ticks in self.ticks.values() for tick in ticks]
+        where = f"the first is at {_seconds(min(every))}, the last at {_seconds(max(every))}"
+        return (
+            f"{self.bag}: none of its {len(every)} velocities falls within the run: "
+            f"{where}; the run begins at 0 s and {ending}; {WAY_OUT}"
+        )
+
+
+def _seconds(tick: float) -> str:
+    return f"{tick * TIME_STEP:.1f} s"

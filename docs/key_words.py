@@ -8,6 +8,10 @@ from orchard.wire.keys import PHYSICS, TABLE
 _EVERY_TICK = "once per tick, 10 per simulated second"
 _ASKED = "once per tick at which one of the session's agents is asked"
 IF_HEARD = ", while a session subscribes"
+_ANSWERED = (
+    "an owner: once per tick at which the agent is asked; for a robot without an owner: at will; "
+    "physics: what it took from `velocities`"
+)
 
 
 class KeyWords(NamedTuple):
@@ -20,14 +24,15 @@ class KeyWords(NamedTuple):
 
 WORDS = {
     "velocity": KeyWords(
-        "the client that drives the robot, or the session that owns its agent",
-        _EVERY_TICK,
+        "the client that drives the robot, or the session that owns the agent; physics",
+        _ANSWERED + IF_HEARD,
         "The velocity of the robot in the step from this tick to the next. While a session subscribes, physics also publishes "
-        "here the velocities that it received in `velocities`.",
+        "here the velocities that it received in `velocities`: only at ticks at which the agent answered, which is seldom for "
+        "an agent that holds. Agents without a body have one too, of 0.",
     ),
     "advice": KeyWords(
         "a client that drives a robot whose agent goes on",
-        _EVERY_TICK,
+        "at will, at most once per tick",
         "The velocity of the robot in the step from this tick to the next, in place of that of its agent. See docs/protocol.md.",
     ),
     "velocities": KeyWords("a session that owns agents", _ASKED),
@@ -63,8 +68,8 @@ WORDS = {
         "While an answer is missing physics sends it again, and the session must answer again.",
     ),
     "mail": KeyWords(
-        "any agent",
-        "when it sends a request",
+        "the session that owns an agent",
+        "when the agent sends a request",
         "A request to the agent of the robot. The host of that agent replies.",
     ),
     "letters": KeyWords(PHYSICS, "in ticks with requests or answers" + IF_HEARD),
@@ -105,15 +110,15 @@ WORDS = {
         "and then it has not heard the end.",
     ),
     "scenario": KeyWords(
-        "any client",
+        "any session",
         "when it connects",
         "The run's id and present tick, its agents and its scenario. The payload of the query is empty. Physics replies.",
     ),
     "layout": KeyWords(
-        "any client",
+        "any session",
         "when it connects",
-        "Fences, trunks, posts and rows; the bodies and where they start; the sizes, speeds and lasers of their kinds. The "
-        "payload of the query is empty. Physics replies.",
+        "Fences, trunks, posts and rows; the bodies, where they start, and which rows a picker picks; the sizes, speeds and "
+        "lasers of their kinds. The payload of the query is empty. Physics replies.",
     ),
     "join": KeyWords(
         "a session that wants to own agents",
@@ -162,7 +167,7 @@ WORDS = {
         "token of physics goes within 3 s of it.",
     ),
     "alive": KeyWords(
-        "each host, one for each of its agents; the logger",
+        "each session that owns agents, one for each of them; the logger",
         "while the process lives",
         "The process is present. `session` is a text of letters and digits that no other process uses: the id of the owner.",
     ),

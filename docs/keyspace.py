@@ -84,7 +84,9 @@ def _digest_example() -> tuple[str, str]:
 
 def _table_row(what: str, key: Key) -> str:
     message, words = key.message.__name__ if key.message else "none", WORDS[what]
-    return f"| `{key.template}` | {message} | {words.sender} | {words.rate} | {key.delivery} |"
+    can_be_asked = bool(key.replies) and key.delivery != QUERY
+    delivery = f"{key.delivery}; also a query" if can_be_asked else key.delivery
+    return f"| `{key.template}` | {message} | {words.sender} | {words.rate} | {delivery} |"
 
 
 # -- the messages

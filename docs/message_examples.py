@@ -89,7 +89,11 @@ def _figures() -> Figures:
 
 
 _PICKER = Place(
-    "picker_01", "picker", PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)), "bin_01"
+    name="picker_01",
+    kind="picker",
+    pose=PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)),
+    bin="bin_01",
+    rows=[1, 2],
 )
 _KIND = orchard_of(RUN, TICK, lay_out(Scenario())).kinds["picker"]
 EXAMPLES: dict[type, SubMessage] = {

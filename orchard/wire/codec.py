@@ -147,8 +147,15 @@ def _slices(names: tuple[str, ...]) -> list[slice]:
 
 def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
+    picked = {name: list(block.rows) for name, block in layout.blocks.items()}
     bodies = [
-        wire.Place(start.name, start.kind, _pose_of(start.pose), start.bin)
+        wire.Place(
+            name=start.name,
+            kind=start.kind,
+            pose=_pose_of(start.pose),
+            bin=start.bin,
+            rows=picked.get(start.name, []),
+        )
         for start in layout.starts
     ]
     kinds = {name: _kind_of_body(kind) for name, kind in sorted(KINDS.items())}

@@ -28,7 +28,7 @@ class Key(NamedTuple):
 
 
 TABLE: dict[str, Key] = {
-    "velocity": Key("{prefix}/{body}/velocity", wire.Velocity, NEVER_LOST),
+    "velocity": Key("{prefix}/{agent}/velocity", wire.Velocity, NEVER_LOST),
     "advice": Key("{prefix}/{body}/advice", wire.Advice, NEVER_LOST),
     "velocities": Key("{prefix}/hosts/{session}/velocities", wire.Velocities, NEVER_LOST),
     "pose": Key("{prefix}/{body}/pose", wire.Odometry, NEWEST),

@@ -24,6 +24,7 @@ from orchard.contract.messages import (
     unpack,
 )
 from orchard.field.problems import printable
+from orchard.field.survey import MOST_ROWS
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
@@ -47,6 +48,7 @@ LETTERS = (
 WALLS = (
     "x, y of the centre, half the size along x, half along y: four fences, then trunks and posts"
 )
+ROWS_OF_PICKER = "for a picker: the rows that it picks, in its order, numbered from 1 at the north"
 ROBOTS = "robots or kinds of robots: 'picker_01', 'carrier'; empty: all robots"
 WHY = "why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; 'reset': it begins again"
 VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
@@ -398,6 +400,7 @@ class Place(SubMessage):
     kind: Annotated[Name, Meta(description="its kind, a name in `kinds`")]
     pose: PoseMessage
     bin: Annotated[str, Meta(description="the bin on its bar; '' for none")] = ""
+    rows: Annotated[list[int], Meta(max_length=MOST_ROWS, description=ROWS_OF_PICKER)] = []
 
 
 class LaserOfKind(SubMessage):

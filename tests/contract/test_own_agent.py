@@ -1,11 +1,16 @@
 """Robots that others drive: the own agent of docs/how-to.md, a client that knows only keyspace.md, and classes that a scenario names."""
 
 import re
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
 
 import own_agents
 import pytest
-from code_blocks import block
+from code_blocks import ROOT, block
 from command_line import orchard, python, scenario_file
+from fleet import Client
 from local_runs import SMALL, driven_by, local_hash, played
 from patience import PATIENCE
 from recordings import texts_in
@@ -16,6 +21,7 @@ from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import parse
+from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.processes.agents import made
 from orchard.wire.messages import Report
@@ -47,6 +53,43 @@ def test_a_client_that_knows_only_keyspace_drives_a_picker(fleet):
         == "40 ticks answered\n"
     )
     fleet.end()
+
+
+@pytest.mark.processes
+def test_a_client_that_starts_before_the_run_asks_until_it_answers(fleet):
+    """A queryable that gives no reply tells when the client has asked in vain."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    fleet.router(endpoint)
+    asked = threading.Event()
+    with Client.open(endpoint, "") as someone, asking(endpoint, "picker_01") as client:
+        silent = someone.session.declare_queryable("orchard/scenario", lambda query: asked.set())
+        assert asked.wait(PATIENCE)
+        silent.undeclare()
+        fleet.physics(SMALL, "--duration", "4", "--connect", endpoint)
+        fleet.host("--without", "picker_01")
+        said, errors = client.communicate(timeout=PATIENCE)
+    assert (said, errors) == ("40 ticks answered\n", "")
+    fleet.end()
+
+
+@pytest.mark.processes
+def test_a_client_whose_robot_is_taken_ends_with_the_reason(fleet):
+    fleet.physics(SMALL, "--speed", "10")
+    fleet.host()
+    fleet.client().hear("orchard/clock").get(timeout=PATIENCE)
+    done = python("examples/foreign_client.py", fleet.endpoint, "picker_01", code=1)
+    assert "refused: {'picker_01': 'it is taken" in done.stderr
+    fleet.stop()
+
+
+@contextmanager
+def asking(endpoint, name):
+    """The client of keyspace.md, started, and not waited for."""
+    command = [sys.executable, "examples/foreign_client.py", endpoint, name]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, **pipes) as client:
+        yield client
+        client.kill()
 
 
 def test_who_only_drives_begins_with_a_velocity_for_tick_0(fleet):

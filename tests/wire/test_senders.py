@@ -1,0 +1,162 @@
+"""What occurs in a run stands in keyspace.md, with the program that sends it: all keys, and all gets that are answered."""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import pytest
+from fleet import until
+from local_runs import SMALL
+
+from chaos.simulated.session import SimulatedBus
+from docs.keyspace import keyspace
+from orchard.contract.messages import Claim, Couple, Here, No, Yes
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+from orchard.local import Local
+from orchard.wire.codec import orchard_of
+from orchard.wire.keys import LIVELINESS, QUERY
+
+# The process of the simulated network -> the words for it in the column "sender".
+WORDS = {
+    "physics": ("physics",),
+    "agents": ("host", "session"),
+    "logger": ("logger", "session"),
+    "client": ("client", "session"),
+}
+PUT, GET, TOKEN, ANSWER = "put", "get", "token", "answer"
+MEANS = {"publish": PUT, "ask": GET, "declare_alive": TOKEN, "answer": ANSWER}
+LAYOUT = lay_out(SMALL)
+PLACEHOLDERS = {
+    "prefix": "orchard",
+    "body": "|".join(LAYOUT.names),
+    "agent": "|".join(LAYOUT.agents),
+    "bin": r"bin_\d+",
+    "name": "|".join([*LAYOUT.agents, "logger"]),
+    "run": r"\w+",
+    "session": r"\w+",
+}
+
+
+class Row(NamedTuple):
+    """A row of the table of keyspace.md."""
+
+    key: str
+    message: str
+    sender: str
+    rate: str
+    delivery: str
+
+    def fits(self, key: str) -> bool:
+        pattern = re.sub(r"\{(\w+)\}", lambda name: f"({PLACEHOLDERS[name[1]]})", self.key)
+        return bool(re.fullmatch(pattern, key))
+
+    @property
+    def means(self) -> set[str]:
+        """How the key is used."""
+        if self.delivery == LIVELINESS:
+            return {TOKEN}
+        if self.delivery == QUERY:
+            return {GET, ANSWER}
+        return {PUT, GET, ANSWER} if "also a query" in self.delivery else {PUT}
+
+
+def rows() -> Iterator[Row]:
+    for line in keyspace().splitlines():
+        if line.startswith("| `{prefix}"):
+            yield Row(*(part.strip(" `") for part in line.strip("|").split("|")))
+
+
+@pytest.fixture
+def used(monkeypatch):
+    """(how, key, process) of all that the sessions of the simulated network do."""
+    found = set()
+
+    def note(method: str) -> None:
+        real = getattr(SimulatedBus, method)
+
+        def noted(self, key, *arguments, **more):
+            found.add((MEANS[method], key, self.name.rstrip("_0123456789")))
+            return real(self, key, *arguments, **more)
+
+        monkeypatch.setattr(SimulatedBus, method, noted)
+
+    for method in MEANS:
+        note(method)
+    return found
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_each_key_of_a_run_stands_in_keyspace_with_its_sender(fleet, used, mode):
+    fleet.physics(SMALL, "--mode", mode, "--duration", "40", "--recorded")
+    client = fleet.client()
+    keys = client.keys
+    everything = client.hear("orchard/**")
+    fleet.start("orchard.processes.logger", "--connect", fleet.endpoint)
+    fleet.host("--without", "worker_01")
+    client.drive("worker_01", 0, 0.5)
+    tick = until(everything, lambda told: told.get("poses") and told["tick"] >= 30)["tick"]
+    client.put(keys.of("advice", "picker_01"), tick=tick, linear={"x": 0.1}, angular={"z": 0.0})
+    for key in ("scenario", "layout", "simulation_state"):
+        client.ask(keys.of(key))
+    client.ask(keys.of("state", "bin_01"))
+    client.ask(keys.of("stop"), client._of_run(stop=True, names=["picker_01"]))
+    client.ask(keys.of("set_simulation_state"), client._of_run(state="paused"))
+    client.ask(keys.of("step_simulation"), client._of_run(steps=1))
+    client.ask(keys.of("set_simulation_state"), client._of_run(state="playing"))
+    fleet.end()
+
+    table = list(rows())
+    wrong = []
+    for how, key, process in sorted(used):
+        fitting = [row for row in table if "*" in key or row.fits(key)]
+        named = [word for row in fitting for word in WORDS[process] if word in row.sender]
+        is_used = any(how in row.means for row in fitting)
+        if not is_used or (how in (PUT, TOKEN) and not named):
+            wrong.append((how, key, process))
+    assert wrong == []
+    senders = {(key, process) for how, key, process in used if how == PUT}
+    assert {("orchard/traffic/velocity", "physics"), ("orchard/bin_01/state", "agents")} <= senders
+    assert ("orchard/worker_01/velocity", "client") in senders
+    assert (ANSWER, "orchard/bin_01/state", "agents") in used
+    assert (TOKEN, "orchard/alive/logger/" + fleet.run, "logger") in used
+
+
+def test_the_reply_to_layout_has_the_rows_of_each_picker():
+    layout = lay_out(Scenario(rows=5, pickers=2))
+    bodies = orchard_of("run1", 0, layout).bodies
+    picked = {body.name: body.rows for body in bodies if body.rows}
+    assert picked == {"picker_01": [1, 2], "picker_02": [3, 4, 5]}
+
+
+def test_an_exchange_has_the_order_that_keyspace_tells():
+    """`here`, then couple, then `claim` beside the carrier, then `yes`: at each end of each row."""
+    local = Local(SMALL)
+    said = []
+    while len([what for what, _ in said if what == "yes"]) < SMALL.rows:
+        local.tick()
+        tick = local.engine.tick - 1
+        for name, action in sorted(local.actions.items()):
+            if not name.startswith("picker") or name not in local.answers:
+                continue
+            said += [("couple", name) for deed in action.deeds if isinstance(deed, Couple)]
+        for sender, written in sorted(local.post.written.get(tick, {}).items()):
+            said += list(_words_of(sender, written))
+        assert tick < 9000
+    exchange = r"(here )+(couple )+(here )*claim (here )+yes "
+    for picker in ("picker_01", "picker_02"):
+        own = [what for what, name in said if name == picker]
+        in_order = "".join(f"{what} " for what in own if what != "no")
+        assert re.fullmatch(f"({exchange})+", in_order), own
+        assert own.count("no") == own.count("here") - own.count("yes"), own
+
+
+def _words_of(sender, written):
+    """(what, picker) of the messages of an exchange."""
+    for to, body in written.sent:
+        if isinstance(body, Here):
+            yield "here", to
+        if isinstance(body, Claim) and body.beside:
+            yield "claim", sender
+        if isinstance(body, Yes | No) and sender.startswith("picker"):
+            yield type(body).__name__.lower(), sender

@@ -5,21 +5,27 @@ from typing import Any
 
 import msgspec
 
-SHOWN = 80  # characters of a value
-_SIMPLE = (float, str, int, bool, bytes, type(None))  # most of the data, which have no parts
+# Characters of a value that are shown.
+SHOWN = 80
+# Most of the data: they have no parts.
+_SIMPLE = (float, str, int, bool, bytes, type(None))
 
 
 def difference(before: Any, after: Any, where: str) -> str:
-    """Return the first difference between two values, as "memory['seen']: set {1}, then list [1]"; '' if they are the same, types too.
+    """Return the first difference between two values, as "memory['seen']: set {1}, then list [1]".
 
-    An int is the same as an equal float, as which a field of type float reads it. NaN is the same as NaN.
+    Return '' if they are the same, types too. An int is the same as an equal float, as which a field
+    of type float reads it. NaN is the same as NaN. `where`: the name of the values.
     """
     if _is_same(before, after):
         return ""
-    parts, others = parts_of(before, where), parts_of(after, where)
-    if type(before) is type(after) and [at for at, _ in parts] == [at for at, _ in others]:
-        for (at, old), (_, new) in zip(parts, others, strict=True):
-            if words := difference(old, new, at):
+    parts_before = parts_of(before, where)
+    parts_after = parts_of(after, where)
+    places_before = [place for place, _ in parts_before]
+    places_after = [place for place, _ in parts_after]
+    if type(before) is type(after) and places_before == places_after:
+        for (place, old), (_, new) in zip(parts_before, parts_after, strict=True):
+            if words := difference(old, new, place):
                 return words
     return f"{where}: {_shown(before, after)}, then {_shown(after, before)}"
 
@@ -44,7 +50,10 @@ def _is_same(before: Any, after: Any) -> bool:
 
 
 def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
-    """Return the place and the value of each part of a dict, list, tuple, Struct or dataclass; nothing for other data."""
+    """Return the place and the value of each part of a dict, list, tuple, Struct or dataclass.
+
+    Other data have no parts.
+    """
     if type(data) is dict:
         return [(f"{where}[{key!r}]", value) for key, value in data.items()]
     if type(data) in (list, tuple):
@@ -55,14 +64,12 @@ def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
 def _names_in(data: Any) -> list[str]:
     if isinstance(data, msgspec.Struct):
         return list(data.__struct_fields__)
-    return (
-        [field.name for field in fields(data)]
-        if is_dataclass(data) and not isinstance(data, type)
-        else []
-    )
+    if is_dataclass(data) and not isinstance(data, type):
+        return [field.name for field in fields(data)]
+    return []
 
 
 def _shown(value: Any, other: Any) -> str:
-    """A value, with its type if that is not the other's."""
+    """Return a value as text, with its type if that is not the other's."""
     text = repr(value) if type(value) is type(other) else f"{type(value).__name__} {value!r}"
     return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."

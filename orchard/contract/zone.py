@@ -1,4 +1,7 @@
-"""What a laser sees: which of its beams end in a box, and which side is freer. Agents and physics compute both to the same bit."""
+"""What a laser sees: which of its beams end in a box, and which side is freer.
+
+Agents and physics compute both to the same bit.
+"""
 
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -9,7 +12,8 @@ from orchard.contract.messages import Metres
 from orchard.field import repeatable
 from orchard.field.kinds import KINDS, Laser, kind_of
 
-ACROSS = 1e-12  # a beam with a smaller cosine to an axis counts as at a right angle to it
+# A beam with a smaller cosine to an axis counts as at a right angle to it.
+ACROSS = 1e-12
 
 
 class Zone(NamedTuple):
@@ -25,34 +29,45 @@ class Zone(NamedTuple):
         return bool(np.count_nonzero(in_zone(seen.scan, KINDS[kind_of(seen.name)].laser, self)))
 
 
-@cache  # there is one laser for each kind of body
+# There is one laser for each kind of body.
+@cache
 def beams(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
     """Return cosine and sine of each beam's angle to the front, (beams,) each."""
     pairs = [repeatable.sin_cos(laser.first + i * laser.increment) for i in range(laser.beams)]
     return np.array([c for _, c in pairs]), np.array([s for s, _ in pairs])
 
 
-@lru_cache(maxsize=256)  # there are a few for each kind of body
-@np.errstate(all="ignore")  # whatever a user's program sets
+# There are a few zones for each kind of body. Warnings are off, whatever a user's program sets.
+@lru_cache(maxsize=256)
+@np.errstate(all="ignore")
 def spans(laser: Laser, zone: Zone) -> np.ndarray:
-    """Return the ranges, rounded up, at which each beam enters and leaves a zone, (2, beams) float32, m; reversed if it misses."""
+    """Return the ranges at which each beam enters and leaves a zone, (2, beams) float32, m.
+
+    They are rounded up. The first is greater than the second if the beam misses the zone.
+    """
     cosines, sines = beams(laser)
-    along, across = _slab(cosines, zone.x_min, zone.x_max), _slab(sines, zone.y_min, zone.y_max)
-    exact = np.stack(
-        [np.maximum(np.maximum(along[0], across[0]), 0.0), np.minimum(along[1], across[1])]
-    )
+    enter_x, leave_x = _slab(cosines, zone.x_min, zone.x_max)
+    enter_y, leave_y = _slab(sines, zone.y_min, zone.y_max)
+    enter = np.maximum(np.maximum(enter_x, enter_y), 0.0)
+    leave = np.minimum(leave_x, leave_y)
+    exact = np.stack([enter, leave])
     nearest = exact.astype(np.float32)
     return np.where(nearest < exact, np.nextafter(nearest, np.float32(np.inf)), nearest)
 
 
-def _slab(direction: np.ndarray, least: float, most: float) -> tuple[np.ndarray, np.ndarray]:
-    """The ranges between which each beam is from `least` to `most` along an axis; `direction`: the beams' cosines to it."""
-    across = np.abs(direction) < ACROSS
-    one, other = least / np.where(across, 1.0, direction), most / np.where(across, 1.0, direction)
+def _slab(cosines: np.ndarray, least: float, most: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ranges between which each beam is from `least` to `most` along an axis, m.
+
+    `cosines`: of the beams to that axis, (beams,).
+    """
+    is_across = np.abs(cosines) < ACROSS
+    divisors = np.where(is_across, 1.0, cosines)
+    at_least = least / divisors
+    at_most = most / divisors
     far = np.inf if least <= 0.0 <= most else -np.inf
-    return np.where(across, -far, np.minimum(one, other)), np.where(
-        across, far, np.maximum(one, other)
-    )
+    enter = np.where(is_across, -far, np.minimum(at_least, at_most))
+    leave = np.where(is_across, far, np.maximum(at_least, at_most))
+    return enter, leave
 
 
 def in_zone(scan: np.ndarray, laser: Laser, zone: Zone) -> np.ndarray:
@@ -63,7 +78,10 @@ def in_zone(scan: np.ndarray, laser: Laser, zone: Zone) -> np.ndarray:
 
 
 def is_left_freer(scan: np.ndarray, reach: float) -> bool:
-    """Whether no more beams of the left half of a scan than of the right half return within a reach, m."""
+    """Whether the left half of a scan is at least as free as the right half.
+
+    A half is freer if fewer of its beams return within `reach`, m.
+    """
     near = scan < np.float32(reach)
     half = len(near) // 2
     return bool(np.count_nonzero(near[half:]) <= np.count_nonzero(near[:half]))

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NoReturn
 
 from orchard.agents.catalogue import guarded
@@ -20,7 +20,14 @@ from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
 from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
 from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
-from orchard.net.requests import AGAIN_SECONDS, ANSWER_SECONDS, ask, fetch_run, publish_refusals
+from orchard.net.requests import (
+    AGAIN_SECONDS,
+    ANSWER_SECONDS,
+    ErrorReply,
+    ask,
+    fetch_run,
+    publish_refusals,
+)
 from orchard.wire.codec import report_of
 from orchard.wire.keys import Keys
 from orchard.wire.messages import (
@@ -45,6 +52,20 @@ GONE_SECONDS = (
 WARN_SECONDS = 1.0  # after which a host says that physics is gone; at the end of a run its `end` arrives sooner
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
+
+
+REFUSED_TRIES = 5  # of a join that is refused for another reason: it may have changed on its way
+
+
+def _most_tries(reasons: Collection[str]) -> int:
+    """Return how often a join is tried that is refused for these reasons."""
+    if not reasons:
+        return 1
+    if NO_TOKEN in reasons:
+        return JOIN_TRIES
+    if any(reason.startswith(TAKEN) for reason in reasons):
+        return TAKEN_TRIES
+    return REFUSED_TRIES
 
 
 class HostEnded(Exception):
@@ -196,14 +217,22 @@ class Host:
             runner.resume(joined.memories.get(name))
 
     def _joined(self) -> Joined:
+        """Ask physics for the agents, again while what it refuses may be right soon, or come right.
+
+        Raises ErrorReply if physics answers with errors only.
+        """
         request = pack(Join(self.run_id, self.bus.id, list(self.runners)))
-        for tries in range(1, JOIN_TRIES + 1):
-            joined = self._query("join", request, Joined)
-            is_taken = any(why.startswith(TAKEN) for why in joined.refused.values())
-            if NO_TOKEN not in joined.refused.values() and not (is_taken and tries < TAKEN_TRIES):
-                break
+        tries = 0
+        while True:
+            tries += 1
+            try:
+                joined = self._query("join", request, Joined)
+                if tries >= _most_tries(joined.refused.values()):
+                    return joined
+            except ErrorReply:
+                if tries >= REFUSED_TRIES:
+                    raise
             self.bus.sleep(AGAIN_SECONDS)
-        return joined
 
     def _query(self, what: str, request: bytes, type_: type[M]) -> M:
         key, understand = (

@@ -24,6 +24,10 @@ AGAIN_SECONDS = 0.1  # between two tries, while no reply comes
 TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
 
 
+class ErrorReply(BusError):
+    """Raised when the only replies are errors."""
+
+
 def publish_refusals(bus: Bus, keys: Keys, run: str, refusals: Refusals) -> None:
     """Publish the session's counts of refused messages if they have changed. Physics adds them up."""
     if refusals.is_news():
@@ -47,7 +51,8 @@ def ask(
 
     `understand`: payload of a reply -> message; raises Refused or ValueError. `handle`: takes all other items that arrive.
     `refusals`: counts invalid replies. `meanwhile`: called at least once a second.
-    Any client may reply, so an error counts only if no valid reply comes. Raises BusError for an error, or if no reply comes.
+    Any client may reply, so an error counts only if no valid reply comes.
+    Raises ErrorReply for an error, BusError if no reply comes.
     """
     for _ in range(tries):
         ticket = object()
@@ -66,7 +71,7 @@ def ask(
                         error if isinstance(error, Refused) else Refused("malformed", str(error)),
                     )
         if errors:
-            raise BusError(f"{key}: {errors[0]}")
+            raise ErrorReply(f"{key}: {errors[0]}")
         bus.sleep(AGAIN_SECONDS)
     raise BusError(f"{key}: no reply; is the physics process running, with the same prefix?")
 

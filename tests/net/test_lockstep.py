@@ -11,11 +11,13 @@ from fleet import until
 from local_runs import AGENTS, SMALL, TICKS, TOY
 from patience import PATIENCE
 
+from chaos.simulated.router import Router
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
 from orchard.net import bus
 from orchard.net.bus import Inbox
+from orchard.net.host import REFUSED_TRIES
 from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
@@ -152,6 +154,68 @@ def test_a_name_that_is_taken_is_refused_by_name(fleet):
     assert "picker_01: it is taken" in err
     fleet.hosts = [first]
     fleet.stop()
+
+
+def changing_joins(monkeypatch, change, times: float = 1) -> list[bytes]:
+    """Let the network change so many joins. Return a list that gets all of them, as they were sent."""
+    ask, joins = Router.ask, []
+
+    def ask_with_change(router, link, number, key, payload):
+        if key.endswith("/join"):
+            joins.append(payload)
+            if len(joins) <= times:
+                payload = change(payload)
+        ask(router, link, number, key, payload)
+
+    monkeypatch.setattr(Router, "ask", ask_with_change)
+    return joins
+
+
+CHANGES = {
+    "a name": (b"picker_01", b"pickar_01"),
+    "the field of the names": (b"names", b"nemes"),
+    "the field of the owner": (b"owner", b"ovner"),
+    "the field of the run": (b"run", b"rum"),
+}
+
+
+@pytest.mark.parametrize("change", [*CHANGES, "the owner", "the run", "its first byte"])
+def test_a_host_joins_although_a_byte_of_its_join_was_changed(
+    change, fleet, undisturbed, monkeypatch
+):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+
+    def changed(payload: bytes) -> bytes:
+        join = msgpack.unpackb(payload)
+        words = {"the owner": join["owner"].encode(), "the run": join["run"].encode()}
+        before, after = CHANGES.get(change, (payload[:1], b"\xc1"))
+        if change in words:
+            before = words[change]
+            after = before[:-1] + (b"0" if before[-1:] != b"0" else b"1")
+        assert before in payload
+        return payload.replace(before, after, 1)
+
+    joins = changing_joins(monkeypatch, changed)
+    fleet.host(agents=TOY)
+    assert fleet.end() == undisturbed
+    assert len(joins) == 2
+
+
+def test_a_host_whose_joins_are_all_refused_ends_with_the_reason(fleet, monkeypatch):
+    fleet.physics(SMALL, "--duration", "1")
+    joins = changing_joins(
+        monkeypatch, lambda join: join.replace(b"picker_01", b"pickar_01"), math.inf
+    )
+    code, _, err = fleet.host("--only", "picker_01", agents=TOY).end()
+    assert (code, len(joins)) == (2, REFUSED_TRIES)
+    assert "pickar_01: there is no such agent" in err
+
+
+def test_a_host_with_a_name_that_a_user_has_wrong_ends_with_words(fleet):
+    fleet.physics(SMALL, "--duration", "1")
+    code, _, err = fleet.host("--only", "pickar_01", agents=TOY).end()
+    assert code == 2
+    assert "pickar_01: no such agent or kind" in err
 
 
 def test_the_robot_of_a_broken_agent_stands_and_the_others_go_on(fleet):

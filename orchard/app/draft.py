@@ -36,11 +36,15 @@ def shown(number: float) -> str:
     return str(number).removesuffix(".0")
 
 
-def hint(text: object) -> str:
-    """Return advice on a text that is almost a number, to append to an error message; '' if there is none."""
-    if isinstance(text, str) and WITH_COMMA.fullmatch(text.strip()):
-        return f"; write a point: {text.strip().replace(',', '.')}"
-    return ""
+def with_point(text: object) -> str:
+    """Return a number that was typed with a comma as it is typed with a point; '' for all else."""
+    is_number = isinstance(text, str) and WITH_COMMA.fullmatch(text.strip())
+    return str(text).strip().replace(",", ".") if is_number else ""
+
+
+def write_a_point(number: str) -> str:
+    """Return advice to append to an error message. Only a number that is accepted may be advised."""
+    return f"; write a point: {number}"
 
 
 def span(limits: tuple[float, float]) -> str:
@@ -49,9 +53,16 @@ def span(limits: tuple[float, float]) -> str:
 
 def number_problem(text: str, limits: tuple[float, float], also: str = "") -> str:
     """Return the problem of a text, with the words `also`; '' if it is a number within the limits."""
+    if _is_within(text, limits):
+        return ""
+    problem = f"must be a number from {span(limits)}{also}"
+    meant = with_point(text)
+    return problem + write_a_point(meant) if _is_within(meant, limits) else problem
+
+
+def _is_within(text: str, limits: tuple[float, float]) -> bool:
     number = number_of(text)
-    is_right = not isinstance(number, str) and limits[0] <= number <= limits[1]
-    return "" if is_right else f"must be a number from {span(limits)}{also}{hint(text)}"
+    return not isinstance(number, str) and limits[0] <= number <= limits[1]
 
 
 FROM_FILE = (*AGENTS, "survey")  # come from a file, and are not entered on the page
@@ -223,13 +234,25 @@ class Draft:
                 check_plugins(lay_out(scenario))
         except ScenarioError as error:
             self.problems = {
-                path: words + hint(self.values.get(path))
+                path: words + self._advice(path)
                 for path, words in _by_field(error.problems).items()
             }
         except ValueError as error:
             self.problems = {"agents": str(error)}
         else:
             self.scenario = scenario
+
+    def _advice(self, path: str) -> str:
+        """Return advice on a number that was typed with a comma; '' if it is refused with a point too."""
+        meant = with_point(self.values.get(path))
+        if not meant:
+            return ""
+        try:
+            with_changes(self._base, **{**self.values, path: _typed(path, meant)})
+        except ScenarioError as error:
+            if path in _by_field(error.problems):
+                return ""
+        return write_a_point(meant)
 
     def _strange(self) -> dict[str, str]:
         """A message for each rule that is neither built in nor of the file: a link must not run any class."""

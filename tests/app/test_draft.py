@@ -60,6 +60,23 @@ WRONG_FIELDS = [
 ]
 
 
+REFUSED_WITH_A_POINT = [{"row_width": "4,5"}, {"rows": "5,5"}, {"people.workers": "60,0"}]
+
+
+@pytest.mark.parametrize("changes", REFUSED_WITH_A_POINT)
+def test_no_number_is_advised_that_is_refused(changes):
+    draft = Draft(Scenario())
+    draft.enter(changes)
+    ((_, words),) = draft.problems.items()
+    assert "point" not in words
+
+
+def test_a_number_with_a_comma_is_advised_though_another_value_is_wrong():
+    draft = Draft(Scenario())
+    draft.enter({"row_width": "5,5", "rows": 101})
+    assert "write a point: 5.5" in draft.problems["row_width"]
+
+
 @pytest.mark.parametrize(("changes", "told"), WRONG_FIELDS)
 def test_what_is_wrong_is_told_at_its_field(changes, told):
     draft = Draft(Scenario())

@@ -8,11 +8,22 @@ import numpy as np
 from orchard.contract.agent import Action, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Flatten
 from orchard.contract.zone import Zone
+from orchard.field import repeatable
+from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 
-NEAR = 1.36  # m from its centre: 1 m from its farthest point, a corner at 0.354 m; physics decides what is near enough
+# m from its centre: 1 m from its farthest point, a corner at 0.354 m. In this reach it looks for motion.
+NEAR = 1.36
 AROUND_IT = Zone(-NEAR, NEAR, -NEAR, NEAR)
+# m from its edge to a return. Physics decides by 1 m to the body, and a corner of the body may lie
+# between two beams, nearer than both of their returns.
+REACH = 1.05
 SURE = 5.0  # standard deviations of the lasers' noise by which the silhouette must change
+
+_LASER = KINDS["weed"].laser
+_SIN_COS = np.array(
+    [repeatable.sin_cos(_LASER.first + k * _LASER.increment) for k in range(_LASER.beams)]
+)
 
 
 class WeedMemory(msgspec.Struct):
@@ -31,13 +42,15 @@ class Weed:
     def tick(self, seen: Observation, mail: Mail, memory: WeedMemory | None) -> Action:
         now, beams = silhouette(seen.scan)
         change = abs(now - memory.silhouette) if memory else 0
-        moving = change > 1000 * SURE * self.noise * math.sqrt(beams)
+        has_changed = change > 1000 * SURE * self.noise * math.sqrt(beams)
         memory = memory or self.Memory(now)
-        if moving:
+        if has_changed:
             memory.silhouette = now
-        hold = None if moving else Hold(LAST_TICK, still=(AROUND_IT,))
+        # What has just left is out of reach. A flat weed sees nothing, and asks for nothing more.
+        is_passed = has_changed and is_within_reach(seen.scan)
+        hold = None if has_changed else Hold(LAST_TICK, still=(AROUND_IT,))
         return Action(
-            deeds=[Flatten()] if moving else [],
+            deeds=[Flatten()] if is_passed else [],
             memory=memory,
             doing="growing",
             state="resting",
@@ -49,3 +62,12 @@ def silhouette(scan: np.ndarray) -> tuple[int, int]:
     """Return a number for all that is near, and the number of beams. Whole millimetres make sums exact."""
     near = scan[scan < NEAR]
     return (int(((NEAR - near) * 1000).astype(np.int64).sum()) if near.size else 0), near.size
+
+
+def is_within_reach(scan: np.ndarray) -> bool:
+    """Whether a return is within REACH of the weed's edge. `scan`: ranges, m, (60,)."""
+    near = scan < NEAR
+    sides = scan[near, None] * _SIN_COS[near]
+    half = KINDS["weed"].length / 2
+    y, x = np.maximum(np.abs(sides) - half, 0.0).T
+    return bool((x * x + y * y <= REACH * REACH).any())

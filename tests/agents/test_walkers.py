@@ -147,6 +147,20 @@ def test_weeds_disappear_when_something_moves_within_a_metre():
     assert -2.0 < stage.pose("worker_01")[0] < -0.5
 
 
+def test_a_weed_asks_only_for_what_can_flatten_it():
+    """What has flattened the one goes on moving there, and passes the other one too far off."""
+    stage = Stage(
+        empty_orchard(weeds=2, people=People(workers=1, visitors=0)), worker_01=Driven(Twist(x=0.3))
+    )
+    stage.put("weed_01", 0.0, 20.0)
+    stage.put("weed_02", 0.0, 23.1)  # 1.15 m
+    stage.put("worker_01", -2.0, 21.2)
+    stage.run(20)
+    assert stage.pose("worker_01")[0] > 3.5, "it has left"
+    assert [event.who for event in stage.happened("weed flattened")] == ["weed_01"]
+    assert not stage.happened("deed refused")
+
+
 def test_weeds_stay_for_what_stands_still_or_passes_further_off():
     stage = Stage(
         empty_orchard(weeds=2, people=People(workers=2, visitors=0)),

@@ -58,6 +58,7 @@ class CarrierMemory(Plan):
     job: Job | None = None
     delivered: str = ""  # the empty bin that it left for the picker
     charged: bool = True  # whether its battery has been full since it last went to charge
+    flat: bool = False  # whether its battery has not been full since it was flat
     calls: dict[
         str, HeardCall
     ] = {}  # bin -> its call, heard lately, also while the carrier is busy
@@ -89,13 +90,27 @@ class Carrier:
         robot = PlanExecutor(seen, mail, memory or self.begin(), self.bystanders)
         hear_calls(robot.memory.calls, mail, seen.tick)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
-        robot.memory.charged = robot.memory.charged or seen.charge >= 1.0
-        if seen.charge > 0.0:
-            robot.follow()
-        else:
-            robot.memory.doing, robot.memory.state = "standing with a flat battery", "failed"
-            robot.hold()
+        is_full = seen.charge >= 1.0
+        robot.memory.charged = robot.memory.charged or is_full
+        robot.memory.flat = seen.charge <= 0.0 or (robot.memory.flat and not is_full)
+        if robot.memory.flat:
+            return self.stand(robot)
+        robot.follow()
         return robot.finish()
+
+    def stand(self, robot: PlanExecutor) -> Action:
+        """Return the action of a carrier whose battery was flat: it stands until the battery is full.
+
+        Otherwise it would drive on by each bit of charge, and be flat again at once.
+        """
+        if robot.seen.charge > 0.0 or robot.memory.charged:
+            robot.hold()
+        action = robot.finish()
+        if robot.seen.charge > 0.0:
+            action.doing, action.state = "charging a flat battery", "resting"
+        else:
+            action.doing, action.state = "standing with a flat battery", "failed"
+        return action
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
         """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it."""

@@ -15,7 +15,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.report.bounds import Bounds
-from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
+from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 from orchard.sim.snapshot import Snapshot
 
 BATTERY = {"hours": 0.12, "hours_to_charge": 0.04, "reserve": 0.8}
@@ -85,6 +85,30 @@ def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed(soon_jamme
     )
     assert stage.account.figures()["flat_seconds"] == pytest.approx(stage.seconds - lasted, abs=0.5)
     assert len(stage.happened("flat")) == 1
+
+
+@pytest.mark.parametrize("holds", [Lookahead, CheckedHolds, IgnoredHolds])
+def test_a_carrier_that_goes_flat_in_its_charging_line_charges_there(holds):
+    battery = {"hours": 1.0, "hours_to_charge": 0.05, "standing": 1.0, "reserve": 0.9}
+    stage = Stage(charging(battery, carriers=6, route="one-way", row_length=70.0), holds=holds)
+    carrier = stage.world.index["carrier_01"]
+    stage.run(1)
+    stage.run_until(lambda: "bringing" in stage.doing("carrier_01"), 100)
+    stage.world.charge[carrier] = 0.5
+    stage.run_until(lambda: stage.doing("carrier_01") == "charging", 400)
+    west = stage.world.layout.queue.area.west
+    stage.run_until(lambda: stage.pose("carrier_01")[0] > west + 0.5, 10)
+    stage.world.charge[carrier] = 0.00005
+    stage.run_until(lambda: bool(stage.happened("flat")), 10)
+    at = stage.pose("carrier_01")
+    assert at[0] < stage.world.layout.queue.head - 10.0, "it was on its way to the head"
+    stage.run(2)
+    assert stage.doing("carrier_01") == "charging a flat battery"
+    stage.run_until(lambda: bool(stage.happened("charged")), 200)
+    assert stage.pose("carrier_01") == at
+    stage.run_until(lambda: stage.pose("carrier_01")[0] > at[0] + 10.0, 30)
+    assert len(stage.happened("flat")) == 1
+    assert stage.local.engine.violations() == []
 
 
 @cache

@@ -20,6 +20,7 @@ from orchard.contract.messages import (
     Text,
     Tick,
     Written,
+    as_json,
     type_of,
 )
 from orchard.field.problems import printable
@@ -43,6 +44,12 @@ class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Text, Meta(description="the other body, or the recipient; '' if there is none")
     ] = ""
     detail: Annotated[str, Meta(max_length=1000)] = ""
+
+
+class LetterEvent(Event, frozen=True):
+    """A message between two agents, as an event of the tick at which it is sent."""
+
+    content: str = ""  # the message with its fields, as JSON
 
 
 SELDOM = (
@@ -88,6 +95,8 @@ class Frame:
     velocities: Mapping[str, Velocities] = field(
         default_factory=dict
     )  # name -> its own of the step; may hold changes only
+    # name -> charge of its battery, 0 flat to 1 full: of robots that have one, once a second.
+    charges: Mapping[str, float] = field(default_factory=dict)
     left_out: int = 0  # earlier frames that were merged into this one
     is_whole: bool = False  # whether all but the scans is complete: a viewer can begin with it
 
@@ -97,7 +106,7 @@ def merged(old: Frame, new: Frame) -> Frame:
     kept = {name: getattr(old, name) for name in SELDOM if getattr(new, name) is None}
     news: dict[str, Any] = {
         name: {**getattr(old, name), **getattr(new, name)}
-        for name in ("doing", "states", "velocities")
+        for name in ("doing", "states", "velocities", "charges")
     }
     news |= {"events": [*old.events, *new.events], "is_whole": old.is_whole or new.is_whole}
     return replace(new, left_out=old.left_out + new.left_out + 1, **news, **kept)
@@ -106,11 +115,18 @@ def merged(old: Frame, new: Frame) -> Frame:
 # -- messages between agents as events
 
 
-def talk_of(tick: int, letters: Mapping[str, Written]) -> list[Event]:
+def talk_of(tick: int, letters: Mapping[str, Written]) -> list[LetterEvent]:
     """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its letters."""
     said = [(sender, to, body) for sender, written in letters.items() for to, body in written.sent]
     return [
-        Event(tick, type_of(body), sender, printable(to), printable(_said(body)))
+        LetterEvent(
+            tick=tick,
+            what=type_of(body),
+            who=sender,
+            whom=printable(to),
+            detail=printable(_said(body)),
+            content=as_json(body),
+        )
         for sender, to, body in said
     ]
 

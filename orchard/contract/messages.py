@@ -267,6 +267,11 @@ def pack(message: Any) -> bytes:
     return _encoder.encode(message)
 
 
+def as_json(message: AgentMessage) -> str:
+    """Return a message as JSON, with its `type` and its fields."""
+    return msgspec.json.encode(message).decode()
+
+
 def unpack(data: bytes, type_: Any) -> Any:
     """Decode msgpack bytes and check the data against a type. Raises ValueError, with the fault and its place in the message."""
     try:

@@ -24,7 +24,16 @@ from orchard.view.reader import before
 from orchard.view.recorder import Recorder
 from orchard.wire.codec import frame_of
 from orchard.wire.keys import LOGGER, Keys
-from orchard.wire.messages import Bundle, End, Events, Letters, Lost, Picture
+from orchard.wire.messages import (
+    Bundle,
+    End,
+    Events,
+    Letters,
+    Lost,
+    Picture,
+    Refusal,
+    SimulationState,
+)
 
 MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
 MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
@@ -33,6 +42,9 @@ LOOK_SECONDS, LIVE_SECONDS = (
     0.5,
     0.05,
 )  # between two looks at what has come quietly; for a file, and while viewers are served
+
+THE_RUN = "the run"  # it is paused, and plays on
+NAMELESS = "a client"  # a sender that does not say its session
 
 log = logging.getLogger("orchard")
 
@@ -48,6 +60,7 @@ class FrameQueue:
         self._is_closed = False
         self._change = threading.Condition()
         self.left_out = 0
+        self.rest: list[Event] = []  # events after the last frame
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -106,6 +119,8 @@ def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | No
                 else frame
             )
             last = frame.tick
+        for event in queue.rest:
+            recording.tell(event)
     finally:
         file = recording.close()
     return file
@@ -145,7 +160,7 @@ class Logger:
 
     def listen(self) -> None:
         """Subscribe to the run. What comes often is read together: to wake a thread for each costs more than what it does."""
-        for what in ("bundle", "lost", "end"):
+        for what in ("bundle", "lost", "refusals", "simulation_state", "end"):
             self.bus.subscribe(self.keys.of(what), quietly=what == "bundle")
         self.bus.watch(self.keys.of("physics", self.run_id))
 
@@ -159,6 +174,7 @@ class Logger:
         except HostEnded as end:
             code = end.code
         finally:
+            self.queue.rest = self._notes
             self.queue.close()
         part = writing.result()
         if self.queue.left_out:
@@ -192,6 +208,11 @@ class Logger:
                     Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands")
                     for name in lost.names
                 )
+            case ["refusals"]:
+                self._note([refusal_event(read_message(sample.payload, Refusal, self.run_id))])
+            case ["simulation_state"]:
+                state = read_message(sample.payload, SimulationState, self.run_id)
+                self._note([Event(state.tick, state.state, THE_RUN)])
             case ["end"]:
                 self._ending.hear(read_message(sample.payload, End, self.run_id))
             case _:
@@ -220,8 +241,18 @@ class Logger:
     def _see(self, frame: Frame) -> None:
         """Pass a frame on. After a missed one, wait for a whole one: others contain only what has changed."""
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
-            self._tick, frame.events, self._notes = frame.tick, self._notes, []
+            self._tick = frame.tick
+            # What comes on a key of its own may be ahead of the bundles: it waits for its frame.
+            frame.events = [event for event in self._notes if event.tick < frame.tick]
+            self._notes = [event for event in self._notes if event.tick >= frame.tick]
             self.queue.put(frame)
+
+
+def refusal_event(refusal: Refusal) -> Event:
+    """Return the event of a message that physics has refused."""
+    detail = f", {refusal.detail}" if refusal.detail else ""
+    words = f"{refusal.key}: {refusal.reason}{detail}"
+    return Event(refusal.tick, "refused", refusal.session or NAMELESS, "", words)
 
 
 def record(

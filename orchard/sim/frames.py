@@ -6,6 +6,7 @@ import numpy as np
 
 from orchard.contract.agent import Action, State, state_of
 from orchard.contract.events import SCAN_TICKS, SELDOM, STOPPED, Event, Frame, Velocities
+from orchard.field.scenario import TICKS_PER_SECOND
 from orchard.sim.engine import Engine
 from orchard.sim.obstacles import PLACES
 from orchard.sim.stops import as_shown
@@ -44,8 +45,19 @@ class FrameBuilder:
             velocities=self._new_velocities(
                 np.concatenate([world.twist, self._engine.lookahead.wanted], axis=1)
             ),
+            charges=self._charges(is_whole),
             **seldom,
         )
+
+    def _charges(self, is_whole: bool) -> dict[str, float]:
+        """Return the charges of all batteries, once a second and in a whole frame."""
+        world = self._engine.world
+        is_due = is_whole or world.tick % TICKS_PER_SECOND == 0
+        if not is_due or not world.layout.scenario.has_batteries:
+            return {}
+        carriers = world.fixed.carriers
+        names = [world.layout.names[carrier] for carrier in carriers]
+        return dict(zip(names, world.charge[carriers].tolist(), strict=True))
 
     def forget(self) -> None:
         self._shown, self._said = dict[str, bytes](), dict[str, tuple[str, State]]()

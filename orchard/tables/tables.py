@@ -7,14 +7,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from orchard.contract.agent import Action, state_of
 from orchard.contract.events import STOPPED, Event
-from orchard.contract.messages import Written, type_of
+from orchard.contract.messages import Written, as_json, type_of
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
 from orchard.field.problems import printable
@@ -179,9 +178,7 @@ class Tables:
         self._events += events
         for name, written in sorted(letters.items()):  # in lockstep they come in order of arrival
             for to, body in written.sent:
-                self._messages.append(
-                    (engine.tick - 1, name, to, type_of(body), msgspec.json.encode(body).decode())
-                )
+                self._messages.append((engine.tick - 1, name, to, type_of(body), as_json(body)))
         if len(self._bodies) >= MOST_ROWS:
             self.flush()
 

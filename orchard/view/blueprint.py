@@ -35,6 +35,7 @@ BESIDE = (
     -4.0,
     7.0,
 )  # m from the focus to its camera, which looks along the rows, between the trees
+BATTERIES = "metrics/batteries"  # below it the charge of each battery, 0 flat to 1 full
 PICKERS, OTHERS = (
     ["world/pickers/**"],
     [f"world/{kind}s/**" for kind in VEHICLES if kind != "picker"],
@@ -53,11 +54,13 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
         pictures = rrb.Vertical(
             spaces, rrb.Horizontal(plan, histories, column_shares=[1, 1]), row_shares=[11, 10]
         )
-    plots = (
+    plots = [
         _plot("Bins", "metrics/bins", layout.bins),
         _plot("Robots", "metrics/robots", max(pickers, carriers)),
-    )
-    figures = rrb.Vertical(*plots, _events(), row_shares=[3, 3, 4])
+    ]
+    if layout.scenario.has_batteries:
+        plots.append(_plot("Batteries", BATTERIES, 1))
+    figures = rrb.Vertical(*plots, _events(), row_shares=[*(3 for _ in plots), 4])
     views = rrb.Horizontal(
         rrb.Vertical(pictures, _legend(), row_shares=[15, 1]), figures, column_shares=[11, 4]
     )

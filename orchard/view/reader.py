@@ -22,6 +22,7 @@ SCENARIO = "recording/scenario"  # entity: the scenario as JSON
 VELOCITIES = (
     "recording/velocities"  # entity: a body's number, and its `Velocities`, whenever these change
 )
+LETTERS = "recording/letters"  # entity: each message between agents, with its fields as JSON
 UNREADABLE = (
     RuntimeError,
     ValueError,

@@ -8,19 +8,19 @@ import numpy as np
 import rerun as rr
 
 from orchard.contract.agent import WAITING_STATES, State
-from orchard.contract.events import SCAN_TICKS, Event, Frame, Velocities
+from orchard.contract.events import SCAN_TICKS, Event, Frame, LetterEvent, Velocities
 from orchard.field.kinds import KINDS, LASER_RANGE, MOVERS, Laser, kind_of
 from orchard.field.layout import Layout
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
-from orchard.view.blueprint import blueprint
+from orchard.view.blueprint import BATTERIES, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
 from orchard.view.columns import Columns, times
 from orchard.view.files import RecordingFile
 from orchard.view.legend import log_legend
 from orchard.view.names import FOCUS, Focus, NameView, log_focus
-from orchard.view.reader import LEFT_OUT, MISSING, SCENARIO, SINCE, VELOCITIES
+from orchard.view.reader import LEFT_OUT, LETTERS, MISSING, SCENARIO, SINCE, VELOCITIES
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
@@ -137,6 +137,7 @@ class Recorder:
         self._changes(frame)
         self._words(frame)
         self._figures(frame, is_due)
+        self._batteries(frame)
         self._drives(frame)
         if is_due and (not self.waiting() or frame.tick - self._sent >= MOST_TICKS):
             self._send()
@@ -157,6 +158,7 @@ class Recorder:
         self._columns.add(
             "events", rr.TextLog, event.tick, text=[line_of(event)], level=[level_of(event.what)]
         )
+        self._letter(event)
 
     def close(self) -> Path | None:
         """Write the rest, wait, and end the file and the server. Return the file if all is in it."""
@@ -251,7 +253,29 @@ class Recorder:
         for event in [*lines, *(event for event in frame.events if event not in lines)]:
             level = level_of(event.what) if event in lines else "DEBUG"
             self._columns.add("events", rr.TextLog, text=[line_of(event)], level=[level])
+        for event in frame.events:
+            self._letter(event)
         self.talk.show(frame.tick, frame.poses, news)
+
+    def _letter(self, event: Event) -> None:
+        """Record a message between agents with its fields, at the tick at which it is sent."""
+        if isinstance(event, LetterEvent):
+            self._columns.add(
+                LETTERS,
+                rr.AnyValues,
+                event.tick,
+                sender=[event.who],
+                recipient=[event.whom],
+                type=[event.what],
+                content=[event.content],
+            )
+
+    def _batteries(self, frame: Frame) -> None:
+        for name, charge in frame.charges.items():
+            path = f"{BATTERIES}/{name}"
+            if self._gauges.get(path) != charge:
+                self._gauges[path] = charge
+                self._columns.add(path, rr.Scalars, scalars=[charge])
 
     def _figures(self, frame: Frame, is_due: bool) -> None:
         if not is_due and frame.delivered == self._gauges.get("metrics/bins/delivered"):

@@ -201,6 +201,7 @@ def picture_of(run: str, frame: Frame) -> wire.Picture:
     said: dict[str, Any] = {
         "states": dict(frame.states),
         "velocities": velocities,
+        "charges": dict(frame.charges),
         "whole": frame.is_whole,
     }
     return wire.Picture(
@@ -229,6 +230,7 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
     said: dict[str, Any] = {
         "states": picture.states,
         "velocities": velocities,
+        "charges": picture.charges,
         "is_whole": picture.whole,
     }
     return Frame(

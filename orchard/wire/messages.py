@@ -48,6 +48,7 @@ LETTERS = (
 WALLS = (
     "x, y of the centre, half the size along x, half along y: four fences, then trunks and posts"
 )
+CHARGES = "name -> charge of its battery, 0 to 1; once a second, only bodies that have one"
 ROWS_OF_PICKER = "for a picker: the rows that it picks, in its order, numbered from 1 at the north"
 ROBOTS = "robots or kinds of robots: 'picker_01', 'carrier'; empty: all robots"
 WHY = "why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; 'reset': it begins again"
@@ -657,6 +658,7 @@ class Picture(Message):
         Meta(description="whether all fields but `scans` are complete; else they hold changes"),
     ] = False
     velocities: Annotated[dict[Name, DoneAndWanted], Meta(description=VELOCITIES)] = {}
+    charges: Annotated[dict[Name, Charge], Meta(description=CHARGES)] = {}
 
 
 class Bundle(Message):

@@ -300,6 +300,41 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
         } == {}
 
 
+def test_refusals_pauses_and_steps_are_events_of_the_recording_at_their_ticks(fleet):
+    """Of what the logger passes to the writer. They come on keys of their own, ahead of the bundles."""
+    fleet.physics(Scenario(rows=3), "--duration", "12", "--recorded", "--speed", "5")
+    fleet.start("orchard.processes.logger", "--connect", fleet.endpoint)
+    fleet.share(1)
+    client = fleet.client()
+    keys = client.keys
+    pictures = client.hear(keys.of("picture"))
+    until(pictures, lambda told: told["tick"] >= 55)
+    client.put(keys.of("velocity", "nobody_01"), tick=1, linear={"x": 0.1}, angular={"z": 0.0})
+    paused = client.ask(keys.of("set_simulation_state"), client._of_run(state="paused"))[0]["tick"]
+    stepped = client.ask(keys.of("step_simulation"), client._of_run(steps=3))[0]["tick"]
+    client.ask(keys.of("set_simulation_state"), client._of_run(state="playing"))
+    fleet.end()
+    (queue,) = fleet.all.frames
+    queue.close()
+    notebook = Notebook()
+    write(queue, notebook, 0)
+    assert stepped == paused + 3
+    states = [(event.tick, event.what) for event in notebook.told if event.who == "the run"]
+    assert states == [
+        (0, "playing"),
+        (paused, "paused"),
+        (paused, "playing"),
+        (stepped, "paused"),
+        (stepped, "playing"),
+        (120, "quitting"),
+    ]
+    (refused,) = [event for event in notebook.told if event.what == "refused"]
+    assert refused.detail == "orchard/nobody_01/velocity: no such robot, nobody_01"
+    assert 55 <= refused.tick <= paused
+    for frame in notebook.frames:
+        assert all(event.tick == frame.tick - 1 for event in frame.events)
+
+
 class Notebook:
     def __init__(self) -> None:
         self.frames: list[Frame] = []
@@ -369,9 +404,12 @@ def test_what_is_left_out_leaves_its_news_to_the_next():
         np.array([[1.0, 0.0, 0.0, 0.0]]),
     )
     pages.put(picture(1, doing=doing, row_ends=picked, alive=np.array([True])))
-    pages.put(picture(2, doing={"bin_01": "full"}, alive=np.array([False])))
+    pages.put(
+        picture(2, charges={"carrier_01": 0.5}, doing={"bin_01": "full"}, alive=np.array([False]))
+    )
     pages.put(picture(3))
     (frame,) = written(pages).frames
+    assert frame.charges == {"carrier_01": 0.5}
     assert (frame.tick, frame.left_out) == (3, 2)
     assert frame.doing == {"picker_01": "picking row 1", "bin_01": "full"}
     assert frame.row_ends.tolist() == picked.tolist() and frame.alive == [False]

@@ -1,9 +1,12 @@
 """The picture, read back from the file with Rerun's own reader."""
 
+import json
 import os
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import get_args
 
@@ -16,14 +19,17 @@ from rerun.chunk import RrdReader
 
 from orchard.contract.agent import State
 from orchard.contract.events import Event, Frame
+from orchard.contract.messages import as_json, type_of
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
+from orchard.local import Local
+from orchard.sim.frames import FrameBuilder
 from orchard.view import scenery
 from orchard.view.names import FOCUS
 from orchard.view.palette import CHARGING, PAINT, SCANS, STATES, YELLOW
-from orchard.view.reader import optimize
+from orchard.view.reader import LETTERS, column, optimize, ticks_of
 from orchard.view.recorder import Recorder, hits
 from orchard.view.scenery import PATCH
 
@@ -256,6 +262,53 @@ def test_the_conversation_is_logged_and_drawn(recording: Path) -> None:
     drawn = [(t, len(lines)) for t, lines in Rows(recording, "/talk").values("LineStrips3D:strips")]
     assert drawn[0] == (70.5, 2) and max(lines for _, lines in drawn) > 4
     assert drawn[-1][1] == 0  # and gone again
+
+
+def test_each_letter_is_recorded_with_its_fields(
+    layout: Layout, harvested: list[Frame], recording: Path
+) -> None:
+    parts = ("sender", "recipient", "type", "content")
+    recorded = []
+    for chunk in chunks(recording):
+        if chunk.entity_path == f"/{LETTERS}":
+            texts = [[value[0] for value in column(chunk, part)] for part in parts]
+            recorded += zip(ticks_of(chunk), *texts, strict=True)
+    recorded.sort(key=lambda row: row[0])
+    local = Local(layout.scenario)
+    sent = []
+    while local.engine.tick < len(harvested):
+        local.tick()
+        tick = local.engine.tick - 1
+        for sender, written in local.post.written.get(tick, {}).items():
+            sent += [(tick, sender, to, type_of(body), as_json(body)) for to, body in written.sent]
+    assert recorded == sent
+    calls = [json.loads(content) for _, _, _, type_, content in recorded if type_ == "call"]
+    assert calls[0] == {"type": "call", "lane": 1, "side": "east", "since": 704}
+
+
+def test_charges_of_batteries_are_recorded_each_second(tmp_path: Path) -> None:
+    battery = {"hours": 0.5, "hours_to_charge": 0.2}
+    scenario = Scenario(rows=3, carriers=2, carrying={"battery": battery})
+    local, meant = Local(scenario), []
+    builder = FrameBuilder(local.engine)
+    carrier = local.engine.layout.index["carrier_01"]
+
+    def harvest() -> Iterator[Frame]:
+        while local.engine.tick < 400:
+            frame = builder.frame(local.tick())
+            if frame.tick % 10 == 0:
+                meant.append((frame.tick / 10, [float(local.engine.world.charge[carrier])]))
+            yield frame
+
+    path = recording_of(tmp_path / "run.rrd", local.engine.layout, harvest())
+    recorded = Rows(path, "/metrics/batteries/carrier_01").values("Scalars:scalars")
+    changes = [now for before, now in pairwise(meant) if before[1] != now[1]]
+    assert [row for row in recorded if row[0] > 1.0] == [row for row in changes if row[0] > 1.0]
+    assert changes[-1][1][0] < 1.0
+
+
+def test_without_batteries_no_charge_is_recorded(recording: Path) -> None:
+    assert [path for path in entities_with(recording, "Scalars:scalars") if "batter" in path] == []
 
 
 def test_the_legend_names_every_state_each_laser_flags_and_the_queue(recording: Path) -> None:

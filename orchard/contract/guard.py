@@ -1,4 +1,7 @@
-"""The guard for agents that may be faulty: an error is logged with its place, the robot stands, and all other agents go on."""
+"""The guard for agents that may be faulty.
+
+An error is logged with its place, the robot stands, and all other agents go on.
+"""
 
 import logging
 import traceback
@@ -49,20 +52,27 @@ log = logging.getLogger("orchard")
 
 
 class Guard:
-    """Ticks an agent that may be faulty, converts messages of its own types, and lets only an action pass that physics accepts."""
+    """Ticks an agent that may be faulty, and lets only an action pass that physics accepts.
+
+    It also converts messages of the agent's own types.
+    """
 
     def __init__(
         self, name: str, agent: Agent | None, names: Collection[str], trusted: bool = False
     ) -> None:
-        """`agent`: None if it could not be made: its robot stands. `names`: all agents of the orchard, to which it may send requests.
+        """Guard an agent; None if it could not be made: then its robot stands.
 
-        `trusted`: it is built in, with all that it uses. So only that is checked which mail may spoil: tests check the rest.
+        `names`: all agents of the orchard, to which it may send requests. `trusted`: it is built in,
+        with all that it uses. So only that is checked which mail may spoil: tests check the rest.
         """
-        self.name, self._names, self._trusted = name, names, trusted
+        self.name = name
         self.agent: Any = agent
         self.Memory = getattr(agent, "Memory", dict)
-        self._memory: Any = None  # the one in its last action
-        self._packed: bytes | None = None  # the same as msgpack, of an agent that is not trusted
+        self._names = names
+        self._trusted = trusted
+        # The memory in its last action, and the same as msgpack, if the agent is not trusted.
+        self._memory: Any = None
+        self._packed: bytes | None = None
         self._sideways = kind_of(name) not in KINDS or KINDS[kind_of(name)].sideways
         self._messages = {type_of(message): message for message in _own_messages(agent)}
         self._may_hold = says_holds(type(agent))
@@ -70,35 +80,35 @@ class Guard:
         self._failed = False
 
     def tick(self, observation: Observation, mail: Mail, memory: Any) -> Action:
-        """Return the agent's action. If it raises, or the action is invalid, return the action of a broken agent, which stands."""
+        """Return the agent's action.
+
+        If it raises, or the action is invalid, return the action of a broken agent, which stands.
+        """
         try:
-            action = (
-                self._trusted_action(observation, mail, memory)
-                if self._trusted
-                else self._action(observation, mail, memory)
-            )
+            if self._trusted:
+                action = self._trusted_action(observation, mail, memory)
+            else:
+                action = self._action(observation, mail, memory)
         except MISTAKES as error:
             reraise_ctrl_c(error)
             _advise(error)
             if not self._failed:
-                class_ = type(self.agent)
-                lines = [
-                    f"{class_.__qualname__}{plugins.place_of_class(class_)}:",
-                    *traceback.format_exc(limit=-3).splitlines(),
-                ]
-                place = "\n".join(
-                    f"  {printable(line, 500)}" for line in lines
-                )  # none of them looks like one of the program's own
-                log.error(
-                    "%s raised an error at tick %d; it stands.\n%s",
-                    self.name,
-                    observation.tick,
-                    place,
-                )
+                self._log_error(observation.tick)
             self._failed = True
             action = _standing(memory if self._trusted else self._unpacked_memory())
         self._memory = action.memory
         return action
+
+    def _log_error(self, tick: int) -> None:
+        """Log the error that is handled, with its place in the user's file."""
+        class_ = type(self.agent)
+        lines = [
+            f"{class_.__qualname__}{plugins.place_of_class(class_)}:",
+            *traceback.format_exc(limit=-3).splitlines(),
+        ]
+        # Each line is indented, so that none looks like one of the program's own.
+        place = "\n".join(f"  {printable(line, 500)}" for line in lines)
+        log.error("%s raised an error at tick %d; it stands.\n%s", self.name, tick, place)
 
     @property
     def packed(self) -> bytes | None:
@@ -118,7 +128,8 @@ class Guard:
         return action
 
     def _action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
-        if memory is not self._memory:  # it comes from elsewhere
+        comes_from_elsewhere = memory is not self._memory
+        if comes_from_elsewhere:
             self._packed = _packed_or_none(memory)
         if self.agent is None:
             return _standing(memory)
@@ -127,43 +138,52 @@ class Guard:
         return action
 
     def _answer(self, observation: Observation, mail: Mail, memory: Any) -> Any:
-        """What an own agent returns, which gets arrays and mail of its own: what it changes in them changes nothing for others."""
+        """Return what an own agent returns.
+
+        It gets arrays and mail of its own: what it changes in them changes nothing for others.
+        """
         action = _ask(self.agent, observation, self._typed(copy_of(mail)), memory)
         if self._repetition is not None:
-            again = self._typed(copy_of(mail)), self._unpacked_memory()
-            self._repetition.compare(
-                observation.tick, action, lambda fresh: _ask(fresh, observation, *again)
-            )
+            same_mail = self._typed(copy_of(mail))
+            same_memory = self._unpacked_memory()
+
+            def ask_again(fresh: Agent) -> Any:
+                return _ask(fresh, observation, same_mail, same_memory)
+
+            self._repetition.compare(observation.tick, action, ask_again)
         return action
 
     def _unpacked_memory(self) -> Any:
         return None if self._packed is None else unpack(self._packed, self.Memory)
 
     def _keep(self, action: Action) -> None:
-        """Pack the memory, and put in its place what its bytes give, as after a kill. Raises ValueError or TypeError if that is another.
+        """Pack the memory, and put in its place what its bytes give, as after a kill.
 
-        It is compared by `==` in every tick, and type by type when its bytes change.
+        Raises ValueError or TypeError if that is another one. The memory is compared by `==` in
+        every tick, and type by type when its bytes change.
         """
-        memory, before = action.memory, self._packed
-        packed = None if memory is None else _packed_memory(memory)
-        if packed is not None:
-            try:
-                action.memory = unpack(packed, self.Memory)
-            except ValueError as error:
-                raise TypeError(
-                    f"its memory does not fit its `Memory`, {self.Memory}: {error}"
-                ) from None
-            is_new = memory != action.memory or packed != before
-            if is_new and (change := difference(memory, action.memory, "memory")):
-                raise TypeError(
-                    f"its memory would be another after a kill: {change}. Use {SURVIVES}"
-                )
+        memory = action.memory
+        if memory is None:
+            self._packed = None
+            return
+        packed = _packed_memory(memory)
+        try:
+            action.memory = unpack(packed, self.Memory)
+        except ValueError as error:
+            text = f"its memory does not fit its `Memory`, {self.Memory}: {error}"
+            raise TypeError(text) from None
+        if memory != action.memory or packed != self._packed:
+            change = difference(memory, action.memory, "memory")
+            if change:
+                text = f"its memory would be another after a kill: {change}. Use {SURVIVES}"
+                raise TypeError(text)
         self._packed = packed
 
     def _checked(self, action: Any) -> Action:
         if not isinstance(action, Action):
             raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
-        twist, steps = self._checked_twist(action.twist), action.steps_done
+        twist = self._checked_twist(action.twist)
+        steps = action.steps_done
         if type(steps) is not int or not 0 <= steps <= limits.MOST_STEPS:
             raise ValueError(
                 f"steps_done {steps!r}: must be a whole number from 0 to {limits.MOST_STEPS}"
@@ -189,7 +209,8 @@ class Guard:
 
     def _checked_twist(self, twist: Any) -> Twist:
         checked = Twist(*map(float, twist))
-        if not all(abs(number) <= FASTEST for number in checked):  # refuses NaN too
+        # This refuses NaN, too.
+        if not all(abs(number) <= FASTEST for number in checked):
             raise ValueError(f"{checked}: each number must be from {-FASTEST:g} to {FASTEST:g}")
         if checked.y and not self._sideways:
             raise ValueError(f"{checked}: a {kind_of(self.name)} does not move sideways")
@@ -198,36 +219,28 @@ class Guard:
     def _checked_messages(
         self, deeds: Any, requests: Any, answers: Any
     ) -> tuple[list[Deed], list[tuple[str, Request]], list[tuple[Heard, Answer]]]:
-        deeds, requests, answers = (
-            _listed("deeds", deeds),
-            _listed("requests", requests),
-            _listed("answers", answers),
-        )
+        """Return deeds, requests and answers as their bytes give them back: of plain types only."""
+        deeds = _listed("deeds", deeds)
+        requests = _listed("requests", requests)
+        answers = _listed("answers", answers)
         _refuse_more("deeds", len(deeds), limits.MOST_DEEDS)
         _refuse_more("requests", len(requests), limits.MOST_REQUESTS)
         asked = [(to, _of_kind(self._custom(body), Request)) for to, body in requests]
-        given = [
+        answered = [
             Given(heard.sender, heard.tick, heard.number, _of_kind(self._custom(body), Answer))
             for heard, body in answers
         ]
-        packed = _packed(
-            ([_of_kind(deed, Deed) for deed in deeds], Written(asked, given)),
-            "its deeds and messages take",
-        )
+        sent = [_of_kind(deed, Deed) for deed in deeds], Written(asked, answered)
+        packed = _packed(sent, "its deeds and messages take")
         sound: tuple[list[Deed], Written] = unpack(packed, tuple[list[Deed], Written])
-        self._refuse_addresses([to for to, _ in sound[1].requests])
-        _refuse_depth(
-            [*(body for _, body in sound[1].requests), *(body for *_, body in sound[1].answers)]
-        )
-        heard_and_given = zip((heard for heard, _ in answers), sound[1].answers, strict=True)
-        return (
-            sound[0],
-            sound[1].requests,
-            [
-                (Heard(to, at, number, heard.body), body)
-                for heard, (to, at, number, body) in heard_and_given
-            ],
-        )
+        sound_deeds, letters = sound
+        self._refuse_addresses([to for to, _ in letters.requests])
+        _refuse_depth([body for _, body in letters.requests])
+        _refuse_depth([body for *_, body in letters.answers])
+        sound_answers = []
+        for (heard, _), (to, tick, number, body) in zip(answers, letters.answers, strict=True):
+            sound_answers.append((Heard(to, tick, number, heard.body), body))
+        return sound_deeds, letters.requests, sound_answers
 
     def _refuse_addresses(self, recipients: Sequence[str]) -> None:
         for to, count in Counter(recipients).items():
@@ -236,23 +249,23 @@ class Guard:
             _refuse_more(f"requests to {to}", count, limits.MOST_TO_ONE)
 
     def _typed(self, mail: Mail) -> Mail:
+        """Return mail with messages of the agent's own types. A request that does not fit is left out."""
         if not self._messages:
             return mail
-        requests = [
-            heard._replace(body=body)
-            for heard in mail.requests
-            if (body := self._of_type(heard.sender, heard.body)) is not None
-        ]
-        replies = [
-            reply._replace(
-                request=self._of_type(self.name, reply.request),
-                body=self._of_type(reply.sender, reply.body),
-            )
-            for reply in mail.replies
-        ]
+        requests = []
+        for heard in mail.requests:
+            body = self._of_type(heard.sender, heard.body)
+            if body is not None:
+                requests.append(heard._replace(body=body))
+        replies = []
+        for reply in mail.replies:
+            request = self._of_type(self.name, reply.request)
+            body = self._of_type(reply.sender, reply.body)
+            replies.append(reply._replace(request=request, body=body))
         return Mail(requests, replies)
 
     def _of_type(self, sender: str, body: Any) -> Any:
+        """Return a message as the agent's own type of its name; None, and a warning, if it does not fit."""
         if not isinstance(body, CustomMessage) or body.name not in self._messages:
             return body
         try:
@@ -278,10 +291,16 @@ class Repetition:
     """Asks a copy of an agent, as it was made, what the agent was asked, and compares the two answers."""
 
     def __init__(self, name: str, agent: Agent) -> None:
-        self._name, self._made, self._is_logged = name, _copy_of(agent), False
+        self._name = name
+        self._made = _copy_of(agent)
+        self._is_logged = False
 
     def compare(self, tick: int, action: Any, ask: Callable[[Agent], Any]) -> None:
-        """Let `ask` ask a fresh copy. If it answers otherwise, log the first difference, once, and let the action's state be `broken`."""
+        """Let `ask` ask a fresh copy, and compare its answer with the agent's action.
+
+        If it answers otherwise, log the first difference, once, and let the action's state be
+        `broken`.
+        """
         try:
             other = ask(_copy_of(self._made))
         except MISTAKES as error:
@@ -289,10 +308,12 @@ class Repetition:
             words = f"its answer: an action, then, asked again, {type(error).__name__}: {error}"
         else:
             words = difference(action, other, "its answer")
-        if words and isinstance(action, Action):  # the guard refuses what is no action
+        # The guard itself refuses what is no action.
+        if words and isinstance(action, Action):
             if not self._is_logged:
                 log.error("%s is not repeatable, tick %d: %s", self._name, tick, words)
-            self._is_logged, action.state = True, "broken"
+            self._is_logged = True
+            action.state = "broken"
 
 
 def _copy_of(agent: Any) -> Any:
@@ -312,10 +333,12 @@ def _standing(memory: Any) -> Action:
 
 
 def _own_messages(agent: Any) -> tuple[type[AgentMessage], ...]:
+    """Return the types of messages that an agent names. Raises TypeError if they are none."""
     types = getattr(agent, "Messages", ())
-    if not isinstance(types, tuple) or not all(
-        isinstance(one, type) and issubclass(one, AgentMessage) for one in types
-    ):
+    are_messages = isinstance(types, tuple) and all(
+        isinstance(type_, type) and issubclass(type_, AgentMessage) for type_ in types
+    )
+    if not are_messages:
         raise TypeError(
             f"Messages must be a tuple of classes that are derived from AgentMessage, not {types!r}"
         )
@@ -326,10 +349,11 @@ def _packed_or_none(memory: Any) -> bytes | None:
     return None if memory is None else pack(memory)
 
 
-def _packed(data: Any, what: str) -> bytes:
+def _packed(data: Any, subject: str) -> bytes:
+    """Return the bytes of some data. Raises ValueError if they are too many, with its subject."""
     packed = pack(data)
     if len(packed) > limits.LARGEST_MEMORY:
-        raise ValueError(f"{what} {len(packed)} bytes; at most {limits.LARGEST_MEMORY}")
+        raise ValueError(f"{subject} {len(packed)} bytes; at most {limits.LARGEST_MEMORY}")
     return packed
 
 
@@ -349,20 +373,37 @@ def _place_of_fault(data: Any, where: str) -> str:
     return where
 
 
-NOT_PLAIN = (TypeError, OverflowError, UnicodeError)  # what `pack` raises
+# What `pack` raises.
+NOT_PLAIN = (TypeError, OverflowError, UnicodeError)
 SURVIVES = (
     "numbers, texts, bytes, lists, dicts, or a msgspec.Struct that the agent's `Memory` names"
 )
-READ_ONLY = "What an agent is given is read-only. To change ranges, take a copy: scan = observation.scan.copy()"
+READ_ONLY = (
+    "What an agent is given is read-only. "
+    "To change ranges, take a copy: scan = observation.scan.copy()"
+)
+
+
+# What Python, numpy and msgspec say if something read-only is changed.
+_OF_ARRAYS = ("read-only", "WRITEABLE")
+_OF_OBJECTS = (
+    "immutable type",
+    "can't set attribute",
+    "no setter",
+    "cannot assign",
+    "mappingproxy",
+)
 
 
 def _advise(error: BaseException) -> None:
+    """Add to an error what to do, if an agent has tried to change what is read-only."""
+    words: tuple[str, ...] = ()
+    if isinstance(error, ValueError):
+        words = _OF_ARRAYS
+    elif isinstance(error, AttributeError | TypeError):
+        words = _OF_OBJECTS
     text = text_of(error)
-    is_array = isinstance(error, ValueError) and ("read-only" in text or "WRITEABLE" in text)
-    words = ("immutable type", "can't set attribute", "no setter", "cannot assign", "mappingproxy")
-    if is_array or (
-        isinstance(error, AttributeError | TypeError) and any(word in text for word in words)
-    ):
+    if any(word in text for word in words):
         error.add_note(READ_ONLY)
 
 
@@ -376,62 +417,54 @@ def _checked_state(state: Any) -> State | None:
 def _for_people(doing: Any, waits_for: Any) -> tuple[str, str]:
     if not (isinstance(doing, str) and isinstance(waits_for, str)):
         raise TypeError(f"doing {doing!r}, waits_for {waits_for!r}: both must be text")
-    return printable("".join([doing])), printable(
-        "".join([waits_for])
-    )  # of the exact type: a subclass may have other methods
+    # A subclass of str may have other methods: `join` gives the exact type.
+    return printable("".join([doing])), printable("".join([waits_for]))
 
 
-def _listed(what: str, messages: Any) -> Sequence[Any]:
+def _listed(name: str, messages: Any) -> Sequence[Any]:
     if not isinstance(messages, list | tuple):
-        raise TypeError(f"{what} {type(messages).__name__}: must be a list")
+        raise TypeError(f"{name} {type(messages).__name__}: must be a list")
     return messages
 
 
 def _of_kind(message: Any, type_: Any) -> Any:
     if not isinstance(message, type_):
-        raise TypeError(
-            f"{message!r} is neither a message of orchard/contract/messages.py nor of a type in the agent's `Messages`"
-        )
+        known = "a message of orchard/contract/messages.py"
+        raise TypeError(f"{message!r} is neither {known} nor of a type in the agent's `Messages`")
     return message
 
 
 def _refuse_depth(messages: Sequence[Request | Answer]) -> None:
+    most = limits.MOST_LEVELS
     for message in messages:
-        if isinstance(message, CustomMessage) and not _is_shallow(
-            message.fields, limits.MOST_LEVELS
-        ):
-            raise ValueError(
-                f"{message.name}: lists and maps are nested more than {limits.MOST_LEVELS} levels deep"
-            )
+        if isinstance(message, CustomMessage) and not _is_shallow(message.fields, most):
+            fault = f"lists and maps are nested more than {most} levels deep"
+            raise ValueError(f"{message.name}: {fault}")
 
 
 def _is_shallow(data: Any, levels: int) -> bool:
-    parts: Iterable[Any] = (
-        chain(data, data.values())
-        if isinstance(data, dict)
-        else data
-        if isinstance(data, list | tuple)
-        else ()
-    )
+    """Whether lists and maps in some data are within each other at most so many times."""
+    parts: Iterable[Any] = ()
+    if isinstance(data, dict):
+        parts = chain(data, data.values())
+    elif isinstance(data, list | tuple):
+        parts = data
     return levels > 0 and all(_is_shallow(part, levels - 1) for part in parts)
 
 
-def _refuse_more(what: str, count: int, most: int) -> None:
+def _refuse_more(name: str, count: int, most: int) -> None:
     if count > most:
-        raise ValueError(f"{count} {what} in one tick; at most {most}")
+        raise ValueError(f"{count} {name} in one tick; at most {most}")
 
 
 def place_in_agent(frame: FrameType | None) -> str:
     """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
     frames = traceback.extract_stack(frame)
-    inside = [i for i, frame in enumerate(frames) if frame.filename == __file__]
-    here = (
-        [
-            frame
-            for frame in frames[inside[-1] :]
-            if frame.filename not in (__file__, plugins.__file__)
-        ]
-        if inside
-        else []
-    )
-    return f", in {here[0].filename}, line {here[0].lineno}" if here else ""
+    own = (__file__, plugins.__file__)
+    guards = [i for i, frame in enumerate(frames) if frame.filename == __file__]
+    if not guards:
+        return ""
+    for of_agent in frames[guards[-1] :]:
+        if of_agent.filename not in own:
+            return f", in {of_agent.filename}, line {of_agent.lineno}"
+    return ""

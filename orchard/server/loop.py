@@ -21,7 +21,8 @@ from orchard.wire.messages import RESET, End
 log = logging.getLogger("orchard")
 
 WARN_SECONDS = 3.0  # between two log lines that name the missing agents
-LOGGER_SECONDS = 10.0  # that the first tick waits for a logger
+# s for which the first tick waits for a logger. On a busy machine it takes long to load.
+LOGGER_SECONDS = 60.0
 LEAVE_SECONDS = 2.0  # that the other processes may take to leave after the end
 END_SECONDS = 0.2  # after which the end is told again to those that have not left
 
@@ -112,13 +113,19 @@ class RunLoop:
                 ", ".join(missing),
             )
             self._drivers.miss(missing)
+        if self.options.recorded:
+            self._gather_logger()
+
+    def _gather_logger(self) -> None:
+        """Wait until the logger is there, but not for ever: a run without a recording is better than none."""
         deadline = self.bus.clock() + LOGGER_SECONDS
-        while (
-            self.options.recorded
-            and not self._drivers.roster.has_logger
-            and (left := deadline - self.bus.clock()) > 0.0
-        ):
-            self.arrivals.take(left)
+        while not self._drivers.roster.has_logger:
+            remaining = deadline - self.bus.clock()
+            if remaining <= 0.0:
+                log.warning("no logger has come: the run begins without a recording")
+                return
+            if not self.arrivals.take(min(remaining, WARN_SECONDS)):
+                log.warning("waiting for the logger")
 
     def _tick(self) -> None:
         self._drivers.begin(self._engine.observe(), self._pacer.begin())

@@ -209,8 +209,7 @@ def _memory(program: psutil.Process) -> dict[str, float]:
     found: dict[str, float] = defaultdict(float)
     for child in program.children(recursive=True):
         command = _command(child)
-        if "-m" in command:
-            module = command[command.index("-m") + 1]
+        for module in (word for word in command if word.startswith("orchard.")):
             found[module] = max(found[module], child.memory_info().rss / MEGABYTE)
     return dict(found)
 

@@ -2,8 +2,13 @@
 
 import os
 import signal
+import sys
 
-from orchard.memory import collect_seldom
+ABOVE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # the folder of the package
+if __name__ == "__main__" and not sys.flags.safe_path and sys.path[0] != ABOVE:
+    # `python -m` has put the working folder first: a user's random.py there would be taken for
+    # Python's own. In a clone this folder stays, because it holds the package.
+    del sys.path[0]
 
 
 def main() -> None:
@@ -18,6 +23,8 @@ def main() -> None:
         os.environ.get("COLUMNS") == "0"
     ):  # the width of a terminal that does not know its own: Rich would print nothing
         del os.environ["COLUMNS"]
+    from orchard.memory import collect_seldom
+
     collect_seldom()
     from orchard.field.plugins import end_soon
     from orchard.launch import commands

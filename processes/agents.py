@@ -5,7 +5,6 @@
 The scenario comes from physics. Without --only and --without it hosts all agents; --share 0/3 hosts every third agent.
 """
 
-import importlib
 import logging
 import sys
 from collections.abc import Callable, Collection
@@ -18,7 +17,7 @@ from orchard.contract.agent import Agent
 from orchard.contract.printed import printed
 from orchard.field.kinds import select_agents
 from orchard.field.layout import Layout, lay_out
-from orchard.field.plugins import contained, end_soon, place_of_error
+from orchard.field.plugins import contained, end_soon, import_own, place_of_error
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.memory import settle
@@ -44,7 +43,7 @@ def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
     """Return what the factory 'package.module:name' makes, name -> agent. Raises ValueError for its faults."""
     module, _, name = path.partition(":")
     try:
-        make: Factory = getattr(contained(importlib.import_module, module), name)
+        make: Factory = getattr(import_own(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"agents {path}: {error}; expected package.module:function") from error
     try:

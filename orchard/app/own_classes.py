@@ -1,5 +1,6 @@
 """The user's own classes that a scenario names: the page takes them from one folder, and asks first."""
 
+import sys
 from importlib.machinery import PathFinder
 from pathlib import Path
 
@@ -34,7 +35,8 @@ def _is_in(path: str, folder: Path) -> bool:
     """Whether Python finds a module in this folder, not in one inside, as .venv may be. It is not run."""
     module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
     parts = module.split(".")
-    first = PathFinder.find_spec(parts[0])
+    # An import looks there too, after all else: `orchard.field.plugins`.
+    first = PathFinder.find_spec(parts[0], [*sys.path, str(folder)])
     if first is None:
         return False
     places = first.submodule_search_locations  # None: it is no package

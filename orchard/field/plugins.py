@@ -12,7 +12,9 @@ import sysconfig
 import threading
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from contextvars import copy_context
+from types import ModuleType
 from typing import Any, TypeVar
 
 from orchard.field.problems import Problem, ScenarioError, printable
@@ -70,11 +72,25 @@ def _end_threads(code: int, show: Callable[[str], None]) -> None:
         os._exit(code)
 
 
+def import_own(module: str) -> ModuleType:
+    """Import a user's module, which may be in the folder in which the program runs.
+
+    That folder comes last on the path, and only now: its files never take the place of Python's
+    own modules or of those of a package, and none runs unless a class of the user's is named.
+    Raises what the module raises.
+    """
+    # The folder may have been removed.
+    with suppress(OSError):
+        if (folder := os.getcwd()) not in sys.path:
+            sys.path.append(folder)
+    return contained(importlib.import_module, module)
+
+
 def load_plugin(key: str, path: str) -> Any:
     """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in `key`. Raises ScenarioError."""
     module, _, name = path.replace(":", ".").rpartition(".")
     try:
-        return getattr(contained(importlib.import_module, module), name)
+        return getattr(import_own(module), name)
     except MISTAKES as error:
         raise unusable(key, path, error) from error
 

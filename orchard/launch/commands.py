@@ -1,7 +1,6 @@
 """The command line: its commands, with their options in `options.py`. Without a command it harvests."""
 
 import gc
-import os
 import signal
 import sys
 from contextlib import ExitStack
@@ -381,7 +380,6 @@ def _recording(path: Path | None) -> Path:
 def main() -> None:
     """Run a command of the command line; `harvest` is the default."""
     arguments = sys.argv[1:]
-    sys.path.append(os.getcwd())  # for the user's own classes
     command = app if arguments[:1] and arguments[0] in ("harvest", *options.COMMANDS) else unnamed
     signal.signal(
         signal.SIGINT, signal.default_int_handler

@@ -4,7 +4,6 @@ import math
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -19,9 +18,9 @@ from orchard.net import lifeline
 from orchard.net.endpoints import LOOPBACK, with_port
 from orchard.net.lifeline import Line
 from orchard.net.options import FROM_STDIN, ProcessOptions
+from orchard.start_module import command_for
 from orchard.view.files import window
 
-ROOT = Path(__file__).parents[2]
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
 DEATHS = 5  # quick deaths in a row, after which a process is given up
 BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it finds: a port may be free again soon
@@ -42,7 +41,7 @@ QUICK_TICKS = {  # the thread that waits for a message handles it, instead of tw
 
 @dataclass(frozen=True)
 class ProcessSpec:
-    """A process to start: `python -m module`, with arguments, or with options at its standard input."""
+    """A process to start: a module, with arguments, or with options at its standard input."""
 
     name: str
     module: str
@@ -107,22 +106,19 @@ class Supervisor(AbstractContextManager["Supervisor"]):
 
         It has no session of its own: Linux shares the processor among sessions first, which costs an eighth of the ticks.
         """
-        paths = [
-            os.environ.get("PYTHONPATH", ""),
-            os.getcwd(),
-        ]  # modules in the user's current directory are found
-        environment = (
-            QUICK_START
-            | QUICK_TICKS
-            | os.environ
-            | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
-        )
+        environment = QUICK_START | QUICK_TICKS | os.environ | lifeline.environment(self.run)
         arguments = [FROM_STDIN] if isinstance(order, ProcessOptions) else order
-        command, line = [sys.executable, "-m", program.module, *arguments], Line()
+        line = Line()
         popen = subprocess.Popen(
-            command, cwd=ROOT, env=environment | lifeline.environment(self.run), stdin=line.of_process.fileno(), stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True, errors="backslashreplace", process_group=0,
-        )  # fmt: skip
+            command_for(program.module, arguments),
+            env=environment,
+            stdin=line.of_process.fileno(),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="backslashreplace",
+            process_group=0,
+        )
         line.of_process.close()
         take_turns(popen.pid)
         if isinstance(

@@ -29,6 +29,7 @@ from orchard.contract.printed import Printed
 GLANCE = 0.2  # s between two looks whether to stop
 MOST_DEATHS = 3  # of workers, one after another, without any work done between: then the work itself kills them
 CONNECTING = 10.0  # s to wait for a scheduler
+SAFE_PATH = "PYTHONSAFEPATH"  # environment variable of Python: no folder is put on the path
 APART = 2.0  # s that the clocks of two machines may be apart: a worker gives up a run of the simulator by its own clock
 
 Item = TypeVar("Item")
@@ -93,13 +94,17 @@ class _Processes(ProcessPoolExecutor):
     def __init__(self, count: int) -> None:
         context = get_context("spawn")
         listens, self._alive = context.Pipe(duplex=False)
-        super().__init__(count, context, initializer=_end_with_parent, initargs=(listens,))
+        with _own_modules_first() as before:
+            super().__init__(
+                count, context, initializer=_end_with_parent, initargs=(listens, before)
+            )
 
     def submit(self, *work: Any, **named: Any) -> Any:
         """Start the processes with the first work. They never get Ctrl-C, which is the parent's, not even while they load."""
         before = pthread_sigmask(SIG_BLOCK, {SIGINT})
         try:
-            return super().submit(*work, **named)
+            with _own_modules_first():
+                return super().submit(*work, **named)
         finally:
             pthread_sigmask(SIG_SETMASK, before)
 
@@ -108,11 +113,35 @@ class _Processes(ProcessPoolExecutor):
         super().shutdown(wait, cancel_futures=cancel_futures)
 
 
-def _end_with_parent(alive: Connection) -> None:
+@contextmanager
+def _own_modules_first() -> Iterator[str | None]:
+    """In this context a process that starts takes Python's own modules, not the user's files.
+
+    Else it would take a file random.py in the folder where it starts. Yields the value before.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield before
+    finally:
+        _set_safe_path(before)
+
+
+def _set_safe_path(value: str | None) -> None:
+    if value is None:
+        os.environ.pop(SAFE_PATH, None)
+    else:
+        os.environ[SAFE_PATH] = value
+
+
+def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
     """In a worker: end as soon as the parent closes its end of the pipe, or is killed.
+
+    `safe_path`: of the parent's environment, which what own classes start gets too.
 
     Some of what own classes print is shown, by the parent; what C code writes to the file of stdout is not.
     """
+    _set_safe_path(safe_path)
     sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     Thread(target=_exit_after, args=(alive,), daemon=True).start()

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import ClassVar, NoReturn
 from urllib.parse import quote, urlencode, urlsplit
 
+from orchard.start_module import command_for
 from orchard.view.files import QUIET, viewer_program
 
 LOOPBACK = "127.0.0.1"
@@ -78,15 +79,15 @@ def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
 
     `what`: the address of live data, or the parts of a recording. Each part but the last must be whole.
     """
-    shown = [
-        each if "://" in each else str(Path(each).resolve()) for each in what
-    ]  # the server has another working directory
-    line, null = (
-        [sys.executable, "-m", "orchard.view.web", *shown, "--port", str(port)],
-        subprocess.DEVNULL,
-    )
+    # The server has another working directory.
+    shown = [each if "://" in each else str(Path(each).resolve()) for each in what]
     return subprocess.Popen(
-        line, cwd=ROOT, start_new_session=True, stdin=subprocess.PIPE, stdout=null, stderr=null
+        command_for("orchard.view.web", [*shown, "--port", str(port)]),
+        cwd=ROOT,
+        start_new_session=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
 
 

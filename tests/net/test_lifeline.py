@@ -34,7 +34,6 @@ PARENT = """\
 import os, sys, time
 from pathlib import Path
 from orchard.launch import supervisor
-supervisor.ROOT = Path.cwd()
 supervisor.Supervisor(print).start(supervisor.ProcessSpec("child", "child", []))
 while not Path("pid").exists():
     time.sleep(0.05)

@@ -255,9 +255,9 @@ def let_supervisor_fork(own: socket.socket) -> None:
     server = cache(lambda: Server(own))
 
     def start(command: Sequence[str], **how: Any) -> Any:
-        if len(command) < 3 or command[2] not in DOORS:
+        if len(command) < 4 or command[3] not in DOORS:
             return subprocess.Popen(command, **how)
-        return Forked(command[2], command[3:], how["env"], stdin=how["stdin"], folder=Path.cwd())
+        return Forked(command[3], command[4:], how["env"], stdin=how["stdin"], folder=Path.cwd())
 
     supervisor.subprocess = SimpleNamespace(**vars(subprocess) | {"Popen": start})
 

@@ -50,6 +50,7 @@ INSTALLING = (
     "clone",
     "activate",
     "package",
+    "notebook",
 )  # blocks that .ci/run does with the clone and the wheel that it has
 KEYS_OF_SOME_RUNS = (
     *("recording_parts", "recording_gaps", "messages_dropped"),  # with a recording

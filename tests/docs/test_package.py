@@ -1,20 +1,26 @@
 """What pyproject.toml says of the package: ranges and exact versions agree, and all files of the package are in it."""
 
+import ast
 import os
 import re
 import subprocess
 import sys
 import tomllib
 from fnmatch import fnmatch
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+from code_blocks import DOCUMENTS, blocks_in
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PROJECT = PYPROJECT["project"]
+OF_USERS = [
+    name for name in PROJECT["optional-dependencies"] if name not in ("dev", "docs", "release")
+]
 OF_A_CLONE = [ROOT / "orchard" / "processes.pyi", ROOT / "orchard" / "bags" / "plain.pyi"]
 PINNED = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.M))
 
@@ -28,6 +34,39 @@ def test_the_exact_version_of_each_dependency_is_in_its_range():
     for wanted in map(Requirement, lines):
         assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), wanted
         assert wanted.specifier, f"{wanted}: no range"
+
+
+def test_each_extra_of_a_user_is_in_the_table_of_extras():
+    how_to = (ROOT / "docs" / "how-to.md").read_text()
+    assert {*re.findall(r"^\| `([\w-]+)` \|", how_to, re.M)} >= {*OF_USERS}
+
+
+def test_what_the_programs_of_the_documents_import_comes_with_a_dependency_or_an_extra():
+    """Those of docs/ros2.md have the packages of ROS 2 besides, from its installation."""
+    lines = [line for name in OF_USERS for line in PROJECT["optional-dependencies"][name]]
+    brought = {Requirement(line).name for line in [*PROJECT["dependencies"], *lines]}
+    programs = [
+        block.text
+        for document in DOCUMENTS
+        for block in blocks_in(document)
+        if block.language == "python" and document != "docs/ros2.md"
+    ]
+    imports = {
+        name.split(".")[0]
+        for program in programs
+        for node in ast.walk(ast.parse(program))
+        for name in _imported_by(node)
+    }
+    of_packages = packages_distributions()
+    wanted = {root: of_packages.get(root, [root]) for root in imports - {*sys.stdlib_module_names}}
+    known = {"orchard", "my_picker", "stable_baselines3"}  # docs/extending.md installs the last one
+    assert {root for root, names in wanted.items() if not brought & {*names}} <= known
+
+
+def _imported_by(node):
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
 
 
 def test_the_constraints_are_names_and_versions_only():

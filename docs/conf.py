@@ -20,7 +20,7 @@ include_patterns = [
 ]
 exclude_patterns = [".*", "runs", "build", "orchard", "tests", "**/__pycache__"]
 
-extensions = ["myst_nb", "sphinx.ext.autodoc"]
+extensions = ["myst_nb"]
 myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 4
 
@@ -29,14 +29,6 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240  # s
 nb_execution_show_tb = True
-
-# the reference of the library, from docstrings and types
-autodoc_member_order = "bysource"
-autoclass_content = "both"
-autodoc_default_options = {"undoc-members": True}
-default_role = "code"
-python_use_unqualified_type_names = True
-python_maximum_signature_line_length = 100
 
 html_theme = "furo"
 html_title = "Orchard"

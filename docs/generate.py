@@ -1,4 +1,4 @@
-"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/study.md, the JSON schema, and drawings.
+"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/api.md, docs/study.md, the JSON schema, and drawings.
 
 All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/bounds.md,
 one of which is from docs/benchmark.json.
@@ -8,7 +8,7 @@ one of which is from docs/benchmark.json.
 import json
 from pathlib import Path
 
-from docs import benchmark, keyspace, policies, reference, study, validation
+from docs import api, benchmark, keyspace, policies, reference, study, validation
 from docs.exchange import exchange_plan
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY
@@ -36,6 +36,7 @@ def generated() -> dict[str, str]:
         "docs/messages.md": keyspace.messages(),
         "docs/asyncapi.json": keyspace.asyncapi(),
         "config/scenario.schema.json": schema_text(),
+        "docs/api.md": api.document(),
         "docs/reference.md": reference.document(),
         "docs/study.md": study.document(),
         "docs/study.svg": study.picture(),

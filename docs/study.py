@@ -13,7 +13,8 @@ from tempfile import TemporaryDirectory
 import msgspec
 from rich.console import Console
 
-from orchard.field.scenario import parse
+from orchard.field.decisions import Decision, decided
+from orchard.field.scenario import Scenario, parse
 from orchard.report.summary import clock
 from orchard.study.picture import save
 from orchard.study.result import StudyResult
@@ -107,6 +108,11 @@ A study knows no day's end.
 `--vary` takes each value but `seed`, and may be given several times: then all combinations are settings, at most 10,000. `--vary
 carriers` without numbers is as many as it takes.
 
+A study looks for the best of what you choose: {choices}.
+All else is given: prices, rates, speeds, the crop, the rows, people. If it varies, the table shows
+what depends on it, and no best. If something that you choose varies too, each given value has a
+best of its own. The scenario says of each field which it is (`orchard/field/decisions.py`).
+
 ```sh vary
 orchard study rent.yaml --vary carriers --vary dispatch=nearest,predictive
 orchard study rent.yaml --vary picking_rate=1.5,2.5 --horizon harvest --goal harvest_seconds
@@ -161,8 +167,18 @@ def picture() -> str:
 def document() -> str:
     """Return the text of docs/study.md."""
     return TEXT.format(
-        scenario=SCENARIO, command=COMMAND, output=_output(), took=clock(result().wall_seconds)
+        scenario=SCENARIO,
+        command=COMMAND,
+        output=_output(),
+        took=clock(result().wall_seconds),
+        choices=_choices(),
     )
+
+
+def _choices() -> str:
+    """The keys that a grower chooses."""
+    *keys, last = [f"`{path}`" for path in decided(Scenario, Decision.CHOICE)]
+    return f"{', '.join(keys)} and {last}"
 
 
 def _output() -> str:

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from orchard.field.decisions import Decision
 from orchard.field.kinds import BODILESS, DISPATCH, KINDS, TRAFFIC, kind_of
 from orchard.field.problems import (
     Lines,
@@ -43,6 +44,8 @@ from orchard.field.yaml_file import dump, read, values_of
 
 TICKS_PER_SECOND = 10
 TIME_STEP = 1 / TICKS_PER_SECOND  # s
+CHOICE = Decision.CHOICE
+CIRCUMSTANCE = Decision.CIRCUMSTANCE
 MOST_GUESTS = 50  # people together, animals together, weeds
 NEAREST, ROLLING, END = "nearest", "rolling", "end"
 DISPATCH_POLICIES = (
@@ -170,6 +173,7 @@ class Battery(Section):
     hours: Annotated[
         float | None,
         Field(ge=0.05, le=200.0, description="hours of driving with a full battery; null: endless"),
+        CIRCUMSTANCE,
     ] = None
     standing: Annotated[
         float,
@@ -178,12 +182,14 @@ class Battery(Section):
             le=1.0,
             description="share of the power that a carrier uses while it stands on its way",
         ),
+        CIRCUMSTANCE,
     ] = 0.2
     hours_to_charge: Annotated[
         float,
         Field(
             ge=0.01, le=48.0, description="hours to charge a flat battery; of a swap: its minutes"
         ),
+        CIRCUMSTANCE,
     ] = 1.0
     reserve: Annotated[
         float,
@@ -192,6 +198,7 @@ class Battery(Section):
             le=0.9,
             description="charge, 0 to 1, at which a carrier goes to charge after its job",
         ),
+        CHOICE,
     ] = 0.2
 
 
@@ -199,7 +206,9 @@ class Carrying(Section):
     """How the work of carriers varies."""
 
     failure: Annotated[
-        Failure, Field(description="how often carriers fail on a job, and for how long they stand")
+        Failure,
+        Field(description="how often carriers fail on a job, and for how long they stand"),
+        CIRCUMSTANCE,
     ] = Failure()
     battery: Annotated[Battery, Field(description="the batteries of carriers")] = Battery()
 
@@ -336,34 +345,50 @@ SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
-    rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS)] = 5
+    rows: Annotated[int, Field(ge=FEWEST_ROWS, le=MOST_ROWS, description=ROWS), CIRCUMSTANCE] = 5
     pickers: Annotated[
-        int, Field(ge=2, le=60, description="number of picking robots; at most one for each row")
+        int,
+        Field(ge=2, le=60, description="number of picking robots; at most one for each row"),
+        CHOICE,
     ] = 2
     row_length: Annotated[
         float,
         Field(ge=SHORTEST_ROW, le=LONGEST_ROW, description="length of the picked part of a row, m"),
+        CIRCUMSTANCE,
     ] = USUAL_ROW
     metres_per_bin: Annotated[
-        float | None, Field(ge=SHORTEST_BIN, le=LONGEST_BIN, description=METRES_PER_BIN)
+        float | None,
+        Field(ge=SHORTEST_BIN, le=LONGEST_BIN, description=METRES_PER_BIN),
+        CIRCUMSTANCE,
     ] = None
-    bins_per_row: Annotated[float | None, Field(ge=0.1, le=40.0, description=BINS_PER_ROW)] = None
+    bins_per_row: Annotated[
+        float | None, Field(ge=0.1, le=40.0, description=BINS_PER_ROW), CIRCUMSTANCE
+    ] = None
     crop: Annotated[
-        Crop, Field(description="the yield and the bins, from which follow the metres per bin")
+        Crop,
+        Field(description="the yield and the bins, from which follow the metres per bin"),
+        CIRCUMSTANCE,
     ] = Crop()
     row_width: Annotated[
         float,
         Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m"),
+        CIRCUMSTANCE,
     ] = NARROWEST_ROW
-    carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS)] = None
-    queue_room: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=QUEUE_ROOM)] = None
-    picking_speed: Annotated[float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED)] = (
+    carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS), CHOICE] = (
         None
     )
-    picking_rate: Annotated[float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE)] = None
-    picking: Annotated[Picking, Field(description="how picking varies")] = Picking()
+    queue_room: Annotated[
+        int | None, Field(ge=1, le=MOST_CARRIERS, description=QUEUE_ROOM), CHOICE
+    ] = None
+    picking_speed: Annotated[
+        float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED), CIRCUMSTANCE
+    ] = None
+    picking_rate: Annotated[
+        float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE), CIRCUMSTANCE
+    ] = None
+    picking: Annotated[Picking, Field(description="how picking varies"), CIRCUMSTANCE] = Picking()
     carrying: Annotated[Carrying, Field(description="how the work of carriers varies")] = Carrying()
-    chargers: Annotated[int, Field(ge=0, le=MOST_CARRIERS, description=CHARGERS)] = 1
+    chargers: Annotated[int, Field(ge=0, le=MOST_CARRIERS, description=CHARGERS), CHOICE] = 1
     seed: Annotated[
         int,
         Field(
@@ -371,34 +396,41 @@ class Scenario(Section):
             le=2**63 - 1,
             description="seed of all random numbers; the same seed gives the same harvest",
         ),
+        CIRCUMSTANCE,
     ] = 1
-    people: Annotated[People, Field(description="workers and visitors")] = People()
-    animals: Annotated[Animals, Field(description="dogs and cats")] = Animals()
-    weeds: Annotated[int, _count("number of weeds, north and south of the rows")] = 10
+    people: Annotated[People, Field(description="workers and visitors"), CIRCUMSTANCE] = People()
+    animals: Annotated[Animals, Field(description="dogs and cats"), CIRCUMSTANCE] = Animals()
+    weeds: Annotated[int, _count("number of weeds, north and south of the rows"), CIRCUMSTANCE] = 10
     tractor: Annotated[
-        bool, Field(description="whether a tractor drives up and down the driveway")
+        bool, Field(description="whether a tractor drives up and down the driveway"), CIRCUMSTANCE
     ] = True
-    laser: Annotated[LaserSettings, Field(description="the laser range finders of all bodies")] = (
-        LaserSettings()
-    )
+    laser: Annotated[
+        LaserSettings, Field(description="the laser range finders of all bodies"), CIRCUMSTANCE
+    ] = LaserSettings()
     sensors: Annotated[
-        SensorSettings, Field(description="what robots measure of their own motion")
+        SensorSettings, Field(description="what robots measure of their own motion"), CIRCUMSTANCE
     ] = SensorSettings()
-    agents: Classes = {}
-    agents_without_body: MoreAgents = {}
+    agents: Annotated[Classes, CHOICE] = {}
+    agents_without_body: Annotated[MoreAgents, CHOICE] = {}
     dispatch: Annotated[
-        str, _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves")
+        str,
+        _plugin(DISPATCH_POLICIES, "which carrier fetches which bin, and when it leaves"),
+        CHOICE,
     ] = ROLLING
     dispatch_errors: Annotated[
-        str, _choice((NEAREST, END), "what follows an order of an own policy that cannot be")
+        str,
+        _choice((NEAREST, END), "what follows an order of an own policy that cannot be"),
+        CHOICE,
     ] = NEAREST
-    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows")] = (
+    rows_to_pickers: Annotated[str, _plugin(ROW_RULES, "which picker picks which rows"), CHOICE] = (
         BALANCED_ENDS
     )
     order_in_row: Annotated[
-        str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first")
+        str, _plugin(ROW_ORDERS, "with several bins a row, which part is picked first"), CHOICE
     ] = ONWARD
-    route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive")] = TWO_WAY
+    route: Annotated[str, _plugin(tuple(QUEUES), "where pickers and carriers drive"), CHOICE] = (
+        TWO_WAY
+    )
     bay: Annotated[
         float,
         Field(
@@ -406,11 +438,15 @@ class Scenario(Section):
             le=180.0,
             description="how far east of its usual place the unloading bay lies, m",
         ),
+        CHOICE,
     ] = 0.0
-    prices: Annotated[Prices, Field(description="what a harvest costs, for a study")] = Prices()
+    prices: Annotated[
+        Prices, Field(description="what a harvest costs, for a study"), CIRCUMSTANCE
+    ] = Prices()
     survey: Annotated[
         Survey | None,
         Field(description="surveyed rows, unequal in length and spacing; null: all rows are alike"),
+        CIRCUMSTANCE,
     ] = None
 
     @property

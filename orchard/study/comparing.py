@@ -125,17 +125,19 @@ def compare(
     within: float,
     without_chance: Collection[int] = (),
     limits: Mapping[int, float] | None = None,
+    intervals: int | None = None,
 ) -> Comparison:
     """Compare settings by their values on the same seeds, as many of each.
 
     `without_chance`: those of which all seeds give the same. `limits`: the best mean that a setting
-    can have, as far as that is known.
+    can have, as far as that is known. `intervals`: of all comparisons of a study, which hold together;
+    None: this is the only one.
 
     Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign test: 2 / 2**n must be small.
     """
     sign = 1.0 if is_max else -1.0
     top = max(samples, key=lambda i: sign * float(np.mean(samples[i])))
-    error = (1.0 - confidence) / len(LOOKS) / max(1, len(samples) - 1)
+    error = (1.0 - confidence) / len(LOOKS) / max(1, intervals or len(samples) - 1)
     leads: dict[int, Interval | None] = {}
     ahead: dict[int, float] = {}
     for i, values in samples.items():

@@ -251,7 +251,7 @@ def _draw_figures(
             **look,
         )
     for place, one, row in zip(places, figures, line.rows, strict=True):
-        if row is content.result.best_row and one is not None:
+        if row.standing == "best" and one is not None:
             axes.plot(
                 [place],
                 [one.mean],
@@ -262,7 +262,7 @@ def _draw_figures(
                 mew=1.5,
                 ls="",
                 zorder=4,
-                label="best",
+                label=None if "best" in axes.get_legend_handles_labels()[1] else "best",
             )
             axes.annotate(
                 interval_words(one),

@@ -20,7 +20,7 @@ HORIZONS = {
     "long": "a long harvest, without its beginning and its end",
 }
 ENDS = {
-    "certain": "the best setting was certain",
+    "certain": "the answer was certain",
     "budget": "the time that it was given was used",
     "stopped": "it was stopped",
     "seeds": "the most replications were made",
@@ -47,7 +47,7 @@ def document(result: StudyResult) -> str:
         picture=Markup(inline_svg(result)),  # matplotlib has escaped its words
         heads=heads,
         lines=lines,
-        best=result.table.index(result.best_row) if result.best_row else None,
+        best=[number for number, row in enumerate(result.table) if row.standing == "best"],
         legend=legend(result),
         made=_made(result),
         notes=result.notes,

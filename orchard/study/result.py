@@ -9,7 +9,7 @@ Model = Literal[
 Models = Literal["fast", "full", "both"]
 Horizon = Literal["harvest", "long"]
 StoppedBy = Literal["certain", "budget", "seeds", "stopped"]
-Standing = Literal["best", "equal", "worse", "unknown", "jammed"]
+Standing = Literal["best", "equal", "worse", "unknown", "alone", "jammed"]
 Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 
 
@@ -51,9 +51,9 @@ class Row:
         float  # what this policy and route allow without traffic: orchard.report.bounds
     )
     bottleneck: str
-    standing: (
-        Standing  # best: the answer. The others beside the best mean; unknown: the runs do not tell
-    )
+    #: best: the answer, for each combination of what nobody chooses. The others are beside the best
+    #: mean. unknown: the runs do not tell. alone: nothing that can be chosen varies.
+    standing: Standing
     lead: (
         Interval | None
     )  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
@@ -97,6 +97,9 @@ class StudyResult:
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs
     #: Settings that are asked for, and have no run yet. One of them may be the best.
     not_run: list[dict[str, Any]] = field(default_factory=list)
+    #: The keys with several values that nobody chooses. Then `best` is None: each combination of them
+    #: has a best row of its own, if anything can be chosen.
+    given: list[str] = field(default_factory=list)
 
     @property
     def best_row(self) -> Row | None:

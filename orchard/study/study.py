@@ -9,6 +9,7 @@ from typing import Any
 
 from orchard.agents.catalogue import check_plugins
 from orchard.agents.routes import route_of
+from orchard.field.decisions import is_choice
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
@@ -198,6 +199,16 @@ class _Study:
             self._hear,
             self.is_stopped,
         )
+        several = {key for key, values in self.varied.items() if len(values) > 1}
+        if self.is_open:
+            several.add(CARRIERS)
+        # The keys that vary and that nobody chooses: settings are compared where they are the same.
+        self.given = [
+            key
+            for key, values in self.varied.items()
+            if key in several and not is_choice(Scenario, key, values)
+        ]
+        self.has_choices = several > {*self.given} or not self.given
         self.most = most_carriers(self.scenario) if self.is_open else 0
         self.checks: dict[int, Check] = {}
         self.proven: dict[
@@ -210,13 +221,16 @@ class _Study:
         """Do all that the budget allows, and return the answer."""
         confirms = self.options.model == "both" and self.options.horizon == "harvest"
         self.stopped_by = self._replicate_until(self._share(FAST_SHARE if confirms else 1.0))
-        if confirms and (found := self._found()) and not self.runs.is_stopped():
-            two = [found.best, *found.runner_up]
+        comparisons = self._compared()
+        if confirms and comparisons and not self.runs.is_stopped():
+            best = [comparison.best for comparison in comparisons]
+            if len(best) == 1:
+                best += comparisons[0].runner_up
             self.checks, self.notes = confirmed(
-                self.runs, two, self.options.confidence, self._share(1.0)
+                self.runs, best, self.options.confidence, self._share(1.0)
             )
-        if self.options.horizon == "harvest" and (found := self._found()):
-            self._prove([found.best, *found.leads])
+        if self.options.horizon == "harvest":
+            self._prove([i for one in comparisons for i in (one.best, *one.leads)])
         return self._result()
 
     def _prove(self, settings: Sequence[int]) -> None:
@@ -246,7 +260,7 @@ class _Study:
         for look in (1, *LOOKS):
             if not self._replicate(look, until):
                 return "stopped" if self.runs.is_stopped() else "budget"
-            if (found := self._found()) is None or not (found.undecided or self._is_wide(found)):
+            if not any(one.undecided or self._is_wide(one) for one in self._compared()):
                 return "certain"
         return "seeds"
 
@@ -277,15 +291,13 @@ class _Study:
 
     def _add_numbers(self) -> bool:
         """Add numbers of carriers if the answer so far needs them. Return whether it does."""
-        found, tried = self._found(), self.varied[CARRIERS]
-        more = (
-            more_numbers(tried, self.settings[found.best].scenario.carrier_count, self.most)
-            if found
-            else []
+        tried = self.varied[CARRIERS]
+        answers = [self.settings[one.best].scenario.carrier_count for one in self._compared()]
+        more = sorted(
+            {number for answer in answers for number in more_numbers(tried, answer, self.most)}
         )
-        self.settings += (
-            settings_of(self.scenario, self.varied | {CARRIERS: more})[0] if more else []
-        )
+        if more:
+            self.settings += settings_of(self.scenario, self.varied | {CARRIERS: more})[0]
         self.varied[CARRIERS] = sorted([*tried, *more])
         return bool(more)
 
@@ -307,26 +319,33 @@ class _Study:
 
     # -- what they tell
 
-    def _found(self) -> Comparison | None:
-        """What the settings that do not jam say, on the seeds that all of them have; None if none of them has a run."""
+    def _compared(self) -> list[Comparison]:
+        """Return what the settings that do not jam say, on the seeds that all of them have.
+
+        There is a comparison for each combination of what nobody chooses that has a run.
+        """
         shown = [i for i in self._alive() if self.runs.known(i, self.model)]
-        if not shown:
-            return None
         without_chance = [i for i in shown if not self.settings[i].is_random]
         count = min(
             (len(self.runs.known(i, self.model)) for i in shown if i not in without_chance),
             default=1,
         )
-        samples = {i: self.runs.sample(i, self.model, count) for i in shown}
-        return compare(
-            samples,
-            robots={i: self._robots(i) for i in shown},
-            is_max=self.goal == "bins_per_hour",
-            confidence=self.options.confidence,
-            within=self.options.within,
-            without_chance=without_chance,
-            limits={i: self._limit(i, count) for i in shown if self._has_limit(i)},
-        )
+        groups: dict[tuple[int, ...], list[int]] = {}
+        for i in shown:
+            groups.setdefault(self._place(i, self.given), []).append(i)
+        return [
+            compare(
+                {i: self.runs.sample(i, self.model, count) for i in group},
+                robots={i: self._robots(i) for i in group},
+                is_max=self.goal == "bins_per_hour",
+                confidence=self.options.confidence,
+                within=self.options.within,
+                without_chance=without_chance,
+                limits={i: self._limit(i, count) for i in group if self._has_limit(i)},
+                intervals=len(shown) - len(groups),
+            )
+            for _, group in sorted(groups.items())
+        ]
 
     def _has_limit(self, i: int) -> bool:
         """Whether no run of a setting can exceed its limit.
@@ -348,16 +367,18 @@ class _Study:
         return 0 if self.goal == "cost_per_bin" else scenario.pickers + scenario.carrier_count
 
     def _result(self) -> StudyResult:
-        found = self._found()
-        shown = sorted([*(found.leads if found else ()), *self.jammed], key=self._place)
+        comparisons = self._compared()
+        found = comparisons[0] if comparisons and not self.given else None
+        alive = [i for comparison in comparisons for i in comparison.leads]
+        shown = sorted([*alive, *self.jammed], key=self._place)
         missing = [i for i in range(len(self.settings)) if i not in shown]
-        undecided = found.undecided if found else []
+        undecided = [i for comparison in comparisons for i in comparison.undecided]
         records = self.runs.records.values()
         result = StudyResult(
             answer="",
             orchard=orchard_words(self.scenario, self.varied),
             best=self.settings[found.best].values if found else None,
-            table=[self._row(i, found) for i in shown],
+            table=[self._row(i, comparisons) for i in shown],
             goal=self.goal,
             horizon=self.options.horizon,
             confidence=self.options.confidence,
@@ -367,12 +388,12 @@ class _Study:
             wall_seconds=time.time() - self.begun,
             stopped_by=self.stopped_by,
             undecided=[self.settings[i].values for i in undecided],
-            seconds_needed=self._seconds_needed(found, missing) if found else None,
+            seconds_needed=self._seconds_needed(comparisons, missing),
             # A setting that has not run may be better than the last one that has.
-            beyond=self._beyond(self.settings[found.best]) if found and not missing else {},
+            beyond={} if missing else self._beyond(comparisons),
             notes=[
                 *self._about(shown, missing),
-                *self._no_room(found),
+                *self._no_room(comparisons),
                 *self._row_ends(found),
                 *self._part_full(found),
                 *self.notes,
@@ -382,21 +403,29 @@ class _Study:
             violations=sorted(
                 {line for record in records for line in record.violations.splitlines()}
             ),
+            given=self.given,
             not_run=[self.settings[i].values for i in sorted(missing, key=self._place)],
         )
         return replace(result, answer=answer(result))
 
-    def _place(self, i: int) -> tuple[int, ...]:
-        """Where a setting stands in the table: in the order of the values."""
-        return tuple(
-            values.index(self.settings[i].values[key]) for key, values in self.varied.items()
-        )
+    def _place(self, i: int, keys: Sequence[str] | None = None) -> tuple[int, ...]:
+        """Return where a setting stands in the table: in the order of the values of these keys.
 
-    def _row(self, i: int, found: Comparison | None) -> Row:
+        None: of all keys.
+        """
+        values = self.settings[i].values
+        asked = self.varied if keys is None else keys
+        return tuple(self.varied[key].index(values[key]) for key in asked)
+
+    def _row(self, i: int, comparisons: Sequence[Comparison]) -> Row:
         records = self.runs.known(i, self.model)
-        if found is None or i in self.jammed:
+        found = next((one for one in comparisons if i in one.leads), None)
+        if found is None:
             return row_of(self.settings[i], records, self.options.confidence)
-        stands: Standing = "best" if i == found.best else found.standing(i)
+        if not self.has_choices:
+            stands: Standing = "alone"
+        else:
+            stands = "best" if i == found.best else found.standing(i)
         row = row_of(self.settings[i], records[: found.count], self.options.confidence)
         return replace(
             row,
@@ -407,26 +436,32 @@ class _Study:
             proven_seconds=self.proven.get(i),
         )
 
-    def _seconds_needed(self, found: Comparison, missing: Sequence[int]) -> float | None:
+    def _seconds_needed(
+        self, comparisons: Sequence[Comparison], missing: Sequence[int]
+    ) -> float | None:
+        """Return how long a run of each missing setting takes, or what decides all; None: unknown."""
         if missing:
-            return self.runs.seconds_for(missing, self.model, 1)
-        needed = found.replications_needed() if found.undecided else None
-        return (
-            None
-            if needed is None
-            else self.runs.seconds_for(self._alive(), self.model, needed - found.count)
-        )
+            return self.runs.seconds_for(missing, self.model, 1) if comparisons else None
+        undecided = [one for one in comparisons if one.undecided]
+        looks = [one.replications_needed() for one in undecided]
+        needed = [look for look in looks if look is not None]
+        if not looks or len(needed) < len(looks):
+            return None
+        more = max(needed) - undecided[0].count
+        return self.runs.seconds_for(self._alive(), self.model, more)
 
-    def _beyond(self, best: Setting) -> dict[str, Any]:
-        """Return the next value of each key of which the best setting has the last one tried.
+    def _beyond(self, comparisons: Sequence[Comparison]) -> dict[str, Any]:
+        """Return the next value of each key of which a best setting has the last one tried.
 
-        A value that the scenario cannot have is left out.
+        A value that the scenario cannot have is left out, and one that nobody chooses.
         """
-        beyond = {}
-        for key, values in self.varied.items():
-            following = number_beyond(values, best.values[key])
-            if following is not None and self._is_possible(best.values | {key: following}):
-                beyond[key] = following
+        beyond = dict[str, Any]()
+        for comparison in comparisons if self.has_choices else ():
+            best = self.settings[comparison.best].values
+            for key, values in self.varied.items():
+                following = None if key in self.given else number_beyond(values, best[key])
+                if following is not None and self._is_possible(best | {key: following}):
+                    beyond.setdefault(key, following)
         return beyond
 
     def _is_possible(self, values: Mapping[str, Any]) -> bool:
@@ -476,13 +511,10 @@ class _Study:
             "some pickers get more rows than others, and only one harvest waits for the last one: --horizon harvest"
         ]
 
-    def _no_room(self, found: Comparison | None) -> list[str]:
-        """That the answer is the last number for another reason than that more gain nothing."""
-        is_last = (
-            self.is_open
-            and found is not None
-            and self.settings[found.best].scenario.carrier_count == self.most
-        )
+    def _no_room(self, comparisons: Sequence[Comparison]) -> list[str]:
+        """That an answer is the last number for another reason than that more gain nothing."""
+        best = [self.settings[one.best].scenario.carrier_count for one in comparisons]
+        is_last = self.is_open and self.most in best
         return (
             [f"the orchard has room for {counted('carriers', self.most)}, no more"]
             if is_last
@@ -500,6 +532,8 @@ class _Study:
 
     def _part_full(self, found: Comparison | None) -> list[str]:
         """That the bins of one harvest have less fruit than as many full ones, with the best setting."""
+        if self.given:
+            return []
         scenario = self.settings[found.best].scenario if found is not None else self.scenario
         if self.options.horizon == "long" or scenario.bin_metres is None:
             return []

@@ -26,11 +26,23 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "optimum, s": lambda row: _optimum(row),
     "checked": lambda row: _check(row.check),
 }
-MARKS: dict[Standing, str] = {"best": "*", "equal": "=", "unknown": "?", "worse": "", "jammed": ""}
-MEANING = (
-    "* the answer; = within {within:g} % of the best, for certain; ? the runs do not tell. "
+MARKS: dict[Standing, str] = {
+    "best": "*",
+    "equal": "=",
+    "unknown": "?",
+    "worse": "",
+    "alone": "",
+    "jammed": "",
+}
+OF_MARKS = (
+    "* the {answer}; = within {within:g} % of the best, for certain; ? the runs do not tell. "
+)
+OF_RUNS = (
     "{runs} of each by the {model}, on the same seeds; ± interval of {confidence:g} % confidence. "
-    "behind: the best mean, which has -. wait: of a picker for an empty bin. "
+)
+OF_BEHIND = "behind: the best mean{given}, which has -. "
+OF_COLUMNS = (
+    "wait: of a picker for an empty bin. "
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
 OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and how far above it this one is."
@@ -82,18 +94,23 @@ def legend(result: StudyResult) -> str:
         f"{count} run{'s' if count != 1 else ''}",
         MODELS[result.table[0].model if result.table else "fast"],
     )
-    optimum = OPTIMUM if any(row.proven_seconds for row in result.table) else ""
-    checked = CHECKED if any(row.check for row in result.table) else ""
-    return (
-        MEANING.format(
-            within=100.0 * result.within,
-            confidence=100.0 * result.confidence,
-            runs=runs,
-            model=model,
-        )
-        + optimum
-        + checked
-    )
+    words = {
+        "within": 100.0 * result.within,
+        "confidence": 100.0 * result.confidence,
+        "runs": runs,
+        "model": model,
+        "answer": f"best for each {_given(result)}" if result.given else "answer",
+        "given": f" for the same {_given(result)}" if result.given else "",
+    }
+    parts = [
+        OF_MARKS if _has_choices(result) else "",
+        OF_RUNS,
+        OF_BEHIND if _has_choices(result) else "",
+        OF_COLUMNS,
+        OPTIMUM if any(row.proven_seconds for row in result.table) else "",
+        CHECKED if any(row.check for row in result.table) else "",
+    ]
+    return "".join(parts).format(**words)
 
 
 def as_table(result: StudyResult) -> Table:
@@ -109,14 +126,24 @@ def as_table(result: StudyResult) -> Table:
             overflow="fold",
         )
     for line, row in zip(lines, result.table, strict=True):
-        table.add_row(*map(escape, line), style="bold" if row.setting == result.best else "")
+        table.add_row(*map(escape, line), style="bold" if row.standing == "best" else "")
     return table
+
+
+def _has_choices(result: StudyResult) -> bool:
+    """Whether the settings are compared, and not only shown beside each other."""
+    return all(row.standing != "alone" for row in result.table)
+
+
+def _given(result: StudyResult) -> str:
+    return " and ".join(map(key_words, result.given))
 
 
 def _unasked(result: StudyResult) -> list[str]:
     """The columns that tell nothing new: a harvest's length, unless it is the goal, and how far behind a setting alone is."""
     length = [] if result.goal == "harvest_seconds" else ["harvest, s"]
-    return length if len(result.table) > 1 else [*length, "behind, %"]
+    is_compared = len(result.table) > 1 and _has_choices(result)
+    return length if is_compared else [*length, "behind, %"]
 
 
 def _cell(head: str, row: Row) -> str:

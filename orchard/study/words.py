@@ -153,6 +153,8 @@ def answer(result: StudyResult) -> str:
     """Return the answer in two sentences: the best setting, its figures and what is not sure of it; and for which orchard that holds."""
     if not result.table:
         return "No setting has been run yet."
+    if result.given:
+        return _given_words(result)
     if (best := result.best_row) is None:
         return _all_jammed(result)
     parts = [
@@ -167,6 +169,53 @@ def answer(result: StudyResult) -> str:
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
     orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
     return f"{'; '.join(filter(None, parts))}. {orchard}."
+
+
+def _given_words(result: StudyResult) -> str:
+    """What depends on values that nobody chooses, for each combination of them: no best of all."""
+    groups = dict[str, list[Row]]()
+    for row in result.table:
+        groups.setdefault(repr([row.setting[key] for key in result.given]), []).append(row)
+    said = [_of_group(rows, result) for rows in groups.values()]
+    if len(said) > MOST_NAMED + 1:
+        between = f"{len(said) - 2} more in the table"
+        said = [said[0], between, said[-1]]
+    keys = " and ".join(map(key_words, result.given))
+    is_chosen = any(row.standing == "best" for row in result.table)
+    consequence = "each has a best of its own" if is_chosen else "there is no best"
+    verb = "is" if len(result.given) == 1 else "are"
+    parts = [
+        *said,
+        f"{keys} {verb} given and not chosen, so {consequence}",
+        _not_run(result),
+        _end(result),
+        _undecided_choices(result),
+    ]
+    return f"{'; '.join(filter(None, parts))}. The orchard: {result.orchard}."
+
+
+def _of_group(rows: Sequence[Row], result: StudyResult) -> str:
+    """The best choice, or the figures alone, of rows in which what nobody chooses is the same."""
+    given = setting_words({key: rows[0].setting[key] for key in result.given})
+    best = next((row for row in rows if row.standing in ("best", "alone")), None)
+    if best is None:
+        return f"{given}: jammed"
+    chosen = {key: value for key, value in best.setting.items() if key not in result.given}
+    choice = f"{setting_words(chosen)}, " if chosen and best.standing == "best" else ""
+    return f"{given}: {choice}{_figures(best, result)}"
+
+
+def _undecided_choices(result: StudyResult) -> str:
+    if not result.undecided or result.not_run:
+        return ""
+    tell = f"to tell {len(result.undecided)} of the settings from the best"
+    return _more_runs(tell, result.seconds_needed)
+
+
+def _more_runs(tell: str, seconds: float | None) -> str:
+    if seconds is None:
+        return f"{LOOKS[-1]} runs of each are too few {tell}"
+    return f"not enough runs {tell}: {max(1, ceil(seconds)):,} s more would"
 
 
 def _all_jammed(result: StudyResult) -> str:
@@ -203,9 +252,11 @@ def _not_run(result: StudyResult) -> str:
     all_of_them = count + len(result.table)
     some = setting_words(result.not_run[0])
     if count == 1:
-        words = f"1 of {all_of_them} settings has not run, {some}, and may be better"
+        words = f"1 of {all_of_them} settings has not run, {some}"
     else:
-        words = f"{count} of {all_of_them} settings have not run, such as {some}, and may be better"
+        words = f"{count} of {all_of_them} settings have not run, such as {some}"
+    if not result.given:
+        words += ", and may be better"
     if result.seconds_needed is None:
         return words
     return f"{words}: {max(1, ceil(result.seconds_needed)):,} s more would run each once"
@@ -275,9 +326,7 @@ def _undecided(result: StudyResult) -> str:
     names = [value_words(one[key]) if key else _one(one) for one in others]
     this = value_words(result.best[key]) if key else _one(result.best)
     tell = f"to tell {_listed(names)} from {this}"
-    if result.seconds_needed is None:
-        return f"{LOOKS[-1]} runs of each are too few {tell}"
-    return f"not enough runs {tell}: {max(1, ceil(result.seconds_needed)):,} s more would"
+    return _more_runs(tell, result.seconds_needed)
 
 
 def _one(setting: Mapping[str, Any]) -> str:

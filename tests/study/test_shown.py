@@ -210,6 +210,59 @@ def test_the_answer_is_one_sentence_and_one_about_its_orchard(result, told):
     )
 
 
+SPEEDS = [
+    a_row(rate, 0.6, setting={"picking_speed": speed}, standing="alone", behind=None)
+    for speed, rate in ((0.02, 20.0), (0.03, 30.0), (0.04, 40.0), (0.05, 50.0), (0.06, 60.0))
+]
+FLEETS = [
+    replace(row, setting=row.setting | {"picking_speed": speed}, standing=standing)
+    for row, speed, standing in (
+        (NINE, 0.02, "best"),
+        (TEN, 0.02, "worse"),
+        (NINE, 0.03, "unknown"),
+        (TEN, 0.03, "best"),
+        (JAMMED, 0.04, "jammed"),
+    )
+]
+GIVEN = [
+    (
+        a_result(SPEEDS[:2], None, given=["picking_speed"]),
+        "picking speed 0.02: 20.0 ± 0.6 bins an hour; picking speed 0.03: 30.0 ± 0.6 bins an hour; "
+        "picking speed is given and not chosen, so there is no best.",
+    ),
+    (
+        a_result(
+            SPEEDS,
+            None,
+            given=["picking_speed"],
+            not_run=[{"picking_speed": 1.0}],
+            seconds_needed=3.0,
+        ),
+        "picking speed 0.02: 20.0 ± 0.6 bins an hour; 3 more in the table; "
+        "picking speed 0.06: 60.0 ± 0.6 bins an hour; picking speed is given and not chosen, so there is no "
+        "best; 1 of 6 settings has not run, picking speed 1: 3 s more would run each once.",
+    ),
+    (
+        a_result(
+            FLEETS,
+            None,
+            given=["picking_speed"],
+            undecided=[FLEETS[2].setting],
+            seconds_needed=7.0,
+        ),
+        "picking speed 0.02: 9 carriers, 84.1 ± 0.6 bins an hour; "
+        "picking speed 0.03: 10 carriers, 84.0 ± 0.6 bins an hour; picking speed 0.04: jammed; "
+        "picking speed is given and not chosen, so each has a best of its own; "
+        "not enough runs to tell 1 of the settings from the best: 7 s more would.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("result", "told"), GIVEN)
+def test_what_nobody_chooses_is_told_without_a_best_of_all(result, told):
+    assert answer(result) == f"{told} The orchard: {result.orchard}."
+
+
 @pytest.mark.parametrize(
     ("result", "told"),
     [

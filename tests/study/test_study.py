@@ -19,6 +19,8 @@ from orchard.study.result import StudyResult
 from orchard.study.runs import PlannedRun
 from orchard.study.settings import Setting, more_numbers, most_carriers, varied_of
 from orchard.study.study import StudyOptions, checked_settings, row_of, study
+from orchard.study.table import legend
+from orchard.study.table import words as words_of_table
 from orchard.study.words import setting_words
 
 
@@ -346,15 +348,80 @@ def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_p
 
 
 def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_path):
-    """Rows are longer by so little that the harvest hardly changes, though for certain; shorter ones were not tried."""
+    """The bay is farther by so little that the harvest hardly changes; nearer ones were not tried."""
     settled = study(
         Scenario(rows=3, **QUIET),
-        {"row_length": [70.0, 70.2, 70.4]},
+        {"bay": [10.0, 10.2, 10.4]},
         replace(AMPLE, store=tmp_path / "s.db"),
     )
     assert [row.standing for row in settled.table] == ["best", "equal", "equal"]
-    assert settled.beyond == {"row_length": pytest.approx(69.8)}
-    assert "the range is too small, as row length 69.8 may be better" in settled.answer
+    assert settled.beyond == {"bay": pytest.approx(9.8)}
+    assert settled.answer.startswith("At most bay 10: ")
+    assert "the range is too small, as bay 9.8 may be better" in settled.answer
+
+
+RATES = {"picking_rate": [5.0, 50.0]}
+PRICES = {"picker_per_hour": 25.0, "carrier_per_hour": 8.0}
+
+
+@pytest.mark.parametrize(
+    ("varied", "words"),
+    [
+        (RATES, "picking rate"),
+        ({"prices.picker_per_hour": [20.0, 25.0]}, "prices picker per hour"),
+        ({"crop": [{"tonnes_per_hectare": 30.0}, {"tonnes_per_hectare": 60.0}]}, "crop"),
+    ],
+)
+def test_what_nobody_chooses_has_a_table_and_no_best(varied, words, tmp_path):
+    crop = {"tonnes_per_hectare": 30.0, "kilograms_per_bin": 350.0}
+    told = study(
+        Scenario(rows=3, carriers=2, crop=crop, prices=PRICES, **QUIET),
+        varied,
+        replace(AMPLE, horizon="long", store=tmp_path / "s.db"),
+    )
+    assert (told.best, told.given, told.beyond) == (None, list(varied), {})
+    assert [row.standing for row in told.table] == ["alone", "alone"]
+    assert f"; {words} is given and not chosen, so there is no best. The orchard: " in told.answer
+    heads, lines = words_of_table(told)
+    assert "behind, %" not in heads and "*" not in "".join(cell for line in lines for cell in line)
+    assert "the answer" not in legend(told) and inline_svg(told)
+
+
+def test_what_can_be_chosen_has_a_best_for_each_of_what_cannot(tmp_path):
+    """Fast pickers need more carriers."""
+    told = study(
+        Scenario(rows=6, pickers=3, **QUIET),
+        {"carriers": [1, 2, 3, 4], **RATES},
+        replace(AMPLE, horizon="long", store=tmp_path / "s.db"),
+    )
+    best = [row.setting for row in told.table if row.standing == "best"]
+    assert told.best is None
+    slow, fast = sorted(best, key=lambda setting: setting["picking_rate"])
+    assert slow["carriers"] < fast["carriers"]
+    for row in told.table:
+        alike = [
+            other.bins_per_hour.mean
+            for other in told.table
+            if other.setting["picking_rate"] == row.setting["picking_rate"]
+        ]
+        behind = max(alike) / row.bins_per_hour.mean - 1.0
+        assert (row.behind or 0.0) == pytest.approx(behind)
+    assert told.answer.startswith("picking rate 5: 1 carrier, ")
+    assert "picking rate is given and not chosen, so each has a best of its own" in told.answer
+    assert legend(told).startswith("* the best for each picking rate; ")
+    assert "behind: the best mean for the same picking rate, which has -. " in legend(told)
+
+
+def test_an_open_number_of_carriers_is_tried_for_each_of_what_cannot_be_chosen(tmp_path):
+    told = study(
+        Scenario(rows=6, pickers=3, **QUIET),
+        {"carriers": [], **RATES},
+        replace(AMPLE, horizon="long", within=0.02, store=tmp_path / "s.db"),
+    )
+    best = [row.setting["carriers"] for row in told.table if row.standing == "best"]
+    tried = set(told.varied["carriers"])
+    assert len(best) == 2 and max(tried) >= 1.5 * max(best)
+    assert all({number - 1, number + 1} - {0} <= tried for number in best)
 
 
 def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_best(tmp_path):
@@ -364,7 +431,8 @@ def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_b
         varied,
         replace(AMPLE, horizon="long", store=tmp_path / "s.db"),
     )
-    assert told.best == {"dispatch": "predictive", "people": {"workers": 0}}
+    best = [row.setting for row in told.table if row.standing == "best"]
+    assert best == [{"dispatch": "predictive", "people": people} for people in varied["people"]]
     assert (
         sum(
             bool(
@@ -445,10 +513,10 @@ def test_a_range_widens_until_the_answer_is_inside(answer, tried, more):
 
 
 def test_settings_with_and_without_chance_are_compared(tmp_path):
-    scenario = with_changes(CHANCE, carriers=1)
+    """A policy of the user's own may draw by the seed."""
     mixed = study(
-        scenario,
-        {"picking.spread.distribution": ["none", "gamma"]},
+        Scenario(rows=3, carriers=1, **QUIET),
+        {"dispatch": ["nearest", "own_policies.FarthestOfMine"]},
         replace(AMPLE, store=tmp_path / "s.db"),
     )
     assert (

@@ -1,0 +1,76 @@
+"""Each key of the scenario says who decides its value, once."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from orchard.field.decisions import Decision, decided, decision_at, is_choice
+from orchard.field.scenario import Scenario
+
+SCHEMA = Scenario.model_json_schema()
+
+
+def keys(schema: dict[str, Any], before: str = "") -> Iterator[list[str]]:
+    """Yield for each value that is no section its path, and those of the sections around it."""
+    for name, field in schema["properties"].items():
+        path = f"{before}{name}"
+        inner = field.get("$ref") or next((one.get("$ref") for one in field.get("allOf", [])), None)
+        section = SCHEMA["$defs"][inner.rpartition("/")[2]] if inner else None
+        if section is None:
+            yield [path]
+        else:
+            yield from ([path, *paths] for paths in keys(section, f"{path}."))
+
+
+def test_each_key_of_the_schema_is_a_choice_or_a_circumstance():
+    unknown = [paths[-1] for paths in keys(SCHEMA) if decision_at(Scenario, paths[-1]) is None]
+    assert unknown == [], "mark these fields of the scenario with CHOICE or CIRCUMSTANCE"
+    assert len(list(keys(SCHEMA))) > 40
+
+
+def test_each_path_is_decided_once():
+    choices = set(decided(Scenario, Decision.CHOICE))
+    circumstances = set(decided(Scenario, Decision.CIRCUMSTANCE))
+    assert {"dispatch", "carrying.battery.reserve"} < choices
+    assert {"people", "carrying.failure"} < circumstances
+    assert all(
+        len([path for path in paths if path in choices | circumstances]) == 1
+        for paths in keys(SCHEMA)
+    )
+
+
+@pytest.mark.parametrize(
+    ("path", "decision"),
+    [
+        ("pickers", Decision.CHOICE),
+        ("dispatch", Decision.CHOICE),
+        ("agents.picker", Decision.CHOICE),
+        ("carrying.battery.reserve", Decision.CHOICE),
+        ("carrying.battery.hours", Decision.CIRCUMSTANCE),
+        ("prices.carrier_per_hour", Decision.CIRCUMSTANCE),
+        ("picking_rate", Decision.CIRCUMSTANCE),
+        ("picking.spread.cv", Decision.CIRCUMSTANCE),
+        ("carrying", None),
+        ("no_such.key", None),
+    ],
+)
+def test_a_value_is_decided_as_its_section_is(path: str, decision: Decision | None):
+    assert decision_at(Scenario, path) == decision
+
+
+@pytest.mark.parametrize(
+    ("path", "values", "choice"),
+    [
+        ("carriers", [1, None], True),
+        ("picking_speed", [0.3, 0.5], False),
+        ("people", [{"workers": 0}, {}], False),
+        ("carrying", [{"battery": {"reserve": 0.1}}, {"battery": {"reserve": 0.2}}], True),
+        ("carrying", [{"battery": {"reserve": 0.1, "hours": 2.0}}], False),
+        ("survey", [None], False),
+    ],
+)
+def test_values_of_a_section_are_a_choice_if_all_that_they_change_is(
+    path: str, values: list, choice: bool
+):
+    assert is_choice(Scenario, path, values) == choice

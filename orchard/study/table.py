@@ -49,6 +49,7 @@ OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and
 CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
 ONLY_IF_KNOWN = (
+    "harvest, s",
     "a bin",
     "optimum, s",
     "checked",
@@ -140,8 +141,11 @@ def _given(result: StudyResult) -> str:
 
 
 def _unasked(result: StudyResult) -> list[str]:
-    """The columns that tell nothing new: a harvest's length, unless it is the goal, and how far behind a setting alone is."""
-    length = [] if result.goal == "harvest_seconds" else ["harvest, s"]
+    """The columns that tell nothing new.
+
+    They are a harvest's length if the goal is its rate, and how far behind a setting alone is.
+    """
+    length = ["harvest, s"] if result.goal == "bins_per_hour" else []
     is_compared = len(result.table) > 1 and _has_choices(result)
     return length if is_compared else [*length, "behind, %"]
 

@@ -263,8 +263,13 @@ def _not_run(result: StudyResult) -> str:
 
 
 def _figures(best: Row, result: StudyResult) -> str:
-    """Bins an hour and cost; before them the figure of another goal, with its interval."""
+    """Bins an hour and cost; before them the figure of another goal, with its interval.
+
+    The least cost of one harvest has its time too: it may be the same for a long one and a short one.
+    """
     names: list[Goal] = ["bins_per_hour", "cost_per_bin"]
+    if result.goal == "cost_per_bin" and result.horizon == "harvest":
+        names.append("harvest_seconds")
     order = [result.goal, *(name for name in names if name != result.goal)]
     first, *rest = [
         (figure, UNITS[name]) for name in order if (figure := getattr(best, name)) is not None

@@ -75,7 +75,7 @@ ANSWERS = [
     ),
     (
         of(PRICED, TEN, ELEVEN, ties=(TEN, ELEVEN), goal="cost_per_bin"),
-        "9 carriers: 7.70 ± 0.05 a bin, 84.1 bins an hour; 10 and 11 are within 2 % of it.",
+        "9 carriers: 7.70 ± 0.05 a bin, 84.1 bins an hour, 856 s for the harvest; 10 and 11 are within 2 % of it.",
     ),
     (
         of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=39.2, stopped_by="budget"),
@@ -374,7 +374,25 @@ def test_a_column_without_a_figure_and_a_key_with_one_value_are_left_out():
     assert {"a bin", "checked", "harvest, s", "optimum, s"}.isdisjoint(heads)
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
     assert "harvest, s" in table.words(by_carriers(goal="harvest_seconds"))[0]
+    assert "harvest, s" not in table.words(by_carriers(goal="bins_per_hour"))[0]
     assert "rows" not in table.words(replace(whole(), varied={"rows": [20], **whole().varied}))[0]
+
+
+def test_the_least_cost_of_one_harvest_has_its_time():
+    """Eight pickers cost what four do, and are done in half the time."""
+    rows = [
+        a_row(rate, setting={"pickers": pickers}, cost_per_bin=interval(12.0))
+        for pickers, rate in ((4, 20.0), (8, 40.0))
+    ]
+    told = a_result(rows, {"pickers": 8}, ({"pickers": 4},), goal="cost_per_bin")
+    heads, lines = table.words(told)
+    assert [line[heads.index("harvest, s")] for line in lines] == ["3,600", "1,800"]
+    assert answer(told).startswith(
+        "8 pickers: 12.0 a bin, 40.0 bins an hour, 1,800 s for the harvest; "
+    )
+    long_rows = [replace(row, harvest_seconds=None) for row in rows]
+    long_run = replace(told, table=long_rows, horizon="long")
+    assert "harvest, s" not in table.words(long_run)[0] and " s for" not in answer(long_run)
 
 
 def test_how_far_behind_one_run_is_has_a_figure_and_only_the_best_has_none():

@@ -54,6 +54,7 @@ def a_result(
             row,
             standing=stands[id(row)],
             lead=NEAR if row.setting == best and row.lead == FAR else row.lead,
+            behind=NEAR.mean if row.setting == best and row.lead == FAR else row.behind,
         )
         for row in table
     ]

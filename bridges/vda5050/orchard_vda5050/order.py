@@ -48,7 +48,7 @@ class Part(msgspec.Struct, rename="camel", gc=False):
 
 class Parameter(Part):
     key: str
-    value: Any
+    value: Any = None
 
 
 class ActionOrder(Part):
@@ -77,11 +77,12 @@ class NodePosition(Part):
     allowed_deviation: Deviation | float | None = msgspec.field(
         default=None, name="allowedDeviationXY"
     )  # m, in version 2.1
+    allowed_deviation_xy: float | None = None  # the same, as the schema of version 2.0 spells it
 
     @property
     def allowed(self) -> float:
         """How far from the node a vehicle may be, m."""
-        deviation = self.allowed_deviation
+        deviation = self.allowed_deviation or self.allowed_deviation_xy
         return deviation.b if isinstance(deviation, Deviation) else deviation or 0.0
 
 
@@ -204,13 +205,36 @@ class Rejected(Exception):
         self.error = Error(error_type, level, named, why[:LONGEST_TOLD])
 
 
+def _data_in(payload: bytes) -> Any:
+    """Return what a message says as JSON. Raises ValueError or RecursionError for one that cannot be read."""
+    if len(payload) > LARGEST:
+        raise ValueError(f"{len(payload)} bytes are more than {LARGEST}")
+    return _without_nulls(msgspec.json.decode(payload))
+
+
+def _without_nulls(data: Any) -> Any:
+    """Return what is there: fleet control may write `null` for an optional field that it leaves out."""
+    if isinstance(data, dict):
+        return {key: _without_nulls(value) for key, value in data.items() if value is not None}
+    if isinstance(data, list):
+        return [_without_nulls(one) for one in data]
+    return data
+
+
+def read_instant_actions(payload: bytes) -> InstantActions:
+    """Return the instant actions in a payload. Raises ValueError or RecursionError if it is malformed."""
+    data = _data_in(payload)
+    if isinstance(data, dict) and "instantActions" in data:
+        # Some software for version 2.0 still names them as version 1.1 does.
+        data.setdefault("actions", data["instantActions"])
+    return msgspec.convert(data, InstantActions)
+
+
 def read(payload: bytes) -> Order:
     """Return the order in a payload. Raises Rejected for one that is malformed."""
     known: dict[str, object] = {}
     try:
-        if len(payload) > LARGEST:
-            raise ValueError(f"{len(payload)} bytes are more than {LARGEST}")
-        data = msgspec.json.decode(payload)
+        data = _data_in(payload)
         known = {
             key: data[key]
             for key in ("orderId", "orderUpdateId")
@@ -221,7 +245,7 @@ def read(payload: bytes) -> Order:
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise Rejected("VALIDATION_FAILURE", f"not an order: {error}", known) from None
     for edge, raw in zip(order.edges, data["edges"], strict=True):
-        if unusable := [name for name in UNUSABLE if raw.get(name) is not None]:
+        if unusable := [name for name in UNUSABLE if name in raw]:
             raise Rejected(
                 "UNSUPPORTED_PARAMETER",
                 f"edge {edge.edge_id}: cannot use {', '.join(unusable)}",
@@ -309,6 +333,7 @@ def take(
         )
     _check_ways(order, graph)
     if not is_new:
+        _check_decision_point(state, order)
         _check_names(state, order)
     _check_actions(order, ACTIONS[graph.kind], bins)
     if is_new:
@@ -373,6 +398,40 @@ def _check_ways(order: Order, graph: Graph) -> None:
             raise Rejected(
                 "NO_ROUTE_TO_TARGET", why, {"orderId": order.order_id, "nodeId": end.node_id}
             )
+
+
+def _check_decision_point(state: OrderState, order: Order) -> None:
+    """The actions at the first node of an update are those that the vehicle knows there, or left out.
+
+    The standard asks fleet control to send new actions at a further node of the same name.
+    """
+    is_ahead = any(node.released for node in state.nodes)
+    open_there = (
+        [node for node in state.nodes if node.released][-1].actions if is_ahead else state.queue
+    )
+    not_done = {action.action_id: action for action in open_there}
+    known = (
+        set(not_done) if is_ahead else {one.action_id for one in state.actions} - _horizon(state)
+    )
+    first = order.nodes[0]
+    for action in first.actions:
+        if action.action_id not in known:
+            change = "a new action"
+        elif action != not_done.get(action.action_id, action):
+            change = "another action of a known actionId"
+        else:
+            continue
+        raise Rejected(
+            "INVALID_ORDER_ACTION",
+            f"the update has {change} at the last node of the base, {first.node_id}: "
+            f"{action.action_type} {action.action_id}; expected it at a further node "
+            f"{first.node_id} with sequenceId {first.sequence_id + 2}",
+            {
+                "orderId": order.order_id,
+                "orderUpdateId": order.order_update_id,
+                "actionId": action.action_id,
+            },
+        )
 
 
 def _check_names(state: OrderState, order: Order) -> None:

@@ -206,9 +206,7 @@ class Vehicle:
 
     def _instant(self, payload: bytes) -> list[ActionOrder]:
         """Return the instant actions in a payload. Raises ValueError if it is malformed, Rejected if it is for another one."""
-        if len(payload) > orders.LARGEST:
-            raise ValueError(f"{len(payload)} bytes are more than {orders.LARGEST}")
-        message = msgspec.json.decode(payload, type=orders.InstantActions)
+        message = orders.read_instant_actions(payload)
         self._check_addressee(message)
         return message.actions
 
@@ -220,7 +218,15 @@ class Vehicle:
         ]
 
     def _obey_at_once(self, robot: Driver, action: ActionOrder) -> None:
-        duty, state = robot.duty, ActionState(action.action_id, action.action_type, "FINISHED")
+        duty = robot.duty
+        state = ActionState(action.action_id, action.action_type, "FINISHED")
+        is_known = any(
+            (one.action_id, one.action_type) == (action.action_id, action.action_type)
+            for one in duty.instant
+        )
+        # The second copy of a message must not cancel again: the first one may have done it.
+        if is_known and action.action_type == "cancelOrder":
+            return
         if action.action_type in INSTANT:
             duty.errors = []
         match action.action_type:
@@ -240,7 +246,8 @@ class Vehicle:
                 duty.errors = [
                     Rejected("INVALID_INSTANT_ACTION", why, {"actionId": action.action_id}).error
                 ]
-        duty.instant = [*duty.instant, state][-MOST_INSTANT:]
+        others = [one for one in duty.instant if one.action_id != action.action_id]
+        duty.instant = [*others, state][-MOST_INSTANT:]
         while len(_packed(duty.instant)) > MOST_BYTES // 2:
             del duty.instant[0]
 

@@ -93,6 +93,31 @@ def test_that_there_is_no_order_to_cancel_is_said_until_a_new_one_is_taken():
     assert fleet.state(name)["errors"] == []
 
 
+def test_a_cancelling_that_comes_twice_has_one_state_and_is_no_error():
+    fleet, name = begun()
+    fleet.has_master = False
+    cancel = {"actionType": "cancelOrder", "actionId": "a", "blockingType": "HARD"}
+    for _ in range(2):
+        fleet.master.publish(name, "instantActions", {"actions": [cancel]})
+    fleet.until(lambda: status(fleet, name, "a") == "FINISHED")
+    fleet.master.publish(name, "instantActions", {"actions": [cancel]})
+    for _ in range(20):
+        fleet.tick()
+    state = fleet.state(name)
+    assert [one["actionStatus"] for one in state["instantActionStates"]] == ["FINISHED"]
+    assert state["errors"] == []
+
+
+def test_each_instant_action_has_one_state():
+    fleet, name = begun()
+    for kind in ("stateRequest", "stateRequest", "startPause"):
+        action = {"actionType": kind, "actionId": "a", "blockingType": "NONE"}
+        fleet.master.publish(name, "instantActions", {"actions": [action]})
+    fleet.until(lambda: fleet.state(name)["paused"])
+    (state,) = fleet.state(name)["instantActionStates"]
+    assert (state["actionType"], state["actionStatus"]) == ("startPause", "FINISHED")
+
+
 def test_a_factsheet_is_sent_on_request_and_finished_instant_actions_are_forgotten():
     fleet, name = begun()
     request = fleet.master.instant(name, "factsheetRequest")

@@ -4,6 +4,7 @@ import json
 from functools import reduce
 
 import pytest
+from msgspec.structs import fields
 from orchard_vda5050 import order as orders
 from orchard_vda5050.order import OrderState, Rejected
 
@@ -280,10 +281,96 @@ def test_what_an_order_allows_lets_no_vehicle_drive_off_the_roads(x, y):
         orders.take(OrderState(), message, GRAPH, BINS, START.x + x, START.y + y)
 
 
+def nulls(kind):
+    """Return null for each optional field of a part of a message."""
+    return {one.encode_name: None for one in fields(kind) if not one.required}
+
+
 def test_a_field_that_is_null_is_not_there():
-    message = order()
-    message["edges"][0] |= {"trajectory": None, "maximumRotationSpeed": None}
-    assert taken(OrderState(), message).order_id == "one"
+    message = order(actions=[action("drop", key="") | nulls(orders.ActionOrder)])
+    assert message["nodes"][-1]["actions"][0]["actionParameters"] is None
+    for edge in message["edges"]:
+        edge |= nulls(orders.Edge) | dict.fromkeys(orders.UNUSABLE)
+    message["nodes"][0] |= nulls(orders.Node)
+    place = {"x": START.x, "y": START.y, "mapId": "orchard"} | nulls(orders.NodePosition)
+    message["nodes"][0]["nodePosition"] = place
+    plain = placed()
+    plain["nodes"][-1]["actions"] = [action("drop", key="")]
+    state = taken(OrderState(), message | nulls(orders.Order))
+    assert state == taken(OrderState(), plain)
+    assert [one.action_type for one in state.actions] == ["drop"]
+
+
+def test_a_field_that_must_be_there_may_not_be_null():
+    with pytest.raises(Rejected, match="missing required field `nodeId`"):
+        orders.read(json.dumps(order() | {"nodes": [node(None, 0)], "edges": []}).encode())
+
+
+@pytest.mark.parametrize("field", ["actions", "instantActions"])
+def test_instant_actions_are_read_under_both_names_and_with_nulls(field):
+    """Version 1.1, and software for 2.0 that keeps to it, say `instantActions`."""
+    pause = {"actionType": "startPause", "actionId": "a", "blockingType": "HARD"}
+    message = HEADER | {field: [pause | nulls(orders.ActionOrder)]}
+    (read,) = orders.read_instant_actions(json.dumps(message).encode()).actions
+    assert (read.action_type, read.action_parameters) == ("startPause", [])
+
+
+def at_the_last_node(actions, number=2):
+    """Return an update that begins at node `number`, the last one of the base, with these actions."""
+    message = order(update=1, first=number)
+    message["nodes"][0]["actions"] = actions
+    return message
+
+
+def with_actions_at(number, actions):
+    """Return what a vehicle knows of an order with these actions at the last node of its base."""
+    message = order(released=number)
+    message["nodes"][number]["actions"] = actions
+    return taken(OrderState(), message)
+
+
+UNLOAD = action("drop", key="")
+TO_STOP = len(WAY) - 1
+
+
+@pytest.mark.parametrize(
+    ("actions", "why"),
+    [
+        ([action("drop", key="", number=2)], "a new action"),
+        ([action("drop", key=""), action("drop", key="", number=2)], "a new action"),
+        ([action("handOver")], "another action of a known actionId"),
+    ],
+)
+@pytest.mark.parametrize("is_there", [False, True])
+def test_an_update_cannot_change_what_is_done_at_the_last_node_of_the_base(actions, why, is_there):
+    begun = with_actions_at(TO_STOP, [UNLOAD])
+    while is_there and begun.nodes:
+        orders.arrive(begun)
+    update = at_the_last_node(actions, TO_STOP)
+    with pytest.raises(Rejected, match=why) as rejected:
+        taken(begun, update)
+    wrong = actions[-1]["actionId"]
+    named = {
+        one.reference_key: one.reference_value for one in rejected.value.error.error_references
+    }
+    assert named == {"orderId": "one", "orderUpdateId": "1", "actionId": wrong}
+    assert rejected.value.error.error_type == "INVALID_ORDER_ACTION"
+    words = rejected.value.error.error_description
+    assert wrong in words and f"a further node {WAY[-1]} with sequenceId {2 * TO_STOP + 2}" in words
+
+
+@pytest.mark.parametrize("actions", [[], [UNLOAD]])
+@pytest.mark.parametrize("is_done", [False, True])
+def test_an_update_may_repeat_or_leave_out_the_actions_at_its_first_node(actions, is_done):
+    begun = with_actions_at(TO_STOP, [UNLOAD])
+    while is_done and begun.nodes:
+        orders.arrive(begun)
+    if is_done:
+        begun.queue.clear()
+        begun.set(UNLOAD["actionId"], "FINISHED")
+    updated = taken(begun, at_the_last_node(actions, TO_STOP))
+    assert updated.update_id == 1
+    assert [one.action_id for one in updated.actions] == [UNLOAD["actionId"]]
 
 
 def test_an_update_leaves_the_error_with_which_a_vehicle_stands():

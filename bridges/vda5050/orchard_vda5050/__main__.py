@@ -17,7 +17,7 @@ HELP = {
     "broker": "mqtt://host:port, or mqtts://user:password@host:port",
     "interface": "first part of the topics",
     "manufacturer": "part of the topics",
-    "version": "of VDA 5050: 3.0.0 or 2.1.0",
+    "version": "of VDA 5050: 3.0.0, 2.1.0 or 2.0.0",
     "state": "simulated seconds between two states, unless something happens",
     "visualization": "simulated seconds between two visualizations; 0: none",
     "patience": "simulated seconds after which a vehicle that is left standing on the roads clears them by itself",

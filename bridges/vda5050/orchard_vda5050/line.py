@@ -18,11 +18,12 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from orchard_vda5050.messages import Message, connection_of
 from orchard_vda5050.network import Connection, Network
-from orchard_vda5050.older import older
+from orchard_vda5050.older import older, oldest
 
 VERSIONS: Mapping[str, Callable[[str, Message], Message]] = {
     "3.0.0": lambda _topic, message: message,
     "2.1.0": older,
+    "2.0.0": oldest,
 }  # and its words
 RETAINED = ("connection", "factsheet")
 AT_LEAST_ONCE = 1  # quality of service of `connection`; of all others 0

@@ -1,4 +1,7 @@
-"""VDA 5050 2.1: what a vehicle says, in the words of that version. Fleet control's orders are read in the words of both."""
+"""VDA 5050 2.1 and 2.0: what a vehicle says, in the words of those versions.
+
+Fleet control's orders are read in the words of all versions.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -37,6 +40,25 @@ UNSAID = (
 def older(topic: str, message: Message) -> Message:
     """Return a message of version 3.0 as one of version 2.1."""
     return _WORDS[topic](message)
+
+
+def oldest(topic: str, message: Message) -> Message:
+    """Return a message of version 3.0 as one of version 2.0."""
+    words = older(topic, message)
+    return _state_of_2_0(words) if topic == "state" else words
+
+
+def _state_of_2_0(state: Message) -> Message:
+    """Leave out of a state of version 2.1 what 2.0 does not know, or cannot know.
+
+    It has no maps, and a position of a node needs an angle there, which no order says.
+    """
+    nodes = [
+        {key: value for key, value in node.items() if key != "nodePosition"}
+        for node in state["nodeStates"]
+    ]
+    known = {key: value for key, value in state.items() if key != "maps"}
+    return known | {"nodeStates": nodes}
 
 
 def _connection(message: Message) -> Message:

@@ -5,7 +5,7 @@ import json
 from itertools import pairwise
 
 from orchard_vda5050.messages import connection_of, factsheet_of
-from orchard_vda5050.older import older
+from orchard_vda5050.older import older, oldest
 from orchards import HEADER, SMALL, Fleet
 from test_faults import begun
 from vda5050.client.master.client import MasterClient
@@ -40,6 +40,19 @@ def test_all_messages_are_valid_by_the_schemas_of_2_1():
     ]
     for topic, message in sent:
         assert SchemaValidator().errors(topic, in_21(topic, message)) == []
+
+
+def test_a_state_of_2_0_has_no_maps_and_no_positions_of_nodes():
+    """Such a position needs an angle in version 2.0. An order does not say it."""
+    fleet, name = begun()
+    state = fleet.state(name)
+    assert state["maps"] and state["nodeStates"][0]["nodePosition"]
+    words = oldest("state", state)
+    assert "maps" not in words
+    assert [set(node) for node in words["nodeStates"]] == [
+        {"nodeId", "sequenceId", "released"} for _ in state["nodeStates"]
+    ]
+    assert words["agvPosition"] == older("state", state)["agvPosition"]
 
 
 def test_a_fleet_control_of_others_drives_a_vehicle_and_releases_more_of_the_way():

@@ -1,13 +1,16 @@
 """The bridge, a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
 
 Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard sends, in the order in which it comes.
+A service that asks the run has a thread of its own while it waits.
 """
 
 import importlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache, partial
 from math import isfinite
-from time import monotonic
+from threading import Thread
+from time import monotonic, sleep
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -26,6 +29,8 @@ from orchard_ros2.plain.topics import QoS, Topic
 from orchard_ros2.role import MADE_BY, role_in
 
 GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
+BEGIN_SECONDS = 60.0  # that a run which is reset may take to begin again
+LOOK_SECONDS = 0.02  # between two looks at whether it has
 NO_TF2 = "tf2_msgs cannot be imported: /tf and /tf_static are not published. Install ROS 2's package tf2_msgs, and source its setup"
 
 
@@ -109,9 +114,11 @@ class Bridge:
         }  # key -> body -> its newest message
         self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
         self._over, self._over_since, self._is_up = "", 0.0, True
-        self._tokens: set[str] = (
-            set()
-        )  # of physics: two while the router has not noticed that a dead one's link is closed
+        # Of physics: two while the router has not noticed that a dead one's link is closed.
+        self._tokens = frozenset[str]()
+        # The tokens of physics before the newest reset. One that is not among them is of the new run.
+        self._reset_tokens = frozenset[str]()
+        self._is_resetting = False
         self._has_tf = self._can_publish_tf()
         for name in self._names:
             self._announce(name)
@@ -196,9 +203,7 @@ class Bridge:
         self._offer(
             "get_simulation_state", partial(self._control, "simulation_state", lambda: None)
         )
-        self._offer(
-            "reset_simulation", partial(self._control, "reset_simulation", {"run": self.run}.copy)
-        )
+        self._offer("reset_simulation", partial(self._control, "reset_simulation", dict))
         self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
         for state in ("playing", "paused", "quitting"):
             wish = {"run": self.run, "state": state}
@@ -241,7 +246,8 @@ class Bridge:
     def _hear(self, heard: Heard) -> None:
         match heard:
             case Heard(("alive", *token), {"up": up}):
-                (self._tokens.add if up else self._tokens.discard)("/".join(token))
+                name = frozenset(["/".join(token)])
+                self._tokens = self._tokens | name if up else self._tokens - name
                 self._note_physics(bool(self._tokens))
             case Heard(_, {"run": run}) if run != self.run:
                 pass
@@ -254,9 +260,18 @@ class Bridge:
             case Heard(("events",), message):
                 self._hear_events(message["events"])
             case Heard(("end",), {"why": "reset"}):
-                self.tick = 0
+                self._forget()
             case Heard(("end",), message):
                 self._over, self._over_since = message["why"], monotonic()
+
+    def _forget(self) -> None:
+        """The run begins again at tick 0. What is known of its bodies is of the run before."""
+        self.tick = 0
+        self._reset_tokens = self._tokens
+        for newest in self._newest.values():
+            newest.clear()
+        for robot in list(self._handling):
+            self._finish(robot, f"{robot}: the run has been reset")
 
     def _hear_of(self, name: str, key: str, message: dict[str, Any]) -> None:
         self._newest[key][name] = message
@@ -315,7 +330,7 @@ class Bridge:
         if up != self._is_up:
             self.log.info("physics is back" if up else "physics is away")
         self._is_up = up
-        if up and self.tick == 0:
+        if up and self.tick == 0 and not self._is_resetting:
             self._begin()
 
     def _why_over(self, heard: Heard) -> str:
@@ -353,23 +368,81 @@ class Bridge:
     def _stand(self, name: str, wanted: list[dict[str, str]]) -> None:
         self.client.put(f"{name}/velocity", self._velocity(0.0, 0.0) | {"deeds": wanted})
 
-    def _control(
+    async def _control(
         self,
         key: str,
         wish: Callable[[], dict[str, Any] | None],
         _: Trigger.Request,
         response: Trigger.Response,
-    ) -> Any:
+    ) -> Trigger.Response:
         try:
             if key != "simulation_state" and self.role and not self.role.may_operate:
                 raise Refused(
                     f"the role {self.role.name} may not control the run; `orchard secure --bridge NAME=simulation` makes one that may"
                 )
-            state = self.client.ask(key, wish())
+            if key == "reset_simulation":
+                state = await self._in_background(self._begin_again)
+            else:
+                state = await self._in_background(partial(self._ask, key, wish()))
             response.success, response.message = True, f"{state['state']}, tick {state['tick']}"
         except Refused as why:
             response.message = str(why)
         return response
+
+    async def _in_background(self, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Return what `work` returns, or raise its error. The executor goes on meanwhile."""
+        future: Future = Future(executor=self.node.executor)
+
+        def carry_out() -> None:
+            try:
+                future.set_result(work())
+            except Exception as error:
+                future.set_exception(error)
+            self._wake()
+
+        Thread(target=carry_out, daemon=True).start()
+        return dict(await future)
+
+    def _ask(self, key: str, wish: dict[str, Any] | None) -> dict[str, Any]:
+        """Return the run's answer to a query. A run that begins again is waited for. Raises Refused."""
+        self._await_physics(self._reset_tokens)
+        return self.client.ask(key, wish)
+
+    def _begin_again(self) -> dict[str, Any]:
+        """Reset the run. Return the state of the run that begins then. Raises Refused.
+
+        The driven robots stand for the new run only after that: so it is still at tick 0.
+        """
+        self._await_physics(self._reset_tokens)
+        before = self._tokens
+        self._is_resetting = True
+        try:
+            self.client.ask("reset_simulation", {"run": self.run})
+            return self._state_of_new_run(before)
+        finally:
+            self._is_resetting = False
+            if self.tick == 0:
+                self._begin()
+
+    def _state_of_new_run(self, before: frozenset[str]) -> dict[str, Any]:
+        """Return the state of the run whose physics has a token that was not there `before`. Raises Refused."""
+        end = monotonic() + BEGIN_SECONDS
+        self._await_physics(before)
+        # A query just after physics has come back can find nobody.
+        while self._tokens - before and monotonic() < end:
+            with suppress(Refused):
+                return self.client.ask("simulation_state")
+            sleep(LOOK_SECONDS)
+        raise Refused(f"the run has been reset, and has not begun again in {BEGIN_SECONDS:g} s")
+
+    def _await_physics(self, before: frozenset[str]) -> None:
+        """Wait until physics is there with a token that was not there `before`, or has had its time."""
+        end = monotonic() + BEGIN_SECONDS
+        while not self._tokens - before:
+            if monotonic() > end:
+                self._reset_tokens = frozenset()  # nobody waits again for what does not come
+                return
+            sleep(LOOK_SECONDS)
 
     async def _handle(
         self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response
@@ -405,4 +478,9 @@ class Bridge:
         """End a couple or uncouple. `why_not`: '' if it is done."""
         _, future = self._handling.pop(robot)
         future.set_result(why_not)
-        self.node.executor.wake()  # a coroutine that awaits a future does not wake it
+        self._wake()
+
+    def _wake(self) -> None:
+        """Let the executor look at what coroutines await: a future that is done does not wake it."""
+        with suppress(AttributeError):  # there is none when the bridge ends
+            self.node.executor.wake()

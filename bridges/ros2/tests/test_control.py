@@ -10,8 +10,8 @@ from std_srvs.srv import Trigger
 def run(tmp_path_factory):
     with scene(
         tmp_path_factory.mktemp("control"),
-        ["--rows", "3", "--mode", "realtime"],
-        ["-r", "__ns:=/north"],
+        ["--rows", "3", "--mode", "realtime", "--without", "picker_01"],
+        ["-r", "__ns:=/north", "-p", "driven:=[picker_01]"],
     ) as made:
         made.clock = made.user.hear("clock", Clock, 10)
         made.user.until(lambda: made.clock, BEGIN_SECONDS)
@@ -49,6 +49,15 @@ def test_a_run_that_is_reset_begins_again(run):
     told(run, "reset_simulation")
     run.user.until(lambda: ticks(run)[-1] < 15, 60)
     run.user.until(lambda: ticks(run)[-1] > 15)
+
+
+def test_a_reset_answers_when_the_new_run_stands_at_tick_0(run):
+    """It stands until its bridge drives picker_01 again."""
+    for _ in range(3):
+        run.user.until(lambda: told(run, "get_simulation_state")[1] > 5)
+        assert told(run, "reset_simulation") == ("stopped", 0)
+        for service in ("get_simulation_state", "set_simulation_state/playing"):
+            told(run, service)
 
 
 def test_topics_are_in_the_namespace_and_the_clock_is_everybodys(run):

@@ -72,8 +72,8 @@ class Pass(NamedTuple):
         return abs(self.stop - self.begin)
 
 
-class Interval(NamedTuple):
-    """What is unpicked of a row: x of its west and of its east edge, m."""
+class Unpicked(NamedTuple):
+    """The part of a row that is not picked yet: x of its west and of its east edge, m."""
 
     west: float
     east: float
@@ -89,11 +89,11 @@ class Interval(NamedTuple):
             return self.west, self.east
         return self.east, self.west
 
-    def without(self, begin: float, stop: float) -> "Interval":
+    def without(self, begin: float, stop: float) -> "Unpicked":
         """Return what remains when the part between two x is picked. The part ends at an edge."""
         if min(begin, stop) <= self.west:
-            return Interval(max(begin, stop), self.east)
-        return Interval(self.west, min(begin, stop))
+            return Unpicked(max(begin, stop), self.east)
+        return Unpicked(self.west, min(begin, stop))
 
 
 def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Block) -> list[Pass]:
@@ -131,7 +131,7 @@ def passes_of(
     end = _OTHER[block.start]
     room = metres_per_bin or 0.0
     for count, row in enumerate(block.rows, start=1):
-        unpicked = Interval(*rows[row - 1])
+        unpicked = Unpicked(*rows[row - 1])
         if metres_per_bin:
             capacity = metres_per_bin
         else:

@@ -53,12 +53,12 @@ def _state_of_2_0(state: Message) -> Message:
 
     It has no maps, and a position of a node needs an angle there, which no order says.
     """
-    nodes = [
-        {key: value for key, value in node.items() if key != "nodePosition"}
-        for node in state["nodeStates"]
-    ]
-    known = {key: value for key, value in state.items() if key != "maps"}
-    return known | {"nodeStates": nodes}
+    known = dict(state)
+    known.pop("maps", None)
+    known["nodeStates"] = [dict(node) for node in state["nodeStates"]]
+    for node in known["nodeStates"]:
+        node.pop("nodePosition", None)
+    return known
 
 
 def _connection(message: Message) -> Message:
@@ -154,18 +154,18 @@ def _factsheet(message: Message) -> Message:
         },
         "protocolFeatures": {
             "optionalParameters": [
-                one | {"parameter": one["parameter"].replace("maximumSpeed", "maxSpeed")}
-                for one in features["optionalParameters"]
+                optional | {"parameter": optional["parameter"].replace("maximumSpeed", "maxSpeed")}
+                for optional in features["optionalParameters"]
             ],
             "agvActions": [
-                {key: value for key, value in one.items() if key not in UNSAID}
-                for one in features["mobileRobotActions"]
+                {key: value for key, value in action.items() if key not in UNSAID}
+                for action in features["mobileRobotActions"]
             ],
         },
         "agvGeometry": {
             "envelopes2d": [
-                {"set": one["envelope2dId"], "polygonPoints": one["vertices"]}
-                for one in message["mobileRobotGeometry"]["envelopes2d"]
+                {"set": envelope["envelope2dId"], "polygonPoints": envelope["vertices"]}
+                for envelope in message["mobileRobotGeometry"]["envelopes2d"]
             ]
         },
         "loadSpecification": message["loadSpecification"],

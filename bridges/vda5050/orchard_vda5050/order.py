@@ -61,7 +61,10 @@ class ActionOrder(Part):
 
     def value(self, key: str) -> Any:
         """Return a parameter; None if it is not there."""
-        return next((one.value for one in self.action_parameters if one.key == key), None)
+        for parameter in self.action_parameters:
+            if parameter.key == key:
+                return parameter.value
+        return None
 
 
 class Deviation(Part):
@@ -217,7 +220,7 @@ def _without_nulls(data: Any) -> Any:
     if isinstance(data, dict):
         return {key: _without_nulls(value) for key, value in data.items() if value is not None}
     if isinstance(data, list):
-        return [_without_nulls(one) for one in data]
+        return [_without_nulls(item) for item in data]
     return data
 
 
@@ -359,11 +362,10 @@ def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: flo
 
 def _is_beside(node: Place, order: Order, graph: Graph, x: float, y: float) -> bool:
     """Whether a vehicle at (x, y) stands on the line of the order's first edge: that one leads along x, or along y."""
-    after = next(
-        (graph.nodes[one.node_id] for one in order.nodes if one.node_id != node.name), None
-    )
-    if after is None:
+    others = [later.node_id for later in order.nodes if later.node_id != node.name]
+    if not others:
         return False
+    after = graph.nodes[others[0]]
     leads_along_x = abs(after.x - node.x) > abs(after.y - node.y)
     return abs(node.y - y if leads_along_x else node.x - x) <= MATCHES
 
@@ -410,9 +412,7 @@ def _check_decision_point(state: OrderState, order: Order) -> None:
         [node for node in state.nodes if node.released][-1].actions if is_ahead else state.queue
     )
     not_done = {action.action_id: action for action in open_there}
-    known = (
-        set(not_done) if is_ahead else {one.action_id for one in state.actions} - _horizon(state)
-    )
+    known = set(not_done) if is_ahead else _names_of_base(state)
     first = order.nodes[0]
     for action in first.actions:
         if action.action_id not in known:
@@ -436,9 +436,9 @@ def _check_decision_point(state: OrderState, order: Order) -> None:
 
 def _check_names(state: OrderState, order: Order) -> None:
     """The actions that an update adds must be new ones, also where it takes the place of the horizon."""
-    kept = {one.action_id for one in state.actions} - _horizon(state)
-    added = [one.action_id for one in _states([*order.nodes[1:], *order.edges])]
-    if again := [one for one in added if one in kept]:
+    kept = _names_of_base(state)
+    added = [action.action_id for action in _states([*order.nodes[1:], *order.edges])]
+    if again := [name for name in added if name in kept]:
         raise Rejected(
             "VALIDATION_FAILURE",
             "the order has an action with this actionId already",
@@ -446,10 +446,19 @@ def _check_names(state: OrderState, order: Order) -> None:
         )
 
 
+def _names_of_base(state: OrderState) -> set[str]:
+    """Return the ids of the actions that the vehicle knows, without those of the horizon."""
+    return {action.action_id for action in state.actions} - _horizon(state)
+
+
 def _horizon(state: OrderState) -> set[str]:
     """Return the actions of the horizon."""
+    names = set[str]()
     parts: list[Node | Edge] = [*state.nodes, *state.edges]
-    return {action.action_id for part in parts if not part.released for action in part.actions}
+    for part in parts:
+        if not part.released:
+            names.update(action.action_id for action in part.actions)
+    return names
 
 
 def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[str]) -> None:
@@ -463,9 +472,8 @@ def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[s
         for action in actions:
             if why := _why_not(action, known, scope, node_id, bins):
                 raise Rejected("INVALID_ORDER_ACTION", why, named | {"actionId": action.action_id})
-            if unknown := [
-                one.key for one in action.action_parameters if one.key not in ("loadId", *IGNORED)
-            ]:
+            names = {parameter.key for parameter in action.action_parameters}
+            if unknown := sorted(names.difference(("loadId", *IGNORED))):
                 why = f"{action.action_type}: cannot use {', '.join(unknown)}"
                 raise Rejected(
                     "UNSUPPORTED_PARAMETER",
@@ -497,11 +505,12 @@ def _why_not(
 
 
 def _states(parts: Iterable[Node | Edge]) -> list[ActionState]:
-    return [
-        ActionState(action.action_id, action.action_type)
-        for part in parts
-        for action in part.actions
-    ]
+    """Return the states of the actions of some nodes and edges, none of which has begun."""
+    states = []
+    for part in parts:
+        for action in part.actions:
+            states.append(ActionState(action.action_id, action.action_type))
+    return states
 
 
 def _begun(state: OrderState, order: Order) -> OrderState:
@@ -547,20 +556,17 @@ def arrive(state: OrderState) -> None:
 def cancel(state: OrderState, is_driving: bool) -> None:
     """Give up all that has not begun. A vehicle that drives goes on to the next node; an action that runs is finished."""
     going = 1 if is_driving else 0
-    state.nodes, state.edges = (
-        [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:going]],
-        state.edges[:going],
-    )
-    state.queue, state.is_cancelled = (
-        [one for one in state.queue if _status(state, one) == "RUNNING"],
-        True,
-    )
+    state.nodes = [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:going]]
+    state.edges = state.edges[:going]
+    state.queue = [action for action in state.queue if _status(state, action) == "RUNNING"]
+    state.is_cancelled = True
     for action in state.actions:
         if action.action_status == "WAITING":
             action.action_status = "FAILED"
 
 
 def _status(state: OrderState, action: ActionOrder) -> str:
-    return next(
-        (one.action_status for one in state.actions if one.action_id == action.action_id), "WAITING"
-    )
+    for known in state.actions:
+        if known.action_id == action.action_id:
+            return known.action_status
+    return "WAITING"

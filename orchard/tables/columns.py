@@ -4,7 +4,11 @@ from typing import get_args
 
 import pyarrow as pa
 
+from orchard.contract.agent import STATES
 from orchard.contract.events import What
+from orchard.field.kinds import KINDS, ROBOTS
+from orchard.report.metrics import SAMPLED
+from orchard.report.summary import UNITS
 
 TICK = "ticks of 0.1 s since the start of the run"
 MAP = "frame map: x east, y north"
@@ -102,4 +106,72 @@ EXCHANGES = _schema(
     _tick("fetched", "at which a carrier coupled the full bin"),
     _tick("unloaded", "at which the full bin was emptied in the bay"),
     _column("waited_seconds", NUMBER, "s", "from the full bin to the empty one"),
+)
+
+
+# -- the summary: one row, with the same columns whatever happened
+
+COUNT = pa.int64()
+LOSSES = ("optimum", "schedule", "dispatch", "traffic", "charging", "people_and_animals")
+_OF_SUMMARY: dict[pa.DataType, tuple[str, ...]] = {
+    TEXT: ("hash", "mode", "bottleneck", "ended", "scenario", "forked_from.run"),
+    pa.bool_(): ("finished",),
+    COUNT: (
+        "hosts",
+        "seed",
+        "ticks",
+        "agents",
+        "rows",
+        "rows_picked",
+        "bins",
+        "bins_delivered",
+        "collisions",
+        "collisions_of_people_and_animals",
+        "weeds_flattened",
+        "orders_refused",
+        "messages_dropped",
+        "ticks_late",
+        "velocities_missed",
+    ),
+    NUMBER: (
+        "sim_seconds",
+        "row_length",
+        "metres_picked",
+        "bins_per_hour",
+        "limit_bins_per_hour",
+        "schedule_sim_seconds",
+        "row_end_seconds",
+        "row_end_share",
+        "picker_waiting_seconds",
+        "carrier_utilisation",
+        "charging_seconds",
+        "flat_seconds",
+        "asked_share",
+        "wall_seconds",
+        "times_real_time",
+        "forked_from.seconds",
+        "answer_milliseconds.p50",
+        "answer_milliseconds.p99",
+        *(f"lost_seconds.{part}" for part in LOSSES),
+        *(f"distance_metres.{kind}" for kind in KINDS if kind != "weed"),
+        *(f"state_seconds.{kind}.{state}" for kind in ROBOTS for state in STATES),
+    ),
+    pa.list_(NUMBER): tuple(f"history.{name}" for name in SAMPLED),
+}
+# Lists, and maps whose keys are not known before the run, as JSON.
+AS_JSON = (
+    "stopped_seconds",
+    "broken_agents",
+    "messages_refused",
+    "violations",
+    "jam",
+    "recording_parts",
+    "recording_gaps",
+)
+SUMMARY = _schema(
+    *(
+        _column(name, kind, UNITS.get(name.split(".")[0], ""), "")
+        for kind, names in (*_OF_SUMMARY.items(), (TEXT, AS_JSON))
+        for name in names
+    )
 )

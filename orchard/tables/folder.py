@@ -12,8 +12,15 @@ import pyarrow.parquet as pq
 
 from orchard.field.scenario import Scenario
 from orchard.folders import half_written, write_whole
-from orchard.report.summary import UNITS
-from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
+from orchard.tables.columns import (
+    AS_JSON,
+    BODIES,
+    CALLS,
+    EVENTS,
+    EXCHANGES,
+    MESSAGES,
+    SUMMARY,
+)
 
 PART = r"\d{6,}\.parquet"  # regular expression: the names of a table's files in its folder
 MOST_ROWS = 50_000  # of a file; the newest is written again until it has as many
@@ -156,7 +163,7 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
     try:
         write_table(path_of(folder, SUMMARY), as_table(summary))
         last = last_tick(folder)
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         return [
             f"{folder}: the tables cannot be written or read: {getattr(error, 'strerror', None) or error}"
         ]
@@ -168,23 +175,24 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
 
 
 def as_table(summary: Mapping[str, Any]) -> pa.Table:
-    """Return a summary as one row: a map has a column for each value, lists but `history` are JSON."""
-    columns = dict(_columns(summary))
-    fields = [
-        pa.field(name, array.type, metadata={"unit": UNITS.get(name.split(".")[0], "")})
-        for name, array in columns.items()
-    ]
+    """Return a summary as one row of the schema SUMMARY, whatever happened in the run; null: the summary has no such value.
+
+    Raises ValueError for a value that has no column.
+    """
+    values = dict(_values(summary))
+    if unknown := values.keys() - set(SUMMARY.names):
+        raise ValueError(f"the summary's {', '.join(sorted(unknown))}: no such column")
     metadata = {SCENARIO: msgspec.json.encode(summary["scenario"]).decode()}
-    return pa.table(list(columns.values()), pa.schema(fields, metadata))
+    return pa.Table.from_pylist([values], SUMMARY.with_metadata(metadata))
 
 
-def _columns(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, pa.Array]]:
-    for key, value in values.items():
+def _values(summary: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield each value with its column. What is null is left out."""
+    for key, value in summary.items():
         name = before + key
-        if isinstance(value, Mapping) and name != "scenario":
-            yield from _columns(value, f"{name}.")
-        elif before == "history.":
-            yield name, pa.array([value], pa.list_(pa.float64()))
-        else:
-            is_plain = isinstance(value, bool | int | float | str)
-            yield name, pa.array([value if is_plain else msgspec.json.encode(value).decode()])
+        if name in AS_JSON or name == "scenario":
+            yield name, msgspec.json.encode(value).decode()
+        elif isinstance(value, Mapping):
+            yield from _values(value, f"{name}.")
+        elif value is not None:
+            yield name, value

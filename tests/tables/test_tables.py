@@ -5,6 +5,7 @@ import re
 
 import msgspec
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import typer
@@ -20,11 +21,12 @@ from orchard.field.scenario import Scenario, with_changes
 from orchard.launch.terminal import exit_on_errors
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures
+from orchard.server.figures import RunFigures
 from orchard.sim.kernels.move import quaternions
 from orchard.sim.snapshot import Snapshot
 from orchard.sim.stops import STOPPED
 from orchard.tables import folder as folders
-from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES
+from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES, SUMMARY
 from orchard.tables.exchanges import calls, exchanges
 from orchard.tables.folder import GrowingTable, as_table, check_folder, complete, last_tick
 from orchard.tables.tables import Tables
@@ -412,12 +414,35 @@ def test_a_summary_becomes_one_row():
     summary |= {"scenario": {"rows": 3}, "history": {"seconds": [1, 2]}}
     table = as_table(summary)
     (row,) = table.to_pylist()
-    assert row == {
+    assert {name: value for name, value in row.items() if value is not None} == {
         "hash": "ab", "ticks": 5, "lost_seconds.traffic": 1.5, "violations": "[]", "scenario": '{"rows":3}', "history.seconds": [1.0, 2.0],
     }  # fmt: skip
-    assert table.schema.field("lost_seconds.traffic").metadata == {
-        b"unit": b"s, which add up to the harvest's length"
-    }
+    assert table.schema.field("lost_seconds.traffic").metadata[b"unit"] == (
+        b"s, which add up to the harvest's length"
+    )
+
+
+def test_all_summaries_have_one_schema_whatever_happened():
+    run = Local(Scenario(rows=3, tractor=False))
+    figures = RunFigures(run.engine, lambda: 0.0)
+    summaries = [figures.summary()]
+    run.engine.stop(["picker_01"])
+    for _ in range(20):
+        figures.update(run.tick())
+    summaries.append(figures.summary() | {"messages_refused": {"not a letter": 2}, "jam": ["x"]})
+    summaries[1] |= {"ticks_late": 1, "answer_milliseconds": {"p50": 1, "p99": None}}
+    summaries[1] |= {"forked_from": {"run": "harvest", "seconds": 2}, "lost_seconds": {}}
+    summaries.append(dict(reversed(summaries[0].items())) | {"bins_per_hour": 1})
+    tables = [as_table(summary) for summary in summaries]
+    assert all(table.schema.equals(SUMMARY) for table in tables)
+    together = pa.concat_tables(tables)
+    assert together["stopped_seconds"].to_pylist()[:2] == ["{}", '{"bin_01":2.0,"picker_01":2.0}']
+    assert together["bins_per_hour"].to_pylist()[2] == 1.0
+
+
+def test_a_figure_without_a_column_is_told(tmp_path):
+    with pytest.raises(ValueError, match="energy_kwh: no such column"):
+        as_table({"energy_kwh": 1.0, "scenario": {}})
 
 
 def message(tick, sender, recipient, type_, content="{}"):

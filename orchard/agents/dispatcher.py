@@ -1,7 +1,6 @@
 """The dispatcher: it gathers the reports of bins and carriers, and sends carriers by the scenario's policy."""
 
 import logging
-from functools import cache, partial
 
 import msgspec
 from msgspec.structs import replace
@@ -72,9 +71,15 @@ class Dispatcher:
 
     def __init__(self, layout: Layout, name: str) -> None:
         self.layout, self.policy, self.route = layout, dispatch_of(layout), route_of(layout)
-        self.way_to = cache(partial(way_to, self.route))
+        self._ways: dict[tuple[int, str], tuple[float, float]] = {}
         self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
         self.manual = Nearest(layout)
+
+    def way_to(self, lane: int, side: str) -> tuple[float, float]:
+        """Return how far it is to the end of a lane, m, and how long a carrier takes to it, s."""
+        if (lane, side) not in self._ways:
+            self._ways[lane, side] = way_to(self.route, lane, self.route.sides[side])
+        return self._ways[lane, side]
 
     def tick(self, seen: Observation, mail: Mail, memory: DispatcherMemory | None) -> Action:
         memory = memory or self.Memory()
@@ -134,7 +139,7 @@ class Dispatcher:
         return CarrierComing(booking.carrier)
 
     def report(self, name: str, body: Fetch) -> BinReport:
-        metres, reach = self.way_to(body.lane, self.route.sides[body.side])
+        metres, reach = self.way_to(body.lane, body.side)
         return BinReport(
             name, body.lane, body.side, body.picker, body.since, metres, body.seconds_to_full, reach
         )

@@ -353,6 +353,19 @@ class Observations:
         # The names are the layout's, and read-only.
         return Observations(self.tick, self.names, *deepcopy(parts, memo))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be pickled with names of its own: a read-only map cannot be pickled."""
+        parts = (
+            self.states,
+            self.scans,
+            self.hitches,
+            self.fills,
+            self.full,
+            self.accuracies,
+            self.charges,
+        )
+        return Observations, (self.tick, dict(self.names), *parts)
+
     def of(self, names: Iterable[str]) -> dict[str, Observation]:
         """Return the observations of these agents, by name.
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from math import ceil
 from statistics import fmean
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -284,6 +284,10 @@ class Layout:
 
     def __deepcopy__(self, memo: object) -> "Layout":
         return self  # it is read-only
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be pickled as the scenario, from which the same layout follows."""
+        return lay_out, (self.scenario,)
 
     def lane(self, number: int) -> Lane:
         """Return a row's lane. Rows count from 1 at the top."""

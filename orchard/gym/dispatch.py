@@ -140,11 +140,25 @@ class Transition(NamedTuple):
 
 
 Reward = Callable[[Transition], float]
-REWARDS: Mapping[str, Reward] = {
-    "time": lambda happened: -happened.seconds,
-    "waiting": lambda happened: -happened.waited,
-    "delivery": lambda happened: float(happened.delivered),
-}
+
+
+def time(happened: Transition) -> float:
+    """Minus the seconds that passed."""
+    return -happened.seconds
+
+
+def waiting(happened: Transition) -> float:
+    """Minus the seconds for which pickers waited."""
+    return -happened.waited
+
+
+def delivery(happened: Transition) -> float:
+    """The bins that were unloaded."""
+    return float(happened.delivered)
+
+
+# Functions with names: an environment can be pickled with them.
+REWARDS: Mapping[str, Reward] = {"time": time, "waiting": waiting, "delivery": delivery}
 
 
 class Paused(Dispatched):
@@ -182,10 +196,10 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         refuse_what_is_no_episode(scenario, longest)
         self.scenario, self._reward, self._longest = scenario, named(reward, REWARDS), longest
         self._episode, self._is_over = Episode(scenario.seed, -1), True
-        self._moved = (
-            0,
-            0.0,
-        )  # the steps of all robots, and the tick at which one of them moved on last
+        # Those of this episode, by which a copy comes to the same decision.
+        self._actions: list[int] = []
+        # The steps of all robots, and the tick at which one of them moved on last.
+        self._moved = (0, 0.0)
         layout = lay_out(scenario)
         DiscreteHarvest(layout)  # raises ValueError
         self.dispatching = Dispatching(layout)
@@ -201,14 +215,33 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             raise ValueError(
                 f"options {', '.join(map(str, options))}: unknown; a dispatch_env has none"
             )
-        episode = self._episode.after(plain(seed))
+        self._begin(self._episode.after(plain(seed)))
+        self._is_over = False
+        return self._observed(), self._info()
+
+    def _begin(self, episode: Episode) -> None:
+        """Go to the first decision of an episode. If the scenario's policy fails, the episode is over."""
         self.harvest = DiscreteHarvest(
             lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused
         )
-        self._episode, self._is_over, self._moved = episode, True, (0, 0.0)
+        self._episode, self._is_over = episode, True
+        self._actions, self._moved = [], (0, 0.0)
         self._until_decision()
-        self._is_over = False
-        return self._observed(), self._info()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the model: its robots are generators, which Python cannot copy."""
+        return {name: value for name, value in vars(self).items() if name != "harvest"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be a copy: begin the same episode, and do the same actions."""
+        vars(self).update(state)
+        if self._episode.number < 0:
+            return
+        is_over, actions = self._is_over, self._actions
+        self._begin(self._episode)
+        for action in actions:
+            self._act(action)
+        self._is_over = is_over
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         """Do an action, and move on to the next decision if this one is taken. Return observation, reward, terminated, truncated and info.
@@ -219,8 +252,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         if self._is_over:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         before = self._so_far()
-        self._take(self.dispatching.number(action))
-        self._until_decision()
+        self._act(self.dispatching.number(action))
         now, self._is_over = self._so_far(), self._calls.pending is None
         reward = self._reward(
             Transition(
@@ -247,6 +279,12 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         calls = self.harvest.calls
         assert isinstance(calls, Paused)
         return calls
+
+    def _act(self, action: int) -> None:
+        """Do an action, and move on to the next decision if this one is taken."""
+        self._take(action)
+        self._until_decision()
+        self._actions.append(action)
 
     def _take(self, action: int) -> None:
         decision, order = self._calls.pending, self.dispatching.order(action)

@@ -50,21 +50,29 @@ def goal(moment: Moment) -> float:
     )
 
 
+def picking(moment: Moment) -> float:
+    """Metres of row that came into the body's bin."""
+    return moment.filled
+
+
+def delivery(moment: Moment) -> float:
+    """Bins that were unloaded, whichever carrier brought them."""
+    return float(sum(event.what == "unloaded" for event in moment.events))
+
+
+def care(moment: Moment) -> float:
+    """Minus the collisions that the body began."""
+    own = [event for event in moment.events if event.who == moment.after.name]
+    return -float(sum(event.what == "collision" for event in own))
+
+
+# Functions with names: an environment can be pickled with them.
 REWARDS: Mapping[str, Reward] = {
     "imitation": imitation,
     "goal": goal,
-    "picking": lambda moment: moment.filled,
-    "delivery": lambda moment: float(
-        sum(event.what == "unloaded" for event in moment.events)
-    ),  # whichever carrier brought the bin
-    "care": lambda moment: (
-        -float(
-            sum(
-                event.what == "collision" and event.who == moment.after.name
-                for event in moment.events
-            )
-        )
-    ),
+    "picking": picking,
+    "delivery": delivery,
+    "care": care,
 }
 
 

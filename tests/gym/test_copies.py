@@ -1,0 +1,57 @@
+"""A copy of an environment goes on as the environment itself, by deepcopy and by pickle, before and after its first reset."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="gymnasium is missing: pip install 'orchard-sim[gym]'")
+
+from orchard.field.scenario import Scenario
+from orchard.gym import dispatch_env, parallel_env, single_env
+
+SMALL = Scenario(rows=3)
+CARRIER = "carrier_01"
+MAKERS = {
+    "parallel": lambda: parallel_env(SMALL, [CARRIER]),
+    "parallel with deeds and a hash": lambda: parallel_env(
+        SMALL, [CARRIER], deeds=True, is_hashed=True, reward="care"
+    ),
+    "single": lambda: single_env(SMALL, CARRIER, reward="imitation"),
+    "dispatch": lambda: dispatch_env(SMALL, reward="waiting"),
+}
+COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
+
+
+def steps(env, infos, count):
+    """Return what an environment tells in some steps, as text of all bits. It does what our agents would do."""
+    told = []
+    for _ in range(count):
+        info = infos.get(CARRIER, infos)
+        action = info["scripted"]
+        if "action_mask" in info and isinstance(info["action_mask"], dict):
+            action = {"velocity": action, "deed": 0}
+        several = hasattr(env, "possible_agents")
+        answered = env.step({CARRIER: action} if several else action)
+        infos = answered[-1]
+        told.append(repr(answered[:-1]))
+    return told, infos
+
+
+@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("made", MAKERS)
+def test_a_copy_goes_on_as_the_environment_does(made, how):
+    np.set_printoptions(floatmode="unique", threshold=10_000)
+    env = MAKERS[made]()
+    unused = COPIES[how](env)
+    _, infos = env.reset(seed=5)
+    _, others = unused.reset(seed=5)
+    count = 3 if made == "dispatch" else 40
+    begun, infos = steps(env, infos, count)
+    assert steps(unused, others, count)[0] == begun
+    twin = COPIES[how](env)
+    expected, _ = steps(env, infos, count)
+    assert steps(twin, infos, count)[0] == expected
+    if made == "parallel with deeds and a hash":
+        assert twin.local.engine.hash == env.local.engine.hash

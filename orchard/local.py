@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
+import msgspec
+
 from orchard.agents.catalogue import guarded, make_agents
 from orchard.contract.agent import Action, Agent, Mail, Observation, Observations
 from orchard.contract.events import Event
@@ -23,6 +25,8 @@ from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Scenario
 from orchard.fork import forked
+from orchard.report.ending import jam_of, why_over
+from orchard.report.metrics import HarvestFigures
 from orchard.report.plan import present_plan
 from orchard.sim.engine import Engine
 from orchard.sim.lookahead import Lookahead
@@ -31,7 +35,7 @@ from orchard.sim.snapshot import Snapshot
 
 
 class Local:
-    """An orchard and all its agents in one process. Call `tick()` until `engine.over`."""
+    """An orchard and all its agents in one process. Call `tick()` until the run has `ended`."""
 
     def __init__(
         self,
@@ -49,6 +53,7 @@ class Local:
         faster without its hash. `engine`: `Unaudited` for a run that is neither hashed nor checked.
         """
         self.engine, self._check_agents = engine.begin(scenario, holds, is_hashed), check_agents
+        self._figures = HarvestFigures()
         made = make_agents(self.engine.layout) if agents is None else agents
         self.agents = {name: self._guarded(name, agent) for name, agent in made.items()}
         self.memories: dict[str, Any] = {}
@@ -57,7 +62,7 @@ class Local:
         ] = {}  # the actions of the agents that were asked at the last tick
         self.thinking = ""  # the agent that was ticked last
         self.post = LocalMail()
-        self.seen: Observations  # of all bodies, at the tick at which agents were asked last
+        self._seen: Observations | None = None
         self.observed: dict[str, Observation] = {}  # those of the agents that were asked
         self._played = set[str]()  # names given to `play`
         self._digests: dict[
@@ -80,6 +85,9 @@ class Local:
             name: memory for name, memory in snapshot.memories.items() if memory is not None
         }
         with fitting(snapshot):
+            local._figures = msgspec.convert(
+                snapshot.figures.get("harvest", {"progress_tick": engine.tick}), HarvestFigures
+            )
             local.memories = {
                 name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()
             }
@@ -92,6 +100,7 @@ class Local:
             name: None if memory is None else pack(memory) for name, memory in self.memories.items()
         }
         scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
+        figures = engine.figures_as_data() | {"harvest": msgspec.to_builtins(self._figures)}
         return Snapshot(
             "",
             scenario,
@@ -99,7 +108,7 @@ class Local:
             engine.digest,
             memories,
             letters,
-            engine.figures_as_data(),
+            figures,
             sorted(self.agents),
         )
 
@@ -112,6 +121,8 @@ class Local:
         snapshot.memories = {
             name: memory for name, memory in snapshot.memories.items() if name not in self._played
         }
+        # What was changed may end a jam: the fork has its own ten minutes.
+        del snapshot.figures["harvest"]
         return Local.resume(forked(snapshot, changes, stop))
 
     def play(self, name: str, agent: Agent) -> None:
@@ -141,20 +152,37 @@ class Local:
         """Return the plan of the orchard as it is now: Jupyter shows it for a run."""
         return present_plan(self.engine.world)
 
+    @property
+    def ended(self) -> str:
+        """Why the run is over, as in a summary: 'harvested', 'jammed', 'broken' (all pickers), or 'refused'; '' while it goes on."""
+        return why_over(self.engine, self._figures)
+
+    @property
+    def jam(self) -> list[str]:
+        """Which robot waits for what, one line each, once the run has jammed; else empty."""
+        return jam_of(self.engine, self._figures)
+
+    @property
+    def seen(self) -> Observations:
+        """What all bodies observed at the tick at which agents were asked last; before the first tick, what they observe now."""
+        if self._seen is None:
+            self._seen = self.engine.observe()
+        return self._seen
+
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step."""
         return self.act(self.ask())
 
     def ask(self) -> dict[str, Action]:
         """Let the agents that are due at this tick act on what they observe and hear. Return their actions, for `act`."""
-        self.seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
+        self._seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
         self._digests = (
             {name: digest_of(heard) for name, heard in mail.items()}
             if self.engine.is_hashed
             else {}
         )
-        self.observed = self.seen.of(asked)
+        self.observed = self._seen.of(asked)
         return {
             name: self._ask(name, observation, mail.get(name) or Mail())
             for name, observation in self.observed.items()
@@ -165,7 +193,9 @@ class Local:
         self.answers = answers
         for name, action in answers.items():
             self.post.collect(name, self.engine.tick, action)
-        return self.engine.advance(answers, self._digests)
+        events = self.engine.advance(answers, self._digests)
+        self._figures.update(self.engine.world, events, self.engine.answers)
+        return events
 
     def _ask(self, name: str, observation: Observation, heard: Mail) -> Action:
         """Let an agent act on what it observes and hears."""

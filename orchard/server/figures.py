@@ -6,26 +6,18 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from orchard.contract.agent import STATES, state_of
+from orchard.contract.agent import state_of
 from orchard.contract.events import Event
-from orchard.field.kinds import kind_of
-from orchard.field.scenario import END, TIME_STEP
+from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import lost_seconds
-from orchard.report.metrics import (
-    HarvestFigures,
-    History,
-    harvest_figures,
-    orders_refused,
-    sample_of,
-    who_waits,
-)
+from orchard.report.ending import fault_of, jam_of
+from orchard.report.metrics import HarvestFigures, History, harvest_figures, sample_of
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SnapshotError
 from orchard.sim.stops import as_shown
 from orchard.wire import messages
 
 Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
-BROKEN_TICKS = 10
 FIGURES_SECONDS = 0.5  # s of wall time between two messages with figures
 
 
@@ -37,7 +29,6 @@ class RunFigures:
     ) -> None:
         """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError."""
         self._engine, self._world, self._clock = engine, engine.world, clock
-        self._pickers = [name for name in engine.layout.index if kind_of(name) == "picker"]
         before = before or {}
         try:
             self._figures = msgspec.convert(
@@ -74,31 +65,12 @@ class RunFigures:
     @property
     def jam(self) -> list[str]:
         """Which robot waits for what, one line each, if there was no progress for ten simulated minutes; else empty."""
-        if not self._figures.jammed(self._world):
-            return []
-        return who_waits(as_shown(self._world, self._engine.actions)) or [
-            "no robot waits for another"
-        ]
+        return jam_of(self._engine, self._figures)
 
     @property
     def fault(self) -> str:
         """Why the run must end before the harvest: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
-        ends = self._world.layout.scenario.dispatch_errors == END
-        if ends and (
-            self._figures.orders_refused or orders_refused(self._engine.answers)
-        ):  # the last step may not be counted yet
-            return "refused"
-        if self._are_pickers_broken():
-            return "broken"
-        return "jammed" if self._figures.jammed(self._world) else ""
-
-    def _are_pickers_broken(self) -> bool:
-        """Whether all pickers are broken, and each was for BROKEN_TICKS: one that errs once may recover."""
-        actions = [self._engine.actions.get(name) for name in self._pickers]
-        if not all(action is not None and action.state == "broken" for action in actions):
-            return False
-        ticks = self._engine.states.counts.ticks
-        return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in self._pickers)
+        return fault_of(self._engine, self._figures)
 
     def figures(self) -> dict[str, Any]:
         wall = self._wall()

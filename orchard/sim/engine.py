@@ -48,9 +48,7 @@ class Engine:
         """
         self.world, self.layout, self.is_hashed = world, world.layout, is_hashed
         self._scanner, self.sensors = Scanner(world), Sensors(world)
-        self.scans = Scans(
-            np.zeros(0, dtype=np.float32), [0]
-        )  # at the last observed tick, m, float32, one array for each body
+        self._scans: Scans | None = None
         self.actions: dict[str, Action] = {}  # the newest action of each agent that drives or holds
         self.answers: dict[
             str, Action | None
@@ -141,9 +139,19 @@ class Engine:
         """The run's hash in hexadecimal digits; '' for a run that is not hashed."""
         return self.digest.hex() if self.is_hashed else ""
 
+    @property
+    def scans(self) -> Scans:
+        """The scans at the last observed tick, m, float32, one array for each body.
+
+        Before any tick was observed they are those of now.
+        """
+        if self._scans is None:
+            self._scans = self._scanner.scan(self.world)
+        return self._scans
+
     def observe(self) -> Observations:
         """Return what all bodies observe at this tick: poses and twists as their sensors measure them."""
-        self.scans = self._scanner.scan(self.world)
+        self._scans = self._scanner.scan(self.world)
         return self.sensors.measured(self.truth())
 
     def truth(self) -> Observations:

@@ -1,0 +1,47 @@
+"""Why a run is over, in the words of a summary's `ended`, and who waits for whom in a jam."""
+
+from orchard.contract.agent import STATES
+from orchard.field.kinds import kind_of
+from orchard.field.scenario import END
+from orchard.report.metrics import HarvestFigures, orders_refused, who_waits
+from orchard.sim.engine import Engine
+from orchard.sim.stops import as_shown
+
+# ticks in which all pickers must be broken: one that errs once may recover
+BROKEN_TICKS = 10
+
+
+def why_over(engine: Engine, figures: HarvestFigures) -> str:
+    """Return why a run is over: 'harvested', or what `fault_of` returns; '' if it goes on."""
+    return "harvested" if engine.over else fault_of(engine, figures)
+
+
+def fault_of(engine: Engine, figures: HarvestFigures) -> str:
+    """Return why a run must end before the harvest: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+    ends_by_refusal = engine.layout.scenario.dispatch_errors == END
+    # The last step may not be counted yet.
+    is_refused = figures.orders_refused or orders_refused(engine.answers)
+    if ends_by_refusal and is_refused:
+        return "refused"
+    if _are_pickers_broken(engine):
+        return "broken"
+    return "jammed" if figures.jammed(engine.world) else ""
+
+
+def jam_of(engine: Engine, figures: HarvestFigures) -> list[str]:
+    """Return which robot waits for what, one line each, if there was no progress for ten simulated minutes; else empty."""
+    if not figures.jammed(engine.world):
+        return []
+    waiting = who_waits(as_shown(engine.world, engine.actions))
+    return waiting or ["no robot waits for another"]
+
+
+def _are_pickers_broken(engine: Engine) -> bool:
+    """Whether all pickers are broken, and each was for BROKEN_TICKS."""
+    pickers = [name for name in engine.layout.names if kind_of(name) == "picker"]
+    for name in pickers:
+        action = engine.actions.get(name)
+        if action is None or action.state != "broken":
+            return False
+    ticks = engine.states.counts.ticks
+    return all(ticks[name][STATES.index("broken")] >= BROKEN_TICKS for name in pickers)

@@ -1,0 +1,67 @@
+"""What a run in one process says of itself: before it begins, and when it is over."""
+
+from stage import empty_orchard
+
+from orchard import Action, Local, Scenario, Snapshot
+from orchard.contract.messages import pack, unpack
+
+# The battery lasts for 3 min, and carriers use it while they stand: both stand flat in the rows.
+FLAT = {
+    "pickers": 3,
+    "carriers": 2,
+    "picking_speed": 0.5,
+    "carrying": {"battery": {"hours": 0.05, "standing": 1.0, "reserve": 0.6}},
+}
+
+
+def test_before_the_first_tick_bodies_see_what_they_see_at_it():
+    run = Local(Scenario(rows=3))
+    truth = run.engine.truth()["picker_01"].scan.tolist()
+    odometry = run.engine.odometry()["picker_01"].scan.tolist()
+    seen = run.seen["picker_01"].scan.tolist()
+    first = run.engine.observe()["picker_01"].scan.tolist()
+    assert truth == odometry == seen == first
+
+
+def test_a_resumed_run_tells_the_truth_before_its_next_tick():
+    run = Local(Scenario(rows=3))
+    run.tick()
+    resumed = Local.resume(run.snapshot())
+    known = run.engine.observe()["picker_01"].scan.tolist()
+    assert resumed.engine.truth()["picker_01"].scan.tolist() == known
+
+
+def test_a_jam_ends_a_run_as_the_command_ends_it(soon_jammed):
+    run = Local(empty_orchard(**FLAT))
+    while not run.ended:
+        assert run.engine.tick < 10_000
+        run.tick()
+    assert (run.ended, run.engine.over) == ("jammed", False)
+    assert "carrier_01 (standing with a flat battery)" in run.jam
+    kept = unpack(pack(run.snapshot()), Snapshot)
+    assert Local.resume(kept).ended == "jammed"
+    assert run.fork(pickers=3).ended == "", "what was changed may end the jam"
+
+
+def test_a_harvest_ends_as_harvested():
+    run = Local(empty_orchard(pickers=3, carriers=2, row_length=30.0))
+    while not run.ended:
+        assert run.engine.tick < 10_000
+        run.tick()
+    assert (run.ended, run.engine.over, run.jam) == ("harvested", True, [])
+
+
+class Failing:
+    Memory = dict
+
+    def tick(self, seen, mail, memory) -> Action:
+        raise RuntimeError("no idea")
+
+
+def test_a_run_ends_when_all_pickers_are_broken():
+    run = Local(empty_orchard(pickers=2))
+    for name in ("picker_01", "picker_02"):
+        run.play(name, Failing())
+    for _ in range(20):
+        run.tick()
+    assert run.ended == "broken"

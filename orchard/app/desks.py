@@ -1,7 +1,7 @@
 """What each browser has set. The server keeps it, so that a reload of the page shows it again."""
 
+from collections import OrderedDict
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 from orchard.app.draft import Draft
 from orchard.app.harvest_run import RunSettings
@@ -21,7 +21,22 @@ class Desk:
     dark: bool | None = None  # None: as the browser prefers
 
 
-@lru_cache(MOST)
-def desk_of(browser: str) -> Desk:
-    """Return the desk of a browser. Beyond MOST, the one that has been away longest is dropped."""
-    return Desk()
+class Desks:
+    """The desks of the browsers that have shown the page, at most MOST.
+
+    A request alone leaves nothing here: a page of another site can make requests without end.
+    """
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[str, Desk] = OrderedDict()
+
+    def of(self, browser: str) -> Desk:
+        """Return the desk of a browser. One that was never shown gets a new desk, which is not kept."""
+        return self._kept.get(browser) or Desk()
+
+    def keep(self, browser: str, desk: Desk) -> None:
+        """Keep the desk of a browser that shows the page. Beyond MOST, the one away longest is dropped."""
+        self._kept.setdefault(browser, desk)
+        self._kept.move_to_end(browser)
+        if len(self._kept) > MOST:
+            self._kept.popitem(last=False)

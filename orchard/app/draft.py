@@ -198,6 +198,23 @@ class Draft:
         self._base, self.values = scenario, flat(scenario)  # the base has the user's own classes
         self._check()
 
+    def become(self, other: "Draft") -> None:
+        """Take all that is entered in another draft, also what is invalid."""
+        self._base, self.values = other._base, other.values
+        self._check()
+
+    @property
+    def is_untouched(self) -> bool:
+        """Whether it holds the default scenario, so that nothing is lost with it."""
+        return self.scenario == Scenario()
+
+    @property
+    def title(self) -> str:
+        """What is entered, in a line."""
+        if self.scenario is None:
+            return f"{counted_fields(len(self.problems))} an invalid value"
+        return title_of(self.scenario)
+
     def enter(self, values: Mapping[str, Any]) -> None:
         self.values = {
             **self.values,
@@ -263,6 +280,11 @@ class Draft:
         }
 
 
+def counted_fields(number: int) -> str:
+    """Return the subject of a sentence on fields: "1 field has", "2 fields have"."""
+    return f"{number} field{'s have' if number > 1 else ' has'}"
+
+
 def _typed(path: str, value: Any) -> Any:
     if isinstance(value, str):
         value = number_of(value)
@@ -308,16 +330,29 @@ def _words(value: Any) -> str:
     )
 
 
-def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft, list[str]]:
-    """Return the draft that a link holds, and a message for each name that is no setting."""
-    draft, values, unknown = Draft(Scenario()), {}, []
+MOST_UNKNOWN = 5  # names of a link that are reported one by one
+LONGEST_NAME = 60  # characters of a name in a report
+
+
+def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft | None, list[str]]:
+    """Return the draft that a link holds, None if it names no setting, and what is wrong with its names."""
+    values: dict[str, Any] = {}
+    unknown: list[str] = []
     for path, text in query:
         if path in entries():
             values[path] = ON_OFF.get(text, text) if entries()[path].kind is bool else text
         else:
-            close = get_close_matches(path, entries(), 1)
-            unknown.append(
-                f"{path}: no such setting" + (f"; did you mean {close[0]}?" if close else "")
-            )
+            unknown.append(path)
+    problems = [_no_such_setting(name[:LONGEST_NAME]) for name in unknown[:MOST_UNKNOWN]]
+    if len(unknown) > MOST_UNKNOWN:
+        problems.append(f"and {len(unknown) - MOST_UNKNOWN} more")
+    if not values:
+        return None, problems
+    draft = Draft(Scenario())
     draft.enter(values)
-    return draft, unknown
+    return draft, problems
+
+
+def _no_such_setting(name: str) -> str:
+    close = get_close_matches(name, entries(), 1)
+    return f"{name}: no such setting" + (f"; did you mean {close[0]}?" if close else "")

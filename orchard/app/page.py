@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import events, run, ui
 
 from orchard.app.desks import Desk
-from orchard.app.draft import query_of
+from orchard.app.draft import Draft, counted_fields, query_of
 from orchard.app.elements import StartAndStop, button, dialog, note
 from orchard.app.form import Form
 from orchard.app.harvest_run import Harvests, Run, RunControls
@@ -124,6 +124,42 @@ class Page:
 
     # -- user actions
 
+    def open_link(self, linked: Draft | None, unknown: list[str]) -> None:
+        """Show what a link holds. Whoever made it may be another site: what was entered is replaced only if the user agrees.
+
+        `linked`: None if the link names no setting. `unknown`: what of it was not understood.
+        """
+        if unknown:
+            complain("Not all of the link was understood", unknown)
+        if linked is None or linked.values == self.draft.values:
+            return
+        if self.draft.is_untouched:
+            self._replace(linked)
+        else:
+            self._ask_for(linked)
+
+    def _ask_for(self, linked: Draft) -> None:
+        lines = [
+            f"You have entered: {self.draft.title}.",
+            f"The link has: {linked.title}.",
+            "If you open it, what you have entered is lost. Save keeps it in a file.",
+        ]
+
+        def agree() -> None:
+            question.close()
+            self._replace(linked)
+
+        with (
+            dialog("Open the orchard of the link?", lines, "link-question") as question,
+            ui.row().classes("self-end"),
+        ):
+            button("Keep what I entered", question.close, "keep-entries")
+            button("Open the link", agree, "open-link", props="unelevated")
+
+    def _replace(self, linked: Draft) -> None:
+        self.draft.become(linked)
+        self.form.show()
+
     def _take(self, scenario: Scenario) -> None:
         self.draft.take(scenario)
         self.form.show()
@@ -226,9 +262,7 @@ class Page:
 
     def _update_buttons(self) -> None:
         wrong = len(self.draft.problems) + len(self.wishes.settings.problems)
-        self.trouble.set_text(
-            f"{wrong} field{'s have' if wrong > 1 else ' has'} an invalid value" if wrong else ""
-        )
+        self.trouble.set_text(f"{counted_fields(wrong)} an invalid value" if wrong else "")
         self.buttons.update(not wrong)
         for action in (self._save, self._link):
             action.set_enabled(self.draft.scenario is not None)

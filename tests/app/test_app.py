@@ -18,6 +18,8 @@ from patience import PATIENCE
 from selenium.webdriver.common.keys import Keys
 
 from orchard.app.charts import STEPS
+from orchard.app.unseen import MOST as MOST_UNSEEN
+from orchard.app.unseen import UnseenPages
 from orchard.field.scenario import Scenario, load
 from orchard.view.web import data_uri, free_pair, is_open, page_url, serve_web
 
@@ -101,6 +103,65 @@ def test_the_page_answers_its_own_address_only(server, what):
         assert answer(address, what, host=host, origin=f"http://{host}") == 400, host
     for origin in ("http://attacker.example", "null", "http://127.0.0.1:1", f"http://{local}"):
         assert answer(address, what, origin=origin) == 403, origin
+
+
+OTHER = {"Sec-Fetch-Site": "cross-site"}
+NAVIGATES = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Sec-Fetch-Site": "same-origin"}, 200),
+        ({"Sec-Fetch-Site": "none"} | NAVIGATES, 200),
+        (OTHER | NAVIGATES, 200),
+        (OTHER | {"Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}, 403),
+        (OTHER | {"Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "empty"}, 403),
+        (OTHER | NAVIGATES | {"Sec-Fetch-Dest": "iframe"}, 403),
+        (OTHER | NAVIGATES | {"Sec-Purpose": "prefetch;anonymous-client-ip"}, 403),
+        (OTHER | NAVIGATES | {"Origin": "http://attacker.example"}, 403),
+        ({"Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "no-cors"}, 403),
+    ],
+)
+def test_of_another_sites_requests_only_a_link_opens_the_page(server, headers, status):
+    own = server[0].removeprefix("http://")
+    link = http.client.HTTPConnection(own, timeout=20)
+    link.request("GET", "/?rows=7", headers=headers)
+    answered = link.getresponse()
+    link.close()
+    assert answered.status == status
+    assert (answered.headers["Set-Cookie"] is None) == (status == 403), "no id, so nothing is kept"
+
+
+class Waiting:
+    """A page as NiceGUI gives it, whose browser can come."""
+
+    def __init__(self, number):
+        self.id, self.is_deleted, self._then = str(number), False, []
+
+    def on_connect(self, act):
+        self._then.append(act)
+
+    def on_delete(self, act):
+        pass
+
+    def delete(self):
+        self.is_deleted = True
+
+    def come(self):
+        for act in self._then:
+            act(self)
+
+
+def test_only_some_pages_wait_for_their_browsers():
+    unseen, pages = UnseenPages(), [Waiting(number) for number in range(3 * MOST_UNSEEN)]
+    seen = Waiting("seen")
+    unseen.add(seen)
+    seen.come()
+    for page_ in pages:
+        unseen.add(page_)
+    assert [page_.is_deleted for page_ in pages] == [True] * 2 * MOST_UNSEEN + [False] * MOST_UNSEEN
+    assert not seen.is_deleted
 
 
 def test_a_new_page_says_what_to_do_first(browser):

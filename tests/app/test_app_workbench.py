@@ -6,6 +6,9 @@ import re
 import shutil
 import time
 from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 
 import pytest
 from page_server import skip_without_packages
@@ -152,8 +155,11 @@ def test_a_link_holds_the_scenario(browser, server):
     assert "did you mean pickers" in browser.until(
         lambda: browser.view("complaint").text, "a complaint"
     )
+    browser.escape()
+    browser.press("open-link")
     browser.until(lambda: browser.problem("seed"), "what is wrong is told at its field")
     browser.open(link)
+    browser.press("open-link")
     browser.until(lambda: browser.tree_lines() == 9, "a plan of 8 rows")
     assert not browser.problem("seed")
     browser.fill("rows", 7)
@@ -161,6 +167,37 @@ def test_a_link_holds_the_scenario(browser, server):
     assert browser.driver.current_url == f"{server[0]}/", "a reload keeps what was entered since"
     browser.reload()
     browser.until(lambda: browser.field("rows").get_attribute("value") == "7", "as it was left")
+
+
+@contextmanager
+def another_site(address, folder):
+    """A page on another site: a link to an orchard of 3 rows, and more images than there are desks."""
+    images = "".join(f"<img src='{address}/?rows=3&seed={number}'>" for number in range(205))
+    words = f"<a id=link href='{address}/?rows=3'>your orchard</a>{images}"
+    (folder / "index.html").write_text(words)
+    handler = partial(SimpleHTTPRequestHandler, directory=folder)
+    site = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    Thread(target=site.serve_forever, daemon=True).start()
+    try:
+        yield f"http://localhost:{site.server_port}/"
+    finally:
+        site.shutdown()
+        site.server_close()
+
+
+def test_another_site_replaces_nothing_that_was_entered(browser, server, tmp_path):
+    browser.fill("rows", 9)
+    browser.until(lambda: browser.tree_lines() == 10, "a plan of 9 rows")
+    with another_site(server[0], tmp_path) as site:
+        browser.driver.get(site)
+        browser.click("#link")
+        browser.until(lambda: browser.view("link-question").text, "a question")
+        assert "You have entered: 9 rows" in browser.view("link-question").text
+        assert "The link has: 3 rows" in browser.view("link-question").text
+        browser.press("keep-entries")
+    browser.until(lambda: browser.tree_lines() == 10, "the plan of 9 rows")
+    browser.reload()
+    browser.until(lambda: browser.field("rows").get_attribute("value") == "9", "as it was entered")
 
 
 def test_every_browser_has_its_own_draft(browser, server):

@@ -12,7 +12,7 @@ from patience import PATIENCE
 
 from orchard.app.charts import BINS, BUSY, WAITING, course_of
 from orchard.app.command import Files, fresh_files
-from orchard.app.desks import MOST, desk_of
+from orchard.app.desks import MOST, Desks
 from orchard.app.draft import LABELS, Draft, draft_of, entries, flat, query_of, title_of
 from orchard.app.harvest_run import Run, RunSettings, command
 from orchard.app.own_classes import from_elsewhere
@@ -254,7 +254,8 @@ def test_a_link_brings_back_its_scenario(changes):
     query = query_of(scenario)
     assert len(query.split("&")) == max(1, len(changes)), "only what differs from the default"
     draft, unknown = draft_of(pair.split("=") for pair in query.split("&") if pair)
-    assert (draft.scenario, unknown) == (scenario, [])
+    assert unknown == []
+    assert (draft.scenario if draft else Scenario()) == scenario
 
 
 def test_what_is_wrong_in_a_link_is_told():
@@ -265,18 +266,40 @@ def test_what_is_wrong_in_a_link_is_told():
     assert draft.problems.keys() == {"rows", "tractor"}
 
 
+def test_a_link_without_settings_holds_no_draft_and_names_are_told_up_to_a_number():
+    draft, unknown = draft_of([(f"x{number}" * 100, "1") for number in range(2000)])
+    assert draft is None
+    assert len(unknown) == 6 and unknown[-1] == "and 1995 more"
+    assert all(len(words) < 100 for words in unknown)
+
+
 def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other():
-    desk_of.cache_clear()
-    desk_of("one").draft.enter({"rows": "9"})
-    assert desk_of("one").draft.scenario == Scenario(rows=9)
-    assert desk_of("other").draft.scenario == Scenario()
-    page = copy(desk_of("one").draft)
+    desks = Desks()
+    desk = desks.of("one")
+    desks.keep("one", desk)
+    desk.draft.enter({"rows": "9"})
+    assert desks.of("one").draft.scenario == Scenario(rows=9)
+    assert desks.of("other").draft.scenario == Scenario()
+    page = copy(desks.of("one").draft)
     page.enter({"rows": "x"})
-    assert desk_of("one").draft.scenario == Scenario(rows=9)
-    for n in range(MOST - 1):
-        desk_of(str(n))
-    assert desk_of("one").draft.scenario == Scenario(rows=9), "it was there last"
-    assert desk_of("other").draft.scenario == Scenario() and desk_of.cache_info().currsize == MOST
+    assert desks.of("one").draft.scenario == Scenario(rows=9)
+
+
+def test_a_desk_is_kept_once_its_browser_shows_the_page():
+    desks = Desks()
+    entered = desks.of("user")
+    entered.draft.enter({"rows": "9"})
+    desks.keep("user", entered)
+    for number in range(2 * MOST):
+        desks.of(f"request {number}").draft.enter({"rows": "7"})
+    assert desks.of("user") is entered
+    assert desks.of("request 0").draft.scenario == Scenario(), "a request leaves nothing"
+    for number in range(MOST - 1):
+        desks.keep(str(number), desks.of(str(number)))
+    desks.keep("user", desks.of("user"))
+    desks.keep("new", desks.of("new"))
+    assert desks.of("user") is entered, "it was there last"
+    assert desks.of("0") is not desks.of("0"), "the one that was away longest is dropped"
 
 
 def test_a_scenario_has_a_title_and_a_draft_its_own_values():

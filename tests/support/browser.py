@@ -76,7 +76,8 @@ class Browser:
             self.click("[data-preset=default]")
             self.turn_to("Plan")
         else:
-            self.open(f"{address}/?rows=5")  # a link, whatever the test before has left in the form
+            self.open(f"{address}/")
+            self.click("[data-preset=default]")  # whatever the test before has left in the form
         self.until(self._is_default, "the default orchard")
 
     def open(self, address: str) -> None:

@@ -1,0 +1,81 @@
+"""Which requests the page answers: those of its own pages, and of a user who opens it.
+
+A name of another site that suddenly means this machine (DNS rebinding) shows in `Host`. A request of
+another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says whose page asks.
+"""
+
+import socket
+
+from nicegui import App
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware.sessions import SessionMiddleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+ANY_ADDRESS = ("", "0.0.0.0", "::")
+LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
+# What `Sec-Fetch-Site` says of a request of the page itself, and of one of the user, who types.
+OWN_SITE = ("same-origin", "none")
+
+
+def guard(app: App, host: str, secret: str) -> None:
+    """Let a page answer at `host` and localhost only, and give browsers an id by a signed cookie.
+
+    If `host` is any address, this machine's name is answered, too. Refused requests get no id:
+    the middleware that is added last looks at a request first.
+    """
+    name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
+    app.add_middleware(SessionMiddleware, secret_key=secret)
+    app.add_middleware(OwnOrigin)
+    app.add_middleware(
+        TrustedHostMiddleware, allowed_hosts=[*LOOPBACK_NAMES, name], www_redirect=False
+    )
+
+
+class OwnOrigin:
+    """Refuses requests of other sites' pages, and lets none of them frame this page: a click there is no click here.
+
+    A link on another site may open the page in a tab: that request is let through.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope) if scope["type"] in ("http", "websocket") else Headers()
+        app = (
+            self._app
+            if is_own(headers) or opens_a_tab(headers)
+            else PlainTextResponse("This page takes nothing from pages of another origin", 403)
+        )
+
+        async def unframed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).append(
+                    "Content-Security-Policy", "frame-ancestors 'none'"
+                )
+            await send(message)
+
+        await app(scope, receive, unframed)
+
+
+def has_own_origin(headers: Headers) -> bool:
+    """Whether a request names no origin, or the page's own."""
+    origin = headers.get("origin")
+    return origin is None or origin.partition("://")[2] == headers.get("host")
+
+
+def is_own(headers: Headers) -> bool:
+    """Whether nothing in a request tells that another site's page has made it."""
+    return has_own_origin(headers) and headers.get("sec-fetch-site", "none") in OWN_SITE
+
+
+def opens_a_tab(headers: Headers) -> bool:
+    """Whether a request shows the page in a tab: not in a frame, and not in advance, which shows nothing yet."""
+    is_in_advance = "prefetch" in headers.get("sec-purpose", "").lower()
+    is_tab = (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == (
+        "navigate",
+        "document",
+    )
+    return has_own_origin(headers) and is_tab and not is_in_advance

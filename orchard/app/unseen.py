@@ -1,0 +1,27 @@
+"""Pages for which no browser has come yet. A page holds some megabytes, and a request alone makes one."""
+
+from nicegui import Client
+
+MOST = 8
+
+
+class UnseenPages:
+    """The pages that were built, and whose browser has not connected: at most MOST.
+
+    Beyond that the oldest one is deleted. If its browser still comes, it loads the page again.
+    """
+
+    def __init__(self) -> None:
+        self._clients: dict[str, Client] = {}
+
+    def add(self, client: Client) -> None:
+        """Count a page that is being built."""
+        while len(self._clients) >= MOST:
+            oldest = next(iter(self._clients))
+            self._clients.pop(oldest).delete()
+        self._clients[client.id] = client
+        client.on_connect(self._forget)
+        client.on_delete(self._forget)
+
+    def _forget(self, client: Client) -> None:
+        self._clients.pop(client.id, None)

@@ -5,6 +5,7 @@ from nicegui import ui
 from orchard.app.elements import heading, tiles
 from orchard.field.kinds import KINDS
 from orchard.field.layout import X_WEST, Layout
+from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
@@ -22,7 +23,7 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
         (
             "Limit",
             f"{bounds.bins_per_hour:.1f} bins/h",
-            "what this policy allows in a long harvest without traffic",
+            "what this policy allows in a long harvest without traffic" + _drawn_by(scenario),
         ),
         ("Bottleneck", bounds.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
@@ -35,6 +36,13 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
             "from fence to fence",
         ),
     ]
+
+
+def _drawn_by(scenario: Scenario) -> str:
+    """Return in words whose rows a limit is of, if each seed draws others."""
+    if scenario.picking.spread.distribution == "none":
+        return ""
+    return f"; rows as seed {scenario.seed} draws them, a study shows the mean over its seeds"
 
 
 def derive(layout: Layout) -> tuple[list[tuple[str, str, str]], dict[str, float]]:

@@ -6,7 +6,6 @@ from itertools import cycle, islice
 from math import ceil, inf
 from statistics import fmean
 
-import numpy as np
 import simpy
 
 from orchard.agents.forecast import until_full
@@ -17,6 +16,8 @@ from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.robots import Events, Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
+from orchard.field.rounds import round_of
+from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
@@ -96,6 +97,8 @@ class DiscreteHarvest:
         self._waits: list[
             tuple[int, int]
         ] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
+        # Of each picker, the ticks at which it got an empty bin for a full one.
+        self.exchanges: dict[str, list[int]] = {name: [] for name in layout.blocks}
         self._trips: list[
             tuple[float, float]
         ] = []  # of carriers: the ticks between which one was outside the queue
@@ -192,6 +195,7 @@ class DiscreteHarvest:
             self._full_since[picker.name] = picker.tick
 
     def couple(self, picker: Robot) -> None:
+        self.exchanges[picker.name].append(picker.tick)
         self._waits.append((picker.tick, picker.tick - self._full_since.pop(picker.name)))
 
     def leave(self, picker: Robot) -> None:
@@ -278,9 +282,11 @@ class DiscreteHarvest:
 
 
 def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
-    """Let all pickers pick their rows again and again, and measure. `rows_each`: how many; None: as many as a good figure needs.
+    """Let all pickers pick their rows again and again, and measure.
 
-    Raises ValueError as `DiscreteHarvest` does, and Jam; also if a policy leaves a picker out: the rate would be that of the others' rows.
+    `rows_each`: how many rows each picker picks at least; None: as many as a good figure needs.
+    Raises ValueError as `DiscreteHarvest` does, and Jam. It raises Jam too if a policy leaves a
+    picker out: the rate would be that of the others' rows.
     """
     each, most = (
         layout.scenario.bin_metres,
@@ -290,7 +296,8 @@ def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
     least = rows_each or max(
         ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most
     )
-    found, battery = _long_run(layout, least), layout.scenario.carrying.battery
+    run, battery = _LongRun(layout, least), layout.scenario.carrying.battery
+    found = run.figures()
     if rows_each or not battery.hours:
         return found
     busy = max(LEAST_BUSY, found.carrier_utilisation)
@@ -298,37 +305,95 @@ def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
         3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)
     )  # from one to the next
     needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / found.sim_seconds)
-    return found if needed <= least else _long_run(layout, needed)
+    return found if needed <= least else _LongRun(layout, needed).figures()
 
 
-def _long_run(layout: Layout, rows_each: int) -> DiscreteFigures:
-    harvest = DiscreteHarvest(layout, rows_each)
-    harvest.spread_charges()
-    pickers = {name: harvest.robots[name] for name in layout.blocks}
-    steps = {name: len(picker.plan) for name, picker in pickers.items()}
-    harvest.run(lambda: all(picker.plan for picker in pickers.values()))
-    if all(picker.plan for picker in pickers.values()):
-        raise harvest.jam()
-    done = {name: 1.0 - len(picker.plan) / steps[name] for name, picker in pickers.items()}
-    work = {
-        name: fmean(
-            layout.picking_seconds(row, layout.lane(row).length) for row in layout.blocks[name].rows
+class _LongRun:
+    """A harvest in which pickers pick their rows again and again, until each has done whole rounds."""
+
+    def __init__(self, layout: Layout, least_rows: int) -> None:
+        """`least_rows`: that the fastest picker picks at least."""
+        self.layout = layout
+        self.rounds = {name: round_of(layout, block) for name, block in layout.blocks.items()}
+        self.least_rows = least_rows
+        longest = max(whole.rows * whole.least for whole in self.rounds.values())
+        # A picker of slow rows needs longer for its rounds, and the others go on until then.
+        seconds = [self._row_seconds(block) for block in layout.blocks.values()]
+        others_rows = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))
+        self.harvest = DiscreteHarvest(layout, least_rows + others_rows)
+        self.harvest.spread_charges()
+        self.pickers = {name: self.harvest.robots[name] for name in layout.blocks}
+        self.steps = {name: len(picker.plan) for name, picker in self.pickers.items()}
+        bins_a_row = [whole.bins / whole.rows for whole in self.rounds.values()]
+        # The bins of the beginning are left out.
+        self.first_bin = int(BEGINNING * least_rows * sum(bins_a_row))
+
+    def figures(self) -> DiscreteFigures:
+        """Do the run, and return its figures. Raises Jam."""
+        harvest = self.harvest.run(self._goes_on)
+        is_measured = self._is_measured
+        if not is_measured and all(picker.plan for picker in self.pickers.values()):
+            raise harvest.jam()
+        self._demand_that_all_are_served()
+        if not is_measured:
+            raise Jam("some pickers fill too few bins for a rate: too few carriers come to them")
+        since = self.since
+        until = harvest.deliveries[-1]
+        bins_a_tick = sum(self._rate(name) or 0.0 for name in self.pickers)
+        return DiscreteFigures(
+            bins_per_hour=3600.0 * bins_a_tick / TIME_STEP,
+            picker_waiting_seconds=harvest.picker_waiting_seconds(since, until),
+            carrier_utilisation=harvest.carrier_utilisation(since, until),
+            sim_seconds=until - since,
+            bins=harvest.delivered - self.first_bin - 1,
         )
-        for name in pickers
-    }
-    most = max(done[name] * work[name] for name in pickers)  # s of picking
-    last = min(done, key=lambda name: max(done[name], done[name] * work[name] / most))
-    if max(done[last], done[last] * work[last] / most) < LEAST_SHARE:
-        raise Jam(
-            f"{last} has done {100.0 * done[last]:.0f} % of its rows when another picker has done all: too few carriers come to it"
+
+    @property
+    def since(self) -> float:
+        """The time from which on it is measured, s."""
+        deliveries = self.harvest.deliveries
+        return deliveries[self.first_bin] if len(deliveries) > self.first_bin else inf
+
+    def _goes_on(self) -> bool:
+        return not self._is_measured and all(picker.plan for picker in self.pickers.values())
+
+    @property
+    def _is_measured(self) -> bool:
+        """Whether the fastest picker has done its least rows, and each one its whole rounds."""
+        is_long = any(
+            len(self.harvest.exchanges[name]) >= self.least_rows * whole.bins / whole.rows
+            for name, whole in self.rounds.items()
         )
-    measured = harvest.deliveries[int(BEGINNING * harvest.delivered) :]
-    since, until = measured[0], measured[-1]
-    wait, busy = (
-        harvest.picker_waiting_seconds(since, until),
-        harvest.carrier_utilisation(since, until),
-    )
-    between = float(
-        np.polyfit(np.arange(len(measured)), measured, 1)[0]
-    )  # s; the first and the last time alone would tell of their luck
-    return DiscreteFigures(3600.0 / between, wait, busy, until - since, len(measured) - 1)
+        return is_long and all(self._rate(name) is not None for name in self.pickers)
+
+    def _rate(self, picker: str) -> float | None:
+        """Return the rate of a picker, bins a tick; None before it has done so many rounds."""
+        since = self.since / TIME_STEP
+        exchanges = [tick for tick in self.harvest.exchanges[picker] if tick >= since]
+        return self.rounds[picker].rate(exchanges)
+
+    def _demand_that_all_are_served(self) -> None:
+        """Raise Jam if a picker did far less than the others, by its rows and by its work."""
+        done = {
+            name: 1.0 - len(picker.plan) / self.steps[name] for name, picker in self.pickers.items()
+        }
+        work = {
+            name: done[name] * self._row_seconds(block)
+            for name, block in self.layout.blocks.items()
+        }
+        share = {
+            name: max(done[name] / max(done.values()), work[name] / max(work.values()))
+            for name in self.pickers
+        }
+        last = min(share, key=lambda name: share[name])
+        if share[last] < LEAST_SHARE:
+            raise Jam(
+                f"{last} has done {100.0 * share[last]:.0f} % of what another picker has done:"
+                " too few carriers come to it"
+            )
+
+    def _row_seconds(self, block: Block) -> float:
+        """Return the mean time that picking a row of a block takes, s."""
+        return fmean(
+            self.layout.picking_seconds(row, self.layout.lane(row).length) for row in block.rows
+        )

@@ -155,6 +155,11 @@ class Layout:
         return count
 
     @property
+    def rows_differ(self) -> bool:
+        """Whether a row is picked at another speed than others, or has its ends elsewhere."""
+        return len({(lane.picking_speed, lane.west, lane.length) for lane in self.lanes}) > 1
+
+    @property
     def is_picked_again(self) -> bool:
         """Whether pickers pick rows more than once, as in the long run."""
         return any(len(set(block.rows)) < len(block.rows) for block in self.blocks.values())

@@ -5,9 +5,10 @@ roads that each robot has to itself: of `nearest` for a policy of the user's own
 with steps of its own. Another policy may be faster: `proven_seconds` is what none can beat.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache, partial
+from itertools import pairwise
 from math import ceil, inf
 from statistics import fmean
 
@@ -23,6 +24,7 @@ from orchard.field.kinds import kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
 from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
+from orchard.field.rounds import round_of
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario, with_changes
 
@@ -31,6 +33,8 @@ TRAIN = (
 )  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means, or a multiple: after two, each row is left at the same ends again
 FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
+# A policy may send carriers a little more often to near pickers than to far ones.
+NEARER = 1.004
 PROOF = 0.1  # of the solver's work: at most about half a second
 
 
@@ -39,9 +43,10 @@ class Bounds:
 
     def __init__(self, layout: Layout) -> None:
         scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
-        of_each = [
-            _of_a_bin(route, early, block) for block in layout.blocks.values()
-        ]  # the means: as if each delivered as many bins
+        # The same passes come again and again.
+        times = cache(partial(_seconds, route, early))
+        # The means: as if each delivered as many bins.
+        of_each = [_of_a_bin(layout, block, times) for block in layout.blocks.values()]
         picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
         self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
@@ -55,8 +60,9 @@ class Bounds:
             Unload.ticks * TIME_STEP + TRAIN
         )  # t_bay, for which one carrier occupies the bay
         self.terms = {
-            "pickers": sum(1.0 / sum(seconds[:3]) for seconds in of_each),  # each at its own rate
-            "carriers": scenario.carrier_count / (cycle + charging),
+            # Each at its own rate.
+            "pickers": sum(_picker_rate(layout, block, times) for block in layout.blocks.values()),
+            "carriers": NEARER * scenario.carrier_count / (cycle + charging),
             "unloading": 1.0 / self.bay_seconds,
         } | ({"chargers": scenario.chargers / charging} if charging else {})
 
@@ -76,10 +82,13 @@ class Bounds:
         return 3600.0 * min(self.terms.values())
 
 
-def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
+# Of a pass through a row and the next one: the times that `_seconds` returns.
+PassTimes = Callable[[Pass, Pass], tuple[float, ...]]
+
+
+def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
     """The mean times of a picker's bin without traffic, s: to pick it, to leave it and go on, to wait for an empty one, of the carrier's
     job, what is lost because it fills inside a row, and of charging what the job uses. A part-full last bin does not count."""
-    layout = route.layout
     metres = sum(layout.lane(row).length for row in block.rows)
     times = ceil(FULL_BINS * (layout.scenario.bin_metres or 0.0) / (ROUNDS * metres)) or 1
     passes = layout.passes(replace(block, rows=block.rows * ROUNDS * times))
@@ -87,10 +96,30 @@ def _of_a_bin(route: OneWay, early: bool, block: Block) -> list[float]:
         passes.pop()
     bins = sum(one.is_full for one in passes)
     each = [
-        _seconds(route, early, one, after)
-        for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)
+        times_of(one, after) for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)
     ]
     return [sum(seconds) / bins for seconds in zip(*each, strict=True)]
+
+
+def _picker_rate(layout: Layout, block: Block, times_of: PassTimes) -> float:
+    """Return the highest rate of a picker over whole rounds of its rows, bins/s.
+
+    Exchanges at one end of a row take longer than at the other, and a bin fills at another place
+    of the rows in each round. So rounds differ a little; none are faster than this.
+    """
+    whole = round_of(layout, block)
+    times = ceil(ROUNDS * whole.rows * whole.least / len(set(block.rows))) + 1
+    exchanges = list[float]()
+    now = 0.0
+    for one, after in pairwise(layout.passes(replace(block, rows=block.rows * times))):
+        picking, crossing, wait = times_of(one, after)[:3]
+        now += picking + crossing + wait
+        if one.is_full:
+            exchanges.append(now)
+    longest = ceil(whole.bins * whole.least) + 1
+    ends = range(longest, len(exchanges) + 1)
+    rates = [whole.rate(exchanges[end - longest : end]) for end in ends]
+    return max(rate for rate in rates if rate is not None)
 
 
 def _seconds(

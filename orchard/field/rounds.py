@@ -1,0 +1,71 @@
+"""Rounds: how long a picker must be watched until its rate is that of all its rows.
+
+Rows are picked at different speeds, and a bin fills inside a row or goes on with the next one. So
+a picker is fast for some bins, and slow for others. Only over whole rounds of its rows has its rate
+a meaning. The limit and the long run of the fast model are both taken over whole rounds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor
+
+from orchard.field.layout import Layout
+from orchard.field.rows import Block
+
+# A rate is of so many bins at least, so that one exchange more or less does not count.
+LEAST_BINS = 10
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Round:
+    """What a picker picks until the same rows are before it again."""
+
+    rows: int  #: each of its rows as often as the others; where all rows are alike, any of them
+    bins: float  #: that they fill; part of a bin counts as a part
+
+    @property
+    def least(self) -> int:
+        """The rounds that a rate needs at least."""
+        return ceil(LEAST_BINS / self.bins - ROUNDING)
+
+    def rate(self, exchanges: Sequence[float]) -> float | None:
+        """Return the rate over as many whole rounds as end with the last exchange, bins a unit of time.
+
+        `exchanges`: the times at which the picker got an empty bin for a full one, in their order.
+        None if there were too few rounds between the first and the last one.
+        """
+        most = len(exchanges) - 1
+        rounds = floor(most / self.bins + ROUNDING)
+        # A bin of which only a part counts must be whole in the list.
+        while rounds and ceil(rounds * self.bins - ROUNDING) > most:
+            rounds -= 1
+        if rounds < self.least:
+            return None
+        bins = rounds * self.bins
+        return bins / _elapsed(exchanges[most - ceil(bins - ROUNDING) :], bins)
+
+
+def _elapsed(exchanges: Sequence[float], bins: float) -> float:
+    """Return the time in which a number of bins was filled, from the first exchange on.
+
+    A bin of which only a part counts takes that part of its time.
+    """
+    whole = floor(bins + ROUNDING)
+    elapsed = exchanges[whole] - exchanges[0]
+    part = bins - whole
+    if part > ROUNDING:
+        elapsed += part * (exchanges[whole + 1] - exchanges[whole])
+    return elapsed
+
+
+def round_of(layout: Layout, block: Block) -> Round:
+    """Return the round of a picker with this block."""
+    rows = sorted(set(block.rows)) if layout.rows_differ else [block.rows[0]]
+    bin_metres = layout.scenario.bin_metres
+    bins = float(len(rows))
+    if bin_metres:
+        bins = sum(layout.lane(row).length for row in rows) / bin_metres
+    # After an even number of passes a picker is at the same end of its rows again.
+    times = 2 if bins <= len(rows) and len(rows) % 2 else 1
+    return Round(len(rows) * times, bins * times)

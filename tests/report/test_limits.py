@@ -1,0 +1,62 @@
+"""No long run is faster than the limit."""
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from stage import empty_orchard
+
+from orchard.discrete.harvest import Jam, long_run
+from orchard.field.layout import lay_out
+from orchard.report.bounds import Bounds
+
+DRAWN = {"distribution": "lognormal", "cv": 0.28}
+BY_HAND = {
+    "rows": 12,
+    "pickers": 3,
+    "carriers": 3,
+    "row_length": 90.0,
+    "bins_per_row": 4.05,
+    "picking_rate": 1.5,
+    "picking_speed": None,
+    "picking": {"spread": DRAWN},
+    "seed": 1,
+}
+
+
+@st.composite
+def orchards_whose_rows_differ(draw):
+    pickers = draw(st.integers(2, 4))
+    return {
+        "pickers": pickers,
+        "rows": draw(st.integers(max(3, pickers), 9)),
+        "carriers": draw(st.integers(1, 4)),
+        "picking_speed": draw(st.sampled_from([0.01, 0.05, 0.3])),
+        "bins_per_row": draw(st.sampled_from([None, 0.67, 2.9, 4.05])),
+        "dispatch": draw(st.sampled_from(["nearest", "predictive", "farthest-first"])),
+        "route": draw(st.sampled_from(["one-way", "two-way"])),
+        "picking": {"spread": DRAWN},
+        "seed": draw(st.integers(1, 1000)),
+    }
+
+
+@settings(max_examples=12, deadline=None, derandomize=True, database=None)
+@example(BY_HAND)
+@example(BY_HAND | {"seed": 4})
+@given(orchards_whose_rows_differ())
+def test_no_long_run_exceeds_its_limit_where_rows_differ(values):
+    layout = lay_out(empty_orchard(**values))
+    try:
+        rate = long_run(layout).bins_per_hour
+    except Jam:
+        # A policy that leaves a picker out has no rate.
+        return
+    assert rate <= Bounds(layout).bins_per_hour
+
+
+@pytest.mark.parametrize("bins_per_row", [0.67, 3.4, None])
+def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
+    layout = lay_out(
+        empty_orchard(rows=6, pickers=2, picking_speed=0.05, bins_per_row=bins_per_row)
+    )
+    bounds = Bounds(layout)
+    assert 0.995 < bounds.terms["pickers"] * bounds.bin_seconds / 2 < 1.005

@@ -26,7 +26,7 @@ from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rounds import round_of
 from orchard.field.rows import Block
-from orchard.field.scenario import NEAREST, TIME_STEP, Scenario, with_changes
+from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
 
 TRAIN = (
     3.3 + 0.8
@@ -189,14 +189,29 @@ def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
     return Scenario(**scenario.model_dump() | nothing | changes)
 
 
+def with_endless_batteries(layout: Layout) -> Layout:
+    """Return the same layout, its charging lines too, for carriers that never need to charge."""
+    battery = layout.scenario.carrying.battery.model_copy(update={"hours": inf})
+    carrying = layout.scenario.carrying.model_copy(update={"battery": battery})
+    return replace(layout, scenario=layout.scenario.model_copy(update={"carrying": carrying}))
+
+
 def schedule_seconds(layout: Layout) -> float:
     """Return the time of the harvest with roads that each robot has to itself, s."""
+    return _seconds_on_free_roads(_ideal(layout))
+
+
+def _ideal(layout: Layout) -> Layout:
+    """Return the layout without all that disturbs, and with rules that the fast model knows."""
     scenario, route = layout.scenario, route_of(layout)
     dispatch = scenario.dispatch if scenario.dispatch in POLICIES else NEAREST
     way = route.QUEUE if route.Steps else scenario.route
-    ideal = lay_out(
+    return lay_out(
         undisturbed(scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=way)
     )
+
+
+def _seconds_on_free_roads(ideal: Layout) -> float:
     stood = {"picker": 0.0, "carrier": 0.0}
     for robot in DiscreteHarvest(ideal, free_roads=True).run().robots.values():
         stood[kind_of(robot.name)] = max(stood[kind_of(robot.name)], robot.stood * TIME_STEP)
@@ -243,25 +258,30 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
         or scenario.route not in ROUTES
     ):
         return {}
-    alone, proven = undisturbed(scenario), proven_seconds(layout)
-    endless = with_changes(alone, **{"carrying.battery.hours": None})
-    # on free roads a carrier may stop before its picker is out of its way, and be faster than is proven
-    schedule = max(schedule_seconds(lay_out(endless)), proven or 0.0)
-    own = (
-        seconds
-        if alone == scenario
-        else min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
+    alone = undisturbed(scenario)
+    proven = proven_seconds(layout)
+    has_batteries = scenario.has_batteries
+    ideal = _ideal(layout)
+    # On free roads a carrier may stop before its picker is out of its way, and be faster than is
+    # proven.
+    schedule = max(
+        _seconds_on_free_roads(with_endless_batteries(ideal) if has_batteries else ideal),
+        proven or 0.0,
     )
-    uncharged = (
-        own if endless == alone else min(own, DiscreteHarvest(lay_out(endless)).run().seconds)
-    )
+    own = seconds
+    if alone != scenario:
+        own = min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
+    uncharged = own
+    if has_batteries:
+        endless = with_endless_batteries(lay_out(alone))
+        uncharged = min(own, DiscreteHarvest(endless).run().seconds)
     parts = (
         {"schedule": schedule}
         if proven is None
         else {"optimum": proven, "dispatch": schedule - proven}
     )
     parts |= {"traffic": uncharged - schedule} | (
-        {} if endless == alone else {"charging": own - uncharged}
+        {"charging": own - uncharged} if has_batteries else {}
     )
     parts |= {"people_and_animals": seconds - own}
     return {name: round(part, 1) for name, part in parts.items()}

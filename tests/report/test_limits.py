@@ -1,13 +1,13 @@
-"""No long run is faster than the limit."""
+"""No long run is faster than the limit, and no battery changes the roads of what it is compared with."""
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from stage import empty_orchard
 
-from orchard.discrete.harvest import Jam, long_run
+from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
 from orchard.field.layout import lay_out
-from orchard.report.bounds import Bounds
+from orchard.report.bounds import Bounds, lost_seconds
 
 DRAWN = {"distribution": "lognormal", "cv": 0.28}
 BY_HAND = {
@@ -60,3 +60,23 @@ def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
     )
     bounds = Bounds(layout)
     assert 0.995 < bounds.terms["pickers"] * bounds.bin_seconds / 2 < 1.005
+
+
+def test_a_battery_that_never_runs_down_costs_nothing():
+    battery = {"hours": 200.0, "hours_to_charge": 0.5, "reserve": 0.0}
+    layout = lay_out(
+        empty_orchard(
+            rows=4,
+            pickers=2,
+            carriers=1,
+            row_length=60.0,
+            picking_speed=0.3,
+            dispatch="predictive",
+            carrying={"battery": battery},
+        )
+    )
+    seconds = DiscreteHarvest(layout).run().seconds
+    lost = lost_seconds(layout, seconds)
+    assert lost["charging"] == 0.0
+    assert lost["traffic"] >= 0.0
+    assert sum(lost.values()) == pytest.approx(seconds, abs=0.2)

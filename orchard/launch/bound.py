@@ -41,7 +41,13 @@ def _words(one: Optimum) -> str:
         if not one.gap
         else f"and the best schedule found takes {100 * one.gap:.1f} % longer"
     )
-    return f"no harvest of these {one.bins} bins is shorter than {clock(one.proven_seconds)}, {schedule}"
+    words = f"no harvest of these {one.bins} bins is shorter than {clock(one.proven_seconds)}, {schedule}"
+    if one.cut_after_seconds is None:
+        return words
+    return (
+        f"{words}; the search was cut by the clock, after {one.cut_after_seconds:.0f} s,"
+        " and a faster machine may prove more"
+    )
 
 
 def _summary(

@@ -24,7 +24,10 @@ from orchard.optimum import NoBound
 
 HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
 WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds
-PATIENCE = 30.0  # times the work, in s, after which a machine that is too slow ends the search
+# s of the clock: a net for machines that do far less work in a second than others. Busy ones need
+# some times as long as the work, and must not reach it.
+LEAST_PATIENCE = 600.0
+PATIENCE_FOR_WORK = 100.0
 FIRST = 0.2  # share of the work for the search that finds schedules; the other one raises the bound step by step
 SEARCH = {  # one worker: several would depend on each other's speed. Linear relaxations prove less here
     "num_workers": 1,
@@ -41,6 +44,7 @@ class Optimum:
     proven_seconds: float  #: no dispatch policy makes a shorter harvest
     best_seconds: float  #: of the best schedule that was found
     bins: int
+    cut_after_seconds: float | None = None  #: of the clock, which ended a search before its work
 
     @property
     def gap(self) -> float:
@@ -59,10 +63,13 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     jobs = jobs_of(layout)
     schedule = Schedule(jobs, layout.scenario.carrier_count)
     least = schedule.least
+    cuts = list[float]()
     if not free_roads:
-        least = round(
-            optimum(layout, FIRST * work, free_roads=True).proven_seconds / TIME_STEP
-        )  # sooner proven, and true of both
+        # It is sooner proven, and true of both.
+        alone = optimum(layout, FIRST * work, free_roads=True)
+        least = round(alone.proven_seconds / TIME_STEP)
+        if alone.cut_after_seconds is not None:
+            cuts.append(alone.cut_after_seconds)
         schedule.share_roads()
         schedule.model.add(schedule.end >= least)
     solvers = [_solved(schedule.model, FIRST * work)]
@@ -72,12 +79,18 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
     ):
         schedule.hint(solvers[0])
         solvers.append(_solved(schedule.model, (1.0 - FIRST) * work, use_objective_lb_search=True))
+    cuts += [limit for one in solvers if (limit := _cut_after(one)) is not None]
     proven = max(least, *(one.best_objective_bound for one in solvers))
     best = min(
         (one.objective_value for one in solvers if one.response_proto.solution),
         default=schedule.horizon,
     )  # one job after the other
-    return Optimum(round(proven * TIME_STEP, 1), round(best * TIME_STEP, 1), len(jobs))
+    return Optimum(
+        proven_seconds=round(proven * TIME_STEP, 1),
+        best_seconds=round(best * TIME_STEP, 1),
+        bins=len(jobs),
+        cut_after_seconds=max(cuts, default=None),
+    )
 
 
 def _unknown(layout: Layout) -> str:
@@ -94,12 +107,16 @@ def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
     solver = CpSolver()
     for name, value in (SEARCH | search).items():
         setattr(solver.parameters, name, value)
-    solver.parameters.max_deterministic_time, solver.parameters.max_time_in_seconds = (
-        work,
-        PATIENCE * work,
-    )
+    solver.parameters.max_deterministic_time = work
+    solver.parameters.max_time_in_seconds = LEAST_PATIENCE + PATIENCE_FOR_WORK * work
     solver.solve(model)
     return solver
+
+
+def _cut_after(solver: CpSolver) -> float | None:
+    """Return the limit of the clock that ended a search, s; None if its work or a proof did."""
+    limit = float(solver.parameters.max_time_in_seconds)
+    return limit if solver.wall_time >= limit else None
 
 
 class Schedule:

@@ -213,6 +213,21 @@ def test_the_same_question_has_the_same_answer():
     assert one.gap > 0.0  # the limit ended it
 
 
+def test_the_command_tells_that_the_clock_has_cut_the_search(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("orchard.optimum.schedule.LEAST_PATIENCE", 0.01)
+    monkeypatch.setattr("orchard.optimum.schedule.PATIENCE_FOR_WORK", 0.0)
+    (tmp_path / "my.yaml").write_text("{rows: 12, pickers: 6, carriers: 4, picking_speed: 0.5}")
+    found = tmp_path / "found.json"
+    print_bound(BoundOptions(scenario=str(tmp_path / "my.yaml"), work=10.0, summary=found))
+    assert "cut by the clock, after 0 s" in capsys.readouterr().out.replace("\n", " ")
+    assert json.loads(found.read_text())["rows_to_pickers"]["balanced-ends"]["cut_after_seconds"]
+
+
+def test_a_search_that_its_work_ends_was_not_cut():
+    layout = lay_out(empty_orchard(rows=12, pickers=6, carriers=4, picking_speed=0.5))
+    assert optimum(layout, 0.1).cut_after_seconds is None
+
+
 @pytest.mark.parametrize(
     ("own", "words"),
     [

@@ -92,7 +92,7 @@ def files_of(table: Path) -> list[Path]:
 SCENARIO = b"orchard.scenario"  # in the metadata of each file: the scenario as JSON
 GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}  # while the run goes on
 AT_THE_END = {"calls": CALLS, "exchanges": EXCHANGES}
-SUMMARY = "summary"
+SUMMARY_NAME = "summary"
 
 
 def path_of(folder: Path, table: str) -> Path:
@@ -123,7 +123,7 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
 
 def _check_empty(folder: Path, instead: str) -> None:
     """Raise ValueError if a folder has anything in the place of a table."""
-    names = [name for name in (*GROWING, *AT_THE_END, SUMMARY) if path_of(folder, name).exists()]
+    names = [name for name in (*GROWING, *AT_THE_END, SUMMARY_NAME) if path_of(folder, name).exists()]
     if names and files_of(path_of(folder, "bodies")):
         raise ValueError(f"{folder}: tables of a run are there, and are not replaced{instead}")
     if names:
@@ -141,7 +141,7 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
         raise ValueError(f"{there} cannot be read: {error}{instead}") from error
     if msgspec.json.decode(told) != msgspec.json.decode(scenario.model_dump_json()):
         raise ValueError(f"{there} are of another scenario{instead}")
-    if last != tick and path_of(folder, SUMMARY).exists():
+    if last != tick and path_of(folder, SUMMARY_NAME).exists():
         raise ValueError(
             f"{there} are of a run that ended at tick {last}, and this one goes on at tick {tick}: its rows would be lost{instead}"
         )
@@ -161,7 +161,7 @@ def last_tick(folder: Path) -> int:
 def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
     """Write the summary of a run beside its other tables. Return what is wrong with these, as missing rows."""
     try:
-        write_table(path_of(folder, SUMMARY), as_table(summary))
+        write_table(path_of(folder, SUMMARY_NAME), as_table(summary))
         last = last_tick(folder)
     except (OSError, ValueError, pa.ArrowException) as error:
         return [

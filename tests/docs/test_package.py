@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -187,6 +188,36 @@ def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_check
     )
     assert words in said.stdout
     assert said.returncode == code, said.stderr
+
+
+@pytest.mark.parametrize(
+    ("programs", "why"),
+    [
+        ({"uname": "echo riscv64"}, "this machine is riscv64"),
+        ({"uname": "echo x86_64"}, "there is no apt-get or no dpkg-deb"),
+        (
+            {"uname": "echo x86_64", "dpkg-deb": "", "apt-get": "echo no network; exit 100"},
+            "apt has no lists of packages for arm64\nno network",
+        ),
+    ],
+    ids=lambda value: "" if isinstance(value, dict) else value[:20],
+)
+def test_harvests_on_arm_that_cannot_be_run_are_told(programs, why, tmp_path):
+    """On a machine that has only these programs, and what each has."""
+    for name in ("bash", "dirname", "mktemp", "mkdir", "rm", "tail", "touch"):
+        (tmp_path / name).symlink_to(shutil.which(name))
+    for name, does in programs.items():
+        (tmp_path / name).write_text(f"#!{shutil.which('bash')}\n{does}\n")
+        (tmp_path / name).chmod(0o755)
+    done = subprocess.run(
+        [shutil.which("bash"), ROOT / ".ci" / "arm"],
+        env={"PATH": str(tmp_path), "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"NOT RUN: {why}")
+    assert not any(path.is_dir() for path in tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("uv_can", [True, False])

@@ -101,11 +101,9 @@ def _comment(lines: list[str], field: ast.AnnAssign) -> str:
 
 def _without_limits(annotation: ast.expr) -> str:
     """Return a type without what limits its values."""
-    is_limited = (
-        isinstance(annotation, ast.Subscript) and ast.unparse(annotation.value) == "Annotated"
-    )
-    if is_limited and isinstance(annotation.slice, ast.Tuple):
-        annotation = annotation.slice.elts[0]
+    match annotation:
+        case ast.Subscript(value=ast.Name(id="Annotated"), slice=ast.Tuple(elts=[plain, *_])):
+            return ast.unparse(plain)
     return ast.unparse(annotation)
 
 
@@ -126,8 +124,10 @@ def _short(text: str) -> str:
 
 def _paragraphs(thing: Any) -> str:
     words = inspect.getdoc(thing) or ""
-    is_made_up = dataclasses.is_dataclass(thing) and words.startswith(f"{thing.__name__}(")
-    return "" if is_made_up else words
+    is_made_up = isinstance(thing, type) and words.startswith(f"{thing.__name__}(")
+    if dataclasses.is_dataclass(thing) and is_made_up:
+        return ""
+    return words
 
 
 def _in_a_line(thing: Any) -> str:

@@ -123,7 +123,9 @@ def check_folder(folder: Path, scenario: Scenario, tick: int | None = None) -> N
 
 def _check_empty(folder: Path, instead: str) -> None:
     """Raise ValueError if a folder has anything in the place of a table."""
-    names = [name for name in (*GROWING, *AT_THE_END, SUMMARY_NAME) if path_of(folder, name).exists()]
+    names = [
+        name for name in (*GROWING, *AT_THE_END, SUMMARY_NAME) if path_of(folder, name).exists()
+    ]
     if names and files_of(path_of(folder, "bodies")):
         raise ValueError(f"{folder}: tables of a run are there, and are not replaced{instead}")
     if names:

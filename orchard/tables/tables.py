@@ -27,7 +27,7 @@ from orchard.tables.folder import (
     GROWING,
     MOST_ROWS,
     SCENARIO,
-    SUMMARY,
+    SUMMARY_NAME,
     GrowingTable,
     path_of,
     write_table,
@@ -158,7 +158,7 @@ class Tables:
             self._begin(engine.tick)
 
     def _begin(self, tick: int) -> None:
-        for name in (*AT_THE_END, SUMMARY):
+        for name in (*AT_THE_END, SUMMARY_NAME):
             path_of(self._folder, name).unlink(missing_ok=True)
         for name, schema in GROWING.items():
             until = (

@@ -23,6 +23,7 @@ def main() -> None:
         os.environ.get("COLUMNS") == "0"
     ):  # the width of a terminal that does not know its own: Rich would print nothing
         del os.environ["COLUMNS"]
+    _open_closed_files()
     from orchard.memory import collect_seldom
 
     collect_seldom()
@@ -35,6 +36,20 @@ def main() -> None:
     except SystemExit as end:
         end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
         raise
+
+
+def _open_closed_files() -> None:
+    """Put something in the place of stdin, stdout and stderr if this program has begun without.
+
+    Else the next file that is opened takes their place, and what is printed goes into it. To write
+    to stdout fails then, as on a full disk, and is told on stderr.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDONLY)  # takes the lowest number, which is this one
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", closefd=False))
 
 
 if __name__ == "__main__":

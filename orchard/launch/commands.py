@@ -1,6 +1,8 @@
 """The command line: its commands, with their options in `options.py`. Without a command it harvests."""
 
+import errno
 import gc
+import os
 import signal
 import sys
 from contextlib import ExitStack
@@ -377,6 +379,16 @@ def _recording(path: Path | None) -> Path:
         return found
 
 
+def _check_folder() -> None:
+    """Raise OSError if the folder has been removed in which this program was started."""
+    try:
+        os.getcwd()
+    except OSError:
+        raise OSError(
+            "the folder in which this was started is not there any more; start it in another one"
+        ) from None
+
+
 def main() -> None:
     """Run a command of the command line; `harvest` is the default."""
     arguments = sys.argv[1:]
@@ -385,10 +397,16 @@ def main() -> None:
         signal.SIGINT, signal.default_int_handler
     )  # the command may have something to stop
     try:
+        _check_folder()
         raise SystemExit(command(arguments, standalone_mode=False) or terminal.FINISHED)
     except TyperException as error:
         terminal.print_error(terminal.fault_of(error))
         raise SystemExit(error.exit_code) from None
+    except OSError as error:
+        is_of_stdout = error.errno in (errno.EBADF, errno.ENOSPC) and not error.filename
+        words = terminal.unwritten("stdout", error) if is_of_stdout else terminal.in_words(error)
+        terminal.print_error(words)
+        raise SystemExit(terminal.BAD_INPUT) from None
     finally:
         terminal.console.end()
         terminal.errors.end()

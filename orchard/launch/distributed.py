@@ -23,6 +23,7 @@ from orchard.launch.supervisor import (
     ProcessSpec,
     Supervisor,
     Watchdog,
+    allow_files,
     let_go,
     open_viewer,
 )
@@ -43,7 +44,7 @@ from orchard.net.endpoints import (
 from orchard.net.options import HostOptions, LoggerOptions
 from orchard.net.refusals import Refusals, Refused, read_message, refused_for
 from orchard.net.requests import fetch_run
-from orchard.net.zenoh_bus import client
+from orchard.net.zenoh_bus import check_runtime, client
 from orchard.report.progress import Progress
 from orchard.report.summary import Outcome, headline_of, write_summary
 from orchard.security.identity import Identity
@@ -60,6 +61,7 @@ PACK_SECONDS = (
     60.0  # that the logger may take to pack its recording after a run has ended by itself
 )
 WEB_VIEWER = "web viewer"  # the name of its process
+SERVING = 3  # processes beside the hosts: physics, the logger, and the web viewer
 BEGIN_SECONDS = (
     60.0  # that physics may take to listen after this program has started it, on a busy machine
 )
@@ -79,6 +81,8 @@ Connect = Callable[
 def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
     """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError."""
     credentials = Credentials(request.options)
+    check_runtime()
+    allow_files(len(credentials.shares(*_hosted(request))) + SERVING)
     endpoint = _endpoint_of(request.options, credentials)
     inbox = Inbox()
     inbox.take_signals()  # Ctrl-C must not come between a process's start and its entry in the supervisor
@@ -104,6 +108,12 @@ def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds
                     f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force{its}"
                 )
                 supervisor.kill(name)
+
+
+def _hosted(request: RunRequest) -> tuple[list[str], list[str]]:
+    """Return the names of the agents that are hosted here, and of all agents of a run."""
+    names = agent_names(request.scenario)
+    return select_agents(names, [], request.options.without or []), names
 
 
 def agent_names(scenario: Scenario) -> list[str]:
@@ -178,10 +188,8 @@ class LaunchedRun:
     def carry_out(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
         """Start the processes, and follow the run until they have ended. Return as `run` does."""
         request, supervisor, say = self.request, self.supervisor, self.progress.say
-        options, all_names = request.options, agent_names(request.scenario)
-        shares = self.credentials.shares(
-            select_agents(all_names, [], options.without or []), all_names
-        )
+        options = request.options
+        shares = self.credentials.shares(*_hosted(request))
         with TemporaryDirectory() as folder, announced(request, self.run_id, self.endpoint, say):
             if not are_compiled():
                 self.progress.get_ready(COMPILING)
@@ -421,6 +429,7 @@ def join_run(
         all_names = fetch_run(bus, Keys()).agents
     names = select_agents(all_names, only, without)
     shares = credentials.shares(names, all_names)
+    allow_files(len(shares))
     inbox = Inbox()
     inbox.take_signals()
     with Supervisor(progress.say) as supervisor:

@@ -155,7 +155,7 @@ def _scenario(path: Path | None) -> Path | None:
 def _print_version(is_wanted: bool) -> bool:
     if is_wanted:
         with suppress(PackageNotFoundError):
-            print(f"orchard {version('orchard-sim')}")
+            print(f"orchard {version('orchard-sim')}", flush=True)
             raise Exit
         raise BadParameter(
             "unknown: this is a clone that is not installed; git describe --always tells its commit"

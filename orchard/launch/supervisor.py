@@ -2,6 +2,7 @@
 
 import math
 import os
+import resource
 import signal
 import subprocess
 import threading
@@ -15,7 +16,7 @@ import msgspec
 
 from orchard.field.problems import printable
 from orchard.net import lifeline
-from orchard.net.endpoints import LOOPBACK, with_port
+from orchard.net.endpoints import LOOPBACK, ONE_THREAD, RUNTIME, with_port
 from orchard.net.lifeline import Line
 from orchard.net.options import FROM_STDIN, ProcessOptions
 from orchard.start_module import command_for
@@ -34,9 +35,11 @@ QUICK_START = {  # turns off needless work of libraries at their import: a fifth
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
 }
-QUICK_TICKS = {  # the thread that waits for a message handles it, instead of two more threads that it would wake
-    "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app))",
-}
+QUICK_TICKS = {RUNTIME: ONE_THREAD}
+# Files that this program may have open at once, beside those for its processes: a run of three
+# processes takes 33 in all.
+OWN_FILES = 56
+FILES_OF_A_PROCESS = 3
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,24 @@ def take_turns(pid: int) -> None:
         AttributeError, ProcessLookupError
     ):  # only Linux has this policy; the process may have ended
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
+
+
+def allow_files(processes: int) -> None:
+    """Let this program open as many files as a run of so many processes needs.
+
+    Raises ValueError if the system does not allow it.
+    """
+    needed = OWN_FILES + FILES_OF_A_PROCESS * processes
+    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if allowed >= needed or allowed == resource.RLIM_INFINITY:
+        return
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, most))
+    except (ValueError, OSError):
+        raise ValueError(
+            f"this program may open {most} files at once, and {processes} processes need {needed}; "
+            f"`ulimit -n {needed}` allows them, and --mode local needs fewer"
+        ) from None
 
 
 def free_port() -> int:

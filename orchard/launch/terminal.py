@@ -1,5 +1,6 @@
 """What `orchard` prints: the result of a run, commands to type next, and errors; and its exit codes."""
 
+import errno
 import logging
 import math
 import os
@@ -51,6 +52,12 @@ def harmless(words: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else "?" for c in words)
 
 
+def unwritten(name: str, error: OSError) -> str:
+    """Return why stdout or stderr cannot be written."""
+    why = "it is closed" if error.errno == errno.EBADF else error.strerror
+    return f"{name} cannot be written: {why}"
+
+
 class Output(Console):
     """Stdout or stderr. What cannot be written, as on a full disk, is lost; the other of the two says so once."""
 
@@ -70,7 +77,7 @@ class Output(Console):
             if is_first and self.other is not None:
                 name = "stderr" if self.stderr else "stdout"
                 self.other.print(
-                    f"{name} cannot be written: {error.strerror}; the run goes on without it",
+                    f"{unwritten(name, error)}; the run goes on without it",
                     markup=False,
                     soft_wrap=True,
                 )
@@ -189,6 +196,8 @@ def in_words(error: Exception) -> str:
     """Return what is wrong, without a number of the operating system: "runs: Permission denied"."""
     if isinstance(error, UnicodeEncodeError):
         return f"{error.object}: this name is no text in UTF-8, which a run needs; expected another folder or file"
+    if isinstance(error, OSError) and error.errno == errno.EMFILE:
+        return f"{error.strerror}: `ulimit -n` tells how many may be open, and can allow more"
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{error.filename}: {error.strerror}"
     return str(error)
@@ -322,14 +331,13 @@ def typed(*words: object) -> str:
 
 
 def _shown(path: Path) -> str:
-    relative = os.path.relpath(path)
-    return (
-        str(path)
-        if relative.startswith("..")
-        else f"./{relative}"
-        if relative.startswith("-")
-        else relative
-    )  # or it is an option
+    try:
+        relative = os.path.relpath(path)
+    except OSError:  # the current directory has been removed
+        return str(path)
+    if relative.startswith(".."):
+        return str(path)
+    return f"./{relative}" if relative.startswith("-") else relative  # or it is an option
 
 
 WANTED = {  # pydantic's name of a fault -> what would be right

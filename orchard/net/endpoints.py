@@ -5,6 +5,9 @@ import socket
 from contextlib import suppress
 
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
+RUNTIME = "ZENOH_RUNTIME"  # environment variable: how Zenoh shares its work among threads
+# The thread that waits for a message handles it, instead of two more threads that it would wake.
+ONE_THREAD = "(rx: (handover: app), acc: (handover: app))"
 LOOPBACK_SECONDS = 5.0  # that a connection to this machine may take
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
 OUTSIDE = {

@@ -5,20 +5,26 @@ Handlers only store what arrives and wake the reader. So no lock is needed, and 
 
 import json
 import logging
+import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import cache
 from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
 
+from orchard.field.problems import printable
 from orchard.net.bus import GET_SECONDS, Alive, Bus, Final, Inbox, Item, Query, Replied, Sample
 from orchard.net.endpoints import (
     IN_USE,
     LOOPBACK,
     NO_ENDPOINT,
+    ONE_THREAD,
+    RUNTIME,
     BusError,
     check_security,
     is_public,
@@ -38,6 +44,13 @@ _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
     "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
     "congestion_control": zenoh.CongestionControl.BLOCK,
+}
+MOST_WORDS = 300  # characters of a panic that are shown
+_ALONE: dict[str, Any] = {
+    "mode": "peer",
+    "listen/endpoints": [],
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
 }
 _OTHERS = zenoh.Locality.REMOTE  # a session does not receive its own samples
 _OPEN = "any client that reaches this address can drive every robot and end the run; --secure DIR admits only known clients"
@@ -207,8 +220,10 @@ def _opened(
     mode: str, endpoint: str, inbox: Inbox | None, seconds: float, identity: Identity | None
 ) -> Iterator[Bus]:
     check_security(endpoint, identity is not None)
+    check_runtime()
     try:
-        session = zenoh.open(_config(mode, endpoint, seconds, identity))
+        with _panics_explained():
+            session = zenoh.open(_config(mode, endpoint, seconds, identity))
     except zenoh.ZError as error:
         raise BusError(_explain(mode, endpoint, seconds, identity, str(error))) from error
     try:
@@ -218,6 +233,51 @@ def _opened(
             session.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:
             log.warning("the session with %s did not close: %s", endpoint, error)
+
+
+def check_runtime() -> None:
+    """Raise BusError if Zenoh cannot begin with the user's own ZENOH_RUNTIME."""
+    chosen = os.environ.get(RUNTIME, ONE_THREAD)
+    if chosen != ONE_THREAD:
+        _begin_with(chosen)
+
+
+@cache
+def _begin_with(chosen: str) -> None:
+    """Open a session that connects to nothing. Zenoh reads its runtime when the first one opens."""
+    config = zenoh.Config()
+    for key, value in _ALONE.items():
+        config.insert_json5(key, json.dumps(value))
+    cause = f"{RUNTIME}={printable(chosen)}: expected a value that Zenoh knows, or none; "
+    with _panics_explained(cause), _stderr_dropped():
+        zenoh.open(config).close()  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _panics_explained(cause: str = "") -> Iterator[None]:
+    """In this context, a panic of Zenoh's becomes a BusError. It is no Exception of Python's."""
+    try:
+        yield
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":
+            raise
+        words = printable(str(error), MOST_WORDS)
+        raise BusError(f"{cause}Zenoh cannot begin: {words}") from None
+
+
+@contextmanager
+def _stderr_dropped() -> Iterator[None]:
+    """In this context, what Rust writes to stderr is lost: a panic has a backtrace of many lines."""
+    with suppress(OSError):
+        sys.stderr.flush()
+    before = os.dup(2)
+    try:
+        with open(os.devnull, "w") as nothing:
+            os.dup2(nothing.fileno(), 2)
+        yield
+    finally:
+        os.dup2(before, 2)
+        os.close(before)
 
 
 def _explain(

@@ -18,6 +18,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from orchard.folders import regular
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, Role
 
 T = TypeVar("T")
@@ -170,7 +171,7 @@ def check(folder: Path, role: Role) -> None:
 
 def _read(path: Path, load: Callable[[bytes], T], fault: str) -> T:
     try:
-        return load(path.read_bytes())
+        return load(regular(path).read_bytes())
     except OSError as error:
         raise ValueError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
     except (ValueError, TypeError) as error:

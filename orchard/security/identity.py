@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from orchard.field.kinds import select_agents
+from orchard.folders import regular
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, SERVANTS, Duty, Role, access_control
 from orchard.wire.keys import PREFIX, Keys
 
@@ -53,7 +54,7 @@ class Identity:
             )
         path = self.folder / ACCESS
         try:
-            rules = json.loads(path.read_text())
+            rules = json.loads(regular(path).read_text())
             denies = (
                 rules["enabled"] is True
                 and rules["default_permission"] == "deny"
@@ -106,7 +107,7 @@ def role_in(folder: Path) -> Role:
     """Return the role of a directory. Raises ValueError if the directory has no role, or a malformed one."""
     path = folder / ROLE
     try:
-        data = json.loads(path.read_text())
+        data = json.loads(regular(path).read_text())
         return Role(data["name"], data["duty"], tuple(data["names"]))
     except FileNotFoundError:
         makes = "`orchard secure DIR` makes them, as DIR/<role>"

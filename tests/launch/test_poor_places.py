@@ -1,0 +1,110 @@
+"""Without stdout, a working folder or enough files, and with settings of no use: words, and no traceback.
+
+Real processes, as a shell starts them.
+"""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import ROOT, SECONDS, summary_of
+from secured_run import make_roles
+
+from orchard.security.identity import identity_in
+from orchard.wire.keys import PREFIX
+
+SHORT = "--rows 3 --duration 1 --hosts 1 --record none"
+
+
+def shell(line: str, folder: Path) -> tuple[int, str]:
+    """Run a line in which `orchard` is the program, in a folder. Return its exit code, and stderr."""
+    program = shlex.join([sys.executable, str(ROOT / "run.py")])
+    done = subprocess.run(
+        ["bash", "-c", f'orchard() {{ {program} "$@"; }}; {line}'],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=SECONDS,
+    )
+    assert "Traceback" not in done.stderr and "panicked" not in done.stderr, done.stderr
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("mode", ["local", "lockstep"])
+def test_a_run_without_stdout_says_so_and_goes_on(mode, tmp_path):
+    line = f"orchard {SHORT} --mode {mode} --summary summary.json >&-"
+    code, told = shell(line, tmp_path)
+    assert code == 0, told
+    assert "stdout cannot be written: it is closed; the run goes on without it" in told
+    assert "Ended by --duration" in told
+    assert summary_of(tmp_path / "summary.json")["ticks"] == 10
+
+
+def test_a_run_without_stdin_stdout_and_stderr_writes_its_summary(tmp_path):
+    line = f"orchard {SHORT} --mode local --summary summary.json <&- >&- 2>&-"
+    assert shell(line, tmp_path) == (1, "")
+    assert summary_of(tmp_path / "summary.json")["ticks"] == 10
+
+
+@pytest.mark.parametrize("command", ["--help", "--version", "layout --help"])
+@pytest.mark.parametrize(
+    ("to", "why"), [(">&-", "it is closed"), (">/dev/full", "No space left on device")]
+)
+def test_help_that_cannot_be_written_is_told(command, to, why, tmp_path):
+    code, told = shell(f"orchard {command} {to}", tmp_path)
+    assert (code, told) == (2, f"stdout cannot be written: {why}\n")
+
+
+@pytest.mark.parametrize("command", [SHORT, "study --budget 1s", "stop", "view"])
+def test_a_working_folder_that_is_gone_is_told(command, tmp_path):
+    (tmp_path / "gone").mkdir()
+    code, told = shell(f"cd gone && rmdir ../gone && orchard {command}", tmp_path)
+    assert code == 2
+    assert told == (
+        "the folder in which this was started is not there any more; start it in another one\n"
+    )
+
+
+def test_a_limit_of_files_that_is_too_low_is_told(tmp_path):
+    code, told = shell(f"ulimit -n 24; orchard {SHORT}", tmp_path)
+    assert code == 2
+    assert told == (
+        "this program may open 24 files at once, and 4 processes need 68; "
+        "`ulimit -n 68` allows them, and --mode local needs fewer\n"
+    )
+
+
+def test_a_limit_of_files_that_can_be_raised_is_raised(tmp_path):
+    line = f"ulimit -Sn 24; orchard {SHORT} --summary summary.json"
+    code, told = shell(line, tmp_path)
+    assert code == 0, told
+    assert summary_of(tmp_path / "summary.json")["ticks"] == 10
+
+
+@pytest.mark.parametrize("command", [SHORT, "stop --connect tcp/127.0.0.1:9"])
+def test_a_runtime_that_zenoh_does_not_know_is_told(command, tmp_path):
+    code, told = shell(f"ZENOH_RUNTIME=nonsense orchard {command}", tmp_path)
+    assert code == 2
+    assert told.startswith("ZENOH_RUNTIME=nonsense: expected a value that Zenoh knows, or none; ")
+    assert told.count("\n") == 1
+
+
+def test_a_runtime_of_the_users_own_is_used(tmp_path):
+    line = f"ZENOH_RUNTIME='(rx: (worker_threads: 1))' orchard {SHORT} --summary summary.json"
+    code, told = shell(line, tmp_path)
+    assert code == 0, told
+    assert summary_of(tmp_path / "summary.json")["ticks"] == 10
+
+
+@pytest.mark.parametrize(
+    "name", ["key.pem", "certificate.pem", "authority.pem", "role.json", "access.json"]
+)
+def test_a_file_of_a_role_that_never_ends_is_refused(name, tmp_path):
+    role = make_roles(tmp_path / "roles") / "physics"
+    (role / name).unlink()
+    (role / name).symlink_to("/dev/zero")
+    with pytest.raises(ValueError, match=rf"{name}: .*is no regular file|may not listen"):
+        identity_in(str(role), PREFIX).rules()

@@ -388,8 +388,8 @@ class _LongRun:
         last = min(share, key=lambda name: share[name])
         if share[last] < LEAST_SHARE:
             raise Jam(
-                f"{last} has done {100.0 * share[last]:.0f} % of what another picker has done:"
-                " too few carriers come to it"
+                f"{last} has done {100.0 * share[last]:.0f} % of its rows when another picker has"
+                " done all: too few carriers come to it"
             )
 
     def _row_seconds(self, block: Block) -> float:

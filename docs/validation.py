@@ -147,9 +147,8 @@ def crew(curve: Curve, carriers: int, seed: int = 1) -> Scenario:
 
 def efficiency(scenario: Scenario) -> float:
     """Return the share of its time for which a picker picks, in the long run: the rest is its wait, and its way to the next row."""
-    layout = lay_out(scenario)
-    filling, going_on = 3600.0 / scenario.chosen["picking_rate"], Bounds(layout).crossing_seconds
-    return filling / (filling + going_on + long_run(layout).picker_waiting_seconds)
+    hours_a_bin = 1.0 / scenario.chosen["picking_rate"]
+    return hours_a_bin * long_run(lay_out(scenario)).bins_per_hour / scenario.pickers
 
 
 def measure() -> None:

@@ -43,7 +43,7 @@ class DiscreteFigures:
     """What a harvest, or its long run, gives. All figures are of the same time."""
 
     bins_per_hour: float
-    picker_waiting_seconds: float  # from a full bin to an empty one, mean
+    picker_waiting_seconds: float  # for which a picker stands until it has an empty bin, mean
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
     sim_seconds: float  # that were measured
     bins: int
@@ -95,8 +95,8 @@ class DiscreteHarvest:
             str, int
         ] = {}  # picker that waits for an empty bin -> tick at which its bin was full
         self._waits: list[
-            tuple[int, int]
-        ] = []  # tick at which a picker got an empty bin, and the ticks since its bin was full
+            tuple[int, int, int]
+        ] = []  # tick at which a picker got an empty bin; ticks since it stood there; since its bin was full
         # Of each picker, the ticks at which it got an empty bin for a full one.
         self.exchanges: dict[str, list[int]] = {name: [] for name in layout.blocks}
         self._trips: list[
@@ -196,7 +196,8 @@ class DiscreteHarvest:
 
     def couple(self, picker: Robot) -> None:
         self.exchanges[picker.name].append(picker.tick)
-        self._waits.append((picker.tick, picker.tick - self._full_since.pop(picker.name)))
+        full_since = self._full_since.pop(picker.name)
+        self._waits.append((picker.tick, picker.tick - picker.stood, picker.tick - full_since))
 
     def leave(self, picker: Robot) -> None:
         one = self._passes[picker.name].pop(0)
@@ -247,17 +248,20 @@ class DiscreteHarvest:
         return max(min(robot.stood, robot.parked) for robot in self.robots.values()) * TIME_STEP
 
     def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
-        """Return the mean time from a picker's full bin to the empty one that it got between two times, s; 0 if it got none."""
-        waits = [wait for tick, wait in self._waits if since <= tick * TIME_STEP <= until]
+        """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got none.
+
+        Of bins that they got between two times. The drive to the place where they stand is no wait.
+        """
+        waits = [wait for tick, wait, _ in self._waits if since <= tick * TIME_STEP <= until]
         return fmean(waits) * TIME_STEP if waits else 0.0
 
     @property
     def waited_seconds(self) -> float:
-        """The time for which all pickers together have waited for empty bins so far, s."""
+        """The time for which all pickers together have had no bin to fill so far, s, drives included."""
         still = [
             max(0.0, self.env.now - tick) for tick in self._full_since.values()
         ]  # of those that wait now
-        return sum([*(wait for _, wait in self._waits), *still]) * TIME_STEP
+        return sum([*(without for _, _, without in self._waits), *still]) * TIME_STEP
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
         """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over the carriers; None: to the end."""

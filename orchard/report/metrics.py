@@ -24,12 +24,10 @@ JAM_METRES = 300.0  # a carrier drives one step home past all rows, at 1 m/s or 
 class HarvestFigures:
     """The figures of a run, updated at each tick. All of it is plain data."""
 
-    waits: list[float] = field(
-        default_factory=list
-    )  # s from a picker's full bin to its next empty one
-    waiting_since: dict[str, int] = field(
-        default_factory=dict
-    )  # picker -> tick at which its bin was full
+    #: s for which a picker stood until it coupled an empty bin, without its own drive to that place.
+    waits: list[float] = field(default_factory=list)
+    #: Picker that has filled its bin -> tick since which it stands, or at which the bin was full.
+    waiting_since: dict[str, int] = field(default_factory=dict)
     carrier_ticks: int = 0  # of all carriers
     busy_ticks: int = 0  # of these, outside the queue
     charging_ticks: int = 0  # of all carriers
@@ -51,6 +49,9 @@ class HarvestFigures:
         """Account for the tick that has just ended. `answers`: of the agents that were asked."""
         for event in events:
             self._count(event)
+        for name in self.waiting_since:
+            if world.twist[world.layout.index[name]].any():
+                self.waiting_since[name] = world.tick
         self.orders_refused += orders_refused(answers)
         for name, action in answers.items():
             if action is not None and action.state == "broken":

@@ -22,7 +22,7 @@ UNITS = {
     "lost_seconds": "s, which add up to the harvest's length",
     "row_end_seconds": "s a bin, of driving to the ends of rows, which exchanges inside the rows would save at most",
     "row_end_share": "of a picker's time for a bin",
-    "picker_waiting_seconds": "s, from a full bin to an empty one, mean",
+    "picker_waiting_seconds": "s, standing at the row's end until an empty bin comes, mean",
     "carrier_utilisation": "of the time, outside the queue",
     "collisions": "(of robots)",
     "bottleneck": "(in a long harvest)",
@@ -245,7 +245,7 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         (
             "Pickers wait",
             f"{summary['picker_waiting_seconds']:.0f} s",
-            "from a full bin to an empty one, mean",
+            "standing at the row's end until an empty bin comes, mean",
         ),
         (
             "Carriers at work",

@@ -45,7 +45,7 @@ class Row:
     bins_per_hour: Interval | None  # None: every replication jammed
     harvest_seconds: Interval | None
     cost_per_bin: Interval | None  # None too if the scenario has no prices
-    picker_waiting_seconds: float  # from a full bin to an empty one, mean
+    picker_waiting_seconds: float  # for which a picker stands until it has an empty bin, mean
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
     bound_bins_per_hour: (
         float  # what this policy and route allow without traffic: orchard.report.bounds

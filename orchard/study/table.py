@@ -42,7 +42,7 @@ OF_RUNS = (
 )
 OF_BEHIND = "behind: the best mean{given}, which has -. "
 OF_COLUMNS = (
-    "wait: of a picker for an empty bin. "
+    "wait: of a picker that stands at its row's end, for an empty bin. "
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
 OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and how far above it this one is."

@@ -378,21 +378,20 @@ class _LongRun:
 
     def _demand_that_all_are_served(self) -> None:
         """Raise Jam if a picker did far less than the others, by its rows and by its work."""
-        done = {
-            name: 1.0 - len(picker.plan) / self.steps[name] for name, picker in self.pickers.items()
-        }
-        work = {
-            name: done[name] * self._row_seconds(block)
-            for name, block in self.layout.blocks.items()
-        }
-        share = {
-            name: max(done[name] / max(done.values()), work[name] / max(work.values()))
-            for name in self.pickers
-        }
-        last = min(share, key=lambda name: share[name])
-        if share[last] < LEAST_SHARE:
+        done = {}
+        work = {}
+        for name, picker in self.pickers.items():
+            done[name] = 1.0 - len(picker.plan) / self.steps[name]
+            work[name] = done[name] * self._row_seconds(self.layout.blocks[name])
+        most_done = max(done.values())
+        most_work = max(work.values())
+        shares = []
+        for name in self.pickers:
+            shares.append((max(done[name] / most_done, work[name] / most_work), name))
+        share, last = min(shares)
+        if share < LEAST_SHARE:
             raise Jam(
-                f"{last} has done {100.0 * share[last]:.0f} % of its rows when another picker has"
+                f"{last} has done {100.0 * share:.0f} % of its rows when another picker has"
                 " done all: too few carriers come to it"
             )
 

@@ -87,18 +87,19 @@ PassTimes = Callable[[Pass, Pass], tuple[float, ...]]
 
 
 def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
-    """The mean times of a picker's bin without traffic, s: to pick it, to leave it and go on, to wait for an empty one, of the carrier's
-    job, what is lost because it fills inside a row, and of charging what the job uses. A part-full last bin does not count."""
+    """Return the mean times of a picker's bin without traffic, s: the sums of what `_seconds` returns.
+
+    A part-full last bin does not count.
+    """
     metres = sum(layout.lane(row).length for row in block.rows)
-    times = ceil(FULL_BINS * (layout.scenario.bin_metres or 0.0) / (ROUNDS * metres)) or 1
-    passes = layout.passes(replace(block, rows=block.rows * ROUNDS * times))
+    repeats = ceil(FULL_BINS * (layout.scenario.bin_metres or 0.0) / (ROUNDS * metres)) or 1
+    passes = layout.passes(replace(block, rows=block.rows * ROUNDS * repeats))
     while not passes[-1].is_full:
         passes.pop()
-    bins = sum(one.is_full for one in passes)
-    each = [
-        times_of(one, after) for one, after in zip(passes, (*passes[1:], passes[0]), strict=True)
-    ]
-    return [sum(seconds) / bins for seconds in zip(*each, strict=True)]
+    bins = sum(current.is_full for current in passes)
+    following = (*passes[1:], passes[0])
+    times = [times_of(current, after) for current, after in zip(passes, following, strict=True)]
+    return [sum(seconds) / bins for seconds in zip(*times, strict=True)]
 
 
 def _picker_rate(layout: Layout, block: Block, times_of: PassTimes) -> float:
@@ -111,15 +112,16 @@ def _picker_rate(layout: Layout, block: Block, times_of: PassTimes) -> float:
     times = ceil(ROUNDS * whole.rows * whole.least / len(set(block.rows))) + 1
     exchanges = list[float]()
     now = 0.0
-    for one, after in pairwise(layout.passes(replace(block, rows=block.rows * times))):
-        picking, crossing, wait = times_of(one, after)[:3]
+    for current, after in pairwise(layout.passes(replace(block, rows=block.rows * times))):
+        picking, crossing, wait = times_of(current, after)[:3]
         now += picking + crossing + wait
-        if one.is_full:
+        if current.is_full:
             exchanges.append(now)
     longest = ceil(whole.bins * whole.least) + 1
-    ends = range(longest, len(exchanges) + 1)
-    rates = [whole.rate(exchanges[end - longest : end]) for end in ends]
-    return max(rate for rate in rates if rate is not None)
+    highest = 0.0
+    for end in range(longest, len(exchanges) + 1):
+        highest = max(highest, whole.rate(exchanges[end - longest : end]) or 0.0)
+    return highest
 
 
 def _seconds(
@@ -191,9 +193,10 @@ def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
 
 def with_endless_batteries(layout: Layout) -> Layout:
     """Return the same layout, its charging lines too, for carriers that never need to charge."""
-    battery = layout.scenario.carrying.battery.model_copy(update={"hours": inf})
-    carrying = layout.scenario.carrying.model_copy(update={"battery": battery})
-    return replace(layout, scenario=layout.scenario.model_copy(update={"carrying": carrying}))
+    scenario = layout.scenario
+    battery = scenario.carrying.battery.model_copy(update={"hours": inf})
+    carrying = scenario.carrying.model_copy(update={"battery": battery})
+    return replace(layout, scenario=scenario.model_copy(update={"carrying": carrying}))
 
 
 def schedule_seconds(layout: Layout) -> float:

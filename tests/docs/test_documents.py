@@ -194,10 +194,16 @@ def test_the_cells_of_tables_are_short(document):
     ] == []
 
 
-def test_the_changelog_is_short_and_names_the_version():
+def test_the_changelog_names_the_version_and_has_one_change_an_entry():
     text = (ROOT / "CHANGELOG.md").read_text()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    assert f"\n## {version}" in text and len(text.splitlines()) <= 60
+    assert f"\n## {version}" in text
+    newest = text.partition("\n## Next")[2].partition("\n## ")[0]
+    lines = [line for line in newest.splitlines() if line]
+    headings = [line for line in lines if line.startswith("#")]
+    entries = [line for line in lines if not line.startswith("#")]
+    assert headings == ["### Added", "### Changed", "### Fixed"]
+    assert [entry for entry in entries if not entry.startswith("- ") or len(entry) > 140] == []
 
 
 def test_the_map_of_the_code_names_every_package():

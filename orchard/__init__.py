@@ -4,6 +4,19 @@ What users need is imported from here: `from orchard import Scenario, Local, Act
 name is imported when it is first used, so an agent's process does not load Rerun, and local mode does not load Zenoh.
 """
 
+import os
+import sys
+
+if (
+    sys.argv[:1] == ["-m"]
+    and sys.orig_argv[-len(sys.argv)].split(".")[0] == __name__
+    and not sys.flags.safe_path
+    and sys.path[0] != os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+):
+    # `python -m orchard` has put the working folder first: a user's ast.py there would be taken for
+    # Python's own. In a clone this folder stays, because it holds the package.
+    del sys.path[0]
+
 from pathlib import Path
 
 import lazy_loader

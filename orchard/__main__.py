@@ -4,10 +4,8 @@ import os
 import signal
 import sys
 
-ABOVE = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # the folder of the package
-if __name__ == "__main__" and not sys.flags.safe_path and sys.path[0] != ABOVE:
-    # `python -m` has put the working folder first: a user's random.py there would be taken for
-    # Python's own. In a clone this folder stays, because it holds the package.
+if __name__ == "__main__" and sys.path[0] == os.path.dirname(os.path.realpath(__file__)):
+    # Python runs this file by its path, and has put its folder first.
     del sys.path[0]
 
 

@@ -7,7 +7,17 @@ import pytest
 from command_line import ROOT, python, summary_of
 
 # Python's own, packages, what Python runs at its start if it finds it, and what libraries use if it is there.
-NAMES = ("random", "queue", "types", "numpy", "sitecustomize", "usercustomize", "colorama")
+NAMES = (
+    "random",
+    "queue",
+    "types",
+    "ast",
+    "numpy",
+    "lazy_loader",
+    "sitecustomize",
+    "usercustomize",
+    "colorama",
+)
 RUNS = "from pathlib import Path\nPath(__file__).with_name('ran').write_text(__name__)\n"
 OWN = """\
 import queue
@@ -62,6 +72,14 @@ def test_a_study_begins_beside_them_and_runs_none(folder):
 def test_python_m_orchard_begins_beside_them_and_runs_none(folder):
     python("-m", "orchard", *SHORT, "--mode", "local", "--record", "none", cwd=folder)
     assert not (folder / "ran").exists()
+
+
+def test_a_users_package_that_imports_the_library_still_finds_its_own_modules(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "__init__.py").write_text("import orchard\n")
+    (tmp_path / "mine" / "__main__.py").write_text("import mine.other\n")
+    (tmp_path / "mine" / "other.py").write_text("from orchard import Scenario\n")
+    python("-m", "mine", cwd=tmp_path)
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "local"])

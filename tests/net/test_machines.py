@@ -9,11 +9,12 @@ import pytest
 from code_blocks import block, commands
 from command_line import line_with, orchard, starting, summary_of
 from fleet import ROOT, until
-from local_runs import SMALL, TICKS, TOY, local_hash
-from machines import machines, needs_machines, run_both, slowed, unplugged, within
+from local_runs import ALONE, SMALL, TICKS, TOY, local_hash, played
+from machines import harm, harms, machines, needs_machines, run_both, slowed, unplugged, within
 from patience import PATIENCE
 
 from orchard.field.scenario import Scenario
+from orchard.local import Local
 from orchard.net.zenoh_bus import router
 
 pytestmark = pytest.mark.processes
@@ -72,6 +73,37 @@ def test_a_slow_link_changes_nothing(fleet, undisturbed):
         )
         fleet.host("--share", "1/2", agents=TOY, endpoint=MIDDLE[0], before=within(guest))
         assert fleet.end() == undisturbed
+
+
+# A whole harvest of three rows, with three exchanges.
+BRIEF = Scenario(rows=3, row_length=20.0, carriers=2, **ALONE)
+UNLOADED = 2864  # ticks, until the last bin is unloaded
+FIRST_EXCHANGE = 600  # ticks, until both pickers have another bin
+
+
+@needs_machines
+@pytest.mark.parametrize(
+    "ticks",
+    [
+        FIRST_EXCHANGE,
+        *(pytest.param(UNLOADED, marks=pytest.mark.soak, id=f"harvest {n}") for n in range(10)),
+    ],
+)
+def test_packets_that_are_lost_doubled_and_reordered_change_nothing(fleet, ticks):
+    """Half of the agents are on each of two machines. Each time other packets suffer."""
+    local = played(Local(BRIEF), ticks)
+    with machines("a", "b") as (host, *guests):
+        for guest in guests:
+            harm(guest, "eth0")
+        harm(host, "v1", "v2")
+        duration = ("--duration", str(ticks / 10))
+        fleet.physics(BRIEF, *duration, "--listen", f"tcp/0.0.0.0:{PORT}", before=within(host))
+        for n, guest in enumerate(guests):
+            fleet.host("--share", f"{n}/2", endpoint=MIDDLE[n], before=within(guest))
+        assert fleet.end() == local.engine.hash
+        for end in ("v1", "v2"):
+            assert harms(host, end)["lost"] > 0
+    assert local.ended == ("harvested" if ticks == UNLOADED else "")
 
 
 @needs_machines

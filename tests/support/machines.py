@@ -1,5 +1,6 @@
 """Machines for tests: network namespaces with cables between them, on this one. Needs root and iproute2."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -116,3 +117,39 @@ def slowed(host: str, guest: int, *bucket: str) -> None:
         check=True,
         timeout=20,
     )
+
+
+# A quarter of the packets is sent at once. The others are 2 ms late, so it overtakes them.
+BAD_RADIO = ["loss", "5%", "duplicate", "1%", "delay", "2ms", "reorder", "25%"]
+# What tc says if the kernel has no netem: newer and older ones.
+NO_NETEM = ("qdisc kind is unknown", "qdisc not found", "No such file or directory")
+
+
+def harm(name: str, *ends: str) -> None:
+    """Lose, double and reorder what a machine sends from these ends of cables.
+
+    Skips the test if the kernel cannot.
+    """
+    for end in ends:
+        done = subprocess.run(
+            ["tc", "-n", name, "qdisc", "add", "dev", end, "root", "netem", *BAD_RADIO],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+        if done.returncode and any(words in done.stderr for words in NO_NETEM):
+            pytest.skip(f"the kernel has no netem (sch_netem): {done.stderr.strip()}")
+        assert done.returncode == 0, done.stderr
+
+
+def harms(name: str, end: str) -> dict[str, int]:
+    """Return how many packets were sent, and how many were lost, at one end that `harm` has met."""
+    told = subprocess.run(
+        ["tc", "-s", "-j", "-n", name, "qdisc", "show", "dev", end],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    ).stdout
+    (queue,) = [queue for queue in json.loads(told) if queue["kind"] == "netem"]
+    return {"sent": queue["packets"], "lost": queue["drops"]}

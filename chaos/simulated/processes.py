@@ -4,8 +4,9 @@ import logging
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf
 from pathlib import Path
 from random import Random
@@ -18,6 +19,7 @@ import msgspec
 
 from chaos.simulated.bare_client import BARE_CLIENT, NAMES, own_agent
 from chaos.simulated.clients import RUN
+from chaos.simulated.half import WriterKilled, takes_half
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import SimulatedBus
@@ -75,21 +77,37 @@ class SimulatedDisk(Executor):
     def __init__(self, world: "World", process: "SimulatedProcess") -> None:
         self._world, self._process = world, process
         self._free_at = 0.0  # s
+        # The jobs that are not done, the oldest first.
+        self._jobs: list[Callable[[], Any]] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future, now = SimulatedFuture(self._world, self._process.task), self._world.scheduler.now
         self._free_at = (
             max(self._free_at, now) + self._world.random.random() * self._world.disk_seconds
         )
-        self._world.scheduler.after(self._free_at - now, lambda: self._do(future, fn, args))
+        job = partial(fn, *args)
+        self._jobs.append(job)
+        self._world.scheduler.after(self._free_at - now, lambda: self._do(future, job))
         return future
 
-    def _do(self, future: Future[Any], fn: Callable[..., Any], args: tuple[Any, ...]) -> None:
-        if not self._process.task.is_over and future.set_running_or_notify_cancel():
+    def _do(self, future: Future[Any], job: Callable[[], Any]) -> None:
+        if self._process.task.is_over:
+            return
+        self._jobs.remove(job)
+        if future.set_running_or_notify_cancel():
             try:
-                future.set_result(fn(*args))
+                future.set_result(job())
             except Exception as error:
                 future.set_exception(error)
+
+    def break_off(self) -> None:
+        """Leave half of what is being written, as the process is killed."""
+        if self._jobs:
+            self._world.half_writes += 1
+            # The process that comes after it has another number, which is in the name of the file.
+            number = patch.object(os, "getpid", lambda: self._process.pid)
+            with suppress(WriterKilled), takes_half(WriterKilled()), number:
+                self._jobs[0]()
 
 
 class SimulatedLine:
@@ -153,6 +171,8 @@ class SimulatedProcess:
             for bus in self.buses:
                 self.world.network.end(bus, self._share())
             self.world.network.end_router(self.spec.name, self._share())
+            if not self.world.is_disk_full:
+                self.disk.break_off()
             self.task.kill()
 
     def _share(self) -> float:
@@ -330,6 +350,7 @@ class World:
     folder: Path  # for snapshots
     disk_seconds: float = 0.1  # that a write takes at most
     is_disk_full: bool = False
+    half_writes: int = 0  # of which the disk has taken half
     loop: RunLoop | None = None  # of physics
     engine: Engine | None = None  # of that
     physics: SimulatedProcess | None = None  # the process that has it
@@ -414,7 +435,9 @@ class World:
 
     def _store(self, name: str, content: bytes, folder: Path, run: str) -> Path:
         if self.is_disk_full:
-            raise OSError(28, os.strerror(28))
+            self.half_writes += 1
+            with takes_half(OSError(28, os.strerror(28))):
+                store(name, content, folder, run)
         path = store(name, content, folder, run)
         at = int(self.scheduler.now * 1e9) + 10**18
         os.utime(path, ns=(at, at))

@@ -1,0 +1,60 @@
+"""What a network and a disk do at their worst happens in schedules, and breaks no promise."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from chaos.simulated.link import Delays
+from chaos.simulated.plan import Fault, Plan, draw
+from chaos.simulated.schedule import Schedule
+from chaos.simulated.verdict import Verdict
+from orchard.server.options import PATIENCE
+from orchard.sim.snapshot import snapshots_in
+from orchard.wire.keys import PHYSICS
+
+
+def plan(*faults: Fault, **others) -> Plan:
+    """A quiet plan with these faults."""
+    quiet = {
+        "mode": "lockstep",
+        "ticks": 60,
+        "hosts": 2,
+        "has_logger": False,
+        "has_router": False,
+        "is_elsewhere": False,
+        "has_bare_client": False,
+        "delays": Delays(),
+        "patience": PATIENCE,
+        "late": 0.0,
+    }
+    return replace(draw(1), faults=faults, **quiet | others)
+
+
+class Carried:
+    """A schedule that has been carried out, and the snapshots that it has left."""
+
+    def __init__(self, plan: Plan) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            self.schedule = Schedule(plan, Path(folder))
+            self.verdict: Verdict = self.schedule.run()
+            snapshots = Path(folder) / "snapshots"
+            self.whole = {path.name for path in snapshots_in(snapshots)}
+            self.left = [path.name for path in snapshots.glob(".*.new")]
+
+
+def test_a_disk_that_takes_half_of_a_write_changes_nothing():
+    full = Fault("full disk", PHYSICS, 10, 0.0, 2.0)
+    carried = Carried(plan(full, Fault("kill", PHYSICS, 40), ticks=150))
+    assert carried.schedule.world.half_writes > 0
+    assert carried.verdict.complaints == []
+    assert carried.left == []
+
+
+@pytest.mark.parametrize("tick", [20, 30, 40, 50])
+def test_physics_that_is_killed_while_it_writes_leaves_half_a_file_that_goes(tick):
+    carried = Carried(plan(Fault("kill", PHYSICS, tick, 0.02), ticks=150))
+    assert carried.schedule.world.half_writes > 0
+    assert carried.verdict.complaints == []
+    assert carried.left == []

@@ -1,12 +1,14 @@
 """Carry out schedules on the simulated network, each from one seed, and check each run.
 
-    python -m chaos.simulated --count 1000
+    python -m chaos.simulated --count 1000 --summary counts.json
     python -m chaos.simulated --seed 83            what happened, line by line, in the smallest plan that fails in the same way
     python -m chaos.simulated mutations --most 2000
+    python -m chaos.simulated expected             count anew what happens in each scene
 
 The exit code is 1 if a promise is broken, or if a safety net can be cut out without any schedule that fails.
 """
 
+import json
 import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -16,15 +18,18 @@ from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import track
 
+from chaos.simulated.census import summed_up
+from chaos.simulated.harvest import EXPECTED, store_counts
 from chaos.simulated.mutations import MUTATIONS, first_seed
 from chaos.simulated.plan import Plan, draw
-from chaos.simulated.schedule import carry_out, complaints_of, shrink
+from chaos.simulated.schedule import carry_out, outcome_of, shrink
+from chaos.simulated.verdict import NEAR_TICKS, Outcome
 from orchard.memory import collect_seldom
 
 TABLE = Path(__file__).parent / "mutations.md"
@@ -47,24 +52,53 @@ def schedules(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Only this one; if it fails, shrink it.")
     ] = None,
+    summary: Annotated[
+        Path | None, typer.Option(help="A JSON file: in how many schedules what occurred.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one for each core.")
+    ] = None,
 ) -> None:
     """Carry out schedules on the simulated network, each from one seed, and check each run."""
     if context.invoked_subcommand is not None:
         return
     if seed is not None:
         raise typer.Exit(_tell(seed))
-    begun, failed, done = monotonic(), [], 0
-    with _workers() as workers:
-        runs = _in_turn(workers, range(first, first + count), begun + seconds)
-        for number, complaints in track(runs, "schedules", count, console=console):
-            done += 1
-            if complaints:
-                failed.append(number)
-                _say(f"seed {number}: {'; '.join(complaints)}")
-    _say(f"{done} schedules in {monotonic() - begun:.0f} s, {len(failed)} failed")
+    begun = monotonic()
+    outcomes: list[Outcome] = []
+    with _workers(workers) as pool:
+        runs = _in_turn(pool, range(first, first + count), begun + seconds)
+        for outcome in track(runs, "schedules", count, console=console):
+            outcomes.append(outcome)
+            if outcome.complaints:
+                _say(f"seed {outcome.seed}: {'; '.join(outcome.complaints)}")
+    failed = [outcome.seed for outcome in outcomes if outcome.complaints]
+    _say(f"{len(outcomes)} schedules in {monotonic() - begun:.0f} s, {len(failed)} failed")
+    if summary is not None:
+        summary.write_text(json.dumps(_summed_up(outcomes), indent=2) + "\n")
     if failed:
         _say(f"what happened: python -m chaos.simulated --seed {failed[0]}")
     raise typer.Exit(1 if failed else 0)
+
+
+def _summed_up(outcomes: list[Outcome]) -> dict[str, Any]:
+    """Return in how many schedules what occurred."""
+    return {
+        "schedules": len(outcomes),
+        "failed": [outcome.seed for outcome in outcomes if outcome.complaints],
+        f"a fault within {NEAR_TICKS} ticks of an event of the harvest": sum(
+            outcome.is_near for outcome in outcomes
+        ),
+        **summed_up(outcome.occurred for outcome in outcomes),
+    }
+
+
+@app.command()
+def expected() -> None:
+    """Count anew what happens in each scene, and write that to chaos/simulated/expected.json."""
+    for scene, counts in store_counts().items():
+        _say(f"{scene}: {counts.ticks} ticks, {counts.bins['unloaded']} bins unloaded")
+    _say(f"written: {EXPECTED.relative_to(Path.cwd())}")
 
 
 @app.command()
@@ -74,10 +108,10 @@ def mutations(
 ) -> None:
     """Cut out one safety net of the protocol after the other. Write at which seed each is found to chaos/simulated/mutations.md."""
     names = [name for name in MUTATIONS if only in name]
-    with _workers() as workers:
+    with _workers() as pool:
         found = list(
             track(
-                workers.map(partial(first_seed, most), names),
+                pool.map(partial(first_seed, most), names),
                 "mutations",
                 len(names),
                 console=console,
@@ -105,30 +139,27 @@ def mutations(
     raise typer.Exit(1 if any(seed is None for seed, _ in found) else 0)
 
 
-def _workers() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
+def _workers(count: int | None = None) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(count or os.cpu_count(), get_context("spawn"))
 
 
 def _in_turn(
     workers: ProcessPoolExecutor, seeds: Iterable[int], deadline: float
-) -> Iterator[tuple[int, list[str]]]:
-    """Yield seed and complaints of each schedule that begins before the deadline."""
+) -> Iterator[Outcome]:
+    """Yield the outcome of each schedule that begins before the deadline."""
     rest = iter(seeds)
     while monotonic() < deadline and (batch := list(islice(rest, 40))):
-        yield from zip(batch, workers.map(complaints_of, batch, chunksize=5), strict=True)
+        yield from workers.map(outcome_of, batch, chunksize=5)
 
 
 def _tell(seed: int) -> int:
     """Print what happens in a schedule; the exit code."""
     plan: Plan = draw(seed)
-    verdict = carry_out(plan)
-    if verdict.complaints:
+    if carry_out(plan).complaints:
         plan = shrink(plan)
-        verdict = carry_out(plan, is_traced=True)
-    else:
-        verdict = carry_out(plan, is_traced=True)
+    verdict = carry_out(plan, is_traced=True)
     _say(
-        f"seed {seed}: {plan.scenario}, {plan.ticks} ticks, {plan.hosts} hosts, {plan.mode}, {plan.delays}"
+        f"seed {seed}: {plan.scene!r}, {plan.ticks} ticks from {plan.begin} on, {plan.hosts} hosts, {plan.mode}, {plan.delays}"
     )
     for line in [*map(str, plan.faults), *verdict.lines, *verdict.complaints]:
         _say(line)

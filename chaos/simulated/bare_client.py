@@ -16,7 +16,7 @@ from orchard.net.requests import ANSWER_SECONDS, ask, fetch_run
 from orchard.wire import messages as wire
 
 BARE_CLIENT = "bare_client"  # the process
-NAMES = {"lockstep": "weed_01", "realtime": "worker_01"}  # mode -> the agent
+NAMES = {"lockstep": "idler", "realtime": "worker_01"}  # mode -> the agent
 SPEEDS = {"lockstep": 0.0, "realtime": 0.5}  # m/s
 AGAIN_SECONDS = 0.1  # between two tries to join
 

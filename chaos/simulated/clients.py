@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from random import Random
 
 from chaos.fuzzer import ASKED, NAMES, invalid_message
@@ -18,6 +18,7 @@ from orchard.wire.messages import RunMessage
 RUN = "run1"
 KEYS = Keys()
 ANOTHER_SEED = 5  # of a scenario after a reset
+ASK_SECONDS = 3.0  # s that a client waits for replies
 
 
 @dataclass
@@ -27,6 +28,9 @@ class Client:
     bus: Bus
     random: Random
     seconds: float  # how long it stays
+    # "stopped" or "reset", and what physics replied
+    stops: list[tuple[str, wire.Stopped]] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
 
     def hear(self, seconds: float) -> Iterator[Item]:
         """Yield what arrives in so many seconds, as it arrives."""
@@ -39,13 +43,24 @@ class Client:
         """Return what has arrived after so many seconds."""
         return list(self.hear(seconds))
 
-    def ask(self, what: str, message: RunMessage, session: str = "*", seconds: float = 3.0) -> bool:
-        """Send a query, and wait until its replies have come. Return whether there was one."""
-        self.bus.ask(KEYS.of(what, session=session), pack(message), what, seconds)
-        is_answered = False
-        while not isinstance(item := self.bus.inbox.take(seconds), Final | None):
-            is_answered = is_answered or (isinstance(item, Replied) and not item.error)
-        return is_answered
+    def ask(
+        self, what: str, message: RunMessage | None, session: str = "*", name: str = "*"
+    ) -> list[bytes]:
+        """Send a query, and wait until its replies have come. Return them. `message`: None for a query without a payload."""
+        payload = b"" if message is None else pack(message)
+        self.bus.ask(KEYS.of(what, name, session), payload, what, ASK_SECONDS)
+        replies: list[bytes] = []
+        while not isinstance(item := self.bus.inbox.take(ASK_SECONDS), Final | None):
+            if isinstance(item, Replied) and not item.error:
+                replies.append(item.payload)
+        return replies
+
+    def state(self) -> wire.SimulationState | None:
+        """Return whether the run plays, and its tick; None if physics does not say so."""
+        for reply in self.ask("simulation_state", None):
+            with suppress(ValueError):
+                return wire.read(reply, wire.SimulationState)
+        return None
 
 
 def claim(client: Client) -> None:
@@ -123,12 +138,31 @@ def pause(client: Client) -> None:
     client.ask("set_simulation_state", wire.SetSimulationState(RUN, "paused"))
     client.wait(client.seconds)
     for _ in range(client.random.randrange(3)):
-        client.ask("step_simulation", wire.StepSimulation(RUN, client.random.randint(1, 5)))
+        step(client, client.random.randint(1, 5))
     client.wait(client.random.random())
     for _ in range(100):  # it may be lost while physics is away, and then the run stays paused
         if client.ask("set_simulation_state", wire.SetSimulationState(RUN, "playing")):
             return
         client.wait(0.2)
+
+
+def step(client: Client, steps: int) -> None:
+    """Do some steps of a paused run. Complain if there were more."""
+    before = client.state()
+    for reply in client.ask("step_simulation", wire.StepSimulation(RUN, steps)):
+        with suppress(ValueError):
+            after = wire.read(reply, wire.SimulationState)
+            is_paused = before is not None and {before.state, after.state} == {"paused"}
+            if before is not None and is_paused and after.tick > before.tick + steps:
+                many = after.tick - before.tick
+                client.complaints.append(f"{many} steps are done, and not {steps}")
+
+
+def survey(client: Client) -> None:
+    """Ask for all that can be asked for."""
+    for what in ("scenario", "layout", "simulation_state", "state"):
+        client.ask(what, None)
+        client.wait(client.seconds / 4.0)
 
 
 def listen(client: Client) -> None:
@@ -145,16 +179,16 @@ def stay_mute(client: Client) -> None:
 
 def stop_robots(client: Client) -> None:
     """Stop all robots in an emergency, and reset them."""
-    client.ask("stop", wire.Stop(RUN, True, []))
-    client.wait(client.seconds)
-    client.ask("stop", wire.Stop(RUN, False, []))
+    for what in ("stopped", "reset"):
+        for reply in client.ask("stop", wire.Stop(RUN, what == "stopped", [])):
+            with suppress(ValueError):
+                client.stops.append((what, wire.read(reply, wire.Stopped)))
+        client.wait(client.seconds)
 
 
 def advise(client: Client) -> None:
     """Drive a robot whose agent goes on."""
-    client.bus.subscribe(KEYS.of("clock"))
-    ticks = [item.payload for item in client.wait(client.seconds) if isinstance(item, Sample)]
-    for _ in ticks[:20]:
+    for _ in range(20):
         tick = fetch_run(client.bus, KEYS).tick
         advice = wire.Advice(
             RUN, tick, wire.Linear(client.random.uniform(-0.5, 1.0)), wire.Angular(0.0)
@@ -163,6 +197,7 @@ def advise(client: Client) -> None:
             KEYS.of("advice", client.random.choice(["picker_01", "carrier_01", "tractor_01"])),
             pack(advice),
         )
+        client.wait(client.seconds / 20.0)
 
 
 def reset(client: Client) -> None:
@@ -184,13 +219,14 @@ CLIENTS: dict[str, Callable[[Client], None]] = {
     "false end": end_it,
     "pause": pause,
     "listen": listen,
+    "survey": survey,
     "mute": stay_mute,
     "stop robots": stop_robots,
     "advise": advise,
     "reset": reset,
     "quit": quit_run,
 }
-CHANGES_THE_HASH = ("stop robots", "advise")
+CHANGES_THE_HASH = ("advise",)
 
 
 def let_act(what: str, client: Client) -> None:

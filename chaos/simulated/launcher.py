@@ -1,6 +1,7 @@
 """run.py as a process of the simulation: its own code starts and follows the others."""
 
 import io
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -73,8 +74,9 @@ class SimulatedProgress(Progress):
         super().__init__(Console(file=io.StringIO()))
         self._world = world
 
-    def show(self, *_: Any) -> None:
-        pass
+    def show(self, figures: Mapping[str, Any], *_: Any) -> None:
+        if self._world.observer is not None:
+            self._world.observer.course.hear_figures(figures)
 
     def say(self, words: str) -> None:
         self._world.say(words)

@@ -1,12 +1,18 @@
 """The protocol with one safety net cut out at a time: each must be found by some schedule, or the net is not needed."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from math import inf
+from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from chaos.simulated.schedule import complaints_of
+from msgspec.structs import replace
+
+from chaos.simulated.plan import draw
+from chaos.simulated.schedule import carry_out
+from chaos.simulated.scheduler import VirtualInbox
+from orchard.contract.agent import Action
 from orchard.net import host, mailbox, requests
 from orchard.net.ending import Ending
 from orchard.processes import agents, physics
@@ -17,6 +23,7 @@ from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
 from orchard.server.run import Run
 from orchard.sim import snapshot
+from orchard.sim.engine import Engine
 from orchard.wire import messages as wire
 from orchard.wire.messages import Joined
 
@@ -111,6 +118,91 @@ def _first_in_folder(folder: Any, run: str = "") -> Any:
     return None
 
 
+def _newest_of_any_run(
+    folder: Path, refused: list[str], run: str = "", examine: Any = None, until: Any = None
+) -> Any:
+    for path in snapshot._newest_first(folder, snapshot.SNAPSHOT):
+        try:
+            found = snapshot.read(path)
+            examine(found)
+        except snapshot.SnapshotError as error:
+            refused.append(f"{path}: {error}")
+        else:
+            return found
+    raise snapshot.SnapshotError(f"{folder}: no usable snapshot")
+
+
+def _without_deeds(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
+    return {name: replace(action, deeds=[]) for name, action in _actions(self).items()}
+
+
+def _with_deeds_twice(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
+    actions = _actions(self).items()
+    return {name: replace(action, deeds=action.deeds * 2) for name, action in actions}
+
+
+def _with_deeds_late(self: barriers.LockstepBarrier) -> Mapping[str, Action]:
+    actions = _actions(self)
+    deeds: dict[str, Any] = getattr(self, "late_deeds", {})
+    self.late_deeds = {name: action.deeds for name, action in actions.items()}  # type: ignore[attr-defined]
+    late = {name: replace(action, deeds=deeds.get(name, [])) for name, action in actions.items()}
+    unasked = {
+        name: replace(Action(), deeds=waiting)
+        for name, waiting in deeds.items()
+        if waiting and name not in actions
+    }
+    return {**late, **unasked}
+
+
+def _keeps_what_was_not_asked(self: Drivers) -> None:
+    self.release(self.answers.give_up())
+
+
+def _moves_the_deadline(self: barriers.LockstepBarrier, name: str) -> None:
+    self._back.discard(name)
+    _expect(self, name)
+
+
+def _stays_left(self: Roster, name: str, owner: str) -> None:
+    self.owners[name] = self._last_owners[name] = owner
+
+
+def _wakes_nobody(self: VirtualInbox, item: Any) -> None:
+    self._items.append(item)
+
+
+def _keeps_before_it_reports(self: loop.RunLoop) -> None:
+    pending, self.run._pending = self.run._pending, None
+    self._drivers.begin(self._engine.observe(), self._pacer.begin())
+    self._engine.account()
+    if self.run.account.snapshot_writer.is_due(self._engine.tick):
+        self.run.keep()
+    self.run._pending = pending
+    self.run.report()
+    self._await_step()
+    self.run.step()
+
+
+def _stops_without_keeping(self: inbound.Queries, query: Any) -> None:
+    keep_at_once = self._run.keep_at_once
+    self._run.keep_at_once = lambda: True  # type: ignore[method-assign]
+    try:
+        _stop(self, query)
+    finally:
+        self._run.keep_at_once = keep_at_once  # type: ignore[method-assign]
+
+
+def _without_stops(self: Engine) -> dict[str, Any]:
+    data = _as_data(self)
+    return data | {"stopped": bytes(len(data["stopped"]))}
+
+
+def _counts_one_step_less(self: RunClock) -> None:
+    self._left -= 1
+    if self._left < 0:
+        self.pause()
+
+
 def _without_patience(*arguments: Any) -> host.Host:
     return host.Host(*arguments[:-1], 0.1)  # type: ignore[call-arg]
 
@@ -120,6 +212,8 @@ def _goes_on_while_paused(self: RunClock) -> float:
 
 
 _take, _keep = barriers.LockstepBarrier.take, RecoveryLog.keep
+_actions, _expect = barriers.LockstepBarrier.actions, barriers.LockstepBarrier.expect
+_stop, _as_data = inbound.Queries._stop, Engine.as_data
 _always: Callable[..., bool] = lambda *_, **__: True  # noqa: E731
 _never: Callable[..., bool] = lambda *_, **__: False  # noqa: E731
 
@@ -186,6 +280,27 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a pause makes agents late": (Cut(RunClock, "__call__", _goes_on_while_paused),),
     "realtime: old velocities drive on": (Cut(commands.RecentTicks, "is_over", _never),),
     "physics is given up at once": (Cut(agents, "Host", _without_patience),),
+    "deeds are lost": (Cut(barriers.LockstepBarrier, "actions", _without_deeds),),
+    "deeds are done twice": (Cut(barriers.LockstepBarrier, "actions", _with_deeds_twice),),
+    "deeds are done a tick late": (Cut(barriers.LockstepBarrier, "actions", _with_deeds_late),),
+    "a silent session keeps its agents that were not asked": (
+        Cut(Drivers, "give_up", _keeps_what_was_not_asked),
+    ),
+    "each join moves the deadline": (Cut(barriers.LockstepBarrier, "expect", _moves_the_deadline),),
+    "a session that left and came back counts as left": (Cut(Roster, "join", _stays_left),),
+    "an inbox is not emptied at a reset": (Cut(VirtualInbox, "forget", _nothing),),
+    "what comes quietly wakes nobody": (Cut(VirtualInbox, "put_quietly", _wakes_nobody),),
+    "an agent is not woken": (Cut(Engine, "wake", _nothing),),
+    "one snapshot is kept": (Cut(snapshot, "KEPT", 1),),
+    "a snapshot of another run counts": (Cut(snapshots, "newest", _newest_of_any_run),),
+    "figures are kept before the step is reported": (
+        Cut(loop.RunLoop, "_tick", _keeps_before_it_reports),
+    ),
+    "an emergency stop is not kept": (Cut(inbound.Queries, "_stop", _stops_without_keeping),),
+    "a snapshot forgets which robots are stopped": (Cut(Engine, "as_data", _without_stops),),
+    "a paused run does one step too many": (Cut(RunClock, "count_step", _counts_one_step_less),),
+    "advice drives for one tick too long": (Cut(commands, "WATCHDOG_TICKS", 6),),
+    "the session of a key is not checked": (Cut(inbound, "_refuse_other_session", _nothing),),
 }
 
 
@@ -201,8 +316,10 @@ def cut_out(name: str) -> Iterator[None]:
 def first_seed(most: int, name: str) -> tuple[int | None, str]:
     """Return the first seed, below `most`, at which only the mutation fails, and what fails then; None and '' if there is none."""
     for seed in range(most):
+        # Drawn before: what a schedule begins from is that of the whole program.
+        plan = draw(seed)
         with cut_out(name):
-            complaints = complaints_of(seed)
-        if complaints and not complaints_of(seed):
+            complaints = carry_out(plan).complaints
+        if complaints and not carry_out(plan).complaints:
             return seed, complaints[0].splitlines()[0][:100]
     return None, ""

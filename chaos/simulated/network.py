@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from math import inf
 from random import Random
 
+from chaos.simulated.census import Census
 from chaos.simulated.link import DOWN, UP, Delays, DirectLink, Link
 from chaos.simulated.router import Router
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
@@ -40,6 +41,7 @@ class Network:
         self.late = 0.0  # s by which tokens come later than messages
         self.lines: list[str] = []  # the trace
         self.is_traced = False
+        self.census = Census()
         self._ids: dict[str, int] = {}
         self._number = 0
         self._cut_until: dict[str, float] = {}  # name of a process -> s

@@ -5,19 +5,24 @@ from random import Random
 from typing import Any, NamedTuple
 
 from chaos.simulated.bare_client import BARE_CLIENT
+from chaos.simulated.census import OF_HARVEST
 from chaos.simulated.clients import CHANGES_THE_HASH
+from chaos.simulated.harvest import FAILED, HARVESTED, REPAIRED, Harvest, harvest_of
 from chaos.simulated.link import Delays
+from chaos.simulated.scenes import SCENES
 from orchard.server.options import PATIENCE
 from orchard.wire.keys import LOGGER, PHYSICS
 
-MOST_TICKS = 300
 BACK_SECONDS = 3.0  # s that a host takes to be back, over a fast network
 SLOW_IN_TURN = 3  # slow messages that it may send and receive until then, one after the other
 CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
+WITH_WALKERS = "crowd"  # the scene in which the bare client walks, in realtime
 
 
 class Fault(NamedTuple):
-    """A fault: what happens to which process, so many seconds after a tick, and for how long (s). Before the first tick: tick -1.
+    """A fault: what happens to which process, so many seconds after a tick, and for how long (s).
+
+    `tick`: counted from the begin of the schedule, or from its last reset; -1: before the first tick.
 
     `message`: it happens as the process is about to send its message of that number from then on, a host its query: between two of them it
     may have sent its velocities, and not all of its mail. 0: at once.
@@ -44,8 +49,8 @@ class Plan:
     """What one schedule does. The same plan gives the same schedule."""
 
     seed: int
-    scenario: dict[str, Any]
-    ticks: int
+    scene: str  # a name in SCENES
+    ticks: int  # from its begin on
     hosts: int
     has_logger: bool
     has_router: bool  # a router of its own, to which physics connects too
@@ -56,6 +61,18 @@ class Plan:
     is_elsewhere: bool = False  # the hosts are on another machine: run.py does not end them
     has_bare_client: bool = False  # a client of its own has one agent, which stands
     late: float = 0.0  # s by which tokens come later than messages, as over several routers
+    begin: int = 0  # the tick of the keyframe from which it begins
+    has_tables: bool = False
+
+    @property
+    def scenario(self) -> dict[str, Any]:
+        """The scenario of its scene."""
+        return SCENES[self.scene]
+
+    @property
+    def end(self) -> int:
+        """The tick at which it ends, unless the harvest is over, or is reset."""
+        return self.begin + self.ticks
 
     @property
     def has_hash(self) -> bool:
@@ -114,28 +131,6 @@ class Plan:
         return any(fault.what in what for fault in self.faults)
 
 
-ALONE = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}, "weeds": 0}
-ONE_WAY = {"route": "one-way", "rows_to_pickers": "balanced"}
-SCENARIOS: tuple[dict[str, Any], ...] = (
-    {
-        "rows": 3,
-        "seed": 1,
-        "people": {"workers": 1, "visitors": 0},
-        "animals": {"dogs": 1, "cats": 0},
-        "weeds": 2,
-        **ONE_WAY,
-    },
-    {"rows": 3, "seed": 2, "dispatch": "nearest", **ONE_WAY, **ALONE},
-    {"rows": 3, "seed": 3, **ONE_WAY, "route": "two-way", **ALONE},
-    {"rows": 4, "seed": 4, "dispatch": "assignment", "tractor": False, **ONE_WAY, **ALONE},
-)
-IN_REALTIME: dict[str, Any] = {
-    "rows": 3,
-    "seed": 2,
-    **ONE_WAY,
-    **ALONE,
-    "people": {"workers": 1, "visitors": 0},
-}  # the agent of the bare client
 HOST = "host"
 FAULTS = {
     HOST: (
@@ -151,11 +146,20 @@ FAULTS = {
         "silence down",
         "vanish",
     ),
-    PHYSICS: ("kill", "kill", "kill", "freeze", "full disk", "torn snapshot"),
+    PHYSICS: (
+        "kill",
+        "kill",
+        "kill",
+        "freeze",
+        "full disk",
+        "torn snapshot",
+        "foreign snapshot",
+    ),
     LOGGER: ("kill", "freeze", "cut", "silence"),
     CLIENT: (
         "claim",
         "claim",
+        "nonsense",
         "nonsense",
         "repeat",
         "lie",
@@ -163,18 +167,25 @@ FAULTS = {
         "pause",
         "pause",
         "listen",
+        "listen",
+        "listen",
+        "survey",
+        "survey",
         "mute",
         "reset",
         "reset",
+        "stop robots",
+        "stop robots",
         "quit",
     ),
-    RUN_PY: ("kill",),
+    RUN_PY: ("kill", "fork"),
     ROUTER: ("kill",),
 }
-AT_A_MOMENT = ("kill", "torn snapshot")
+AT_A_MOMENT = ("kill", "fork", "torn snapshot", "foreign snapshot")
 TROUBLES: tuple[tuple[tuple[str, str], ...], ...] = (  # that come together
     (("pause", CLIENT), ("kill", HOST)),
     (("reset", CLIENT), ("kill", PHYSICS)),
+    (("stop robots", CLIENT), ("kill", PHYSICS)),
     (("full disk", PHYSICS), ("kill", PHYSICS)),
     (("kill", PHYSICS), ("kill", HOST)),
     (("cut", HOST), ("claim", CLIENT)),
@@ -189,105 +200,172 @@ AT_A_ROUTER = (
 LONG = ("pause", "mute")  # what lasts for long now and then
 
 
+# what a schedule begins shortly before, most often
+OF_A_HARVEST = (*OF_HARVEST, FAILED, REPAIRED, HARVESTED)
+# The share of schedules that begin at the first tick, when hosts join.
+AT_ITS_FIRST_TICK = 0.06
+# The share of the others that begin before one of OF_A_HARVEST; the rest begins before a message.
+BEFORE_AN_EVENT = 0.75
+# The share of faults that happen near an event of the harvest, of those that are not at the begin or the end.
+NEAR_AN_EVENT = 0.85
+BEFORE, AFTER = 12, 6  # ticks: how near
+LEAST_LEAD = 5  # ticks between the begin of a schedule and what it begins before
+TRAIL = 25  # ticks that it lasts at least after that
+OF_DEEDS = ("coupled", "uncoupled", "picks from", "weed flattened")
+FAR_TICKS = 320  # from what happens to the nearest deed: further away, the schedule is without one
+TRIES = 3  # that are made to find a moment that is not so far away
+RARE = (HARVESTED, "charging", "charged", FAILED, REPAIRED)  # mostly far from each deed
+BEFORE_WHAT_IS_RARE = 0.06  # the share of schedules that begin before that
+
+
 def draw(seed: int) -> Plan:
     """Return the plan of a seed."""
     random = Random(f"plan {seed}")
-    hosts = random.randint(1, 3)
-    has_logger, has_router = random.random() < 0.15, random.random() < 0.2
+    scene = random.choice(list(SCENES))
+    harvest = harvest_of(scene)
+    begin, ticks = _span(random, harvest)
+    mode = "realtime" if random.random() < 0.08 else "lockstep"
+    has_router = random.random() < 0.2
+    has_walker = mode == "realtime" and scene == WITH_WALKERS
     plan = Plan(
         seed,
-        random.choice(SCENARIOS),
-        random.choice((30, 100, 100, 200, 300)),
-        hosts,
-        has_logger,
-        has_router,
-        Delays(
-            10.0 ** random.uniform(-4.0, -2.0),
-            random.choice((0.05, 0.3, 1.0)),
-            random.choice((0.0, 0.003, 0.02, 0.1)),
+        scene,
+        ticks,
+        hosts=random.randint(1, 3),
+        has_logger=random.random() < 0.15,
+        has_router=has_router,
+        delays=Delays(
+            typical=10.0 ** random.uniform(-4.0, -2.0),
+            slow=random.choice((0.05, 0.3, 1.0)),
+            share=random.choice((0.0, 0.003, 0.02, 0.1)),
         ),
-        (),
-        "realtime" if random.random() < 0.1 else "lockstep",
-        random.choice((PATIENCE, PATIENCE, 4.0)),
-        random.random() < 0.25,
-        random.random() < 0.5,
-        random.random() if has_router and random.random() < 0.3 else 0.0,
+        faults=(),
+        mode=mode,
+        patience=random.choice((PATIENCE, 4.0)),
+        is_elsewhere=random.random() < 0.25,
+        has_bare_client=has_walker or (mode == "lockstep" and random.random() < 0.25),
+        late=random.random() if has_router and random.random() < 0.3 else 0.0,
+        begin=begin,
+        has_tables=random.random() < 0.1,
     )
-    if plan.mode == "realtime":
-        plan = replace(plan, scenario=IN_REALTIME, has_bare_client=True)
-    elif plan.scenario is not SCENARIOS[0]:  # its agent is not in the others
-        plan = replace(plan, has_bare_client=False)
-    return replace(plan, faults=tuple(sorted(_faults(random, plan), key=lambda fault: fault.tick)))
+    moments = Moments(plan, harvest)
+    faults = sorted(_faults(random, plan, moments), key=lambda fault: fault.tick)
+    return replace(plan, faults=tuple(faults))
 
 
-def _faults(random: Random, plan: Plan) -> list[Fault]:
+def _span(random: Random, harvest: Harvest) -> tuple[int, int]:
+    """Return at the tick of which keyframe a schedule begins, and how many ticks it lasts.
+
+    It begins shortly before something happens, and a robot does a deed in it, unless the next one is far away.
+    """
+    ticks = random.choice((60, 100, 100, 200, 300))
+    lead = random.randint(LEAST_LEAD, ticks // 2)
+    moment = 0
+    if random.random() >= AT_ITS_FIRST_TICK and harvest.moments:
+        moment = _moment(random, harvest)
+    deed = _nearest_deed(harvest, moment)
+    if abs(deed - moment) > FAR_TICKS:
+        deed = moment
+    begin = harvest.last_keyframe(min(moment, deed) - lead)
+    return begin, max(ticks, max(moment, deed) + TRAIL - begin)
+
+
+def _moment(random: Random, harvest: Harvest) -> int:
+    """Return a tick at which something happens, most often not far from a deed. Each kind is as frequent as another."""
+    rare = [what for what in RARE if what in harvest.moments]
+    if rare and random.random() < BEFORE_WHAT_IS_RARE:
+        return random.choice(harvest.moments[random.choice(rare)])
+    events = [what for what in OF_A_HARVEST if what in harvest.moments]
+    others = sorted(set(harvest.moments).difference(events))
+    moment = 0
+    for _ in range(TRIES):
+        kinds = events if events and random.random() < BEFORE_AN_EVENT else others or events
+        moment = random.choice(harvest.moments[random.choice(kinds)])
+        if abs(_nearest_deed(harvest, moment) - moment) <= FAR_TICKS:
+            break
+    return moment
+
+
+def _nearest_deed(harvest: Harvest, moment: int) -> int:
+    deeds = [tick for what in OF_DEEDS for tick in harvest.moments.get(what, ())]
+    return min(deeds, key=lambda tick: abs(tick - moment), default=moment)
+
+
+class Moments:
+    """When faults happen in a plan: most often near an event of the harvest."""
+
+    def __init__(self, plan: Plan, harvest: Harvest) -> None:
+        self._ticks = plan.ticks
+        self._events = sorted(
+            {
+                tick - plan.begin
+                for what in OF_A_HARVEST
+                for tick in harvest.moments.get(what, ())
+                if plan.begin <= tick < plan.end
+            }
+        )
+
+    def draw(self, random: Random) -> tuple[int, float]:
+        """Return a tick and a delay, s: at the start, at the end, near an event, or between."""
+        kind = random.random()
+        if kind < 0.05:
+            return -1, random.random() * 1.5
+        if kind < 0.13:
+            return self._ticks - random.randrange(3), 10.0 ** random.uniform(-4.0, -1.0)
+        if self._events and random.random() < NEAR_AN_EVENT:
+            tick = random.choice(self._events) + random.randint(-BEFORE, AFTER)
+            return min(max(tick, 0), self._ticks), 10.0 ** random.uniform(-4.0, -2.0)
+        return random.randrange(self._ticks), 10.0 ** random.uniform(-4.0, -1.0)
+
+
+def _faults(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
     kind = random.random()
-    if (
-        plan.mode == "lockstep" and kind < 0.05
-    ):  # what an open run cannot tell from the truth while a link is cut or physics is gone
-        return [
-            Fault(
-                random.choice(("false end", "advise", "stop robots")),
-                CLIENT,
-                *_moment(random, plan.ticks),
-                1.0,
-            )
-        ]
-    if kind < 0.25:
-        return _troubles(random, plan)
+    if plan.mode == "lockstep" and kind < 0.03:
+        # What an open run cannot tell from the truth while a link is cut or physics is gone.
+        return [Fault("false end", CLIENT, *moments.draw(random), seconds=1.0)]
+    if kind < 0.12:
+        return [Fault("advise", CLIENT, *moments.draw(random), seconds=0.5)]
+    if kind < 0.3:
+        return _troubles(random, plan, moments)
     if kind < 0.35:  # a link that breaks as the end is published
         seconds = 10.0 ** random.uniform(-1.5, -0.2)
-        return [
-            Fault(
-                "cut",
-                _name(HOST, random, plan),
-                plan.ticks,
-                10.0 ** random.uniform(-4.0, -1.0) - 1e-4,
-                seconds,
-            )
-        ]
-    faults: list[Fault] = []
+        delay = 10.0 ** random.uniform(-4.0, -1.0) - 1e-4
+        return [Fault("cut", _name(HOST, random, plan), plan.ticks, delay, seconds)]
     own = [
         PHYSICS,
         PHYSICS,
+        CLIENT,
+        CLIENT,
         CLIENT,
         CLIENT,
         RUN_PY,
         *[LOGGER] * plan.has_logger,
         *[ROUTER] * plan.has_router,
     ]
-    for _ in range(random.choice((0, 1, 1, 2, 2, 3, 4, 6))):
-        who = random.choice([*[HOST] * 3 * plan.hosts, *own])
+    faults: list[Fault] = []
+    for _ in range(random.choice((0, 1, 2, 2, 3, 3, 4, 6))):
+        who = random.choice([*[HOST] * 2 * plan.hosts, *own])
         more = ("cut", "silence") if who == PHYSICS and plan.has_router else ()
-        tick, delay = _moment(random, plan.ticks)  # without a router nothing begins
-        faults.append(
-            _fault(
-                random,
-                plan,
-                random.choice(FAULTS[who] + more),
-                who,
-                max(tick, 0) if who == ROUTER else tick,
-                delay,
-            )
-        )
+        tick, delay = moments.draw(random)
+        # Without a router nothing begins.
+        tick = max(tick, 0) if who == ROUTER else tick
+        faults.append(_fault(random, plan, random.choice(FAULTS[who] + more), who, tick, delay))
     return faults
 
 
-def _troubles(random: Random, plan: Plan) -> list[Fault]:
+def _troubles(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
     """Faults that come together, two or three: the second one soon after the first one, or as it ends; the third one soon after that."""
     if random.random() < 0.1:  # a host is debugged in a run that is paused meanwhile
-        seconds, moment = random.uniform(12.0, 25.0), _moment(random, plan.ticks)
+        seconds, moment = random.uniform(12.0, 25.0), moments.draw(random)
         host = Fault(
             "think", _name(HOST, random, plan), *moment, seconds + random.uniform(4.0, 11.0)
         )
         return [host, Fault("pause", CLIENT, *moment, seconds)]
     first, *others = random.choice(TROUBLES + (AT_A_ROUTER,) * 4 * plan.has_router)
-    one = _fault(random, plan, *first, *_moment(random, plan.ticks))
-    faults, at = (
-        [one],
-        one.delay
-        + (max(0.0, one.seconds + random.uniform(-1.0, 0.2)) if random.random() < 0.5 else 0.0),
-    )
+    one = _fault(random, plan, *first, *moments.draw(random))
+    faults, at = [one], one.delay
+    if random.random() < 0.5:
+        at += max(0.0, one.seconds + random.uniform(-1.0, 0.2))
     for other in others:
         at += 10.0 ** random.uniform(-4.0, 0.3)
         faults.append(_fault(random, plan, *other, one.tick, at))
@@ -309,12 +387,3 @@ def _name(who: str, random: Random, plan: Plan) -> str:
     if who == HOST and plan.has_bare_client and random.random() < 0.4:
         return BARE_CLIENT
     return f"agents {random.randint(1, plan.hosts)}" if who == HOST else who
-
-
-def _moment(random: Random, ticks: int) -> tuple[int, float]:
-    """A tick and a delay, s: at the start, at the end or between."""
-    if (kind := random.random()) < 0.1:
-        return -1, random.random() * 1.5
-    return ticks - random.randrange(3) if kind < 0.3 else random.randrange(
-        ticks
-    ), 10.0 ** random.uniform(-4.0, -1.0)

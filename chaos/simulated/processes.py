@@ -21,6 +21,7 @@ from chaos.simulated.bare_client import BARE_CLIENT, NAMES, own_agent
 from chaos.simulated.clients import RUN
 from chaos.simulated.half import WriterKilled, takes_half
 from chaos.simulated.network import Network
+from chaos.simulated.observer import Observer
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import SimulatedBus
 from orchard.field.layout import lay_out
@@ -40,7 +41,7 @@ from orchard.server import snapshots
 from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
-from orchard.sim.snapshot import SnapshotError, store
+from orchard.sim.snapshot import SNAPSHOT, SnapshotError, store
 from orchard.wire.keys import LOGGER, Keys
 
 log = logging.getLogger("orchard")
@@ -52,6 +53,7 @@ MISTAKES = (
     OSError,
 )  # that a process logs, and ends with code 2
 KILLED = -9  # exit code
+KEPT = 2  # snapshots, of which one may be torn
 SNAPSHOT_SECONDS = 0.5  # between two snapshots: few schedules last for seconds
 
 
@@ -340,6 +342,20 @@ class SimulatedSupervisor(Supervisor):
         running.line.close()
 
 
+def wrong_begin(tick: int, kept: list[int], torn: set[int]) -> str:
+    """Return what is wrong with the tick at which physics begins; empty if nothing is.
+
+    It goes on from its newest snapshot, or from the one before if that is torn, and no earlier.
+    `kept`: the ticks of the snapshots that were written, the newest last. `torn`: of those that were damaged since.
+    """
+    whole = [at for at in kept[-KEPT:] if at not in torn]
+    if tick > 0 and tick not in kept:
+        return f"physics goes on at tick {tick}, of which it has kept no snapshot"
+    if whole and tick != whole[-1]:
+        return f"physics went back to tick {tick}, though it has kept tick {whole[-1]}"
+    return ""
+
+
 @dataclass
 class World:
     """All that one schedule needs: its time, network, disk, processes, and what was said."""
@@ -361,6 +377,11 @@ class World:
     processes: dict[Task, SimulatedProcess] = field(default_factory=dict)
     crashes: list[str] = field(default_factory=list)  # what no user should see
     frames: list[FrameQueue] = field(default_factory=list)  # of each logger
+    begins: int = 0  # how often physics has begun
+    observer: Observer | None = None  # follows physics
+    kept: list[int] = field(default_factory=list)  # ticks of the snapshots that were written
+    torn: set[int] = field(default_factory=set)  # the ticks of those that are torn
+    wrong_begins: list[str] = field(default_factory=list)  # where physics may not have begun
 
     def process(self, name: str) -> SimulatedProcess | None:
         """Return the process of this name that runs."""
@@ -375,8 +396,15 @@ class World:
 
     def begin(self, loop: RunLoop) -> None:
         """Know the loop of physics, which is about to begin."""
-        self.loop, self.engine, self.physics = loop, loop.run.engine, self._running
-        self.begun_at, self.begun_after = self.engine.tick, self.resets
+        engine = loop.run.engine
+        self.loop, self.engine, self.physics = loop, engine, self._running
+        self.begins += 1
+        is_reset = self.resets != self.begun_after and engine.tick == 0
+        self.begun_at, self.begun_after = engine.tick, self.resets
+        if not is_reset and (fault := wrong_begin(engine.tick, self.kept, self.torn)):
+            self.wrong_begins.append(fault)
+        if self.observer is not None and self.physics is not None:
+            self.observer.begin(loop, self.physics.buses[-1], is_reset)
 
     def say(self, line: str) -> None:
         """Take a line for the user."""
@@ -439,9 +467,21 @@ class World:
             with takes_half(OSError(28, os.strerror(28))):
                 store(name, content, folder, run)
         path = store(name, content, folder, run)
+        self._keep(path)
+        self.stamp(path)
+        return path
+
+    def stamp(self, path: Path) -> None:
+        """Let a file be of this moment of virtual time."""
         at = int(self.scheduler.now * 1e9) + 10**18
         os.utime(path, ns=(at, at))
-        return path
+
+    def _keep(self, path: Path) -> None:
+        """Know that a snapshot is written. The one of the first tick outdates all others."""
+        if path.suffix == SNAPSHOT:
+            tick = int(path.stem.removeprefix("tick-"))
+            self.torn.discard(tick)
+            self.kept = [*(self.kept if tick else ()), tick]
 
 
 class _Handler(logging.Handler):

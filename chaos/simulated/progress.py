@@ -1,4 +1,4 @@
-"""How far physics has come: after its death it may go back only to its newest snapshot."""
+"""How far physics has come: a snapshot is written often, and none is of the time before a reset."""
 
 from chaos.simulated.plan import Plan
 from chaos.simulated.processes import SimulatedProcess, World
@@ -13,10 +13,15 @@ class Progress:
     def __init__(self, plan: Plan) -> None:
         self.complaints: list[str] = []
         self.process: SimulatedProcess | None = None  # that has the engine
-        self._has_disk = not plan.has("full disk", "torn snapshot")
+        self._is_disk_whole = not plan.has("full disk", "torn snapshot", "foreign snapshot")
+        self._has_disk = not plan.has("full disk")
         self._engine: Engine | None = None
         self._seed, self._resets = -1, 0
         self._ticks: list[int] = []  # at the last looks at which it had gone on
+
+    def forget(self) -> None:
+        """Know that a user has forked the run: the next physics has another scenario."""
+        self.process = None
 
     def look(self, world: World) -> None:
         """Look at the tick that physics has come to."""
@@ -30,7 +35,8 @@ class Progress:
         before, self.process = self.process, world.physics
         tick, seed = world.begun_at, engine.layout.scenario.seed
         if self.process is not before and before is not None and world.begun_after == self._resets:
-            if self._has_disk and len(self._ticks) == LOOKS and tick < self._ticks[0]:
+            is_long_ago = len(self._ticks) == LOOKS and tick < self._ticks[0]
+            if self._is_disk_whole and is_long_ago:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
             if seed != self._seed and (tick > 0 or self._has_disk):
                 self.complaints.append("physics went back to before a reset")

@@ -7,12 +7,15 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from random import Random
+from typing import Any, NamedTuple
 
 from chaos.simulated.bare_client import NAMES
 from chaos.simulated.clients import RUN, Client, let_act
+from chaos.simulated.harvest import harvest_of
 from chaos.simulated.launcher import Launcher
 from chaos.simulated.link import DOWN, UP
 from chaos.simulated.network import Network
+from chaos.simulated.observer import Observer
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
 from chaos.simulated.processes import (
     KILLED,
@@ -24,16 +27,18 @@ from chaos.simulated.processes import (
 from chaos.simulated.progress import Progress
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.tables import grown
-from chaos.simulated.verdict import Verdict, judge, leave_limit
+from chaos.simulated.verdict import Outcome, Verdict, judge, leave_limit
 from orchard.field.geometry import STILL
+from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.fork import forked
 from orchard.launch.distributed import agent_names, start_hosts
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
 from orchard.net.endpoints import BusError
 from orchard.server.snapshots import last
 from orchard.sim.engine import Engine
-from orchard.sim.snapshot import Snapshot
+from orchard.sim.snapshot import SNAPSHOT, Snapshot, as_file, store
 from orchard.wire.keys import PHYSICS
 
 NO_EXECUTOR = Executor()  # of clients, which write nothing
@@ -44,6 +49,22 @@ STAND_TICKS = 20
 STAND_SECONDS = 0.8  # after which the robots of a silent host stand, in realtime
 TICK_SECONDS = 2 * TIME_STEP / SPEED  # within which a tick follows, in realtime
 LIMIT = 300.0  # s of virtual time within which each schedule ends
+QUIT_SECONDS = 2.0  # between two requests to end a run that was reset and has lasted long enough
+# what a user changes who forks a run: dotted path -> value
+CHANGES: tuple[dict[str, Any], ...] = (
+    {"seed": 11},
+    {"dispatch": "longest-waiting"},
+    {"picking_speed": 0.5},
+)
+
+
+class Inflicted(NamedTuple):
+    """A fault that has happened."""
+
+    at: float  # s
+    fault: Fault
+    part: int  # of the run, see `Course`
+    tick: int
 
 
 class Schedule:
@@ -55,12 +76,19 @@ class Schedule:
         network = Network(scheduler, str(plan.seed), plan.delays)
         network.is_traced = is_traced
         self.world = World(scheduler, network, Random(f"world {plan.seed}"), folder)
+        self.observer = Observer(plan.scene, network.census)
+        self.world.observer = self.observer
         network.late = plan.late
         self.elsewhere = SimulatedSupervisor(self.world)  # of another machine
-        self.inflicted: list[tuple[float, Fault]] = []  # (s, fault)
+        self.inflicted: list[Inflicted] = []
+        self.snapshots, self.tables = folder / "snapshots", folder / "tables"
+        self.clients: list[Client] = []
+        self.is_quit = False  # whether it was asked to end, because it was reset
+        self._scenario: dict[str, Any] = plan.scenario
         self.progress = Progress(plan)
         self.complaints: list[str] = []
         self._clients: list[Task] = []
+        self._quit_at = 0.0  # s: when it may be asked to end again
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
     def run(self) -> Verdict:
@@ -68,7 +96,7 @@ class Schedule:
         with self.world.entered():
             if self.plan.has_router:
                 self.world.network.start_router(ROUTER)
-            self._start()
+            self._start(self._keyframe() if self.plan.begin else None)
             self._look()
             self._plan_faults()
             while not self._is_over() and self.world.scheduler.step(LIMIT):
@@ -86,26 +114,23 @@ class Schedule:
     def _start(self, resumed: Snapshot | None = None) -> None:
         """Start run.py, and what runs on another machine."""
         plan, folder = self.plan, self.world.folder
-        names, left = (
-            agent_names(Scenario(**plan.scenario)),
-            [NAMES[plan.mode]] * plan.has_bare_client,
-        )
+        scenario = Scenario(**self._scenario)
+        names, left = agent_names(scenario), [NAMES[plan.mode]] * plan.has_bare_client
         options = HarvestOptions(
             mode=plan.mode,  # type: ignore[arg-type]
             speed=SPEED if plan.mode == "realtime" else None,
             hosts=plan.hosts,
             patience=plan.patience,
-            duration=plan.ticks * TIME_STEP,
+            duration=plan.end * TIME_STEP,
             progress="json",
             connect=Network.ENDPOINT if plan.has_router else None,
             without=names if plan.is_elsewhere else left or None,
+            table=self.tables if plan.has_tables else None,
         )
         recording = folder / "run.rrd" if plan.has_logger else None
         self.run_py = Launcher(
             self.world,
-            RunRequest(
-                options, Scenario(**plan.scenario), recording, folder / "snapshots", resumed
-            ),
+            RunRequest(options, scenario, recording, self.snapshots, resumed),
         )
         if plan.has_bare_client:
             self.elsewhere.start(spec_of_bare_client(plan.mode))
@@ -115,12 +140,26 @@ class Schedule:
                 self.elsewhere, Network.ENDPOINT, credentials.shares(names, names), credentials
             )
 
+    def _keyframe(self) -> Snapshot:
+        """Return the keyframe with which it begins, and keep it where physics looks for it."""
+        begin = harvest_of(self.plan.scene).snapshot(self.plan.begin)
+        self._put(begin)
+        return begin
+
+    def _put(self, begin: Snapshot) -> None:
+        """Keep a snapshot as the only one of the run."""
+        begin.run = RUN
+        name, content = as_file(begin)
+        self.world.stamp(store(name, content, self.snapshots, RUN))
+        self.world.kept, self.world.torn = [begin.tick], set()
+
     def _look(self) -> None:
         """Start again what has died elsewhere, and look how far the run is."""
         if self.run_py.code is None and self.over_at is None:
             self.elsewhere.watch()
             self.progress.look(self.world)
             self._look_at_tables()
+            self._end_after_a_reset()
         self.world.scheduler.after(LOOK_SECONDS, self._look)
 
     def _look_at_tables(self) -> None:
@@ -137,6 +176,20 @@ class Schedule:
                 for owner in (self.world.loop, *hosts)
                 for line in grown(owner, agents, self.plan.mode)
             ]
+
+    def _end_after_a_reset(self) -> None:
+        """Let the run end that was reset, and has lasted as long as it would have without: its duration is that of a harvest."""
+        now = self.world.scheduler.now
+        is_late = self._is_reset and self._tick >= self.plan.ticks
+        if self.plan.begin and is_late and now >= self._quit_at:
+            self.is_quit = True
+            self._quit_at = now + QUIT_SECONDS
+            self._connect_client(Fault("quit", CLIENT, self._tick))
+
+    @property
+    def _is_reset(self) -> bool:
+        """Whether the present part of the run began with its first tick, and not with a keyframe."""
+        return bool(self.world.resets) and self.observer.course.is_reset
 
     @property
     def over_at(self) -> float | None:
@@ -162,17 +215,46 @@ class Schedule:
         if any(process.code is None for process in self.world.processes.values()):
             self.world.scheduler.after(LOOK_SECONDS, partial(self._go_on, fault))
         else:
-            self.inflicted.append((self.world.scheduler.now, fault))
-            self.world.scheduler.after(
-                USER_SECONDS, lambda: self._start(last(self.world.folder / "snapshots", RUN))
-            )
+            self._note(fault)
+            go_on = self._fork if fault.what == "fork" else self._resume
+            self.world.scheduler.after(USER_SECONDS, go_on)
+
+    def _resume(self) -> None:
+        self._start(last(self.snapshots, RUN))
+
+    def _fork(self) -> None:
+        """Let the run go on with something changed, from its newest snapshot."""
+        newest = last(self.snapshots, RUN)
+        if newest is None:
+            self._start()
+            return
+        random = self.world.random
+        try:
+            fork = forked(newest, random.choice(CHANGES), random.choice((["picker_01"], [])))
+        except ScenarioError:  # another policy may come too late
+            fork = forked(newest, CHANGES[0])
+        self.snapshots = self.world.folder / f"snapshots of a fork at {self.world.scheduler.now}"
+        self.tables = self.world.folder / f"tables of a fork at {self.world.scheduler.now}"
+        self._scenario = fork.scenario
+        self._put(fork)
+        self.observer.course.fork(fork)
+        self.progress.forget()
+        self._start(fork)
 
     # -- faults
 
     @property
     def _tick(self) -> int:
-        """The tick that physics has come to; -1 before the first one."""
-        return -1 if self.world.engine is None else self.world.engine.tick
+        """The tick that physics has come to, from the begin of the schedule, or from a reset; -1 before the first one."""
+        if self.world.engine is None:
+            return -1
+        return self.world.engine.tick - (0 if self._is_reset else self.plan.begin)
+
+    def _note(self, fault: Fault) -> None:
+        """Know that a fault has happened."""
+        tick = self.plan.begin if self.world.engine is None else self.world.engine.tick
+        part = len(self.observer.course.parts) - 1
+        self.inflicted.append(Inflicted(self.world.scheduler.now, fault, part, tick))
 
     def _plan_faults(self) -> None:
         """Let each fault whose tick has come happen after its delay."""
@@ -189,7 +271,7 @@ class Schedule:
             self._inflict(fault)
 
     def _inflict(self, fault: Fault) -> None:
-        self.inflicted.append((self.world.scheduler.now, fault))
+        self._note(fault)
         self.world.network.trace(f"fault: {fault}")
         if fault.who == RUN_PY:
             self._kill_run_py(fault)
@@ -226,8 +308,9 @@ class Schedule:
                 if (
                     lasts and self.plan.mode == "realtime" and not self.plan.has("lie")
                 ):  # who lies in the name of a host drives its robots
+                    tick = 0 if self.world.engine is None else self.world.engine.tick
                     self.world.scheduler.after(
-                        stands_after, partial(self._look_at_robots, process, self._tick)
+                        stands_after, partial(self._look_at_robots, process, tick)
                     )
             case "cut":
                 network.cut(fault.who, fault.seconds)
@@ -243,6 +326,9 @@ class Schedule:
             case "torn snapshot":
                 self._tear()
                 process.kill()
+            case "foreign snapshot":
+                self._put_foreign()
+                process.kill()
 
     def _connect_client(self, fault: Fault) -> None:
         name = f"client_{len(self._clients) + 1}"
@@ -253,7 +339,9 @@ class Schedule:
                 suppress(BusError),
                 self.world.network.client_session(name, task, inbox, NO_EXECUTOR) as bus,
             ):
-                let_act(fault.what, Client(bus, Random(f"{name} {self.plan.seed}"), fault.seconds))
+                client = Client(bus, Random(f"{name} {self.plan.seed}"), fault.seconds)
+                self.clients.append(client)
+                let_act(fault.what, client)
 
         task = self.world.scheduler.spawn(name, body)
         inbox.read_by(task)
@@ -282,10 +370,25 @@ class Schedule:
             ]
 
     def _tear(self) -> None:
-        files = sorted((self.world.folder / "snapshots").glob("tick-*.snapshot"))
-        if files:
+        """Tear the newest snapshot. If no other one is whole the run begins anew, as it was first: only where it has done so."""
+        files = sorted(self.snapshots.glob(f"tick-*{SNAPSHOT}"))
+        whole = [tick for tick in self.world.kept if tick not in self.world.torn]
+        has_begun_there = not self.plan.begin and not self.world.resets
+        if files and (len(set(whole)) > 1 or has_begun_there):
             content = files[-1].read_bytes()
             files[-1].write_bytes(content[: self.world.random.randrange(len(content))])
+            self.world.stamp(files[-1])
+            self.world.torn.add(int(files[-1].stem.removeprefix("tick-")))
+
+    def _put_foreign(self) -> None:
+        """Put a later snapshot of another run into the folder, as a user may who copies files."""
+        harvest = harvest_of(self.plan.scene)
+        foreign = harvest.snapshot(max(harvest.keyframes))
+        foreign.run = "another"
+        name, content = as_file(foreign)
+        self.snapshots.mkdir(exist_ok=True)
+        (self.snapshots / name).write_bytes(content)
+        self.world.stamp(self.snapshots / name)
 
     # -- what may be expected
 
@@ -293,8 +396,8 @@ class Schedule:
         """Whether a fault has lasted into so many seconds before the end of the run."""
         over_at = self.world.scheduler.now if self.over_at is None else self.over_at
         return any(
-            at + seconds + (fault.seconds if fault.who != CLIENT else 0.0) >= over_at
-            for at, fault in self.inflicted
+            one.at + seconds + (one.fault.seconds if one.fault.who != CLIENT else 0.0) >= over_at
+            for one in self.inflicted
         )
 
 
@@ -306,9 +409,10 @@ def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:
         return Schedule(plan, Path(folder), is_traced).run()
 
 
-def complaints_of(seed: int) -> list[str]:
-    """Return what did not hold in the schedule of a seed."""
-    return carry_out(draw(seed)).complaints
+def outcome_of(seed: int) -> Outcome:
+    """Return what came of the schedule of a seed."""
+    verdict = carry_out(draw(seed))
+    return Outcome(seed, verdict.complaints, verdict.occurred, verdict.is_near)
 
 
 def shrink(plan: Plan) -> Plan:

@@ -7,6 +7,7 @@ from functools import partial
 from random import Random
 from typing import TYPE_CHECKING, Any
 
+from chaos.simulated.census import Census
 from chaos.simulated.link import CONTROL, DATA, UP, DirectLink, Link
 from chaos.simulated.router import meets
 from chaos.simulated.scheduler import Task, VirtualInbox
@@ -25,12 +26,14 @@ class SimulatedQuery(Query):
         payload: bytes,
         reply: Callable[[bytes, str], None],
         drop: Callable[[], None],
+        census: Census,
     ) -> None:
-        self.key, self.payload = key, payload
+        self.key, self.payload, self._census = key, payload, census
         self._reply, self._drop, self._is_dropped = reply, drop, False
 
     def reply(self, payload: bytes) -> None:
         if not self._is_dropped:
+            self._census.reply(self.key, payload)
             self._reply(payload, "")
 
     def refuse(self, reason: str) -> None:
@@ -77,6 +80,7 @@ class SimulatedBus(Bus):
         ] = {}  # key -> whether each subscription that it meets is quiet; computed on demand
         self._dropping: dict[str, bool] = {}  # key -> whether a slow subscriber may miss messages
         self._is_interested = False
+        self.listener: Callable[[str, bytes], None] | None = None  # hears all samples, too
         self._known: list[
             str
         ] = []  # the keys to which others subscribe, as far as the session knows
@@ -114,6 +118,7 @@ class SimulatedBus(Bus):
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
         self._work()
+        self._network.census.send(key, payload)
         may_drop = self._dropping.setdefault(key, newest_wins)
         self._send(lambda link: link.router.publish(link, key, payload, may_drop), DATA, may_drop)
 
@@ -130,6 +135,7 @@ class SimulatedBus(Bus):
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         self._work(is_query=True)
+        self._network.census.send(key, payload)
         own = [one for what, one in self._declared if what == "answer" and meets(one, key)]
         if self.link is None and not own:
             self.inbox.put(Final(ticket))
@@ -139,7 +145,11 @@ class SimulatedBus(Bus):
         for _ in own:
             self.inbox.put(
                 SimulatedQuery(
-                    key, payload, partial(self.hear_reply, number), partial(self.hear_final, number)
+                    key,
+                    payload,
+                    partial(self.hear_reply, number),
+                    partial(self.hear_final, number),
+                    self._network.census,
                 )
             )
         self._send(lambda link: link.router.ask(link, number, key, payload))
@@ -225,6 +235,8 @@ class SimulatedBus(Bus):
                 for what, keys in self._declared
                 if what == "subscribe" and meets(keys, key)
             ]
+        if self.listener is not None:
+            self.listener(key, payload)
         for is_quiet in self._subscribed[key]:
             (self.inbox.put_quietly if is_quiet else self.inbox.put)(Sample(key, payload))
 
@@ -250,7 +262,7 @@ class SimulatedBus(Bus):
                 link.send(UP, lambda: link.router.finish(number, self.id))
 
         for _ in declared:
-            self.inbox.put(SimulatedQuery(key, payload, reply, drop))
+            self.inbox.put(SimulatedQuery(key, payload, reply, drop, self._network.census))
         if not declared:
             drop()
 

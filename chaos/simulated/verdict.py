@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from chaos.simulated.plan import MOST_TICKS, SCENARIOS, Plan
+from chaos.simulated.census import OF_HARVEST
+from chaos.simulated.course import summary_digest
+from chaos.simulated.harvest import HARVESTED, harvest_of
+from chaos.simulated.plan import Plan
 from chaos.simulated.processes import KILLED
-from orchard.field.scenario import Scenario
-from orchard.local import Local
+from chaos.simulated.written import faults_of_recording, faults_of_tables
 from orchard.net.refusals import TAKEN
 from orchard.net.requests import AGAIN_SECONDS, TRIES
 from orchard.server.loop import WARN_SECONDS
@@ -47,17 +48,17 @@ class Verdict:
     seconds: float = 0.0  # virtual
     complaints: list[str] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)  # the trace, if it was wanted
+    occurred: dict[str, list[str]] = field(default_factory=dict)  # kind -> what has occurred of it
+    is_near: bool = False  # whether a fault fell near an event of the harvest
 
 
-@lru_cache(maxsize=2 * len(SCENARIOS))
-def hashes_of(scenario: int, seed: int) -> list[str]:
-    """Return the hash of local mode at each tick."""
-    local = Local(Scenario(**SCENARIOS[scenario] | {"seed": seed}))
-    hashes: list[str] = []
-    while len(hashes) <= MOST_TICKS:
-        hashes.append(local.engine.hash)
-        local.tick()
-    return hashes
+class Outcome(NamedTuple):
+    """What is counted of a schedule."""
+
+    seed: int
+    complaints: list[str]
+    occurred: dict[str, list[str]]  # as in Verdict
+    is_near: bool
 
 
 def judge(schedule: "Schedule") -> Verdict:
@@ -66,28 +67,76 @@ def judge(schedule: "Schedule") -> Verdict:
     summary, why = schedule.run_py.result
     verdict = Verdict(plan, summary or {}, world.scheduler.now, lines=world.network.lines)
     verdict.complaints += [f"crash: {crash}" for crash in world.crashes]
+    verdict.occurred = _occurred(schedule, verdict.summary)
+    verdict.is_near = _is_near(schedule)
+    verdict.complaints += [
+        f"local mode harvests {plan.scene!r} otherwise: {difference}"
+        for difference in harvest_of(plan.scene).differences[:1]
+    ]
     if summary is None:
         verdict.complaints.append(f"no end: {'; '.join([*world.lines[-3:], why])}")
     else:
         verdict.complaints += [*schedule.complaints, *schedule.progress.complaints]
         verdict.complaints += [
-            *_of_end(plan, summary, why),
-            *_of_hash(schedule, summary, why),
+            *_of_end(schedule, summary, why),
+            *_of_agents(schedule, summary, why),
+            *_of_course(schedule, summary),
+            *_of_files(schedule, summary),
+            *_of_commands(schedule),
             *_of_processes(schedule),
         ]
     return verdict
 
 
-def _of_end(plan: Plan, summary: dict[str, Any], why: str) -> Iterator[str]:
+NEAR_TICKS = 20
+
+
+def _is_near(schedule: "Schedule") -> bool:
+    """Whether a fault has fallen within NEAR_TICKS of an event of the harvest."""
+    ticks = [
+        {event.tick for event in part.events if event.what in OF_HARVEST}
+        for part in schedule.observer.course.parts
+    ]
+    return any(
+        abs(one.tick - tick) <= NEAR_TICKS for one in schedule.inflicted for tick in ticks[one.part]
+    )
+
+
+def _occurred(schedule: "Schedule", summary: dict[str, Any]) -> dict[str, list[str]]:
+    census = schedule.world.network.census
+    faults = {f"{one.fault.what}, {kind_of_process(one.fault.who)}" for one in schedule.inflicted}
+    begin = "a keyframe" if schedule.plan.begin else "its first tick"
+    found = {
+        "messages": census.messages,
+        "deeds": census.deeds,
+        "requests": census.requests,
+        "answers": census.answers,
+        "events": census.events | ({HARVESTED} if summary.get("finished") else set()),
+        "faults": faults,
+        "refusals": set(summary.get("messages_refused", ())),
+        "plans": {schedule.plan.scene, schedule.plan.mode, f"from {begin}"},
+    }
+    return {kind: sorted(ones) for kind, ones in found.items()}
+
+
+def kind_of_process(name: str) -> str:
+    """Return what a process is: hosts have numbers."""
+    return name.rstrip("0123456789 ")
+
+
+def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
     """Complain about how the run has ended."""
+    plan = schedule.plan
     for violation in summary["violations"][:1]:
         yield f"violated: {violation}"
     for broken in summary["broken_agents"][:1]:
         yield f"broken: {broken}"
-    if why != "duration" and not (plan.has("quit") and why == "stopped"):
+    is_quit = plan.has("quit") or schedule.is_quit
+    is_complete = why == "harvested" and summary["finished"]
+    if why != "duration" and not is_complete and not (is_quit and why == "stopped"):
         yield f"ended by itself: {why}, at tick {summary['ticks']}"
-    elif why == "duration" and summary["ticks"] != plan.ticks:
-        yield f"wrong tick: {summary['ticks']} of {plan.ticks}"
+    elif why == "duration" and summary["ticks"] != plan.end:
+        yield f"wrong tick: {summary['ticks']} of {plan.end}"
     if plan.mode == "lockstep" and not plan.faults and summary["messages_refused"]:
         yield f"refused without a fault: {summary['messages_refused']}"
     elif (
@@ -98,8 +147,8 @@ def _of_end(plan: Plan, summary: dict[str, Any], why: str) -> Iterator[str]:
         yield "an owner's only answer is refused"
 
 
-def _of_hash(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
-    """Complain about lost agents, if no host was away for long, and about another hash, if none was lost."""
+def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
+    """Complain about lost agents, if no host was away for long, and about sessions that are not back."""
     plan, world = schedule.plan, schedule.world
     lost = [line for line in world.lines if "no longer waited for" in line]
     if plan.mode == "lockstep" and lost and not plan.may_lose:
@@ -110,14 +159,46 @@ def _of_hash(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterato
     )
     if waited > plan.away + START_SECONDS:
         yield f"physics has waited {waited:g} s for hosts"
-    if plan.has_hash and not lost and world.engine is not None:
-        seed = world.engine.layout.scenario.seed
-        if summary["hash"] != hashes_of(SCENARIOS.index(plan.scenario), seed)[summary["ticks"]]:
-            yield "another hash than local mode"
     sessions = plan.hosts + plan.has_bare_client
     is_whole = summary["hosts"] == sessions or any(NEVER_BACK in line for line in lost)
     if not is_whole and why == "duration" and not schedule.has_just_suffered(LOST_SECONDS):
         yield f"{summary['hosts']} of {sessions} sessions at the end"
+
+
+def _of_course(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+    """Complain about a run that is not that of local mode: its hash, figures, events and messages."""
+    plan, world, course = schedule.plan, schedule.world, schedule.observer.course
+    if not plan.has_hash or world.loop is None:
+        return
+    reference, tick = course.parts[-1].reference, summary["ticks"]
+    if course.is_whole:
+        if summary["hash"] != reference.hash_at(tick).hex():
+            yield "another hash than local mode"
+        figures = world.loop.run.account.figures.figures()
+        if summary_digest(summary, figures) != reference.figures_at(tick):
+            yield "another summary than local mode"
+    # A client that publishes what others have said may publish figures, too.
+    yield from course.differences(with_figures=not plan.has(*SPEAK_FOR_OTHERS))
+
+
+def _of_files(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+    """Complain about tables and recordings in which a tick is missing, or is twice."""
+    if schedule.plan.has_tables:
+        yield from faults_of_tables(schedule, summary)
+    yield from faults_of_recording(schedule, summary)
+
+
+def _of_commands(schedule: "Schedule") -> Iterator[str]:
+    """Complain about what drivers and operators asked for, and did not get."""
+    yield from schedule.world.wrong_begins
+    yield from schedule.observer.complaints
+    for client in schedule.clients:
+        if sum(fault.what == "pause" for fault in schedule.plan.faults) == 1:
+            yield from client.complaints
+        for what, stopped in client.stops:
+            course = schedule.observer.course
+            if stopped.kept and not course.has(stopped.tick, what, stopped.changed):
+                yield f"what was kept is forgotten: {what}: tick {stopped.tick}"
 
 
 def _of_processes(schedule: "Schedule") -> Iterator[str]:

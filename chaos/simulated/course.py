@@ -1,0 +1,145 @@
+"""The course of a run of many processes: what physics reported of each step, and whether local mode does the same."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from chaos.simulated.harvest import digest_of_figures, digest_of_step, harvest_of
+from chaos.simulated.reference import HarvestReference, Reference, Replay, first_moment
+from chaos.simulated.scenes import SCENES
+from orchard.contract.events import Event
+from orchard.contract.messages import Written, pack, unpack
+from orchard.field.scenario import Scenario
+from orchard.sim.snapshot import Snapshot
+
+LATCHED = ("stopped", "reset")  # events of emergency stops
+
+
+class Step(NamedTuple):
+    """What physics reported of a step."""
+
+    digest: bytes  # of events and messages
+    hash: bytes  # of the run, after the step
+    events: list[Event]
+    is_whole: bool  # whether lockstep has waited for all agents until then
+
+
+class Part:
+    """A part of a run: from its begin, a reset or a fork on. A step that is simulated again replaces the one before."""
+
+    def __init__(self, scenario: Mapping[str, Any], reference: Reference) -> None:
+        self.scenario, self._reference = scenario, reference
+        self.steps: dict[int, Step] = {}  # tick -> the step from it
+
+    @property
+    def reference(self) -> Reference:
+        """What local mode does, with the emergency stops of this run."""
+        commands = {
+            tick: stops
+            for tick, step in self.steps.items()
+            if (stops := [event for event in step.events if event.what in LATCHED])
+        }
+        return self._reference.commanded(commands) if commands else self._reference
+
+    def differences(self) -> Iterator[str]:
+        """Yield a sentence on the first step that is another one than in local mode."""
+        reference = self.reference
+        for tick, step in sorted(self.steps.items()):
+            if not step.is_whole:
+                return
+            if step.digest != reference.step_at(tick):
+                yield f"other events or messages than in local mode: tick {tick}"
+                return
+            if step.hash != reference.hash_at(tick + 1):
+                yield f"another hash than local mode: tick {tick + 1}"
+                return
+
+    @property
+    def events(self) -> list[Event]:
+        """The events of all steps, in their order."""
+        return [event for _, step in sorted(self.steps.items()) for event in step.events]
+
+
+class Course:
+    """All parts of a run. The last one is the present one."""
+
+    def __init__(self, scene: str) -> None:
+        self._scenario = Scenario(**SCENES[scene]).model_dump()
+        self._harvest = HarvestReference(harvest_of(scene))
+        self.parts = [Part(self._scenario, self._harvest)]
+        self.is_reset = False  # whether the present part began with a reset
+        self._figures: list[
+            tuple[int, bytes, bool]
+        ] = []  # tick, digest, whether all was waited for
+        self.is_whole = True  # whether lockstep has waited for all agents until now
+
+    def begin(self, scenario: Mapping[str, Any], is_reset: bool) -> None:
+        """Know that physics begins with a scenario: `is_reset`: from its first tick on, because a user wants it."""
+        if is_reset:
+            self.is_reset = True
+            is_that_of_the_scene = scenario == self._scenario
+            reference = self._harvest if is_that_of_the_scene else replay_of(pack(scenario))
+            self.parts.append(Part(scenario, reference))
+        elif scenario != self.parts[-1].scenario:
+            # It has died before a reset was kept, and is the run before again.
+            self.parts += [part for part in self.parts if part.scenario == scenario][-1:]
+            self.is_reset = False
+
+    def fork(self, begin: Snapshot) -> None:
+        """Know that the run goes on from a snapshot with changes."""
+        self.parts.append(Part(begin.scenario, Replay(begin)))
+        self.is_reset = False
+
+    def add(
+        self,
+        tick: int,
+        events: Sequence[Event],
+        letters: Mapping[str, Written],
+        digest: bytes,
+        is_whole: bool,
+    ) -> None:
+        """Add a step. `digest`: the run's hash after it."""
+        self.is_whole = is_whole
+        step = Step(digest_of_step(events, letters), digest, list(events), is_whole)
+        self.parts[-1].steps[tick] = step
+
+    def hear_figures(self, figures: Mapping[str, Any]) -> None:
+        """Take figures that were published."""
+        said = (figures["ticks"], digest_of_figures(figures), self.is_whole)
+        self._figures.append(said)
+
+    def differences(self, with_figures: bool) -> Iterator[str]:
+        """Yield a sentence on what is not as in local mode: steps, and figures that were published."""
+        for part in self.parts:
+            yield from part.differences()
+        if not with_figures:
+            return
+        references = [part.reference for part in self.parts] if self._figures else []
+        for tick, digest, is_whole in self._figures:
+            # They may arrive late: after a reset, and of the part before.
+            known = [reference.figures_at(tick) for reference in references]
+            if is_whole and digest not in known:
+                yield f"other figures than in local mode: tick {tick}"
+                return
+
+    def has(self, tick: int, what: str, names: Sequence[str]) -> bool:
+        """Whether robots were stopped or reset at a tick."""
+        found = {
+            event.who
+            for part in self.parts
+            if tick in part.steps
+            for event in part.steps[tick].events
+            if event.what == what
+        }
+        return found.issuperset(names)
+
+
+@lru_cache(maxsize=4 * len(SCENES))
+def replay_of(scenario: bytes) -> Replay:
+    """Return local mode's run of a packed scenario, from its first tick."""
+    return Replay(first_moment(unpack(scenario, dict[str, Any])))
+
+
+def summary_digest(summary: Mapping[str, Any], figures: Mapping[str, Any]) -> bytes:
+    """Return the digest of those figures in a summary that a run publishes, too."""
+    return digest_of_figures({key: summary[key] for key in figures})

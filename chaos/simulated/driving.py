@@ -1,0 +1,85 @@
+"""Whether physics does what drivers ask for: each deed is done or refused, once, and advice drives for as long as it may.
+
+It needs no other run to compare with: it holds in realtime, and where agents were lost.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+from chaos.simulated.census import KEYS
+from orchard.contract.events import Event
+from orchard.contract.messages import Couple, Deed, Flatten, PickFrom, Uncouple
+from orchard.field.geometry import STILL, Twist
+from orchard.sim.engine import Engine
+from orchard.wire.codec import twist_of, velocities_of
+from orchard.wire.messages import Advice, Velocity, read
+
+ADVICE_TICKS = 5  # steps that one piece of advice drives at most, as keyspace.md promises
+PATIENCE = 10  # steps for which a robot asks for deeds, and none is done or refused
+DONE: dict[str, type] = {
+    "coupled": Couple,
+    "uncoupled": Uncouple,
+    "picks from": PickFrom,
+    "weed flattened": Flatten,
+}
+REFUSED = "deed refused"
+
+
+class Driving:
+    """Follows what arrives at one physics process, and the steps that it does."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._wanted: dict[str, list[Deed]] = {}  # robot -> the deeds that came since the last step
+        self._in_vain: dict[str, int] = {}  # robot -> steps in which it asked for deeds in vain
+        self._advised: dict[str, dict[Twist, int]] = {}  # robot -> velocity -> its newest tick
+        self.complaints: list[str] = []
+
+    def hear(self, key: str, payload: bytes) -> None:
+        """Take what arrives at physics."""
+        with suppress(ValueError):
+            match KEYS.parts(key):
+                case [name, "advice"]:
+                    advice = read(payload, Advice)
+                    self._advised.setdefault(name, {})[twist_of(advice)] = advice.tick
+                case [name, "velocity"] if b"deeds" in payload:
+                    self._want(name, read(payload, Velocity).deeds)
+                case ["hosts", _, "velocities"] if b"deeds" in payload:
+                    for name, report in velocities_of(payload)[0].velocities.items():
+                        self._want(name, report.deeds)
+
+    def _want(self, name: str, deeds: Sequence[Deed]) -> None:
+        if deeds:
+            self._wanted.setdefault(name, []).extend(deeds)
+
+    def step(self, tick: int, events: Sequence[Event]) -> None:
+        """Look at a step that physics has reported."""
+        if not self.complaints:
+            self.complaints += [*self._of_deeds(tick, events), *self._of_advice(tick)]
+        self._wanted = {}
+
+    def _of_deeds(self, tick: int, events: Sequence[Event]) -> Iterator[str]:
+        """Complain about a robot whose deeds are neither done nor refused."""
+        heard = {event.who for event in events if event.what in DONE or event.what == REFUSED}
+        for name in self._wanted:
+            may_act = self._may_act(name)
+            count = self._in_vain.get(name, 0) + 1
+            self._in_vain[name] = 0 if name in heard or not may_act else count
+            if self._in_vain[name] >= PATIENCE:
+                yield f"{name} asks for deeds in vain: tick {tick}"
+
+    def _may_act(self, name: str) -> bool:
+        """Whether a robot is neither stopped nor flat."""
+        world, body = self._engine.world, self._engine.layout.index.get(name)
+        if body is None:
+            return False
+        return not world.stopped[body] and bool(world.charge[body] > 0.0)
+
+    def _of_advice(self, tick: int) -> Iterator[str]:
+        """Complain about a robot that drives by advice that is over."""
+        for name, known in self._advised.items():
+            action = self._engine.actions.get(name)
+            twist = STILL if action is None else action.twist
+            last = None if twist == STILL else known.get(twist)
+            if last is not None and tick - last >= ADVICE_TICKS:
+                yield f"{name} is driven by advice of tick {last}: tick {tick}"

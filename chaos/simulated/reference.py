@@ -1,0 +1,117 @@
+"""What local mode does where a run of many processes is: its hash, its figures, and what happens in each step."""
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import Any, Protocol
+
+from chaos.simulated.harvest import Harvest, digest_of_figures, digest_of_step
+from orchard.contract.events import Event
+from orchard.field.kinds import ROBOTS, kind_of
+from orchard.field.scenario import Scenario
+from orchard.launch.fork import WatchedRun
+from orchard.local import Local
+from orchard.sim.snapshot import Snapshot
+
+Commands = Mapping[int, Sequence[Event]]  # tick -> the robots that are stopped or reset at it
+
+
+class Reference(Protocol):
+    """A run in local mode, from one tick to its end."""
+
+    def hash_at(self, tick: int) -> bytes:
+        """Return the hash at a tick; empty if the run has no such tick."""
+
+    def figures_at(self, tick: int) -> bytes:
+        """Return the digest of the figures at a tick; empty if the run has no such tick."""
+
+    def step_at(self, tick: int) -> bytes:
+        """Return the digest of the step from a tick; empty if the run has no such step."""
+
+    def commanded(self, commands: Commands) -> "Reference":
+        """Return the same run, in which robots are stopped and reset."""
+
+
+def _at(found: Sequence[bytes], tick: int) -> bytes:
+    return found[tick] if 0 <= tick < len(found) else b""
+
+
+class HarvestReference:
+    """The harvest of a scene, which is known from its first tick to its end."""
+
+    def __init__(self, harvest: Harvest) -> None:
+        self._harvest = harvest
+
+    def hash_at(self, tick: int) -> bytes:
+        return _at(self._harvest.hashes, tick)
+
+    def figures_at(self, tick: int) -> bytes:
+        return _at(self._harvest.figures, tick)
+
+    def step_at(self, tick: int) -> bytes:
+        return _at(self._harvest.steps, tick)
+
+    def commanded(self, commands: Commands) -> Reference:
+        first = self._harvest.last_keyframe(min(commands))
+        return Replay(self._harvest.snapshot(first), commands, self)
+
+
+class Replay:
+    """A run in local mode that goes on from a snapshot, as far as it is asked for."""
+
+    def __init__(
+        self, begin: Snapshot, commands: Commands | None = None, before: Reference | None = None
+    ) -> None:
+        """`before`: the same run up to the snapshot."""
+        self._begin, self._commands, self._before = begin, commands or {}, before
+        self._run = WatchedRun(begin)
+        self._first = self._run.tick
+        self._hashes: list[bytes] = []
+        self._figures: list[bytes] = []
+        self._steps: list[bytes] = []
+        self._record()
+
+    def hash_at(self, tick: int) -> bytes:
+        if tick < self._first and self._before is not None:
+            return self._before.hash_at(tick)
+        self._go_to(tick)
+        return _at(self._hashes, tick - self._first)
+
+    def figures_at(self, tick: int) -> bytes:
+        if tick < self._first and self._before is not None:
+            return self._before.figures_at(tick)
+        self._go_to(tick)
+        return _at(self._figures, tick - self._first)
+
+    def step_at(self, tick: int) -> bytes:
+        if tick < self._first and self._before is not None:
+            return self._before.step_at(tick)
+        self._go_to(tick + 1)
+        return _at(self._steps, tick - self._first)
+
+    def commanded(self, commands: Commands) -> Reference:
+        return Replay(self._begin, commands)
+
+    def _go_to(self, tick: int) -> None:
+        while self._run.tick < tick and self._run.ended == "duration":
+            self._step()
+            self._record()
+
+    def _step(self) -> None:
+        run, tick = self._run, self._run.tick
+        for what, commands in groupby(self._commands.get(tick, ()), lambda event: event.what):
+            # A coupled bin is stopped with its robot, and no stop names it.
+            robots = [event.who for event in commands if kind_of(event.who) in ROBOTS]
+            engine = run.local.engine
+            (engine.stop if what == "stopped" else engine.reset)(robots)
+        events = run.local.tick()
+        run.figures.update(events)
+        self._steps.append(digest_of_step(events, run.local.post.written.get(tick, {})))
+
+    def _record(self) -> None:
+        self._hashes.append(self._run.local.engine.digest)
+        self._figures.append(digest_of_figures(self._run.figures.figures()))
+
+
+def first_moment(scenario: Mapping[str, Any]) -> Snapshot:
+    """Return the state of a scenario at its first tick."""
+    return WatchedRun(Local(Scenario(**scenario)).snapshot()).snapshot()

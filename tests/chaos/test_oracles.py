@@ -1,0 +1,227 @@
+"""What schedules look at: each test breaks one thing, and the oracle for it complains."""
+
+from pathlib import Path
+from unittest.mock import patch
+
+import msgspec
+import pytest
+
+from chaos.simulated import processes
+from chaos.simulated.census import ANSWERS, DEEDS, MESSAGES, OF_HARVEST, REQUESTS, summed_up
+from chaos.simulated.harvest import OF_BINS, harvest_of, made, stored_counts
+from chaos.simulated.link import Delays
+from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan, draw
+from chaos.simulated.scenes import SCENES
+from chaos.simulated.schedule import carry_out
+from orchard.record.logger import FrameQueue
+from orchard.report.metrics import HarvestFigures
+from orchard.server import barriers
+from orchard.server.commands import Advised
+from orchard.sim.engine import Engine
+from orchard.tables.tables import BodyRows
+from orchard.wire.keys import PHYSICS
+
+ROOT = Path(__file__).parents[2]
+SCENE = "rolling"
+
+
+def shortly_before(what: str, *faults: Fault, ticks: int = 60, **others) -> Plan:
+    """A plan that begins at the last keyframe before an event."""
+    harvest = harvest_of(SCENE)
+    begin = harvest.last_keyframe(harvest.moments[what][0])
+    given = {"has_logger": False, "has_router": False, "delays": Delays()} | others
+    return Plan(1, SCENE, ticks, hosts=2, faults=faults, begin=begin, **given)
+
+
+# -- what is stored
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_local_mode_harvests_each_scene_as_it_is_stored(scene):
+    assert harvest_of(scene).differences == []
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_stored_counts_of_bins_are_those_of_the_rows(scene):
+    """Each full bin is left by its picker and taken by a carrier, which has brought an empty one and unloads the full one."""
+    bins = stored_counts()[scene].bins
+    assert set(bins) == set(OF_BINS)
+    assert bins["row picked"] == SCENES[scene]["rows"]
+    assert bins["unloaded"] == bins["bin full"]
+    assert bins["coupled"] == bins["uncoupled"] == 2 * bins["bin full"]
+
+
+def test_a_harvest_that_is_wrong_in_each_mode_is_found_by_the_stored_counts():
+    expected = msgspec.structs.replace(stored_counts()[SCENE], ticks=500)
+    with patch.object(Engine, "_deeds", lambda self, actions: []):
+        _, counts = made(SCENE, expected)
+    assert "0 times 'coupled', not 6" in counts.differences(stored_counts()[SCENE])
+
+
+# -- what a schedule sees
+
+
+def test_schedules_begin_shortly_before_something_happens():
+    """A harvest has an event in every hundredth tick."""
+    plans = [draw(seed) for seed in range(100)]
+    events = [
+        any(
+            plan.begin <= tick < plan.end
+            for what in (*OF_HARVEST, "failed", "repaired", "harvested")
+            for tick in harvest_of(plan.scene).moments.get(what, ())
+        )
+        for plan in plans
+    ]
+    assert events.count(True) >= 85
+    assert {plan.scene for plan in plans} == set(SCENES)
+
+
+def test_all_kinds_of_the_reference_of_messages_are_counted():
+    text = (ROOT / "docs" / "messages.md").read_text()
+    messages = text.split("\n## Messages\n")[1].split("\n## ")[0]
+    assert [line[4:] for line in messages.splitlines() if line.startswith("### ")]
+    assert {line[4:] for line in messages.splitlines() if line.startswith("### ")} == set(MESSAGES)
+    for heading, kinds in (("deeds", DEEDS), ("requests", REQUESTS), ("answers", ANSWERS)):
+        part = text.split(f"\n### The {heading}\n")[1].split("\n### ")[0]
+        assert {line.split("`")[1] for line in part.splitlines() if line.startswith("- `")} == set(
+            kinds
+        )
+
+
+def test_what_occurs_in_a_schedule_is_counted():
+    """A picker leaves its full bin, which sends for a carrier."""
+    verdict = carry_out(shortly_before("uncoupled", Fault("survey", CLIENT, 5, 0.0, 0.1)))
+    assert verdict.complaints == []
+    counts = summed_up([verdict.occurred])
+    assert counts["events"]["uncoupled"] == counts["deeds"]["uncouple"] == 1
+    assert counts["requests"]["come"] == counts["messages"]["Orchard"] == 1
+    assert counts["events"]["charging"] == counts["messages"]["Advice"] == 0
+    assert counts["faults"] == {"survey, client": 1}
+    assert verdict.is_near
+
+
+# -- what a user does
+
+
+@pytest.mark.parametrize("what", ["kill", "fork"])
+def test_a_run_that_is_resumed_or_forked_goes_on_as_in_local_mode(what):
+    assert carry_out(shortly_before("uncoupled", Fault(what, RUN_PY, 20))).complaints == []
+
+
+def test_a_run_that_is_reset_begins_again_and_lasts_as_long():
+    verdict = carry_out(shortly_before("uncoupled", Fault("reset", CLIENT, 20)))
+    assert verdict.complaints == []
+    assert verdict.summary["ticks"] < verdict.plan.begin
+
+
+def test_an_emergency_stop_is_that_of_local_mode_also_after_a_kill():
+    faults = Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.1)
+    verdict = carry_out(shortly_before("uncoupled", *faults, ticks=300))
+    assert verdict.complaints == []
+    assert "stopped" in verdict.occurred["events"]
+
+
+# -- what is broken
+
+
+def test_deeds_that_are_lost_fail_nearly_all_schedules():
+    plans = [draw(seed) for seed in range(20)]
+    actions = barriers.LockstepBarrier.actions
+
+    def without(self):
+        return {
+            name: msgspec.structs.replace(action, deeds=[])
+            for name, action in actions(self).items()
+        }
+
+    lockstep = [plan for plan in plans if plan.mode == "lockstep"]
+    with patch.object(barriers.LockstepBarrier, "actions", without):
+        failed = [plan.seed for plan in lockstep if carry_out(plan).complaints]
+    assert len(failed) >= 0.8 * len(lockstep)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_robot_that_asks_for_a_deed_in_vain_is_found_without_local_mode(mode):
+    with patch.object(Engine, "_deeds", lambda self, actions: []):
+        complaints = carry_out(shortly_before("uncoupled", mode=mode)).complaints
+    assert any("asks for deeds in vain" in complaint for complaint in complaints)
+
+
+def test_figures_that_are_wrong_are_found():
+    count = HarvestFigures._count
+
+    def twice(self, event):
+        count(self, event)
+        self.busy_ticks += event.what == "uncoupled"
+
+    with patch.object(HarvestFigures, "_count", twice):
+        complaints = carry_out(shortly_before("uncoupled")).complaints
+    assert "another summary than local mode" in complaints
+    assert any(complaint.startswith("other figures") for complaint in complaints)
+
+
+def test_an_event_that_is_reported_twice_is_found():
+    step = Engine.step
+
+    def twice(self, *arguments):
+        return [event for event in step(self, *arguments) for _ in range(2)]
+
+    with patch.object(Engine, "step", twice):
+        complaints = carry_out(shortly_before("uncoupled")).complaints
+    assert any(complaint.startswith("other events or messages") for complaint in complaints)
+
+
+def test_a_tick_that_is_twice_in_a_table_is_found():
+    keep = BodyRows.keep
+
+    def twice(self, engine):
+        for _ in range(1 + (engine.tick % 40 == 0)):
+            keep(self, engine)
+
+    plan = shortly_before("uncoupled", has_tables=True)
+    assert carry_out(plan).complaints == []
+    with patch.object(BodyRows, "keep", twice):
+        complaints = carry_out(plan).complaints
+    assert any(complaint.startswith("tables: ") for complaint in complaints)
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_a_tick_that_is_missing_or_twice_in_a_recording_is_found(count):
+    put = FrameQueue.put
+
+    def often(self, frame):
+        for _ in range(count if frame.tick % 40 == 0 else 1):
+            put(self, frame)
+
+    plan = shortly_before("uncoupled", has_logger=True)
+    assert carry_out(plan).complaints == []
+    with patch.object(FrameQueue, "put", often):
+        complaints = carry_out(plan).complaints
+    assert any(complaint.startswith("recording: ") for complaint in complaints)
+
+
+def test_advice_that_drives_for_too_long_is_found():
+    actions = Advised.actions
+
+    def longer(self, tick, own, newest):
+        return actions(self, tick - 1, own, newest)
+
+    with patch.object(Advised, "actions", longer):
+        plan = shortly_before("uncoupled", Fault("advise", CLIENT, 5, 0.0, 0.5))
+        complaints = carry_out(plan).complaints
+    assert any("is driven by advice" in complaint for complaint in complaints)
+
+
+@pytest.mark.parametrize(
+    ("tick", "kept", "torn", "words"),
+    [
+        (30, [10, 20, 30], set(), ""),
+        (20, [10, 20, 30], {30}, ""),
+        (10, [10, 20, 30], {30}, "physics went back to tick 10, though it has kept tick 20"),
+        (0, [10, 20, 30], {20, 30}, ""),
+        (20, [10, 20, 30], set(), "physics went back to tick 20, though it has kept tick 30"),
+        (40, [10, 20, 30], set(), "physics goes on at tick 40, of which it has kept no snapshot"),
+    ],
+)
+def test_physics_goes_one_snapshot_back_and_no_more(tick, kept, torn, words):
+    assert processes.wrong_begin(tick, kept, torn) == words

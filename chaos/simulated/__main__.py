@@ -26,7 +26,7 @@ from rich.progress import track
 
 from chaos.simulated.census import summed_up
 from chaos.simulated.harvest import EXPECTED, store_counts
-from chaos.simulated.mutations import MUTATIONS, first_seed
+from chaos.simulated.mutations import BY_TESTS, MUTATIONS, first_seed
 from chaos.simulated.plan import Plan, draw
 from chaos.simulated.schedule import carry_out, outcome_of, shrink
 from chaos.simulated.verdict import NEAR_TICKS, Outcome
@@ -107,7 +107,7 @@ def mutations(
     only: Annotated[str, typer.Option(help="Only mutations with these words.")] = "",
 ) -> None:
     """Cut out one safety net of the protocol after the other. Write at which seed each is found to chaos/simulated/mutations.md."""
-    names = [name for name in MUTATIONS if only in name]
+    names = [name for name in MUTATIONS if only in name and name not in BY_TESTS]
     with _workers() as pool:
         found = list(
             track(
@@ -121,6 +121,7 @@ def mutations(
         f"| {name} | {'not found' if seed is None else seed} | {what} |"
         for name, (seed, what) in zip(names, found, strict=True)
     ]
+    rows += [f"| {name} | by a test | {why} |" for name, why in BY_TESTS.items() if only in name]
     rows = [row.replace(f"{Path.cwd()}/", "") for row in rows]
     _say("\n".join(rows))
     if not only:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from random import Random
 
 from chaos.fuzzer import ASKED, NAMES, invalid_message
-from orchard.contract.messages import pack, unpack
+from orchard.contract.messages import Confirm, pack, unpack
 from orchard.field.geometry import Twist
 from orchard.net.bus import Bus, Final, Item, Replied, Sample
 from orchard.net.endpoints import BusError
@@ -160,9 +160,20 @@ def step(client: Client, steps: int) -> None:
 
 def survey(client: Client) -> None:
     """Ask for all that can be asked for."""
-    for what in ("scenario", "layout", "simulation_state", "state"):
+    for what in ("layout", "scenario", "simulation_state", "state"):
         client.ask(what, None)
         client.wait(client.seconds / 4.0)
+
+
+def write_late(client: Client) -> None:
+    """Send agents letters that no agent has written: of ticks that are long over, or of nobody."""
+    run = fetch_run(client.bus, KEYS)
+    for _ in range(10):
+        sender = client.random.choice([*run.agents, "nobody"])
+        tick = client.random.choice((0, max(0, run.tick - 100), run.tick + 10**6))
+        letter = wire.Letter(RUN, tick, sender, 0, Confirm())
+        client.ask("mail", letter, name=client.random.choice(run.agents))
+        client.wait(client.seconds / 10.0)
 
 
 def listen(client: Client) -> None:
@@ -220,6 +231,7 @@ CLIENTS: dict[str, Callable[[Client], None]] = {
     "pause": pause,
     "listen": listen,
     "survey": survey,
+    "late letters": write_late,
     "mute": stay_mute,
     "stop robots": stop_robots,
     "advise": advise,

@@ -257,6 +257,7 @@ def _physics(process: SimulatedProcess) -> int:
         process.world.resets += bool(process.buses)  # the run begins again in this process
         return process.routed() if options.connect is None else process.connected()
 
+    process.world.found = list(process.world.kept)
     return physics.simulate(
         process.inbox, _options_of(process, RunOptions), opened, process.world.begin
     )
@@ -380,6 +381,7 @@ class World:
     begins: int = 0  # how often physics has begun
     observer: Observer | None = None  # follows physics
     kept: list[int] = field(default_factory=list)  # ticks of the snapshots that were written
+    found: list[int] = field(default_factory=list)  # of these, what physics finds when it starts
     torn: set[int] = field(default_factory=set)  # the ticks of those that are torn
     wrong_begins: list[str] = field(default_factory=list)  # where physics may not have begun
 
@@ -401,7 +403,7 @@ class World:
         self.begins += 1
         is_reset = self.resets != self.begun_after and engine.tick == 0
         self.begun_at, self.begun_after = engine.tick, self.resets
-        if not is_reset and (fault := wrong_begin(engine.tick, self.kept, self.torn)):
+        if not is_reset and (fault := wrong_begin(engine.tick, self.found, self.torn)):
             self.wrong_begins.append(fault)
         if self.observer is not None and self.physics is not None:
             self.observer.begin(loop, self.physics.buses[-1], is_reset)
@@ -477,11 +479,11 @@ class World:
         os.utime(path, ns=(at, at))
 
     def _keep(self, path: Path) -> None:
-        """Know that a snapshot is written. The one of the first tick outdates all others."""
+        """Know that a snapshot is written."""
         if path.suffix == SNAPSHOT:
             tick = int(path.stem.removeprefix("tick-"))
             self.torn.discard(tick)
-            self.kept = [*(self.kept if tick else ()), tick]
+            self.kept.append(tick)
 
 
 class _Handler(logging.Handler):

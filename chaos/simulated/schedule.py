@@ -14,6 +14,7 @@ from chaos.simulated.clients import RUN, Client, let_act
 from chaos.simulated.harvest import harvest_of
 from chaos.simulated.launcher import Launcher
 from chaos.simulated.link import DOWN, UP
+from chaos.simulated.lost import faults_of_lost
 from chaos.simulated.network import Network
 from chaos.simulated.observer import Observer
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
@@ -48,6 +49,7 @@ SPEED = 5.0  # of a realtime run: simulated seconds a second
 STAND_TICKS = 20
 STAND_SECONDS = 0.8  # after which the robots of a silent host stand, in realtime
 TICK_SECONDS = 2 * TIME_STEP / SPEED  # within which a tick follows, in realtime
+MAY_DRIVE = "lie", "claim", "repeat", "nonsense", "advise"  # clients that may drive a robot
 LIMIT = 300.0  # s of virtual time within which each schedule ends
 QUIT_SECONDS = 2.0  # between two requests to end a run that was reset and has lasted long enough
 # what a user changes who forks a run: dotted path -> value
@@ -83,12 +85,15 @@ class Schedule:
         self.inflicted: list[Inflicted] = []
         self.snapshots, self.tables = folder / "snapshots", folder / "tables"
         self.clients: list[Client] = []
+        self.torn: set[int] = set()  # the ticks of all snapshots that were torn
         self.is_quit = False  # whether it was asked to end, because it was reset
         self._scenario: dict[str, Any] = plan.scenario
         self.progress = Progress(plan)
         self.complaints: list[str] = []
         self._clients: list[Task] = []
         self._quit_at = 0.0  # s: when it may be asked to end again
+        self._lost: set[str] = set()  # what was wrong at the last look, after a session was lost
+        self._lost_at = -1  # the tick of that look
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
     def run(self) -> Verdict:
@@ -159,6 +164,7 @@ class Schedule:
             self.elsewhere.watch()
             self.progress.look(self.world)
             self._look_at_tables()
+            self._look_at_lost()
             self._end_after_a_reset()
         self.world.scheduler.after(LOOK_SECONDS, self._look)
 
@@ -176,6 +182,19 @@ class Schedule:
                 for owner in (self.world.loop, *hosts)
                 for line in grown(owner, agents, self.plan.mode)
             ]
+
+    def _look_at_lost(self) -> None:
+        """No session is lost by half, and no robot drives without one, for two looks of different ticks."""
+        loop, plan = self.world.loop, self.plan
+        if loop is None or plan.mode != "lockstep" or plan.has(*MAY_DRIVE) or self.complaints:
+            return
+        found = set(faults_of_lost(loop)) if loop.run.has_begun else set()
+        tick = loop.run.engine.tick
+        if tick > self._lost_at + 1:
+            self.complaints += sorted(found & self._lost)
+            self._lost, self._lost_at = found, tick
+        else:
+            self._lost &= found
 
     def _end_after_a_reset(self) -> None:
         """Let the run end that was reset, and has lasted as long as it would have without: its duration is that of a harvest."""
@@ -372,13 +391,18 @@ class Schedule:
     def _tear(self) -> None:
         """Tear the newest snapshot. If no other one is whole the run begins anew, as it was first: only where it has done so."""
         files = sorted(self.snapshots.glob(f"tick-*{SNAPSHOT}"))
-        whole = [tick for tick in self.world.kept if tick not in self.world.torn]
+        # The snapshot of a first tick, also that of a reset, outdates all others.
+        kept = self.world.kept
+        since = len(kept) - 1 - kept[::-1].index(0) if 0 in kept else 0
+        whole = {tick for tick in kept[since:] if tick not in self.world.torn}
         has_begun_there = not self.plan.begin and not self.world.resets
-        if files and (len(set(whole)) > 1 or has_begun_there):
+        if files and (len(whole) > 1 or has_begun_there):
             content = files[-1].read_bytes()
             files[-1].write_bytes(content[: self.world.random.randrange(len(content))])
             self.world.stamp(files[-1])
-            self.world.torn.add(int(files[-1].stem.removeprefix("tick-")))
+            tick = int(files[-1].stem.removeprefix("tick-"))
+            self.world.torn.add(tick)
+            self.torn.add(tick)
 
     def _put_foreign(self) -> None:
         """Put a later snapshot of another run into the folder, as a user may who copies files."""

@@ -27,6 +27,9 @@ TWICE = "answered already"  # the reason of a refusal
 SPEAK_FOR_OTHERS = "lie", "repeat", "nonsense"
 MISSED_END = "physics is gone; waited for"
 START_SECONDS = 6.0  # s that hosts may take to come
+START = 3.0  # s in which a run without faults starts and ends
+TICK = 0.015  # s that a tick takes at most in such a run, beside its messages
+MESSAGES_OF_A_TICK = 8.0  # one after the other, there and back
 LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
 
 
@@ -79,6 +82,7 @@ def judge(schedule: "Schedule") -> Verdict:
         verdict.complaints += [*schedule.complaints, *schedule.progress.complaints]
         verdict.complaints += [
             *_of_end(schedule, summary, why),
+            *_of_time(schedule, summary),
             *_of_agents(schedule, summary, why),
             *_of_course(schedule, summary),
             *_of_files(schedule, summary),
@@ -147,6 +151,17 @@ def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator
         yield "an owner's only answer is refused"
 
 
+def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+    """Complain about a run in lockstep without faults that is slow: something waits, though it need not."""
+    plan, over_at = schedule.plan, schedule.over_at
+    if plan.mode != "lockstep" or plan.faults or over_at is None:
+        return
+    a_tick = TICK + MESSAGES_OF_A_TICK * plan.delays.there_and_back
+    most = START + plan.late + (summary["ticks"] - plan.begin) * a_tick
+    if over_at > most:
+        yield f"slow: {over_at:.1f} s; at most {most:.1f} s"
+
+
 def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
     """Complain about lost agents, if no host was away for long, and about sessions that are not back."""
     plan, world = schedule.plan, schedule.world
@@ -197,7 +212,8 @@ def _of_commands(schedule: "Schedule") -> Iterator[str]:
             yield from client.complaints
         for what, stopped in client.stops:
             course = schedule.observer.course
-            if stopped.kept and not course.has(stopped.tick, what, stopped.changed):
+            is_kept = stopped.kept and stopped.tick not in schedule.torn
+            if is_kept and not course.has(stopped.tick, what, stopped.changed):
                 yield f"what was kept is forgotten: {what}: tick {stopped.tick}"
 
 

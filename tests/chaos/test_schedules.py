@@ -77,6 +77,11 @@ ONE, OTHER = "agents 1", "agents 2"
 AGAIN_AND_AGAIN = [
     Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)
 ]  # until the host has asked
+LEAVES_A_BIN = plan(begin=180)
+LOSES_A_HOST = plan(Fault("think", ONE, 20, 0.0, 30.0), patience=4.0, ticks=300)
+STOPS_AND_DIES = plan(
+    Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.13), ticks=300
+)
 MISSED = {
     "physics never sends a tick again": plan(has_router=True, has_bare_client=True),
     "requests of the future are not kept": plan(ticks=200, hosts=3, scene="crowd"),
@@ -97,6 +102,26 @@ MISSED = {
     "realtime: old velocities drive on": plan(
         Fault("think", BARE_CLIENT, 50, 0.0, 2.0), ticks=200, mode="realtime", has_bare_client=True
     ),
+    "deeds are lost": LEAVES_A_BIN,
+    "deeds are done twice": LEAVES_A_BIN,
+    "deeds are done a tick late": LEAVES_A_BIN,
+    "a silent session keeps its agents that were not asked": LOSES_A_HOST,
+    "an agent is not woken": LOSES_A_HOST,
+    "what comes quietly wakes nobody": plan(),
+    "one snapshot is kept": plan(
+        Fault("torn snapshot", PHYSICS, 280), ticks=300, delays=Delays(1e-2)
+    ),
+    "a snapshot of another run counts": plan(Fault("foreign snapshot", PHYSICS, 40)),
+    "figures are kept before the step is reported": plan(
+        Fault("kill", PHYSICS, 280), ticks=300, delays=Delays(1e-2)
+    ),
+    "an emergency stop is not kept": STOPS_AND_DIES,
+    "a snapshot forgets which robots are stopped": STOPS_AND_DIES,
+    "a paused run does one step too many": replace(
+        plan(Fault("pause", CLIENT, 10, 0.0, 0.5)), seed=4
+    ),
+    "advice drives for one tick too long": plan(Fault("advise", CLIENT, 10, 0.0, 0.5)),
+    "the session of a key is not checked": plan(Fault("lie", CLIENT, 10, 0.0, 0.5)),
     "physics is given up at once": plan(Fault("kill", PHYSICS, 20)),
     "a run begins before it is kept": replace(
         plan(

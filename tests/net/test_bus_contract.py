@@ -365,3 +365,16 @@ def test_whoever_rings_while_others_do_is_heard():
     assert run_by(lambda: [inbox.put(Signal(number)) for number in range(5000)], putters)
     reader.join(PATIENCE)
     assert sorted(heard) == sorted(Signal(number) for number in range(5000) for _ in range(putters))
+
+
+def test_an_inbox_that_is_emptied_keeps_only_requests_to_end():
+    inbox = Inbox()
+    for item in (
+        Sample("orchard/end", b""),
+        Signal(15),
+        Alive("orchard/alive/physics/run1/a", True),
+    ):
+        inbox.put(item)
+    inbox.forget()
+    assert inbox.take(0.0) == Signal(15)
+    assert inbox.take(0.0) is None

@@ -162,7 +162,7 @@ class Carrier:
 
     def is_next(self, robot: PlanExecutor) -> bool:
         return can_leave(
-            self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.doubt
+            self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.position_bound
         )
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:

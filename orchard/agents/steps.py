@@ -153,9 +153,9 @@ class DriveTo(Step, frozen=True):
     ) -> float:
         """The target, or the first gate before it with places that are not reserved. `past`: to where it has passed gates."""
         for gate in self.needs:
-            if ahead * (gate.at - past) >= -(PASSED if robot.doubt else EXACT) and not robot.has(
-                gate.places
-            ):
+            if ahead * (gate.at - past) >= -(
+                PASSED if robot.position_bound else EXACT
+            ) and not robot.has(gate.places):
                 if ahead * (gate.at - here) < self.asks_before and (
                     not gate.bin or robot.is_left(gate.bin)
                 ):

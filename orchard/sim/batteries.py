@@ -1,8 +1,11 @@
-"""The batteries of carriers: each is used with time, and charged where its carrier stands in a charging line and has a charger. A carrier
-that stands in the queue or in a charging line is off: it uses nothing.
+"""The batteries of carriers: each is used with time, and charged at a charger.
 
-A charger reaches each place of the charging lines. It goes to the carrier that stands there nearest to a head, and stays with it until the
-battery is full. A carrier whose battery is flat stands still.
+A charger reaches each place of the charging lines. It goes to the carrier that stands there nearest
+to a head, and stays with it until the battery is full. A carrier that stands in the queue or in a
+charging line is off: it uses nothing. A carrier whose battery is flat stands still.
+
+All arrays have one entry for each carrier, in their order in the layout. Charge goes from 0 (flat)
+to 1 (full).
 """
 
 import numpy as np
@@ -14,59 +17,77 @@ from orchard.field.scenario import TIME_STEP
 from orchard.sim.world import World
 
 HOUR = 3600.0  # s
-TOP_UP = 0.95  # charge below which a carrier that waits in a charging line is given a charger: a full one that stands there needs none yet
-NEWS: tuple[What, ...] = (
-    "charging",
-    "charged",
-    "flat",
-)  # events after which a carrier may act otherwise
+# Charge below which a carrier that waits in a charging line is given a charger. A fuller one that
+# stands there needs none yet.
+TOP_UP = 0.95
+# Events after which a carrier may act otherwise.
+NEWS: tuple[What, ...] = ("charging", "charged", "flat")
 
 
 def without_flat(
     world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]
 ) -> tuple[np.ndarray, list[tuple[int, Deed]]]:
-    """Return what bodies want, velocities (n, 3) and deeds, without those of which the battery is flat."""
-    flat = world.charge <= 0.0
-    if not flat.any():
+    """Return what bodies want, velocities (n, 3) and deeds, without those whose battery is flat."""
+    is_flat = world.charge <= 0.0
+    if not is_flat.any():
         return twists, deeds
-    return np.where(flat[:, None], 0.0, twists), [(i, deed) for i, deed in deeds if not flat[i]]
+    allowed = [(body, deed) for body, deed in deeds if not is_flat[body]]
+    return np.where(is_flat[:, None], 0.0, twists), allowed
 
 
 def advance(world: World) -> list[Event]:
     """Use and charge the batteries for one tick, after all bodies have moved. Return the events."""
-    carriers, battery = world.fixed.carriers, world.layout.scenario.carrying.battery
-    stands, before = ~world.twist[carriers].any(axis=1), world.charge[carriers]
-    had = world.plugged[carriers]
-    has = _with_chargers(world, stands, before)
-    (x, y, _), area = world.pose[carriers].T, world.layout.queue.area
-    is_off = stands & (x >= area.west) & (x <= area.east) & (y >= area.south) & (y <= area.north)
-    use = np.select([is_off, stands], [0.0, battery.standing], 1.0) * (
-        -TIME_STEP / HOUR / (battery.hours or np.inf)
-    )
-    after = np.clip(
-        before + np.where(has & stands, TIME_STEP / HOUR / battery.hours_to_charge, use), 0.0, 1.0
-    )
-    world.charge[carriers], world.plugged[carriers] = after, has & (after < 1.0)
-    happened = (
-        ("charging", has & ~had),
-        ("charged", has & (after >= 1.0)),
-        ("flat", (after <= 0.0) & (before > 0.0)),
-    )
+    carriers = world.fixed.carriers
+    before = world.charge[carriers]
+    was_plugged = world.plugged[carriers]
+    stands = ~world.twist[carriers].any(axis=1)
+    is_plugged = _with_chargers(world, stands, before)
+    change = np.where(is_plugged & stands, _gain(world), -_use(world, stands))
+    after = np.clip(before + change, 0.0, 1.0)
+    is_full = is_plugged & (after >= 1.0)
+    world.charge[carriers] = after
+    world.plugged[carriers] = is_plugged & ~is_full
     return [
-        Event(world.tick, what, world.layout.names[carriers[k]])
-        for what, which in happened
-        for k in which.nonzero()[0].tolist()
+        *_events(world, "charging", is_plugged & ~was_plugged),
+        *_events(world, "charged", is_full),
+        *_events(world, "flat", (after <= 0.0) & (before > 0.0)),
     ]
 
 
-def _with_chargers(world: World, stands: np.ndarray, charge: np.ndarray) -> np.ndarray:
-    """Return which of the carriers have a charger now, bool."""
+def _gain(world: World) -> float:
+    """Return the charge that a charger gives in a tick."""
+    return TIME_STEP / HOUR / world.layout.scenario.carrying.battery.hours_to_charge
+
+
+def _use(world: World, stands: np.ndarray) -> np.ndarray:
+    """Return the charge that each carrier uses in a tick, (c,)."""
+    battery = world.layout.scenario.carrying.battery
     x, y, _ = world.pose[world.fixed.carriers].T
     area = world.layout.queue.area
-    near = np.abs(y[:, None] - np.array(world.layout.charging_lines)).min(axis=1) < BESIDE
-    inside = near & (x >= area.west) & (x <= area.east)
-    has: np.ndarray = world.plugged[world.fixed.carriers] & inside
-    waiting = (inside & stands & ~has & (charge < TOP_UP)).nonzero()[0]
-    free = max(0, world.layout.scenario.chargers - int(has.sum()))
-    has[waiting[np.argsort(-x[waiting], kind="stable")[:free]]] = True
-    return has
+    is_in_queue = (x >= area.west) & (x <= area.east) & (y >= area.south) & (y <= area.north)
+    share = np.where(stands, battery.standing, 1.0)
+    share[stands & is_in_queue] = 0.0
+    used: np.ndarray = share * (TIME_STEP / HOUR / (battery.hours or np.inf))
+    return used
+
+
+def _events(world: World, what: What, which: np.ndarray) -> list[Event]:
+    """Return an event for each carrier to which it happened. `which`: (c,) bool."""
+    carriers = world.fixed.carriers[which]
+    return [Event(world.tick, what, world.layout.names[body]) for body in carriers.tolist()]
+
+
+def _with_chargers(world: World, stands: np.ndarray, charge: np.ndarray) -> np.ndarray:
+    """Return which carriers have a charger now, (c,) bool. `stands`: (c,) bool; `charge`: (c,)."""
+    x, y, _ = world.pose[world.fixed.carriers].T
+    area = world.layout.queue.area
+    lines = np.array(world.layout.charging_lines)
+    is_in_line = np.abs(y[:, None] - lines).min(axis=1) < BESIDE
+    is_inside = is_in_line & (x >= area.west) & (x <= area.east)
+    is_plugged: np.ndarray = world.plugged[world.fixed.carriers] & is_inside
+    is_waiting = is_inside & stands & ~is_plugged & (charge < TOP_UP)
+    waiting = is_waiting.nonzero()[0]
+    nearest_first = waiting[np.argsort(-x[waiting], kind="stable")]
+    free_chargers = max(0, world.layout.scenario.chargers - int(is_plugged.sum()))
+    is_plugged[nearest_first[:free_chargers]] = True
+    return is_plugged

@@ -1,6 +1,8 @@
-"""Where a robot takes itself to be: its odometry carries its estimate on, each new position corrects it (docs/reference.md).
+"""Where a robot takes itself to be (docs/reference.md).
 
-This is a complementary filter. While it drives, a robot also learns by which share its odometry measures too much or too little.
+Its odometry carries its estimate on, and each new position corrects it: this is a complementary
+filter. While it drives, a robot also learns by which share its odometry measures too much or too
+little.
 """
 
 import msgspec
@@ -9,8 +11,12 @@ from orchard.contract.agent import Observation
 from orchard.field.geometry import Pose, from_frame, to_frame
 from orchard.field.scenario import TIME_STEP
 
-GAIN = 0.1  # of the difference between the position and the estimate: of white errors sqrt(0.1 / 1.9), or 23 %, is left
-LEARN = 0.5  # share learned for each m by which the estimate was wrong and each m driven since: in some 3 s at 1 m/s
+# Share of the difference between position and estimate that corrects the estimate. Of white errors
+# sqrt(0.1 / 1.9), or 23 %, remain.
+GAIN = 0.1
+# Share that is learned for each m by which the estimate was wrong and each m driven since: in some
+# 3 s at 1 m/s.
+LEARN = 0.5
 
 
 class Estimate(msgspec.Struct):
@@ -19,7 +25,8 @@ class Estimate(msgspec.Struct):
     tick: int
     x: float  # m
     y: float  # m
-    share: float = 1.0  # metres driven for each metre that its odometry measures
+    # Metres driven for each metre that its odometry measures.
+    share: float = 1.0
 
 
 def place_of(seen: Observation, before: Estimate | None) -> Estimate:
@@ -30,15 +37,21 @@ def place_of(seen: Observation, before: Estimate | None) -> Estimate:
     x, y = from_frame(Pose(before.x, before.y, seen.pose.yaw), ahead, 0.0)
     further, _ = to_frame(Pose(x, y, seen.pose.yaw), seen.x, seen.y)
     return Estimate(
-        seen.tick,
-        x + GAIN * (seen.x - x),
-        y + GAIN * (seen.y - y),
-        before.share + LEARN * further * ahead,
+        tick=seen.tick,
+        x=x + GAIN * (seen.x - x),
+        y=y + GAIN * (seen.y - y),
+        share=before.share + LEARN * further * ahead,
     )
 
 
 def as_seen_from(place: Estimate, seen: Observation) -> Observation:
-    """Return the observation with the estimate in place of the measured position; what is on the bar moves with it."""
-    x, y = place.x - seen.x, place.y - seen.y
-    hitch = seen.hitch and seen.hitch._replace(x=seen.hitch.x + x, y=seen.hitch.y + y)
+    """Return the observation with the estimate in place of the measured position.
+
+    What is on the bar moves with it.
+    """
+    dx = place.x - seen.x
+    dy = place.y - seen.y
+    hitch = seen.hitch
+    if hitch is not None:
+        hitch = hitch._replace(x=hitch.x + dx, y=hitch.y + dy)
     return msgspec.structs.replace(seen, x=place.x, y=place.y, hitch=hitch)

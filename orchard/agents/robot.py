@@ -596,7 +596,7 @@ class PlanExecutor:
         one must be asked: until then a turn may hold.
         """
         radius = sense.sweep_radius(KINDS[kind_of(self.seen.name)], self.seen.hitch is not None)
-        hazards = sense.doubts(
+        hazards = sense.turn_hazards(
             self._bystanders, self.memory.sighted, self.seen.tick, self.pose.x, self.pose.y, radius
         )
         self.action.requests += [(name, Where()) for name in hazards.to_ask]

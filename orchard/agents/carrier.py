@@ -1,4 +1,7 @@
-"""The carrier: waits in the queue, brings a picker an empty bin when a full bin calls, and takes the full bin to the bay."""
+"""The carrier: waits in the queue, brings an empty bin to a picker, and takes the full bin to the bay.
+
+It goes when a full bin calls, or when the dispatcher has sent it.
+"""
 
 from collections.abc import Mapping
 
@@ -25,22 +28,25 @@ from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.queue import PITCH
 
-CHOOSING = 5  # ticks in which a bin that has an offer sends for a carrier; after them it comes last
-AT_HEAD, MOVING_UP = (
-    0.1,
-    PITCH + 0.2,
-)  # m to the head of the line: of a carrier that stands there, of one that drives up to it
-REMEMBERED = (
-    CALL_AGAIN + 5
-)  # ticks for which a call counts: by then the bin has called again, unless a carrier comes
+# Ticks in which a bin that has an offer sends for a carrier. After them it comes last.
+CHOOSING = 5
+# m to the head of the line, of a carrier that stands there.
+AT_HEAD = 0.1
+# m to the head of the line, of a carrier that drives up to it.
+MOVING_UP = PITCH + 0.2
+# Ticks for which a call counts. By then the bin has called again, unless a carrier comes.
+REMEMBERED = CALL_AGAIN + 5
 
 
 class HeardCall(msgspec.Struct):
     """A bin's call."""
 
-    since: int  # tick at which the bin began to call
-    tick: int  # at which it was last heard
-    offered: int = LAST_TICK  # tick of the first offer to it
+    # Tick at which the bin began to call.
+    since: int
+    # Tick at which it was last heard.
+    tick: int
+    # Tick of the first offer to it.
+    offered: int = LAST_TICK
 
 
 class Job(msgspec.Struct):
@@ -56,15 +62,16 @@ class CarrierMemory(Plan):
     """A carrier's plan, and the job that it follows from."""
 
     job: Job | None = None
-    delivered: str = ""  # the empty bin that it left for the picker
-    charged: bool = True  # whether its battery has been full since it last went to charge
-    flat: bool = False  # whether its battery has not been full since it was flat
-    calls: dict[
-        str, HeardCall
-    ] = {}  # bin -> its call, heard lately, also while the carrier is busy
-    queue_place: int = (
-        0  # in the queue, from 1: its line is the place's; 0: that of the carrier's number
-    )
+    # The empty bin that it left for the picker.
+    delivered: str = ""
+    # Whether its battery has been full since it last went to charge.
+    charged: bool = True
+    # Whether its battery has not been full since it was flat.
+    flat: bool = False
+    # Bin -> its call, heard lately, also while the carrier is busy.
+    calls: dict[str, HeardCall] = {}
+    # Its place in the queue, from 1, in whose line it waits; 0: that of the carrier's number.
+    queue_place: int = 0
 
 
 class Carrier:
@@ -74,19 +81,21 @@ class Carrier:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.layout, self.number, self.route, self.bystanders = (
-            layout,
-            number_of(name),
-            route_of(layout),
-            bystanders_of(layout),
-        )
+        self.layout = layout
+        self.number = number_of(name)
+        self.route = route_of(layout)
+        self.bystanders = bystanders_of(layout)
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
 
     def begin(self, queue_place: int = 0) -> CarrierMemory:
-        """Return the memory of a carrier that begins to wait in the queue. `queue_place`: see `CarrierMemory`."""
+        """Return the memory of a carrier that begins to wait in the queue.
+
+        `queue_place`: see `CarrierMemory`.
+        """
         return self.Memory(plan=[Realign(), *self.route.wait_in_queue()], queue_place=queue_place)
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
+        """Hear calls, answer, and follow the plan; with a battery that was flat, stand."""
         robot = PlanExecutor(seen, mail, memory or self.begin(), self.bystanders)
         hear_calls(robot.memory.calls, mail, seen.tick)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
@@ -107,20 +116,22 @@ class Carrier:
             robot.hold()
         action = robot.finish()
         if robot.seen.charge > 0.0:
-            action.doing, action.state = "charging a flat battery", "resting"
+            action.doing = "charging a flat battery"
+            action.state = "resting"
         else:
-            action.doing, action.state = "standing with a flat battery", "failed"
+            action.doing = "standing with a flat battery"
+            action.state = "failed"
         return action
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
-        """Answer a request. A free carrier offers itself to the oldest call, and goes for the bin that sends for it."""
-        job, body = robot.memory.job, heard.body
+        """Answer a request.
+
+        A free carrier offers itself to the oldest call, and goes for the bin that sends for it.
+        """
+        job = robot.memory.job
+        body = heard.body
         if isinstance(body, CarrierQuery):
-            return CarrierStatus(
-                job.bin if job else "",
-                not job and self.is_next(robot),
-                max(0.0, self.layout.queue.head - robot.pose.x),
-            )
+            return self.status(robot)
         if isinstance(body, Come) and job and job.bin == heard.sender:
             return Yes()
         if not isinstance(body, Call | Come):
@@ -136,65 +147,87 @@ class Carrier:
         self.accept(robot, heard.sender, body)
         return Yes()
 
+    def status(self, robot: PlanExecutor) -> CarrierStatus:
+        """Return what the dispatcher asks for: its job, whether it can leave, and its way to the head."""
+        job = robot.memory.job
+        return CarrierStatus(
+            job=job.bin if job else "",
+            is_next=not job and self.is_next(robot),
+            metres=max(0.0, self.layout.queue.head - robot.pose.x),
+        )
+
     def offer(self, robot: PlanExecutor, bin_name: str, call: Call) -> Answer:
         """Offer the carrier to a bin, unless one that has called for longer waits for an offer."""
-        calls, x, y = robot.memory.calls, robot.pose.x, robot.pose.y
-        if (
-            first_call(
-                calls, {name: known.offered for name, known in calls.items()}, robot.seen.tick
-            )
-            != bin_name
-        ):
+        calls = robot.memory.calls
+        offered = {name: known.offered for name, known in calls.items()}
+        if first_call(calls, offered, robot.seen.tick) != bin_name:
             return No("an older call comes first")
         calls[bin_name].offered = min(calls[bin_name].offered, robot.seen.tick)
+        x = robot.pose.x
+        y = robot.pose.y
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
     def course(self, memory: CarrierMemory) -> list[Step]:
         """Return the steps of which the plan in a memory is a part, for whichever line of the queue."""
-        job, number = memory.job, memory.queue_place or self.number
-        numbers = dict.fromkeys((number, number + self.layout.first_charging))
-        return sum(
-            [self.fetch(number, job) for number in numbers if job], self.route.wait_in_queue()
-        )
+        steps = [*self.route.wait_in_queue()]
+        if memory.job is None:
+            return steps
+        waiting = memory.queue_place or self.number
+        charging = waiting + self.layout.first_charging
+        steps += self.fetch(waiting, memory.job)
+        if charging != waiting:
+            steps += self.fetch(charging, memory.job)
+        return steps
 
     def fetch(self, number: int, job: Job) -> list[Step]:
+        """Return the steps of a job, from a place of the queue, counted from 1, and back to its line."""
         return self.route.fetch(number, job.lane, self.route.sides[job.side], job.picker, job.bin)
 
     def is_next(self, robot: PlanExecutor) -> bool:
-        return can_leave(
-            self.layout.queue.head - robot.pose.x, robot.seen.twist.x > 0.0, robot.position_bound
-        )
+        """Whether the carrier is at the head of its line, or drives up to it."""
+        behind = self.layout.queue.head - robot.pose.x
+        return can_leave(behind, robot.seen.twist.x > 0.0, robot.position_bound)
 
     def accept(self, robot: PlanExecutor, bin_name: str, come: Come) -> None:
-        robot.memory.job = Job(bin_name, come.lane, come.side, come.picker)
-        plan = self.fetch(
-            self.route.number(robot.memory.queue_place or self.number, robot.pose.y),
-            robot.memory.job,
-        )
-        robot.memory.plan = of_known_steps(plan, self.route.Steps)
-        robot.memory.asked, robot.memory.left = {}, ""
-        for call in robot.memory.calls.values():
+        """Take the job of a bin that sends for the carrier."""
+        memory = robot.memory
+        memory.job = Job(bin_name, come.lane, come.side, come.picker)
+        number = self.route.number(memory.queue_place or self.number, robot.pose.y)
+        plan = self.fetch(number, memory.job)
+        memory.plan = of_known_steps(plan, self.route.Steps)
+        memory.asked = {}
+        memory.left = ""
+        for call in memory.calls.values():
             call.offered = LAST_TICK
 
 
-def can_leave(behind: float, is_moving: bool, doubt: float = 0.0) -> bool:
-    """Whether a carrier, m `behind` its line's head by a measure that may be wrong by `doubt`, is there or drives up to it."""
-    return behind < AT_HEAD + doubt or (is_moving and behind < MOVING_UP)
+def can_leave(behind: float, is_moving: bool, position_bound: float = 0.0) -> bool:
+    """Whether a carrier is at its line's head, or drives up to it.
+
+    `behind`: how far it is from there, m; `position_bound`: by how much that may be wrong, m.
+    """
+    return behind < AT_HEAD + position_bound or (is_moving and behind < MOVING_UP)
 
 
 def first_call(calls: Mapping[str, HeardCall], offered: Mapping[str, int], tick: int) -> str:
-    """Return the bin to which a carrier offers itself: the one that has called for longest. A bin with an offer for longer than a bin needs
-    to send for a carrier comes last. `offered`: bin -> tick of the first offer to it."""
-    return min(
-        calls,
-        key=lambda name: (tick - offered.get(name, LAST_TICK) > CHOOSING, calls[name].since, name),
-    )
+    """Return the bin to which a carrier offers itself: the one that has called for longest.
+
+    A bin with an offer for longer than a bin needs to send for a carrier comes last. `offered`: bin
+    -> tick of the first offer to it.
+    """
+
+    def rank(name: str) -> tuple[bool, int, str]:
+        has_long_had_offer = tick - offered.get(name, LAST_TICK) > CHOOSING
+        return has_long_had_offer, calls[name].since, name
+
+    return min(calls, key=rank)
 
 
 def hear_calls(calls: dict[str, HeardCall], mail: Mail, tick: int) -> None:
     """Note the calls in the mail, and forget those of bins that call no longer."""
-    for name in [name for name, call in calls.items() if tick - call.tick > REMEMBERED]:
-        del calls[name]
+    for name, call in list(calls.items()):
+        if tick - call.tick > REMEMBERED:
+            del calls[name]
     for heard in mail.requests:
         if isinstance(heard.body, Call):
             before = calls.get(heard.sender)

@@ -25,215 +25,250 @@ from orchard.sim.world import NONE, World
 _GROUND = "the orchard, its roads and what fills a bin stay as they are while a run goes on"
 _ROWS = "which picker picks which rows is settled when a run begins; a picker can be stopped"
 _COURSES = "robots are on courses that were made for it"
-FIXED: Mapping[str, str] = {  # what cannot change under way -> why
-    **dict.fromkeys(
-        (
-            "rows",
-            "row_length",
-            "row_width",
-            "survey",
-            "bay",
-            "route",
-            "metres_per_bin",
-            "bins_per_row",
-            "crop",
-        ),
-        _GROUND,
-    ),
-    **dict.fromkeys(("pickers", "rows_to_pickers", "order_in_row"), _ROWS),
+_OF_THE_GROUND = (
+    "rows",
+    "row_length",
+    "row_width",
+    "survey",
+    "bay",
+    "route",
+    "metres_per_bin",
+    "bins_per_row",
+    "crop",
+)
+_OF_THE_ROWS = ("pickers", "rows_to_pickers", "order_in_row")
+# What cannot change under way -> why.
+FIXED: Mapping[str, str] = {
+    **dict.fromkeys(_OF_THE_GROUND, _GROUND),
+    **dict.fromkeys(_OF_THE_ROWS, _ROWS),
     "sensors": _COURSES,
 }
+# What cannot become null, nor get a value if it was null.
 NULL_OR_NOT = (
     "picking.failure.mean_between",
     "carrying.failure.mean_between",
     "carrying.battery.hours",
-)  # what cannot change either
+)
+
+# Pairs of names that are swapped: each name -> its partner.
+Names = Mapping[str, str]
 
 
 class NotNow(ScenarioError):
-    """A change that cannot be at this moment, and may be at another one: what it adds has no place, or what it takes away is at work."""
+    """A change that cannot be at this moment, and may be at another one.
 
-
-Names = Mapping[str, str]  # pairs of names that are swapped
+    What it adds has no place, or what it takes away is at work.
+    """
 
 
 def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] = ()) -> Snapshot:
-    """Return the snapshot of a run that goes on from this one with some values of its scenario changed.
+    """Return the snapshot of a run that goes on from this one with some values changed.
 
-    `changes`: dotted path -> value, as for `with_changes`. `stop`: names or kinds of robots that stand from now on, until they are reset.
+    `changes`: dotted path of a value of the scenario -> value, as for `with_changes`. `stop`: names
+    or kinds of robots that stand from now on, until they are reset.
 
-    What is random from now on follows from the seed: with another one people and animals walk elsewhere, robots fail at other times, and
-    what is left of the rows takes another time. A carrier that is added begins at a free place of the queue; one that waits there with an
-    empty bin is taken away, and the queue stays as long. People, animals and weeds begin at their starts. New robots have rested.
+    What is random from now on follows from the seed: with another one people and animals walk
+    elsewhere, robots fail at other times, and what remains of the rows takes another time. A carrier
+    that is added begins at a free place of the queue; one that waits there with an empty bin is
+    taken away, and the queue stays as long. People, animals and weeds begin at their starts. New
+    robots have rested.
 
-    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot now, ValueError for another word in `stop`.
+    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot now, ValueError
+    for another word in `stop`.
     """
     before = world_from(snapshot)
-    old, now = before.layout.scenario, with_changes(before.layout.scenario, **changes)
-    shrinks = (
-        now.queue_carriers < old.queue_carriers
-    )  # the queue stays as long as before: carriers are on their way to it
-    layout = lay_out(with_changes(now, queue_room=old.queue_carriers) if shrinks else now)
-    _check_changes(before.layout, layout)
-    make_agents(layout)  # what cannot be made is a mistake of the changes, and not of the snapshot
+    old_layout = before.layout
+    layout = _changed_layout(old_layout, changes)
+    # What cannot be made is a mistake of the changes, and not of the snapshot.
+    make_agents(layout)
     swapped = _swapped(before, snapshot, layout)
     with fitting(snapshot):
-        places = _places(before.layout, layout, snapshot.memories, swapped)
-        memories = _memories(
-            before.layout, layout, _renamed(snapshot.memories, swapped), snapshot.elsewhere, places
-        )
-        letters = unpack(
-            pack(_renamed(unpack(pack(snapshot.letters), Any), swapped)),
-            list[tuple[int, dict[str, Written]]],
-        )
+        places = _places(old_layout, layout, snapshot.memories, swapped)
+        renamed = _renamed(snapshot.memories, swapped)
+        memories = _memories(old_layout, layout, renamed, snapshot.elsewhere, places)
+        letters = _renamed_letters(snapshot, swapped)
     world = _world(before, World(layout), swapped, places)
-    figures = _renamed(snapshot.figures, swapped)
-    figures["is_changed"] = (
-        figures.get("is_changed", False) or layout.scenario != before.layout.scenario
-    )
-    resting = [
-        world.tick - figures["states"]["since"] if state == "resting" else 0 for state in STATES
-    ]
-    figures["states"]["ticks"] = {name: list(resting) for name in layout.names} | figures["states"][
-        "ticks"
-    ]
+    figures = _figures(_renamed(snapshot.figures, swapped), old_layout, layout, world.tick)
     engine = Engine(world, snapshot.digest, figures)
     if stop:
         engine.stop(stop)
     figures |= engine.figures_as_data()
-    owned = sorted(
-        name for name in layout.agents if name in snapshot.owned or name not in before.layout.agents
-    )
-    rest = figures, owned, snapshot.lost, snapshot.elsewhere
+    added = set(layout.agents).difference(old_layout.agents)
+    owned = [name for name in layout.agents if name in snapshot.owned or name in added]
     return Snapshot(
-        snapshot.run,
-        layout.scenario.model_dump(),
-        engine.as_data(),
-        engine.digest,
-        memories,
-        letters,
-        *rest,
+        run=snapshot.run,
+        scenario=layout.scenario.model_dump(),
+        world=engine.as_data(),
+        digest=engine.digest,
+        memories=memories,
+        letters=letters,
+        figures=figures,
+        owned=sorted(owned),
+        lost=snapshot.lost,
+        elsewhere=snapshot.elsewhere,
     )
 
 
-def _check_changes(before: Layout, now: Layout) -> None:
-    """Raise ScenarioError for what cannot change under way."""
-    old, new = before.scenario.model_dump(), now.scenario.model_dump()
-    why = {path: why for path, why in FIXED.items() if old[path] != new[path]}
-    why |= {
-        path: _COURSES
-        for path in NULL_OR_NOT
-        if (_at(old, path) is None) != (_at(new, path) is None)
-    }
-    if _lines(before) != _lines(now) and not why:
-        few, many = before.scenario.queue_carriers, now.scenario.queue_carriers
-        larger = {
-            count: with_changes(now.scenario, carriers=count, queue_room=None)
-            for count in range(few + 1, many)
-        }
-        most = max(
-            (count for count, one in larger.items() if _lines(lay_out(one)) == _lines(before)),
-            default=few,
-        )
-        lines = "the lines of the queue would be others, and carriers are on their way to those that there are"
-        why["carriers" if many == now.scenario.carrier_count else "queue_room"] = (
-            f"{lines}; expected at most {most}"
-        )
-    if why:
-        raise ScenarioError(
-            [
-                _refused(f"cannot change under way: {text}", path, _at(new, path))
-                for path, text in why.items()
-            ]
-        )
+def _changed_layout(before: Layout, changes: Mapping[str, Any]) -> Layout:
+    """Return the layout with some values changed. Raises ScenarioError for what cannot change."""
+    old = before.scenario
+    scenario = with_changes(old, **changes)
+    # The queue stays at least as long as before: carriers are on their way to it.
+    if scenario.queue_carriers < old.queue_carriers:
+        scenario = with_changes(scenario, queue_room=old.queue_carriers)
+    layout = lay_out(scenario)
+    _check_changes(before, layout)
+    return layout
 
 
-def _refused(why: str, path: str = "", value: object = "") -> Problem:
+def _renamed_letters(snapshot: Snapshot, swapped: Names) -> list[tuple[int, dict[str, Written]]]:
+    """Return the letters that are under way, with names swapped in all of them."""
+    plain = unpack(pack(snapshot.letters), Any)
+    letters: list[tuple[int, dict[str, Written]]] = unpack(
+        pack(_renamed(plain, swapped)), list[tuple[int, dict[str, Written]]]
+    )
+    return letters
+
+
+def _figures(figures: dict[str, Any], before: Layout, after: Layout, tick: int) -> dict[str, Any]:
+    """Return the figures so far. A robot that is new has rested until now."""
+    states = figures["states"]
+    resting = [tick - states["since"] if state == "resting" else 0 for state in STATES]
+    states["ticks"] = {name: list(resting) for name in after.names} | states["ticks"]
+    is_changed = figures.get("is_changed", False) or after.scenario != before.scenario
+    return figures | {"is_changed": is_changed}
+
+
+def _check_changes(before: Layout, after: Layout) -> None:
+    """Raise ScenarioError if the scenarios differ in what cannot change under way."""
+    old_values = before.scenario.model_dump()
+    new_values = after.scenario.model_dump()
+    reasons = {path: why for path, why in FIXED.items() if old_values[path] != new_values[path]}
+    for path in NULL_OR_NOT:
+        was_null = _value_at(old_values, path) is None
+        is_null = _value_at(new_values, path) is None
+        if was_null != is_null:
+            reasons[path] = _COURSES
+    if not reasons and _queue_lines(before) != _queue_lines(after):
+        reasons = _too_many_carriers(before, after)
+    problems = []
+    for path, why in reasons.items():
+        value = _value_at(new_values, path)
+        problems.append(_problem(f"cannot change under way: {why}", path, value))
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _too_many_carriers(before: Layout, after: Layout) -> dict[str, str]:
+    """Return why the queue cannot grow so much, by the key that asks for it."""
+    most = before.scenario.queue_carriers
+    for count in range(most + 1, after.scenario.queue_carriers):
+        larger = lay_out(with_changes(after.scenario, carriers=count, queue_room=None))
+        if _queue_lines(larger) == _queue_lines(before):
+            most = count
+    is_by_carriers = after.scenario.queue_carriers == after.scenario.carrier_count
+    key = "carriers" if is_by_carriers else "queue_room"
+    why = (
+        "the lines of the queue would be others, "
+        "and carriers are on their way to those that there are"
+    )
+    return {key: f"{why}; expected at most {most}"}
+
+
+def _problem(why: str, path: str = "", value: object = "") -> Problem:
     return Problem("changes", why, path, str(value))
 
 
-def _lines(layout: Layout) -> tuple[Any, ...]:
-    """What says in which line of the queue each carrier waits. A single line may become longer."""
+def _queue_lines(layout: Layout) -> tuple[Any, ...]:
+    """Return what says in which line of the queue each carrier waits.
+
+    A single line may become longer.
+    """
     queue = layout.queue
-    return queue.lines, layout.first_charging, queue.places if len(queue.lines) > 1 else 0
+    places = queue.places if len(queue.lines) > 1 else 0
+    return queue.lines, layout.first_charging, places
 
 
-def _at(values: Mapping[str, Any], path: str) -> Any:
+def _value_at(values: Mapping[str, Any], path: str) -> Any:
+    """Return the value at a dotted path."""
     return reduce(getitem, path.split("."), values)
 
 
 # -- names: the carriers that are taken away, and their bins, change names with the last ones
 
 
-def _swapped(before: World, snapshot: Snapshot, now: Layout) -> Names:
+def _swapped(before: World, snapshot: Snapshot, after: Layout) -> Names:
+    """Return the names that are swapped so that those which go are the last ones.
+
+    Raises NotNow if too few carriers wait in the queue to be taken away.
+    """
     carriers = [start.name for start in before.layout.starts if start.kind == "carrier"]
-    count = len(carriers) - now.scenario.carrier_count
+    count = len(carriers) - after.scenario.carrier_count
     if count <= 0:
         return {}
     free = [name for name in carriers if _is_free(before, name, snapshot.memories.get(name))]
     if len(free) < count:
         words = f"only {len(free)} of them wait in the queue with an empty bin at this moment"
-        raise NotNow(
-            [
-                _refused(
-                    f"{count} cannot be taken away: {words}", "carriers", now.scenario.carrier_count
-                )
-            ]
-        )
-    names, bins = (
-        before.layout.names,
-        sorted(
-            name for name in before.layout.names if name not in now.index and name.startswith("bin")
-        ),
-    )
-    taken = [names[before.coupled[before.index[name]]] for name in free[-count:]]
-    return _pairs(free[-count:], carriers[-count:]) | _pairs(taken, bins)
+        text = f"{count} cannot be taken away: {words}"
+        raise NotNow([_problem(text, "carriers", after.scenario.carrier_count)])
+    names = before.layout.names
+    leaving = free[-count:]
+    their_bins = [names[before.coupled[before.index[name]]] for name in leaving]
+    gone = [name for name in names if name not in after.index]
+    last_bins = sorted(name for name in gone if kind_of(name) == "bin")
+    return _pairs(leaving, carriers[-count:]) | _pairs(their_bins, last_bins)
 
 
 def _is_free(world: World, carrier: str, memory: bytes | None) -> bool:
     """Whether a carrier stands in the queue with an empty bin, and has no job."""
-    i = world.index[carrier]
-    stands = (
-        world.coupled[i] != NONE and not world.fill[world.coupled[i]] and not world.twist[i].any()
-    )
-    is_called = _remembered(memory).get("job") is not None
-    return bool(stands and world.layout.queue.area.contains(*world.pose[i, :2]) and not is_called)
+    body = world.index[carrier]
+    bin_ = world.coupled[body]
+    has_empty_bin = bin_ != NONE and not world.fill[bin_]
+    stands = not world.twist[body].any()
+    is_in_queue = world.layout.queue.area.contains(*world.pose[body, :2])
+    has_job = _remembered(memory).get("job") is not None
+    return bool(has_empty_bin and stands and is_in_queue and not has_job)
 
 
 def _remembered(memory: bytes | None) -> Mapping[str, Any]:
-    """The fields of a carrier's memory; none before its first tick, or if an own class remembers something else."""
+    """Return the fields of a carrier's memory.
+
+    There are none before its first tick, or if an own class remembers something else.
+    """
     fields = unpack(memory, Any) if memory else None
     return fields if isinstance(fields, dict) else {}
 
 
 def _places(
-    before: Layout, now: Layout, memories: Mapping[str, bytes | None], swapped: Names
+    before: Layout, after: Layout, memories: Mapping[str, bytes | None], swapped: Names
 ) -> dict[str, int]:
-    """The place in the queue of each carrier, from 1: what it was until now, or the first free one."""
-    carriers = [name for name in now.names if kind_of(name) == "carrier"]
-    kept = {
-        name: swapped.get(name, name)
-        for name in carriers
-        if swapped.get(name, name) in before.index
-    }
-    places = {
-        name: _remembered(memories.get(old)).get("queue_place") or number_of(old)
-        for name, old in kept.items()
-    }
+    """Return the place in the queue of each carrier, from 1.
+
+    It is what it was until now, or the first free one.
+    """
+    carriers = [name for name in after.names if kind_of(name) == "carrier"]
+    places = {}
+    added = []
+    for name in carriers:
+        old_name = swapped.get(name, name)
+        if old_name in before.index:
+            known = _remembered(memories.get(old_name)).get("queue_place")
+            places[name] = known or number_of(old_name)
+        else:
+            added.append(name)
     free = sorted({*range(1, len(carriers) + 1)}.difference(places.values()))
-    return places | dict(zip([name for name in carriers if name not in places], free, strict=False))
+    return places | dict(zip(added, free, strict=False))
 
 
 def _pairs(some: Sequence[str], others: Sequence[str]) -> dict[str, str]:
-    """Each name that is only in one of both sequences, with its partner."""
-    pairs = list(
-        zip(
-            [name for name in some if name not in others],
-            [name for name in others if name not in some],
-            strict=True,
-        )
-    )
-    return dict(pairs) | {other: name for name, other in pairs}
+    """Return each name that is only in one of both sequences, with its partner."""
+    only_some = [name for name in some if name not in others]
+    only_others = [name for name in others if name not in some]
+    pairs = {}
+    for name, other in zip(only_some, only_others, strict=True):
+        pairs[name] = other
+        pairs[other] = name
+    return pairs
 
 
 def _renamed(data: Any, swapped: Names) -> Any:
@@ -254,44 +289,59 @@ def _renamed(data: Any, swapped: Names) -> Any:
 
 
 def _world(before: World, world: World, swapped: Names, places: Mapping[str, int]) -> World:
-    """Let a new world go on from one before. Raises ScenarioError for a new body without a place."""
-    index = world.index
-    kept = [name for name in index if swapped.get(name, name) in before.index]
-    here, there = (
-        [index[name] for name in kept],
-        [before.index[swapped.get(name, name)] for name in kept],
-    )
-    bodies, place = len(before.layout.names), dict(zip(there, here, strict=True))
-    for name, value in before.state.items():
-        if isinstance(value, np.ndarray) and len(value) == bodies and name != "row_ends":
-            getattr(world, name)[here] = value[there]
+    """Let a new world go on from one before. Raises NotNow for a new body without a place."""
+    old_names = {name: swapped.get(name, name) for name in world.index}
+    kept = [name for name, old_name in old_names.items() if old_name in before.index]
+    added = [name for name in world.index if name not in kept]
+    here = [world.index[name] for name in kept]
+    there = [before.index[old_names[name]] for name in kept]
+    count = len(before.layout.names)
+    for field, value in before.state.items():
+        is_of_bodies = isinstance(value, np.ndarray) and len(value) == count
+        if is_of_bodies and field != "row_ends":
+            getattr(world, field)[here] = value[there]
         else:
-            setattr(world, name, value)
-    world.coupled[here] = [place.get(j, NONE) for j in before.coupled[there].tolist()]
-    for name in [name for name in index if name not in kept and kind_of(name) == "carrier"]:
-        _put_into_its_line(world, name, places[name] - 1)
-    for name in index:
-        if name not in kept and (other := _in_the_way(world, name)):
-            raise NotNow([_refused(f"{name} has no place at this moment: {other} is there")])
+            setattr(world, field, value)
+    new_index = dict(zip(there, here, strict=True))
+    world.coupled[here] = [new_index.get(body, NONE) for body in before.coupled[there].tolist()]
+    for name in added:
+        if kind_of(name) == "carrier":
+            _put_into_its_line(world, name, places[name] - 1)
+    for name in added:
+        other = _in_the_way(world, name)
+        if other:
+            raise NotNow([_problem(f"{name} has no place at this moment: {other} is there")])
     return world
 
 
 def _put_into_its_line(world: World, carrier: str, number: int) -> None:
-    """Put a new carrier, with its bin, to the free place of its line that is nearest to its own, `number` from 0, if there is one."""
-    i, queue = world.index[carrier], world.layout.queue
+    """Put a new carrier, with its bin, to a free place of its line, if there is one.
+
+    It is the one that is nearest to its own, `number` from 0.
+    """
+    body = world.index[carrier]
+    bin_ = int(world.coupled[body])
+    queue = world.layout.queue
     first = number - number % queue.places
-    bin_ = int(world.coupled[i])
-    for place in sorted(range(first, first + queue.places), key=lambda place: abs(place - number)):
-        world.pose[[i, bin_], :2] += np.subtract(queue.place(place)[:2], world.pose[i, :2])
-        if not any(_in_the_way(world, world.layout.names[body]) for body in (i, bin_)):
+    of_line = range(first, first + queue.places)
+    for place in sorted(of_line, key=lambda place: abs(place - number)):
+        shift = np.subtract(queue.place(place)[:2], world.pose[body, :2])
+        world.pose[[body, bin_], :2] += shift
+        names = world.layout.names[body], world.layout.names[bin_]
+        if not any(_in_the_way(world, name) for name in names):
             break
-    world.reckoned[[i, bin_]] = world.pose[[i, bin_]]
+    world.reckoned[[body, bin_]] = world.pose[[body, bin_]]
 
 
 def _in_the_way(world: World, name: str) -> str:
-    """The body or obstacle that a body overlaps; '' if there is none."""
-    pairs = (what.removeprefix("inside ").split(" ", 1) for what, _ in overlapping_bodies(world))
-    return next((other if one == name else one for one, other in pairs if name in (one, other)), "")
+    """Return the body or obstacle that a body overlaps; '' if there is none."""
+    for fault, _ in overlapping_bodies(world):
+        body, other = fault.removeprefix("inside ").split(" ", 1)
+        if body == name:
+            return other
+        if other == name:
+            return body
+    return ""
 
 
 # -- what agents remember
@@ -299,47 +349,59 @@ def _in_the_way(world: World, name: str) -> str:
 
 def _memories(
     before: Layout,
-    now: Layout,
+    after: Layout,
     memories: Mapping[str, bytes | None],
     elsewhere: Collection[str],
     places: Mapping[str, int],
 ) -> dict[str, bytes | None]:
-    """Return the memories with which agents go on. Their courses are those of the layout now. An agent of another class, or one in place
-    of a client elsewhere, begins anew if the memory is not its own; so does the dispatcher if the policy or the carriers are others: it
-    hears of all bins within 2 s."""
-    old, new = make_agents(before), make_agents(now)
-    is_other = (
-        before.scenario.dispatch != now.scenario.dispatch
-        or before.scenario.carrier_count != now.scenario.carrier_count
-    )
+    """Return the memories with which agents go on.
+
+    Their courses are those of the layout now. An agent of another class, or one in place of a client
+    elsewhere, begins anew if the memory is not its own. So does the dispatcher if the policy or the
+    carriers are others: it hears of all bins within 2 s.
+    """
+    old_agents = make_agents(before)
+    new_agents = make_agents(after)
+    has_own_classes_as_before = before.scenario.own_classes == after.scenario.own_classes
     kept = dict[str, bytes | None]()
     for name, memory in memories.items():
-        if name not in new or (name == DISPATCH and is_other):
+        if name not in new_agents or (name == DISPATCH and _dispatches_otherwise(before, after)):
             continue
         try:
-            remembered = None if memory is None else unpack(memory, new[name].Memory)
+            remembered = None if memory is None else unpack(memory, new_agents[name].Memory)
         except ValueError:
-            if before.scenario.own_classes == now.scenario.own_classes and name not in elsewhere:
+            if has_own_classes_as_before and name not in elsewhere:
                 raise
             continue
-        course, other = (getattr(agents[name].agent, "course", None) for agents in (old, new))
-        if remembered is not None and course and other:
+        old_course = getattr(old_agents[name].agent, "course", None)
+        new_course = getattr(new_agents[name].agent, "course", None)
+        if remembered is not None and old_course and new_course:
             if isinstance(remembered, CarrierMemory):
                 remembered.queue_place = places[name]
-            remembered.plan = _plan(remembered.plan, course(remembered), other(remembered))
+            remembered.plan = _plan(remembered.plan, old_course(remembered), new_course(remembered))
             memory = pack(remembered)
         kept[name] = memory
-    begun = {
-        name: agent.begin(places[name])
-        for name in places
-        if isinstance(agent := new[name].agent, Carrier)
-    }
-    return {name: pack(memory) for name, memory in begun.items()} | kept
+    begun = dict[str, bytes | None]()
+    for name, place in places.items():
+        agent = new_agents[name].agent
+        if isinstance(agent, Carrier):
+            begun[name] = pack(agent.begin(place))
+    return begun | kept
 
 
-def _plan(plan: list[Step], before: list[Step], now: list[Step]) -> list[Step]:
-    """Return a plan that was a part of a course as a part of the course now. A plan that was done ends where the course ends now."""
-    steps = [(was, step) for was, step in zip(before, now, strict=True) if was != step]
-    if not plan and steps and before[-1] != now[-1]:
-        return now[-1:]
-    return [next((step for was, step in steps if was == present), present) for present in plan]
+def _dispatches_otherwise(before: Layout, after: Layout) -> bool:
+    """Whether the dispatcher begins anew: with another policy, or other carriers."""
+    has_other_policy = before.scenario.dispatch != after.scenario.dispatch
+    has_other_carriers = before.scenario.carrier_count != after.scenario.carrier_count
+    return has_other_policy or has_other_carriers
+
+
+def _plan(plan: list[Step], before: list[Step], after: list[Step]) -> list[Step]:
+    """Return a plan that was a part of a course as a part of the course now.
+
+    A plan that was done ends where the course ends now.
+    """
+    changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
+    if not plan and changed and before[-1] != after[-1]:
+        return after[-1:]
+    return [next((new for old, new in changed if old == step), step) for step in plan]

@@ -12,7 +12,9 @@ import re
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
+
+from msgspec import Meta
 
 TEMPLATE = Path(__file__).parent / "templates" / "api.md.in"
 MADE_BY = (
@@ -23,6 +25,10 @@ DIRECTIVE = re.compile(r"^\.\. auto(\w+):: ([\w.]+)(\(.*\))?\n((?:   .*\n)*)", r
 MEMBERS = re.compile(r"^   :members:(.*)$", re.M)
 MODULES = re.compile(r"\b(?:[A-Za-z_]\w*\.)+(?=[A-Za-z_])")
 CLASS = re.compile(r"<class '([\w.]+)'>")
+# A type in quotes, because it stands in the source before its class. Texts keep their quotes.
+QUOTED_TYPE = re.compile(r"(: |-> )'([^']*)'")
+LIMITED = re.compile(r"Annotated\[(\w+), Meta\([^()]*\)\]")
+TYPE_VARIABLE = "~"
 COMMENT = "#:"
 
 
@@ -48,6 +54,8 @@ def _sections(directives: str) -> Iterator[str]:
             continue
         yield f"### `{path}{(signature or _signature(thing)).removesuffix('()')}`\n"
         words = _paragraphs(thing)
+        if isinstance(thing, type) and ":class-doc-from: class" not in options:
+            words = "\n\n".join(part for part in (words, _arguments(thing)) if part)
         if words:
             yield f"{words}\n"
         wanted = MEMBERS.search(options)
@@ -80,6 +88,7 @@ class Fields:
         self.types: dict[str, str] = {}
         self.meanings: dict[str, str] = {}
         source = inspect.cleandoc("\n" + inspect.getsource(class_))
+        hints = get_type_hints(class_, include_extras=True)
         lines = source.splitlines()
         (body,) = ast.parse(source).body
         assert isinstance(body, ast.ClassDef)
@@ -87,7 +96,7 @@ class Fields:
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
                 name = field.target.id
                 self.types[name] = _short(_without_limits(field.annotation))
-                self.meanings[name] = _comment(lines, field)
+                self.meanings[name] = _comment(lines, field) or _description(hints[name])
 
 
 def _comment(lines: list[str], field: ast.AnnAssign) -> str:
@@ -97,6 +106,13 @@ def _comment(lines: list[str], field: ast.AnnAssign) -> str:
         first -= 1
     parts = [line.partition(COMMENT)[2].strip() for line in lines[first : field.end_lineno]]
     return " ".join(part for part in parts if part)
+
+
+def _description(hint: Any) -> str:
+    """Return what the limits of a type say of its meaning, in words of Python; '' if nothing."""
+    metas = [part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Meta)]
+    descriptions = [meta.description for meta in metas if meta.description]
+    return re.sub(r"\bnil\b", "None", descriptions[-1]) if descriptions else ""
 
 
 def _without_limits(annotation: ast.expr) -> str:
@@ -119,7 +135,8 @@ def _signature(thing: Any) -> str:
 
 def _short(text: str) -> str:
     """Return types without their modules, as readers write them."""
-    return MODULES.sub("", text).replace("'", "")
+    plain = MODULES.sub("", QUOTED_TYPE.sub(r"\1\2", text))
+    return LIMITED.sub(r"\1", plain).replace(TYPE_VARIABLE, "")
 
 
 def _paragraphs(thing: Any) -> str:
@@ -128,6 +145,13 @@ def _paragraphs(thing: Any) -> str:
     if dataclasses.is_dataclass(thing) and is_made_up:
         return ""
     return words
+
+
+def _arguments(class_: type) -> str:
+    """Return what the source of a class says of the arguments with which it is made; '' if nothing."""
+    made = class_.__init__
+    is_written = inspect.isfunction(made) and made.__doc__ is not None
+    return inspect.getdoc(made) or "" if is_written else ""
 
 
 def _in_a_line(thing: Any) -> str:

@@ -226,7 +226,9 @@ class Action(msgspec.Struct, forbid_unknown_fields=True):
     )
     deeds: Deeds = []
     requests: Asked = []
+    #: Each request that it answers, with the answer. Only requests of this tick can be answered.
     answers: list[tuple[Heard, Answer]] = []
+    #: What it gets as its memory at its next tick.
     memory: Any = None
     doing: Annotated[Text, Meta(description="present participle, for people: 'picking row 3'")] = ""
     state: Annotated[

@@ -121,6 +121,7 @@ class Engine:
 
     @property
     def tick(self) -> int:
+        """The number of steps that the run has done, 0.1 s each."""
         return self.world.tick
 
     @property

@@ -121,6 +121,19 @@ def test_the_reference_of_the_library_reads_in_a_clone():
     assert [section for section in sections if not any(line.strip() for line in section)] == []
 
 
+def test_the_reference_of_the_library_says_arguments_errors_and_fields():
+    """What the source says of the arguments of a class stands there, texts keep their quotes."""
+    text = (ROOT / "docs" / "api.md").read_text()
+    sections = {section.split("(")[0].strip("`"): section for section in text.split("\n### ")}
+    assert "`check_agents`: check that" in sections["orchard.Local"]
+    assert "Raises TypeError for what is no scenario" in sections["orchard.gym.HarvestEnv"]
+    assert "prefix: str = 'orchard'" in sections["orchard.connect"]
+    assert "No(reason: str)" in sections["orchard.No"]
+    fields = [line for line in sections["orchard.Action"].splitlines() if line.startswith("- ")]
+    assert [line for line in fields if "`: " not in line] == [], "these fields say nothing"
+    assert len(fields) == len(orchard.Action.__struct_fields__)
+
+
 def test_the_summarys_document_has_all_its_keys(tmp_path):
     """Those of a local run, and six that only a recording or realtime adds."""
     request = RunRequest(

@@ -4,6 +4,7 @@ One thread receives and another writes, with a bounded queue between them: a slo
 """
 
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -152,9 +153,8 @@ class Logger:
         )
         self.refusals = Refusals()
         self._notes: list[Event] = []  # events that wait for the next frame
-        self._gone_until = (
-            bus.clock() + GONE_SECONDS
-        )  # s, on the bus's clock, when physics counts as ended; inf while it is alive
+        # s, on the bus's clock, when physics counts as gone; inf while it is alive.
+        self._gone_until = math.inf
         self._ending = Ending(bus.clock)
         self._tick: int | None = None  # of the newest frame that was passed on
 
@@ -167,6 +167,9 @@ class Logger:
     def run(self, writing: Future[Path | None]) -> tuple[int, Path | None]:
         """Record until the run ends. Return the exit code, and the part that is whole, if any. Raises what `writing` raises."""
         code = 1
+        # From here on: to open a recording may take longer on a busy machine, and that physics is
+        # there waits in the inbox.
+        self._gone_until = self.bus.clock() + GONE_SECONDS
         try:
             while not writing.done() and self.bus.clock() < self._gone_until:
                 if (item := self.bus.inbox.take(LOOK_SECONDS, ENOUGH, self._look)) is not None:

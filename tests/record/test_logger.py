@@ -26,7 +26,8 @@ from orchard.contract.events import SELDOM, Event, Frame, talk_of
 from orchard.contract.messages import pack
 from orchard.field.scenario import Scenario
 from orchard.local import Local
-from orchard.net.bus import Sample, Signal
+from orchard.net.bus import Alive, Sample, Signal
+from orchard.net.host import GONE_SECONDS
 from orchard.record import logger as recording
 from orchard.record.logger import FrameQueue, Logger, write
 from orchard.sim.frames import FrameBuilder
@@ -101,6 +102,19 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
     assert all(getattr(changed, name) is not None for name in SELDOM)
     assert changed.doing == {}
     assert queue.take().tick == 102
+
+
+def test_a_logger_records_however_long_its_recording_took_to_open(monkeypatch):
+    """That physics is there waits in the inbox: it counts, also if it came long before."""
+    now = [0.0]
+    bus = StandIn(Net(), "logger")
+    monkeypatch.setattr(bus, "clock", lambda: now[0])
+    logger = Logger(bus, KEYS, "run1", Local(Scenario(rows=3)).engine.layout, FrameQueue())
+    bus.inbox.put(Alive(KEYS.of("physics", "run1"), up=True))
+    now[0] = 10 * GONE_SECONDS
+    bus.inbox.put(Signal(15))
+    code, _ = logger.run(SimpleNamespace(done=lambda: False, result=lambda: None))
+    assert code == 0, "it has taken physics for gone, and recorded nothing"
 
 
 def test_the_changes_of_all_pictures_together_are_what_a_whole_one_says():

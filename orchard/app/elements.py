@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
+from weakref import WeakMethod
 
 from nicegui import ui
 
@@ -111,3 +112,18 @@ def tiles(figures: Iterable[tuple[str, str, str]]) -> None:
             ui.label(name).classes("tile-name")
             ui.label(value).classes("tile-value")
             ui.label(meaning).classes("tile-note")
+
+
+def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that calls a bound method, and does nothing once the method's object is gone.
+
+    FastAPI remembers some thousand upload routes after their pages were deleted. Through its handler
+    of files, such a route would keep all elements of its page.
+    """
+    kept = WeakMethod(method)
+
+    def call(*arguments: Any) -> Any:
+        living = kept()
+        return None if living is None else living(*arguments)
+
+    return call

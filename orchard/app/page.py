@@ -9,7 +9,7 @@ from nicegui import events, run, ui
 
 from orchard.app.desks import Desk
 from orchard.app.draft import Draft, counted_fields, query_of
-from orchard.app.elements import StartAndStop, button, dialog, note
+from orchard.app.elements import StartAndStop, button, dialog, note, while_alive
 from orchard.app.form import Form
 from orchard.app.harvest_run import Harvests, Run, RunControls
 from orchard.app.own_classes import from_elsewhere, may_run
@@ -96,7 +96,10 @@ class Page:
             ["The file is too large for a scenario, or it is not a .yaml file."],
         )
         self._upload = ui.upload(
-            on_upload=self._open, on_rejected=too_large, max_file_size=limit, auto_upload=True
+            on_upload=while_alive(self._open),
+            on_rejected=too_large,
+            max_file_size=limit,
+            auto_upload=True,
         )
         self._upload.props("accept=.yaml,.yml").classes("hidden")
         button("Open", lambda: self._upload.run_method("pickFiles"), "open", "folder_open")

@@ -2,9 +2,11 @@
 
 import http.client
 import json
+import os
 import re
 import socket
 import subprocess
+import sys
 import urllib.request
 from urllib.parse import urlsplit
 from urllib.request import urlopen
@@ -21,6 +23,7 @@ from orchard.app.charts import STEPS
 from orchard.app.unseen import MOST as MOST_UNSEEN
 from orchard.app.unseen import UnseenPages
 from orchard.field.scenario import Scenario, load
+from orchard.launch.supervisor import free_port
 from orchard.view.web import data_uri, free_pair, is_open, page_url, serve_web
 
 skip_without_packages()
@@ -162,6 +165,21 @@ def test_only_some_pages_wait_for_their_browsers():
         unseen.add(page_)
     assert [page_.is_deleted for page_ in pages] == [True] * 2 * MOST_UNSEEN + [False] * MOST_UNSEEN
     assert not seen.is_deleted
+
+
+def test_pages_without_a_browser_are_freed(tmp_path):
+    """What stays of each page is its upload, because FastAPI remembers the last 4,096 functions of routes."""
+    requests = 3 * MOST_UNSEEN
+    script = ROOT / "tests" / "support" / "page_requests.py"
+    order = [sys.executable, script, str(free_port()), str(requests), tmp_path]
+    plain = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+    done = subprocess.run(
+        order, cwd=ROOT, env=plain, capture_output=True, text=True, timeout=5 * PATIENCE
+    )
+    assert done.returncode == 0, done.stderr
+    in_memory = json.loads(done.stdout.splitlines()[-1])
+    assert in_memory["pages"] <= MOST_UNSEEN
+    assert in_memory["deleted elements"] <= requests
 
 
 def test_a_new_page_says_what_to_do_first(browser):

@@ -149,7 +149,7 @@ def _paragraphs(thing: Any) -> str:
 
 def _arguments(class_: type) -> str:
     """Return what the source of a class says of the arguments with which it is made; '' if nothing."""
-    made = class_.__init__
+    made = inspect.getattr_static(class_, "__init__")
     is_written = inspect.isfunction(made) and made.__doc__ is not None
     return inspect.getdoc(made) or "" if is_written else ""
 

@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import ROOT, SECONDS, summary_of
+from command_line import ROOT, summary_of
+from patience import PATIENCE
 from secured_run import make_roles
 
 from orchard.security.identity import identity_in
@@ -27,7 +28,7 @@ def shell(line: str, folder: Path) -> tuple[int, str]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        timeout=SECONDS,
+        timeout=PATIENCE,
     )
     assert "Traceback" not in done.stderr and "panicked" not in done.stderr, done.stderr
     return done.returncode, done.stderr

@@ -1,8 +1,7 @@
 """An agent without a body, and a message of its own type: pickers report their progress, and a counter replies with the sum.
 
 agents: {picker: examples.seams.bin_counter.CountingPicker}
-agents_without_body: {counter: examples.seams.bin_counter.Counter}
-"""
+agents_without_body: {counter: examples.seams.bin_counter.Counter}"""
 
 from orchard import Action, AgentMessage, Picker
 
@@ -18,11 +17,8 @@ class Counter:
 
     def tick(self, observation, mail, memory):
         memory = (memory or {}) | {heard.sender: heard.body.steps for heard in mail.requests}
-        return Action(
-            answers=[(heard, Progress(sum(memory.values()))) for heard in mail.requests],
-            memory=memory,
-            doing="counting",
-        )
+        answers = [(heard, Progress(sum(memory.values()))) for heard in mail.requests]
+        return Action(answers=answers, memory=memory, doing="counting")
 
 
 class CountingPicker(Picker):

@@ -100,7 +100,7 @@ class Local:
             name: None if memory is None else pack(memory) for name, memory in self.memories.items()
         }
         scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
-        figures = engine.figures_as_data() | {"harvest": msgspec.to_builtins(self._figures)}
+        figures = engine.figures_as_data() | {"harvest": self._figures.watched()}
         return Snapshot(
             "",
             scenario,
@@ -194,7 +194,7 @@ class Local:
         for name, action in answers.items():
             self.post.collect(name, self.engine.tick, action)
         events = self.engine.advance(answers, self._digests)
-        self._figures.update(self.engine.world, events, self.engine.answers)
+        self._figures.watch(self.engine.world, self.engine.answers)
         return events
 
     def _ask(self, name: str, observation: Observation, heard: Mail) -> Action:

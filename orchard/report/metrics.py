@@ -52,25 +52,41 @@ class HarvestFigures:
         for name in self.waiting_since:
             if world.twist[world.layout.index[name]].any():
                 self.waiting_since[name] = world.tick
-        self.orders_refused += orders_refused(answers)
         for name, action in answers.items():
             if action is not None and action.state == "broken":
                 self.broken.setdefault(name, world.tick - 1)
-            if kind_of(name) in HAULERS:
-                self.steps[name] = 0 if action is None else action.steps_done
         queue = world.layout.queue.area
         self.carrier_ticks += len(world.fixed.carriers)
         self.busy_ticks += sum(
             not queue.contains(x, y) for x, y, _ in world.pose[world.fixed.carriers].tolist()
         )
-        charging = 0
         if world.layout.first_charging:
-            charging = int(np.count_nonzero(world.plugged))
-            self.charging_ticks += charging
+            self.charging_ticks += int(np.count_nonzero(world.plugged))
             self.flat_ticks += int(np.count_nonzero(world.charge <= 0.0))
+        self.watch(world, answers)
+
+    def watch(self, world: World, answers: Mapping[str, Action | None]) -> None:
+        """Account for a tick as far as it decides whether a run goes on: its progress, and orders refused.
+
+        A program that needs no other figure calls this in place of `update`.
+        """
+        self.orders_refused += orders_refused(answers)
+        for name, action in answers.items():
+            if kind_of(name) in HAULERS:
+                self.steps[name] = 0 if action is None else action.steps_done
         progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
-        if progress != self.progress or charging or np.count_nonzero(world.stopped):
+        has_charging = world.layout.first_charging and np.count_nonzero(world.plugged) > 0
+        if progress != self.progress or has_charging or np.count_nonzero(world.stopped):
             self.progress, self.progress_tick = progress, world.tick
+
+    def watched(self) -> dict[str, Any]:
+        """Return what `watch` keeps, as plain data for a snapshot."""
+        return {
+            "orders_refused": self.orders_refused,
+            "steps": dict(self.steps),
+            "progress": self.progress,
+            "progress_tick": self.progress_tick,
+        }
 
     def _count(self, event: Event) -> None:
         if event.what == "bin full":

@@ -320,7 +320,7 @@ class _LongRun:
         self.layout = layout
         self.rounds = {name: round_of(layout, block) for name, block in layout.blocks.items()}
         self.least_rows = least_rows
-        longest = max(whole.rows * whole.least for whole in self.rounds.values())
+        longest = max(whole.least_rows for whole in self.rounds.values())
         # A picker of slow rows needs longer for its rounds, and the others go on until then.
         seconds = [self._row_seconds(block) for block in layout.blocks.values()]
         others_rows = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))

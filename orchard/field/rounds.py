@@ -13,7 +13,10 @@ from orchard.field.layout import Layout
 from orchard.field.rows import Block
 
 # A rate is of so many bins at least, so that one exchange more or less does not count.
-LEAST_BINS = 10
+LEAST_BINS = 20
+# A rate is the mean of so many windows, one exchange apart: bins fill at one end of a row, then at
+# the other, and a carrier needs longer for one of them. So windows begin at either end.
+WINDOWS = 8
 ROUNDING = 1e-9
 
 
@@ -29,13 +32,23 @@ class Round:
         """The rounds that a rate needs at least."""
         return ceil(LEAST_BINS / self.bins - ROUNDING)
 
+    @property
+    def least_exchanges(self) -> int:
+        """The exchanges that a rate needs at least."""
+        return ceil(self.least * self.bins - ROUNDING) + WINDOWS
+
+    @property
+    def least_rows(self) -> int:
+        """The rows that a picker must pick for so many exchanges."""
+        return ceil((self.least_exchanges + 1) * self.rows / self.bins)
+
     def rate(self, exchanges: Sequence[float]) -> float | None:
-        """Return the rate over as many whole rounds as end with the last exchange, bins a unit of time.
+        """Return the rate over as many whole rounds as end with the last exchanges, bins a unit of time.
 
         `exchanges`: the times at which the picker got an empty bin for a full one, in their order.
         None if there were too few rounds between the first and the last one.
         """
-        most = len(exchanges) - 1
+        most = len(exchanges) - WINDOWS
         rounds = floor(most / self.bins + ROUNDING)
         # A bin of which only a part counts must be whole in the list.
         while rounds and ceil(rounds * self.bins - ROUNDING) > most:
@@ -43,7 +56,9 @@ class Round:
         if rounds < self.least:
             return None
         bins = rounds * self.bins
-        return bins / _elapsed(exchanges[most - ceil(bins - ROUNDING) :], bins)
+        first = most - ceil(bins - ROUNDING)
+        elapsed = [_elapsed(exchanges[first + later :], bins) for later in range(WINDOWS)]
+        return bins * WINDOWS / sum(elapsed)
 
 
 def _elapsed(exchanges: Sequence[float], bins: float) -> float:
@@ -67,5 +82,5 @@ def round_of(layout: Layout, block: Block) -> Round:
     if bin_metres:
         bins = sum(layout.lane(row).length for row in rows) / bin_metres
     # After an even number of passes a picker is at the same end of its rows again.
-    times = 2 if bins <= len(rows) and len(rows) % 2 else 1
+    times = 2 if len(rows) % 2 else 1
     return Round(len(rows) * times, bins * times)

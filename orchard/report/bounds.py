@@ -33,8 +33,9 @@ TRAIN = (
 )  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means, or a multiple: after two, each row is left at the same ends again
 FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
-# A policy may send carriers a little more often to near pickers than to far ones.
-NEARER = 1.004
+# A long run ends, and the pickers' windows do not begin at one time. So the rates of all of them may
+# together be this much above what carriers can do without end.
+FINITE_RUN = 1.004
 PROOF = 0.1  # of the solver's work: at most about half a second
 
 
@@ -62,7 +63,7 @@ class Bounds:
         self.terms = {
             # Each at its own rate.
             "pickers": sum(_picker_rate(layout, block, times) for block in layout.blocks.values()),
-            "carriers": NEARER * scenario.carrier_count / (cycle + charging),
+            "carriers": FINITE_RUN * scenario.carrier_count / (cycle + charging),
             "unloading": 1.0 / self.bay_seconds,
         } | ({"chargers": scenario.chargers / charging} if charging else {})
 
@@ -109,7 +110,7 @@ def _picker_rate(layout: Layout, block: Block, times_of: PassTimes) -> float:
     of the rows in each round. So rounds differ a little; none are faster than this.
     """
     whole = round_of(layout, block)
-    times = ceil(ROUNDS * whole.rows * whole.least / len(set(block.rows))) + 1
+    times = ceil(ROUNDS * whole.least_rows / len(set(block.rows))) + 1
     exchanges = list[float]()
     now = 0.0
     for current, after in pairwise(layout.passes(replace(block, rows=block.rows * times))):
@@ -117,7 +118,7 @@ def _picker_rate(layout: Layout, block: Block, times_of: PassTimes) -> float:
         now += picking + crossing + wait
         if current.is_full:
             exchanges.append(now)
-    longest = ceil(whole.bins * whole.least) + 1
+    longest = whole.least_exchanges
     highest = 0.0
     for end in range(longest, len(exchanges) + 1):
         highest = max(highest, whole.rate(exchanges[end - longest : end]) or 0.0)

@@ -5,8 +5,8 @@ from nicegui import ui
 from orchard.app.elements import heading, tiles
 from orchard.field.kinds import KINDS
 from orchard.field.layout import X_WEST, Layout
-from orchard.field.scenario import Scenario
-from orchard.report.bounds import Bounds, schedule_seconds
+from orchard.report.bounds import schedule_seconds
+from orchard.report.limits import QuestionLimit, limit_of_question
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
 
@@ -14,7 +14,7 @@ CARRIERS = "7 for every 10 pickers; the study tells how many are worth it"  # by
 DEEP = 2.0  # from this many times its width on, a plan is shown as wide as the page
 
 
-def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
+def figures(layout: Layout, limit: QuestionLimit) -> list[tuple[str, str, str]]:
     """Return the derived figures of an orchard: name, value with its unit, and a note on its meaning."""
     scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
     each = "{}" if min(trees) == max(trees) else "{} to {}"
@@ -22,10 +22,10 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     return [
         (
             "Limit",
-            f"{bounds.bins_per_hour:.1f} bins/h",
-            "what this policy allows in a long harvest without traffic" + _drawn_by(scenario),
+            f"{limit.bins_per_hour:.1f} bins/h",
+            "what this policy allows in a long harvest without traffic" + _mean_over(limit.seeds),
         ),
-        ("Bottleneck", bounds.bottleneck, "the part that allows least"),
+        ("Bottleneck", limit.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
         ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else CARRIERS),
         ("Bins", str(bins), f"one for each robot; the harvest fills {layout.bins}"),
@@ -38,17 +38,17 @@ def figures(layout: Layout, bounds: Bounds) -> list[tuple[str, str, str]]:
     ]
 
 
-def _drawn_by(scenario: Scenario) -> str:
-    """Return in words whose rows a limit is of, if each seed draws others."""
-    if scenario.picking.spread.distribution == "none":
+def _mean_over(seeds: tuple[int, ...]) -> str:
+    """Return in words which seeds a limit is the mean of, if each seed draws other rows."""
+    if len(seeds) == 1:
         return ""
-    return f"; rows as seed {scenario.seed} draws them, a study shows the mean over its seeds"
+    return f"; mean over the seeds {seeds[0]} to {seeds[-1]}, with which a study begins"
 
 
 def derive(layout: Layout) -> tuple[list[tuple[str, str, str]], dict[str, float]]:
     """Return the derived figures of an orchard, and what each part of its harvest allows, bins/s."""
-    bounds = Bounds(layout)
-    return figures(layout, bounds), bounds.terms
+    limit = limit_of_question(layout)
+    return figures(layout, limit), limit.terms
 
 
 class PlanView:

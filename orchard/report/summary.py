@@ -17,7 +17,7 @@ UNITS = {
     "sim_seconds": "s",
     "wall_seconds": "s",
     "bins_per_hour": "bins/h",
-    "limit_bins_per_hour": "bins/h, of this policy in a long harvest without traffic",
+    "limit_bins_per_hour": "bins/h, of this policy in a long harvest of these rows without traffic",
     "schedule_sim_seconds": "s, this harvest without traffic",
     "lost_seconds": "s, which add up to the harvest's length",
     "row_end_seconds": "s a bin, of driving to the ends of rows, which exchanges inside the rows would save at most",
@@ -208,7 +208,8 @@ def limit_sentence(outcome: Outcome) -> str:
         outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
     )
     told = [
-        f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour in a long harvest without traffic"
+        f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour"
+        " in a long harvest of these rows without traffic"
     ]
     if proven := outcome.lost_seconds.get("optimum"):
         told.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
@@ -230,7 +231,7 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         (
             "Bins an hour",
             f"{summary['bins_per_hour']:.1f}",
-            f"at most {limit:.1f} in a long harvest without traffic",
+            f"at most {limit:.1f} in a long harvest of these rows without traffic",
         ),
         (
             "Time",

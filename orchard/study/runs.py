@@ -32,6 +32,7 @@ from orchard.field.plugins import (
 from orchard.field.scenario import END, Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
+from orchard.report.limits import with_seed
 from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.study.result import Horizon, Model
 
@@ -66,7 +67,7 @@ class PlannedRun:
     @classmethod
     def of(cls, scenario: Scenario, seed: int, model: Model, horizon: Horizon) -> "PlannedRun":
         """Return the run of a scenario with another seed."""
-        return cls(scenario.model_copy(update={"seed": seed % 2**63}), model, horizon)
+        return cls(with_seed(scenario, seed), model, horizon)
 
     @cached_property
     def key(self) -> str:

@@ -15,6 +15,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
 from orchard.report.bounds import Bounds, proven_seconds
+from orchard.report.limits import common_bottleneck
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 from orchard.study.replications import Replications, confirmed
 from orchard.study.result import (
@@ -598,7 +599,7 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         picker_waiting_seconds=sum(record.picker_waiting_seconds for record in harvested) / count,
         carrier_utilisation=sum(record.carrier_utilisation for record in harvested) / count,
         bound_bins_per_hour=sum(record.bound_bins_per_hour for record in records) / len(records),
-        bottleneck=records[0].bottleneck,
+        bottleneck=common_bottleneck([record.bottleneck for record in records]),
         standing="jammed",
         lead=None,
     )

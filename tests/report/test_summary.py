@@ -254,7 +254,7 @@ LIMITS = [
 def test_the_second_sentence_tells_what_limits_the_harvest_and_what_most_was_lost_to(
     figures, limited_by, lost
 ):
-    told = f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest without traffic{lost}."
+    told = f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest of these rows without traffic{lost}."
     assert limit_sentence(harvested(**figures)) == told
 
 

@@ -11,6 +11,7 @@ from functools import partial
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
+from chaos.simulated.tearing import Tearer
 from orchard.net.zenoh_bus import FULL_QUEUE_US, LEASE_MS
 
 if TYPE_CHECKING:
@@ -55,6 +56,11 @@ class Link:
         self._silences = 0
         self._waiting: list[list[Callable[[], None]]] = [[], []]
         self._is_full = False
+        self.tearer: Tearer | None = None
+
+    def carried(self, payload: bytes) -> bytes:
+        """Return a payload as it arrives at the other side, in either direction."""
+        return payload if self.tearer is None else self.tearer.carry(payload)
 
     def send(
         self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False

@@ -6,6 +6,7 @@ What it does is what Zenoh does, and no better: `tests/net/test_bus_contract.py`
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from functools import partial
 from math import inf
 from random import Random
 
@@ -14,6 +15,7 @@ from chaos.simulated.link import DOWN, UP, Delays, DirectLink, Link
 from chaos.simulated.router import Router
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import Fuse, SimulatedBus
+from chaos.simulated.tearing import Tearer, Tears
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import CONNECT_SECONDS
 
@@ -39,6 +41,8 @@ class Network:
         self.router: Router | None = None
         self.sessions: list[SimulatedBus] = []
         self.late = 0.0  # s by which tokens come later than messages
+        self.tears = Tears()
+        self.torn = 0  # payloads that have changed on their way
         self.lines: list[str] = []  # the trace
         self.is_traced = False
         self.census = Census()
@@ -123,13 +127,19 @@ class Network:
 
     def _connect(self, bus: SimulatedBus) -> None:
         assert self.router is not None
-        link = Link(
-            bus, self.router, self._delays, Random(f"{self.seed} {bus.id} {self.next_number()}")
-        )
+        number = self.next_number()
+        link = Link(bus, self.router, self._delays, Random(f"{self.seed} {bus.id} {number}"))
+        random = Random(f"tears {self.seed} {bus.id} {number}")
+        link.tearer = Tearer(self.tears, random, partial(self._tear, bus))
         if (old := self.router.links.get(bus.id)) is not None:
             old.close(session=False)
         self.trace(f"{bus.id} is linked")
         bus.use(link)
+
+    def _tear(self, bus: SimulatedBus) -> None:
+        """Count a payload that has changed."""
+        self.torn += 1
+        self.trace(f"a payload changes on the link of {bus.id}")
 
     def connect_again(self, bus: SimulatedBus, tries: int = 0) -> None:
         """Try to connect a session again, until that succeeds."""

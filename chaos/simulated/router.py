@@ -151,6 +151,7 @@ class Router:
     # -- data
 
     def publish(self, link: Link, key: str, payload: bytes, may_drop: bool) -> None:
+        payload = link.carried(payload)
         if key not in self._receivers:
             self._receivers[key] = [
                 session
@@ -160,10 +161,11 @@ class Router:
         for session in self._receivers[key]:
             if session != link.session.id:
                 to = self.links[session]
-                to.send(DOWN, partial(to.session.hear_sample, key, payload), DATA, may_drop)
+                arrives = partial(to.session.hear_sample, key, to.carried(payload))
+                to.send(DOWN, arrives, DATA, may_drop)
 
     def ask(self, link: Link, number: int, key: str, payload: bytes) -> None:
-        asker = link.session.id
+        asker, payload = link.session.id, link.carried(payload)
         repliers = [
             session
             for session, keys in self._queryables.items()
@@ -172,7 +174,8 @@ class Router:
         self._pending[number] = asker, list(repliers)
         for session in repliers:
             to = self.links[session]
-            to.send(DOWN, partial(to.session.hear_query, to, number, key, payload))
+            arrives = partial(to.session.hear_query, to, number, key, to.carried(payload))
+            to.send(DOWN, arrives)
         if not repliers:
             self.finish(number, "")
 
@@ -181,7 +184,8 @@ class Router:
             number in self._pending
             and (link := self.links.get(self._pending[number][0])) is not None
         ):
-            link.send(DOWN, lambda: link.session.hear_reply(number, payload, error))
+            arrives = partial(link.session.hear_reply, number, link.carried(payload), error)
+            link.send(DOWN, arrives)
 
     def finish(self, number: int, session: str) -> None:
         """Record that a session has sent all its replies to a query."""

@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from orchard.agents.catalogue import guarded
@@ -54,6 +55,8 @@ JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a 
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
 
 
+# s after an answer, from which on a tick that comes again was sent without knowing the answer.
+ANSWER_AGAIN_SECONDS = 0.25
 REFUSED_TRIES = 5  # of a join that is refused for another reason: it may have changed on its way
 
 
@@ -146,6 +149,15 @@ class StateBoard:
         question.drop()
 
 
+@dataclass
+class SentAnswer:
+    """What a host has sent for a tick. `tick`: -1 if it has answered none. `at`: when, s on the clock of the bus."""
+
+    tick: int = -1
+    messages: list[bytes] = field(default_factory=list)
+    at: float = math.inf
+
+
 class Host:
     """A session that hosts agents, until the end of the run. `patience`: how long it waits for physics that is gone, s."""
 
@@ -177,6 +189,7 @@ class Host:
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
         self.thinking = ""  # the agent that is ticked now; '' between ticks
+        self._answer = SentAnswer()
         self._ending = Ending(bus.clock)
         self._has_begun = False  # whether physics has been there
         self._has_warned = False  # that it is gone
@@ -213,6 +226,7 @@ class Host:
             )
         self.mailbox.join(joined.tick)
         self.latest.forget()
+        self._answer = SentAnswer()
         for name, runner in self.runners.items():
             runner.resume(joined.memories.get(name))
 
@@ -280,9 +294,23 @@ class Host:
             name: report_of(action, digests.get(name, b""), self.runners[name].news())
             for name, action in actions.items()
         }
-        for message in self._packed(tick, reports):
-            self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
+        self._answer = SentAnswer(tick, self._packed(tick, reports))
+        self._send_answer()
         self._send_rest(seen, actions)
+        # What has come meanwhile was sent before the answer.
+        self._answer.at = self.bus.clock()
+
+    def _send_answer(self) -> None:
+        for message in self._answer.messages:
+            self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
+
+    def _take_seen(self, payload: bytes) -> None:
+        """Take what the agents observe. Answer a tick again that comes again: its answer may be lost, or have changed on its way."""
+        self.latest.seen(payload)
+        answer, now = self._answer, self.bus.clock()
+        if answer.tick == self.latest.tick and now >= answer.at + ANSWER_AGAIN_SECONDS:
+            answer.at = now
+            self._send_answer()
 
     def _send_rest(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
         for name, action in actions.items():
@@ -394,7 +422,7 @@ class Host:
     def _take_sample(self, sample: Sample) -> None:
         match self.keys.parts(sample.key):
             case ["hosts", _, "seen"]:
-                self.latest.seen(sample.payload)
+                self._take_seen(sample.payload)
             case ["end"]:
                 self._ending.hear(read_message(sample.payload, End, self.run_id))
                 self._leave_if_over()

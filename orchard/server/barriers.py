@@ -78,6 +78,8 @@ class LockstepBarrier(Barrier):
         self._patience = patience
         self.deadline = math.inf  # on the clock: the time to wait for missing answers
         self._back: set[str] = set()  # agents that sessions have taken since the tick began
+        # Agent -> the session that answered last, the tick, and the answer.
+        self._last: dict[str, tuple[str, int, Report]] = {}
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
         super().open(tick, lag, due)
@@ -93,12 +95,19 @@ class LockstepBarrier(Barrier):
             self.deadline = self._clock() + self._patience
 
     def take(self, name: str, owner: str, tick: int, report: Report) -> None:
-        """Take the action of an owned agent. Raises Refused if it is not one that physics waits for."""
+        """Take the action of an owned agent. Raises Refused if it is not one that physics waits for.
+
+        A repetition is passed over: a host sends it in case the first was lost.
+        """
         self._refuse_other_owner(name, owner)
+        is_awaited = tick == self.tick and name in self.missing
+        if not is_awaited and self._last.get(name) == (owner, tick, report):
+            return
         refuse_other_tick(tick, self.tick, self.tick)
         if name not in self.missing:
             raise Refused("answered already", f"tick {tick}")
         self.reports[name] = report
+        self._last[name] = (owner, tick, report)
         self.missing.discard(name)
 
     def actions(self) -> Mapping[str, Action]:

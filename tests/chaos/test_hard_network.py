@@ -9,10 +9,15 @@ import pytest
 from chaos.simulated.link import Delays
 from chaos.simulated.plan import Fault, Plan, draw
 from chaos.simulated.schedule import Schedule
+from chaos.simulated.tearing import Tears
 from chaos.simulated.verdict import Verdict
 from orchard.server.options import PATIENCE
 from orchard.sim.snapshot import snapshots_in
 from orchard.wire.keys import PHYSICS
+
+NO_TEARS = Tears()
+# What is no promise where a payload is torn into another valid message, which nobody notices.
+UNNOTICED = ("another hash", "broken: ", "refused without a fault")
 
 
 def plan(*faults: Fault, **others) -> Plan:
@@ -35,9 +40,10 @@ def plan(*faults: Fault, **others) -> Plan:
 class Carried:
     """A schedule that has been carried out, and the snapshots that it has left."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, tears: Tears = NO_TEARS) -> None:
         with tempfile.TemporaryDirectory() as folder:
             self.schedule = Schedule(plan, Path(folder))
+            self.schedule.world.network.tears = tears
             self.verdict: Verdict = self.schedule.run()
             snapshots = Path(folder) / "snapshots"
             self.whole = {path.name for path in snapshots_in(snapshots)}
@@ -58,3 +64,16 @@ def test_physics_that_is_killed_while_it_writes_leaves_half_a_file_that_goes(tic
     assert carried.schedule.world.half_writes > 0
     assert carried.verdict.complaints == []
     assert carried.left == []
+
+
+@pytest.mark.parametrize("tears", [Tears(torn=0.05), Tears(changed=0.05)], ids=["torn", "changed"])
+def test_no_agent_is_lost_where_payloads_change_on_their_way(tears):
+    """Physics sends the tick again, and the host its answer."""
+    torn = malformed = 0
+    for seed in range(6):
+        carried = Carried(replace(plan(ticks=150, hosts=3), seed=seed), tears)
+        complaints = carried.verdict.complaints
+        assert [said for said in complaints if not said.startswith(UNNOTICED)] == []
+        torn += carried.schedule.world.network.torn
+        malformed += carried.verdict.summary["messages_refused"].get("malformed", 0)
+    assert 0 < malformed <= torn

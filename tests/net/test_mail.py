@@ -238,6 +238,29 @@ def test_a_tick_takes_one_answer_from_each_owner():
     assert answers.missing == {"bin_01"}
 
 
+def test_an_answer_that_comes_again_counts_once():
+    """A host sends it again where a tick comes again; the first one may only have been slow."""
+    answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), Clock())
+    answers.open(3)
+    for _ in range(2):
+        answers.take("picker_01", *action())
+    assert set(answers.actions()) == {"picker_01"}
+    answers.open(7, due=["bin_01"])
+    answers.take("picker_01", *action())
+    assert answers.actions() == {}
+    with pytest.raises(Refused, match="past tick"):
+        answers.take("picker_01", *action(x=0.5))
+
+
+def test_an_equal_answer_counts_anew_for_who_has_taken_the_agent_again():
+    answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
+    answers.open(3)
+    answers.take("picker_01", *action())
+    answers.expect("picker_01")
+    answers.take("picker_01", *action())
+    assert answers.missing == set()
+
+
 def test_nobody_answers_in_anothers_place():
     """Of the copies of a tick's letters only the answer of the one that was asked counts."""
     asked, given = Written([("bin_01", StateRequest())], []), [Given("picker_01", 3, 0, Yes())]

@@ -1,0 +1,18 @@
+"""Thirty short runs have the results that are kept: their hashes, and what was picked and delivered."""
+
+import json
+
+import pytest
+from reference_runs import RESULTS, RUNS, result_of
+
+KEPT = json.loads(RESULTS.read_text())
+
+
+def test_each_reference_run_has_a_kept_result_and_no_result_is_left_over() -> None:
+    assert list(KEPT) == list(RUNS)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_reference_run_has_its_kept_result(name: str) -> None:
+    """`python tests/support/reference_runs.py` writes them anew, where a change is meant to change them."""
+    assert result_of(name) == KEPT[name]

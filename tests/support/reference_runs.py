@@ -1,0 +1,64 @@
+"""Short runs over the whole schema, whose results are kept: a change of code that says it changes no result changes none of them.
+
+    .venv/bin/python tests/support/reference_runs.py
+
+writes the results anew, where a change is meant to change them.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+from msgspec.structs import replace
+
+from orchard.field.geometry import Twist
+from orchard.field.scenario import check
+from orchard.local import Local
+
+FOLDER = Path(__file__).parents[1] / "sim"
+TICKS = 3000  # of each run, unless its harvest is over sooner
+RUNS: dict[str, dict[str, Any]] = yaml.safe_load((FOLDER / "reference_runs.yaml").read_text())
+RESULTS = FOLDER / "reference_hashes.json"
+
+
+def result_of(name: str) -> dict[str, Any]:
+    """Return the result of a run: its hash, and figures by which a person sees what changed."""
+    run = RUNS[name]
+    local = Local(check(run["scenario"]))
+    events = 0
+    pushes = run.get("pushes", [])
+    fork = run.get("fork")
+    while local.engine.tick < TICKS and not local.engine.over:
+        if fork is not None and local.engine.tick == fork["tick"]:
+            local = local.fork(fork["stop"], **fork["changes"])
+        events += len(_tick(local, pushes))
+    world = local.engine.world
+    return {
+        "hash": local.engine.hash,
+        "ticks": local.engine.tick,
+        "delivered": world.delivered,
+        "picked_metres": round(float(world.row_picked.sum()), 6),
+        "events": events,
+    }
+
+
+def _tick(local: Local, pushes: list[list[Any]]) -> list[Any]:
+    """Advance a run by one tick. What pushes a robot drives it in place of its agent."""
+    tick = local.engine.tick
+    answers = local.ask()
+    for begin, name, speed, rate, ticks in pushes:
+        if begin <= tick < begin + ticks:
+            own = answers.get(name)
+            if own is None:
+                own = replace(local.engine.actions[name], requests=[], answers=[])
+            answers[name] = replace(own, twist=Twist(x=speed, yaw=rate), hold=None, deeds=[])
+            local.engine.wake([name])
+    return local.act(answers)
+
+
+if __name__ == "__main__":
+    results = {name: result_of(name) for name in RUNS}
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    sys.exit()

@@ -29,6 +29,7 @@ REDRAW_SECONDS = 0.1  # s between two checks for changed input
 PATIENCE = 30.0
 WATCH_SECONDS = 0.3  # s between two updates of the run
 NOT_OPENED = "This file was not opened"
+NOT_ALL_UNDERSTOOD = "Not all of the link was understood"
 FIRST = (
     "Choose a scenario at the top, change what you like, and press Run. "
     "Watch the harvest under Picture; Summary tells how well it went."
@@ -128,25 +129,29 @@ class Page:
     # -- user actions
 
     def open_link(self, linked: Draft | None, unknown: list[str]) -> None:
-        """Show what a link holds. Whoever made it may be another site: what was entered is replaced only if the user agrees.
+        """Show what a link holds.
 
+        Another site may have made it: what was entered is replaced only if the user agrees.
         `linked`: None if the link names no setting. `unknown`: what of it was not understood.
         """
-        if unknown:
-            complain("Not all of the link was understood", unknown)
-        if linked is None or linked.values == self.draft.values:
+        is_news = linked is not None and linked.values != self.draft.values
+        if linked is not None and is_news and not self.draft.is_untouched:
+            self._ask_for(linked, unknown)
             return
-        if self.draft.is_untouched:
+        if unknown:
+            complain(NOT_ALL_UNDERSTOOD, unknown)
+        if linked is not None and is_news:
             self._replace(linked)
-        else:
-            self._ask_for(linked)
 
-    def _ask_for(self, linked: Draft) -> None:
+    def _ask_for(self, linked: Draft, unknown: list[str]) -> None:
+        """Ask whether a link may replace what was entered. One dialog says all: two would hide each other."""
         lines = [
             f"You have entered: {self.draft.title}.",
             f"The link has: {linked.title}.",
             "If you open it, what you have entered is lost. Save keeps it in a file.",
         ]
+        if unknown:
+            lines += [f"{NOT_ALL_UNDERSTOOD}:", *unknown]
 
         def agree() -> None:
             question.close()

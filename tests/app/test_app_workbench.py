@@ -153,9 +153,8 @@ def test_a_link_holds_the_scenario(browser, server):
     assert link == f"{server[0]}/?rows=8"
     browser.open(f"{server[0]}/?rows=9&seed=-3&pikers=2")
     assert "did you mean pickers" in browser.until(
-        lambda: browser.view("complaint").text, "a complaint"
+        lambda: browser.view("link-question").text, "a question, which says what is unknown"
     )
-    browser.escape()
     browser.press("open-link")
     browser.until(lambda: browser.problem("seed"), "what is wrong is told at its field")
     browser.open(link)

@@ -34,7 +34,7 @@ def page(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "orchard", "app", "--quiet", *map(str, arguments)]
 
 
-def wait_for(process: subprocess.Popen, address: str, seconds: float = 30.0) -> None:
+def wait_for(process: subprocess.Popen, address: str, seconds: float = PATIENCE) -> None:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline and process.poll() is None:
         try:

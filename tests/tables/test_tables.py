@@ -441,8 +441,8 @@ def test_all_summaries_have_one_schema_whatever_happened():
 
 
 def test_a_figure_without_a_column_is_told(tmp_path):
-    with pytest.raises(ValueError, match="energy_kwh: no such column"):
-        as_table({"energy_kwh": 1.0, "scenario": {}})
+    with pytest.raises(ValueError, match="golden_kiwis: no such column"):
+        as_table({"golden_kiwis": 1.0, "scenario": {}})
 
 
 def message(tick, sender, recipient, type_, content="{}"):

@@ -17,7 +17,7 @@ from local_runs import HARVEST_TICKS, SMALL
 from orchard.contract.agent import STATES
 from orchard.contract.messages import Fetch, pack, type_of, unpack
 from orchard.field.kinds import kind_of
-from orchard.field.scenario import Scenario, with_changes
+from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.launch.terminal import exit_on_errors
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures
@@ -187,12 +187,16 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
     assert msgspec.json.decode(fetch["content"], type=Fetch).lane in (1, 2, 3)
 
 
-def test_the_exchanges_waited_as_long_as_the_summary_says(whole):
+def test_an_exchange_lasts_for_the_wait_in_the_summary_and_the_drive_before_it(whole):
     folder, _, figures, *_ = whole
     found = rows_of(folder, "exchanges")
-    assert [row["waited_seconds"] for row in found if row["supplied"] is not None] == sorted(
-        figures.waits, key=figures.waits.index
+    supplied = sorted(
+        (row for row in found if row["supplied"] is not None), key=lambda row: row["supplied"]
     )
+    for row, wait in zip(supplied, figures.waits, strict=True):
+        ticks = row["supplied"] - row["full"]
+        assert row["waited_seconds"] == pytest.approx(ticks * TIME_STEP)
+        assert 0.0 <= wait < row["waited_seconds"]
     first = found[0]
     assert first["full"] < first["left"] < first["brought"] < first["supplied"] < first["fetched"]
 

@@ -122,8 +122,9 @@ def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
     """
     kept = WeakMethod(method)
 
-    def call(*arguments: Any) -> Any:
+    # NiceGUI gives the event only to a handler with a parameter of its own, and not to `*arguments`.
+    def call(event: Any) -> Any:
         living = kept()
-        return None if living is None else living(*arguments)
+        return None if living is None else living(event)
 
     return call

@@ -82,6 +82,8 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError."""
     credentials = Credentials(request.options)
     check_runtime()
+    # A folder without the role of physics is told before what else it lacks.
+    credentials.identity(PHYSICS)
     allow_files(len(credentials.shares(*_hosted(request))) + SERVING)
     endpoint = _endpoint_of(request.options, credentials)
     inbox = Inbox()

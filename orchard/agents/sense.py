@@ -11,14 +11,14 @@ one needs to come near.
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from orchard.contract.agent import MOST_HOLD, Observation
+from orchard.contract.agent import MOST_HOLD, Hitch, Observation
 from orchard.contract.zone import Zone, beams, in_zone
 from orchard.field import repeatable
-from orchard.field.geometry import Pose, from_frame, to_frame
+from orchard.field.geometry import Pose, angle_between, from_frame, to_frame
 from orchard.field.kinds import ANIMALS, AROUND, KINDS, PEOPLE, Kind, Laser, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -38,6 +38,7 @@ ON_BOX = 0.1
 # rad between the poses at which a turn is checked.
 _SWEEP_STEP = repeatable.PI / 48
 _BIN_HALF = KINDS["bin"].length / 2
+_CENTRE = Pose(0.0, 0.0, 0.0)
 
 
 class Box(NamedTuple):
@@ -93,20 +94,20 @@ def back_is_free(seen: Observation) -> bool:
     """
     points, parts = _around(seen, [])
     ahead = points[:, 0]
-    aside = np.abs(points[:, 1])
+    left = points[:, 1]
     for part in parts:
-        gaps_now = _gaps(ahead, aside, part)
-        gaps_then = _gaps(ahead + BACK, aside, part)
+        gaps_now = _gaps(ahead, left, part)
+        gaps_then = _gaps(ahead + BACK, left, part)
         if (gaps_then < np.minimum(TURN_MARGIN, gaps_now)).any():
             return False
     return True
 
 
 class _Part(NamedTuple):
-    """The box of a robot or of its bin, in the robot's frame, m."""
+    """The box of a robot or of its bin, in the robot's frame, m and rad."""
 
-    # x of its centre.
-    x: float
+    # Its centre, and where it faces.
+    pose: Pose
     half_length: float
     half_width: float
 
@@ -114,21 +115,37 @@ class _Part(NamedTuple):
 def _around(seen: Observation, blind_to: list[Box]) -> tuple[np.ndarray, list[_Part]]:
     """Return the points that a turn could reach, (m, 2), and the boxes of robot and bin."""
     kind = KINDS[kind_of(seen.name)]
-    parts = [_Part(0.0, kind.length / 2, kind.width / 2)]
+    parts = [_Part(_CENTRE, kind.length / 2, kind.width / 2)]
     tows_bin = seen.hitch is not None and kind.tows > 0.0
     if tows_bin:
-        parts.append(_Part(-kind.tows, _BIN_HALF, _BIN_HALF))
-    back = max(-part.x + part.half_length for part in parts)
+        parts.append(_Part(_pose_of_bin(seen, kind), _BIN_HALF, _BIN_HALF))
+    back = max(-part.pose.x + part.half_length for part in parts)
     points = _not_on(_points_around(seen, kind, back + 1.0), seen.pose, blind_to)
     reach = _reach(kind, tows_bin)
     is_near = points[:, 0] ** 2 + points[:, 1] ** 2 < reach * reach
     return points[is_near], parts
 
 
-def _gaps(ahead: np.ndarray, aside: np.ndarray, part: _Part) -> np.ndarray:
+def _pose_of_bin(seen: Observation, kind: Kind) -> Pose:
+    """Return where the towed bin is, in the robot's frame.
+
+    A bin that something holds stays behind, askew, while the robot goes on.
+    """
+    coupled = Pose(-kind.tows, 0.0, 0.0)
+    hitch = cast(Hitch, seen.hitch)
+    x, y = to_frame(seen.pose, hitch.pose.x, hitch.pose.y)
+    if math.hypot(x - coupled.x, y) < ON_BOX:
+        return coupled
+    return Pose(x, y, angle_between(seen.pose.yaw, hitch.pose.yaw))
+
+
+def _gaps(ahead: np.ndarray, left: np.ndarray, part: _Part) -> np.ndarray:
     """Return how far points are from a box, along its sides, m."""
-    x, half_length, half_width = part
-    return np.maximum(np.abs(ahead - x) - half_length, aside - half_width)
+    along = ahead - part.pose.x
+    across = left - part.pose.y
+    if part.pose.yaw:
+        along, across = to_frame(part.pose, ahead, left)
+    return np.maximum(np.abs(along) - part.half_length, np.abs(across) - part.half_width)
 
 
 @cache
@@ -162,9 +179,9 @@ def _swept(points: np.ndarray, parts: list[_Part], turn: float) -> bool:
     sines = turned[:, :1]
     cosines = turned[:, 1:]
     ahead = cosines * points[:, 0] + sines * points[:, 1]
-    aside = np.abs(cosines * points[:, 1] - sines * points[:, 0])
+    left = cosines * points[:, 1] - sines * points[:, 0]
     for part in parts:
-        gaps = _gaps(ahead, aside, part)
+        gaps = _gaps(ahead, left, part)
         if (gaps < np.minimum(TURN_MARGIN, gaps[0])).any():
             return True
     return False

@@ -97,7 +97,12 @@ def test_a_carrier_off_its_place_before_a_full_bin_comes_back_to_it_and_takes_th
     assert collisions(stage.world) <= 4
 
 
-TWISTS = st.builds(Twist, x=st.just(0.0) | st.floats(-0.5, 1.0), yaw=st.floats(-EIGHTH, EIGHTH))
+TWISTS = st.builds(
+    Twist,
+    x=st.just(0.0) | st.floats(-0.5, 1.0),
+    y=st.just(0.0),
+    yaw=st.floats(-EIGHTH, EIGHTH),
+)
 ADVICE = st.tuples(st.integers(5, 2500), st.sampled_from(ROBOTS), TWISTS, st.integers(1, 20))
 
 
@@ -131,6 +136,17 @@ def harvest(changes: dict, advice: list[tuple[int, str, float, float, int]]) -> 
 
 
 JAMMED = {  # what was wrong -> the scenario, and the advice: tick, robot, m/s, rad/s, ticks
+    "in a turn, its bin askew before the next carrier": (
+        {
+            "rows": 4,
+            "pickers": 2,
+            "carriers": 2,
+            "row_length": 30.0,
+            "tractor": True,
+            "route": "two-way",
+        },
+        (258, "carrier_01", 0.085, 0.2959803560605614, 20),
+    ),
     "in a turn, 1.2 m off the next line, beside a full bin": (
         {
             "rows": 5,

@@ -195,7 +195,7 @@ def test_a_robot_cannot_leave_its_bin_behind():
 
 
 def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it():
-    boxes = [(0.0, 0.9, 0.75)]
+    boxes = [sense._Part(Pose(0.0, 0.0, 0.0), 0.9, 0.75)]
     touched = np.array([[0.8, 0.76]])  # on its left, near its front
     assert not sense._swept(touched, boxes, -0.3)
     assert sense._swept(touched, boxes, 0.3)
@@ -205,15 +205,14 @@ def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it
 def test_a_turn_sweeps_nothing_beyond_its_reach_but_nearly_all_within(name, angle, turn):
     kind = KINDS[name]
     boxes = [
-        (0.0, kind.length / 2, kind.width / 2),
-        *([(-kind.tows, 0.5, 0.5)] if kind.tows else []),
+        sense._Part(Pose(0.0, 0.0, 0.0), kind.length / 2, kind.width / 2),
+        *([sense._Part(Pose(-kind.tows, 0.0, 0.0), 0.5, 0.5)] if kind.tows else []),
     ]
     reach = sense._reach(kind, bool(kind.tows))
     for metres, may_be_swept in ((reach, False), (reach - 3 * sense.TURN_MARGIN, True)):
         points = np.array([[metres * math.cos(angle), metres * math.sin(angle)]])
         assert may_be_swept or not sense._swept(points, boxes, turn)
         is_clear = all(
-            sense._gaps(points[:, 0], np.abs(points[:, 1]), box) >= sense.TURN_MARGIN
-            for box in boxes
+            sense._gaps(points[:, 0], points[:, 1], box) >= sense.TURN_MARGIN for box in boxes
         )
         assert not (may_be_swept and is_clear) or sense._swept(points, boxes, 2.0 * PI)

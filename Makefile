@@ -77,8 +77,9 @@ pythons: $(VENV)/installed-dev  ## the core of the tests on every other Python f
 package: $(VENV)/installed-dev $(VENV)/installed-release  ## wheel and source archive: built, checked, installed and run outside the tree; its SBOM and licences, in dist/
 	bash .ci/package
 
-soak: $(VENV)/installed-dev  ## the long matrix of equal hashes
+soak: $(VENV)/installed-dev  ## the long matrix of equal hashes, then all tests with newly drawn examples
 	$(RUN) -m pytest -m soak
+	$(RUN) -m pytest --hypothesis-profile search --numprocesses 3 --dist worksteal
 
 chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)

@@ -1,11 +1,13 @@
-"""Measures what makes a reader stop: how often it occurs in each area of the code, and whether that is within its limit.
+"""Measures what makes a reader stop: how often it occurs in each area of the code, and whether that
+is within its limit.
 
     .venv/bin/python .ci/readability.py           fails where a figure is above its limit
-    .venv/bin/python .ci/readability.py --lower   lowers each limit to the figure of today; it raises none
+    .venv/bin/python .ci/readability.py --lower   lowers each limit to today's figure; raises none
     .venv/bin/python .ci/readability.py --where vague_names orchard/sim    names the places
 
-Ruff measures what its rules can say: length of lines, docstrings, complexity, parameters. This measures the rest.
-The limits stand in .ci/readability.toml, for 1,000 statements of an area. They only fall.
+Ruff measures what its rules can say: length of lines, docstrings, complexity, parameters. This
+measures the rest. The limits stand in .ci/readability.toml, for 1,000 statements of an area. They
+only fall.
 """
 
 import argparse
@@ -218,7 +220,10 @@ def contains(node: ast.AST, kind: object) -> bool:
 
 
 def continued_comments(text: str) -> Iterator[int]:
-    """Yield the lines whose comment stands behind code and begins in lower case. A unit may stand there."""
+    """Yield the lines whose comment stands behind code and begins in lower case.
+
+    A unit may stand there.
+    """
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type != tokenize.COMMENT or not token.line[: token.start[1]].strip():
             continue
@@ -230,7 +235,10 @@ def continued_comments(text: str) -> Iterator[int]:
 
 
 def files_of(settings: dict[str, list[str]]) -> list[Path]:
-    """Return the Python files of an area. `settings`: its folders, files, and what it leaves out."""
+    """Return the Python files of an area.
+
+    `settings`: its folders, files, and what it leaves out.
+    """
     left_out = {ROOT / name for name in settings.get("without", [])}
     files = set[Path]()
     for name in settings["folders"]:

@@ -1,8 +1,10 @@
-"""Asks the package registry for known vulnerabilities of packages, by pip-audit. Fails if it names one.
+"""Asks the package registry for known vulnerabilities of packages, by pip-audit.
 
-An answer counts only if the registry also reports what a vulnerable package has: pip-audit finds "No known vulnerabilities" too
-where the registry answers nothing. Else it says "NOT CHECKED", and fails nothing. Arguments: the program pip-audit; a file of
-`name==version` lines.
+Fails if it names one.
+
+An answer counts only if the registry also reports what a vulnerable package has: pip-audit finds
+"No known vulnerabilities" too where the registry answers nothing. Else it says "NOT CHECKED", and
+fails nothing. Arguments: the program pip-audit; a file of `name==version` lines.
 """
 
 import json
@@ -16,7 +18,9 @@ HARMLESS: dict[str, str] = {}  # vulnerabilities that do us no harm -> why
 
 
 def ask(audit: str, packages: str) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return the vulnerabilities of each package that was checked, and for each other one why it was not."""
+    """Return the vulnerabilities of each package that was checked, and for each other one why it
+    was not.
+    """
     with NamedTemporaryFile("w", suffix=".txt") as file:
         file.write(packages)
         file.flush()
@@ -51,7 +55,8 @@ def main(audit: str, file: str) -> int:
     if not any(known.values()):
         why = next(iter(unchecked.values()), "it knows of none")
         print(
-            f"vulnerabilities: NOT CHECKED, for the registry reports none of {VULNERABLE}, which has some: {why}"
+            f"vulnerabilities: NOT CHECKED, for the registry reports none of {VULNERABLE}, which"
+            f" has some: {why}"
         )
         return 0
     found, unchecked = ask(audit, Path(file).read_text())
@@ -65,7 +70,8 @@ def main(audit: str, file: str) -> int:
     )
     for name, ids in harmful.items():
         print(
-            f"  {name}: {', '.join(ids)}: take a version without them, or say in HARMLESS of .ci/vulnerabilities.py why they do no harm"
+            f"  {name}: {', '.join(ids)}: take a version without them, or say in HARMLESS of"
+            " .ci/vulnerabilities.py why they do no harm"
         )
     for name, why in unchecked.items():
         print(f"  {name}: NOT CHECKED: {why}")

@@ -1,1 +1,4 @@
-"""Benchmarks of the simulator and of comparable simulators. `python -m bench` runs them and writes bench/results.md."""
+"""Benchmarks of the simulator and of comparable simulators.
+
+`python -m bench` runs them and writes bench/results.md.
+"""

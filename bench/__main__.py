@@ -1,4 +1,7 @@
-"""Run all benchmarks, print the tables and write bench/results.md: `python -m bench`. It takes less than ten minutes."""
+"""Run all benchmarks, print the tables and write bench/results.md: `python -m bench`.
+
+It takes less than ten minutes.
+"""
 
 import os
 from pathlib import Path

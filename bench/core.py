@@ -1,4 +1,6 @@
-"""Our own core in the field of the peers: physics, scans and collisions, with robots that drive without agents."""
+"""Our own core in the field of the peers: physics, scans and collisions, with robots that drive
+without agents.
+"""
 
 import time
 from statistics import median
@@ -36,7 +38,9 @@ def world_of(area: Field) -> World:
 
 
 def twists(robots: int, steps: int) -> np.ndarray:
-    """Return the twists that physics gets, (steps, robots, 3): m/s forward, m/s sideways (0), rad/s."""
+    """Return the twists that physics gets, (steps, robots, 3): m/s forward, m/s sideways (0),
+    rad/s.
+    """
     forward_and_turn = velocities(robots, steps)
     return np.insert(forward_and_turn, 1, 0.0, axis=2)
 

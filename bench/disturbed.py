@@ -1,7 +1,8 @@
-"""How random harvests end whose robots are disturbed: `python -m bench.disturbed drive 0 100` runs harvests 0 to 99 of a kind.
+"""How random harvests end whose robots are disturbed: `python -m bench.disturbed drive 0 100` runs
+harvests 0 to 99 of a kind.
 
-`drive`: advice drives robots at three moments, for up to 2 s; `turn`: it turns them, for up to 1 s; `limits`: sensors with the largest
-errors that a scenario may have.
+`drive`: advice drives robots at three moments, for up to 2 s; `turn`: it turns them, for up to 1 s;
+`limits`: sensors with the largest errors that a scenario may have.
 """
 
 import sys

@@ -1,7 +1,10 @@
-"""The field in which all simulators are measured, and the velocities of its robots. It needs only numpy: the peers' drivers import it.
+"""The field in which all simulators are measured, and the velocities of its robots.
 
-The field of issue 6: 100 x 64 m, fenced, 5 lines of 12 trees with 11 posts between them, N robots with 180-beam lasers.
-Units are metres, seconds and radians; the origin is in the middle of the field.
+It needs only numpy: the peers' drivers import it.
+
+The field of issue 6: 100 x 64 m, fenced, 5 lines of 12 trees with 11 posts between them, N robots
+with 180-beam lasers. Units are metres, seconds and radians; the origin is in the middle of the
+field.
 """
 
 import math
@@ -36,19 +39,27 @@ class Field(NamedTuple):
 
 
 def field(robots: int, scale: float = 1.0) -> Field:
-    """Return the field with robots at random poses. `scale` multiplies the sides of the field and the numbers of lines and of trees."""
+    """Return the field with robots at random poses.
+
+    `scale` multiplies the sides of the field and the numbers of lines and of trees.
+    """
     length, width = LENGTH * scale, WIDTH * scale
     walls = np.array(_fences(length, width) + _trunks(round(LINES * scale), round(TREES * scale)))
     return Field(length, width, walls, _places(robots, length, width, walls))
 
 
 def growing(robots: int) -> Field:
-    """Return a field whose area grows with the robots: it is as crowded as the normal field with 30 robots."""
+    """Return a field whose area grows with the robots: it is as crowded as the normal field with 30
+    robots.
+    """
     return field(robots, math.sqrt(robots / 30))
 
 
 def velocities(robots: int, steps: int) -> np.ndarray:
-    """Return forward speeds, m/s, and turning speeds, rad/s, of the robots: (steps, robots, 2). They change every two seconds."""
+    """Return forward speeds, m/s, and turning speeds, rad/s, of the robots: (steps, robots, 2).
+
+    They change every two seconds.
+    """
     random = np.random.default_rng(SEED + 1)
     drawn = random.uniform((-SPEED, -TURN), (SPEED, TURN), (steps // KEEP + 1, robots, 2))
     return np.repeat(drawn, KEEP, axis=0)[:steps]

@@ -1,10 +1,14 @@
-"""The floor benchmark: the cost of lockstep's messages alone. It sends the messages of a run again over bare Zenoh.
+"""The floor benchmark: the cost of lockstep's messages alone.
+
+It sends the messages of a run again over bare Zenoh.
 
     python -m bench.floor ENDPOINT NUMBER TRACE   (`ticks_per_second` starts these client processes)
 
-There are as many processes as in the real run. The hub is the router, as physics is. At each tick it sends an observation to each client
-that was asked at that tick, and waits until these clients have sent their velocities. Clients send the requests of the run to each other
-as gets, with both replies, and wait for them as the hosts of the run do. Nothing is packed, unpacked, checked or computed.
+There are as many processes as in the real run. The hub is the router, as physics is. At each tick
+it sends an observation to each client that was asked at that tick, and waits until these clients
+have sent their velocities. Clients send the requests of the run to each other as gets, with both
+replies, and wait for them as the hosts of the run do. Nothing is packed, unpacked, checked or
+computed.
 """
 
 import json

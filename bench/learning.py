@@ -1,7 +1,9 @@
-"""How fast the environments are in which a policy learns: `python -m bench.learning`. It takes about two minutes, and writes nothing.
+"""How fast the environments are in which a policy learns: `python -m bench.learning`.
 
-Steps and resets are timed in processor time (see timing.py): the median of five measurements, and the best of them, because the machine
-may have other work.
+It takes about two minutes, and writes nothing.
+
+Steps and resets are timed in processor time (see timing.py): the median of five measurements, and
+the best of them, because the machine may have other work.
 """
 
 import time
@@ -18,7 +20,9 @@ ROBOT = "carrier_01"
 
 
 def timed(work: Callable[[], object], count: int) -> list[float]:
-    """Return the seconds of processor time of one of `count` units of work, for each of REPEATS measurements."""
+    """Return the seconds of processor time of one of `count` units of work, for each of REPEATS
+    measurements.
+    """
     times = []
     for _ in range(REPEATS):
         begun = time.process_time()
@@ -28,7 +32,10 @@ def timed(work: Callable[[], object], count: int) -> list[float]:
 
 
 def harvest(choose: Callable[[dict], np.ndarray]) -> list[float]:
-    """Return the seconds of a step in the default orchard, in which one carrier learns. `choose`: info -> action."""
+    """Return the seconds of a step in the default orchard, in which one carrier learns.
+
+    `choose`: info -> action.
+    """
     env = single_env(Scenario(), ROBOT, reward="goal")
     info = env.reset()[1]
 
@@ -78,10 +85,16 @@ def lines() -> Iterator[str]:
     }
     for name, choose in policies.items():
         times = harvest(choose)
-        yield f"one carrier learns, {name}: {1 / median(times):,.0f} steps/s (best {1 / min(times):,.0f})"
+        yield (
+            f"one carrier learns, {name}: {1 / median(times):,.0f} steps/s (best"
+            f" {1 / min(times):,.0f})"
+        )
     for rows, pickers in ((3, 2), (5, 2), (20, 2), (20, 10), (20, 20)):
         times = resets(rows, pickers)
-        yield f"reset, {rows} rows, {pickers} pickers: {1e3 * median(times):.1f} ms (best {1e3 * min(times):.1f})"
+        yield (
+            f"reset, {rows} rows, {pickers} pickers: {1e3 * median(times):.1f} ms (best"
+            f" {1e3 * min(times):.1f})"
+        )
     times = dispatch()
     yield f"dispatch, a whole harvest: {1e3 * median(times):.0f} ms (best {1e3 * min(times):.0f})"
 

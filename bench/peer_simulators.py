@@ -1,4 +1,6 @@
-"""Comparable simulators: their versions, their virtual environments, and their measured and quoted rates."""
+"""Comparable simulators: their versions, their virtual environments, and their measured and quoted
+rates.
+"""
 
 import json
 import subprocess
@@ -22,7 +24,8 @@ PACKAGES = {
 ALSO = ("numpy==2.4.6", "pyyaml==6.0.3")  # for the drivers
 START_SECONDS = 90.0  # time for the start; creating a thousand robots takes long
 
-# Steps/s for 10, 30, 100, 300 and 1000 robots as quoted in issue 6, from another run. No package registry has Stage, so only quotes exist.
+# Steps/s for 10, 30, 100, 300 and 1000 robots as quoted in issue 6, from another run. No package
+# registry has Stage, so only quotes exist.
 QUOTED: dict[str, tuple[float, ...]] = {
     "Stage 4.3 at 0.02 m": (411, 94, 24, 7.0, 2.8),
     "Stage 4.3 at 0.1 m": (2111, 649, 120, 40, 16),

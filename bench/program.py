@@ -1,4 +1,6 @@
-"""Benchmarks of the whole program: local mode, lockstep over Zenoh, realtime, start-up time and memory."""
+"""Benchmarks of the whole program: local mode, lockstep over Zenoh, realtime, start-up time and
+memory.
+"""
 
 import json
 import subprocess
@@ -53,7 +55,9 @@ class LocalFigures(NamedTuple):
 
 
 def local_figures(options: list[str], ticks: int, repeats: int = 5) -> LocalFigures:
-    """Measure `repeats` times `ticks` ticks from the beginning of a harvest, with holds and with holds ignored in turns. Return medians."""
+    """Measure `repeats` times `ticks` ticks from the beginning of a harvest, with holds and with
+    holds ignored in turns. Return medians.
+    """
     on, ignored = (Local(scenario(options), holds=holds) for holds in (Lookahead, IgnoredHolds))
     for local in (on, ignored):
         local.tick()
@@ -86,7 +90,9 @@ class _Timed:
 
 
 def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
-    """Return the mean time of the longest chain of computing in a tick, s: physics, and then the process whose agents take longest."""
+    """Return the mean time of the longest chain of computing in a tick, s: physics, and then the
+    process whose agents take longest.
+    """
     local, total = Local(scenario(options)), 0.0
     processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
     spent = [0.0] * len(processes)
@@ -104,7 +110,9 @@ def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
 
 
 def trace_of(options: list[str], hosts: str, ticks: int, sizes: dict[str, int]) -> floor.Trace:
-    """Return the messages of the first ticks of a lockstep run, with these mean sizes of `seen` and `velocities`, bytes."""
+    """Return the messages of the first ticks of a lockstep run, with these mean sizes of `seen` and
+    `velocities`, bytes.
+    """
     local, found = Local(scenario(options)), []
     processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
     process = {name: i for i, (_, names) in enumerate(processes) for name in names}
@@ -139,7 +147,9 @@ def trace_of(options: list[str], hosts: str, ticks: int, sizes: dict[str, int]) 
 def lockstep_ticks_per_second(
     options: list[str], hosts: str, ticks: int, *more: str, record: bool = False
 ) -> float:
-    """Return the rate that run.py reports for a run of `ticks` ticks, from the beginning of the first tick to the last."""
+    """Return the rate that run.py reports for a run of `ticks` ticks, from the beginning of the
+    first tick to the last.
+    """
     with TemporaryDirectory() as folder:
         summary = Path(folder) / "summary.json"
         recording = str(Path(folder) / "run.rrd") if record else "none"
@@ -191,7 +201,9 @@ def _command(process: psutil.Process) -> list[str]:
 
 
 def _received(bus: Bus, ticks: int) -> tuple[float, list[Sample]]:
-    """The time of the first clock message (perf_counter), and all samples of `ticks` ticks from then on."""
+    """The time of the first clock message (perf_counter), and all samples of `ticks` ticks from
+    then on.
+    """
     first, clocks, samples = 0.0, 0, []
     while clocks <= ticks:
         item = bus.inbox.take(START_SECONDS)
@@ -236,7 +248,10 @@ class RealtimeFigures(NamedTuple):
 
 
 def realtime_figures(seconds: int) -> RealtimeFigures:
-    """Run the default scenario at speed 1. Return its processor load, measured for `seconds` after 20 ticks, and its delays."""
+    """Run the default scenario at speed 1.
+
+    Return its processor load, measured for `seconds` after 20 ticks, and its delays.
+    """
     with TemporaryDirectory() as folder:
         path, endpoint = Path(folder) / "summary.json", with_port(LOOPBACK)
         how = [
@@ -281,7 +296,9 @@ def _processor_seconds(pid: int) -> float:
 
 
 def physics_megabytes(robots: int) -> float:
-    """Return the resident memory, MB, of a process that has imported the physics process and has scanned and moved `robots` robots."""
+    """Return the resident memory, MB, of a process that has imported the physics process and has
+    scanned and moved `robots` robots.
+    """
     process = subprocess.run(
         [sys.executable, "-m", "bench.program", str(robots)],
         cwd=ROOT,

@@ -11,32 +11,41 @@ from bench.peer_simulators import PACKAGES, QUOTED
 HEAD = """\
 # Benchmarks
 
-For people who ask how fast the Orchard is. After this page you know its rates beside those of other simulators, and can measure them
-again."""
+For people who ask how fast the Orchard is. After this page you know its rates beside those of other
+simulators, and can measure them again."""
 METHOD = """\
 ## Method
 
-All measurements run on one machine, one after another. Each of our rates is the median of five. The cores are timed in processor time, and
-all else in wall time. A machine that shares its processor is slower at times, by up to a factor of three: compare ratios, within one run.
+All measurements run on one machine, one after another. Each of our rates is the median of five. The
+cores are timed in processor time, and all else in wall time. A machine that shares its processor is
+slower at times, by up to a factor of three: compare ratios, within one run.
 
-**Core.** A field of 100 x 64 m, fenced, with 5 lines of 12 trees and 11 posts, and N robots of 1.0 x 0.8 m. Each has a laser of 180 beams
-over half a turn, up to 10 m. A step of 0.1 s is a scan of each robot, exact to 1e-9 m, and its movement with collisions, in one thread,
-without drawing (`bench/field.py`). All simulators get the same places and velocities.
+**Core.** A field of 100 x 64 m, fenced, with 5 lines of 12 trees and 11 posts, and N robots of 1.0
+x 0.8 m. Each has a laser of 180 beams over half a turn, up to 10 m. A step of 0.1 s is a scan of
+each robot, exact to 1e-9 m, and its movement with collisions, in one thread, without drawing
+(`bench/field.py`). All simulators get the same places and velocities.
 
-**Attainable** is a rate without any loss. *Messages*: bare Zenoh sends the messages of the run again, and nothing else (`bench/floor.py`).
-*Chain*: the longest chain of computing in local mode. A lockstep run is `run.py` with real agents. Its rates are medians of three runs.
+**Attainable** is a rate without any loss. *Messages*: bare Zenoh sends the messages of the run
+again, and nothing else (`bench/floor.py`).
+*Chain*: the longest chain of computing in local mode. A lockstep run is `run.py` with real agents.
+Its rates are medians of three runs.
 
-**Start** is the time from the start of `run.py` to the first tick on the bus. **Memory** is resident.
+**Start** is the time from the start of `run.py` to the first tick on the bus. **Memory** is
+resident.
 
 ## Differences between the simulators
 
-- In IR-SIM a robot that has collided stays where it is; that makes it faster. The lidar of irsim-x does not see other robots.
-- In navground robots are discs, a tree is four walls, and numbers have single precision. Its lasers are called from Python one by one.
-- Stage is not in the package registry: its figures are quoted, from another run on a similar machine. Its mean error on hits is 3 cm at
+- In IR-SIM a robot that has collided stays where it is; that makes it faster. The lidar of irsim-x
+  does not see other robots.
+- In navground robots are discs, a tree is four walls, and numbers have single precision. Its lasers
+  are called from Python one by one.
+- Stage is not in the package registry: its figures are quoted, from another run on a similar
+  machine. Its mean error on hits is 3 cm at
   0.02 m and 12 cm at 0.1 m.
 - Gazebo was not measured.
 
-`make bench` measures all of this again in less than ten minutes. It installs the other simulators into `.bench/`.
+`make bench` measures all of this again in less than ten minutes. It installs the other simulators
+into `.bench/`.
 """
 
 
@@ -53,7 +62,9 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def rate(value: float | None) -> str:
-    """Return a rate as text: whole from 100 on, below with three significant digits; '-' for None."""
+    """Return a rate as text: whole from 100 on, below with three significant digits; '-'
+    for None.
+    """
     if value is None:
         return "-"
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
@@ -64,8 +75,9 @@ def _machine(results: Results) -> str:
     others = ", ".join(PACKAGES.values())
     before, after = results.load
     return (
-        f"Measured by `make bench` with Python {platform.python_version()}, {ours}; {others}; on {os.cpu_count()} cores of "
-        f"{_processor()} (load before {before:.1f}, after {after:.1f}). All figures are from that run, except those marked *quoted*."
+        f"Measured by `make bench` with Python {platform.python_version()}, {ours}; {others}; on"
+        f" {os.cpu_count()} cores of {_processor()} (load before {before:.1f}, after {after:.1f})."
+        " All figures are from that run, except those marked *quoted*."
     )
 
 
@@ -102,7 +114,10 @@ def _goals(results: Results) -> str:
     missed = [
         f"{goal}, {got} where {wanted} is wanted" for goal, wanted, got, met in goals if not met
     ]
-    return f"Of {len(goals)} goals (`bench/measure.py`) {len(goals) - len(missed)} are met; not met: {'; '.join(missed) or 'none'}."
+    return (
+        f"Of {len(goals)} goals (`bench/measure.py`) {len(goals) - len(missed)} are met; not met:"
+        f" {'; '.join(missed) or 'none'}."
+    )
 
 
 def _program(results: Results) -> str:
@@ -156,7 +171,10 @@ def _program(results: Results) -> str:
     tables = "\n\n".join(
         table(head, rows) for head, rows in zip(heads, (local, lockstep, start), strict=True)
     )
-    return f"## The program\n\n{tables}\n\nPhysics with 1000 robots uses {results.physics_megabytes:.0f} MB.\n\n{_realtime(results)}"
+    return (
+        f"## The program\n\n{tables}\n\nPhysics with 1000 robots uses"
+        f" {results.physics_megabytes:.0f} MB.\n\n{_realtime(results)}"
+    )
 
 
 def _rates(run: Lockstep) -> list[str]:
@@ -167,14 +185,23 @@ def _rates(run: Lockstep) -> list[str]:
         f"{1e6 * run.chain:.0f}",
         rate(run.attainable),
     ]
-    return [run.hosts, *costs, rate(run.plain), f"{run.plain / run.attainable:.2f}", rate(run.ignored), f"{run.plain / run.ignored:.2f}",
-            rate(run.recorded), f"{run.recorded / run.plain:.2f}"]  # fmt: skip
+    return [
+        run.hosts,
+        *costs,
+        rate(run.plain),
+        f"{run.plain / run.attainable:.2f}",
+        rate(run.ignored),
+        f"{run.plain / run.ignored:.2f}",
+        rate(run.recorded),
+        f"{run.recorded / run.plain:.2f}",
+    ]
 
 
 def _realtime(results: Results) -> str:
     run = results.realtime
     return (
-        f"Real time, default scenario at speed 1, one process for each agent: all processes together use {run.cores:.0%} of a core; "
-        f"{run.missed} of {run.answers:,} answers came too late for their tick; the time from the observation to the arrival of the "
-        f"velocity is {run.p50:g} ms (p50) and {run.p99:g} ms (p99)."
+        "Real time, default scenario at speed 1, one process for each agent: all processes"
+        f" together use {run.cores:.0%} of a core; {run.missed} of {run.answers:,} answers came too"
+        " late for their tick; the time from the observation to the arrival of the velocity is"
+        f" {run.p50:g} ms (p50) and {run.p99:g} ms (p99)."
     )

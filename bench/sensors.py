@@ -1,6 +1,8 @@
-"""Which errors of GNSS our agents still harvest with: `python -m bench.sensors` prints the table of docs/reference.md in some 20 minutes.
+"""Which errors of GNSS our agents still harvest with: `python -m bench.sensors` prints the table of
+docs/reference.md in some 20 minutes.
 
-Each line is 4 harvests of 3 rows with people and animals, each with another seed, dispatch policy and route.
+Each line is 4 harvests of 3 rows with people and animals, each with another seed, dispatch policy
+and route.
 """
 
 import time
@@ -58,7 +60,10 @@ def line(white: float, bias: float, outcomes: list[Outcome]) -> str:
     done = [outcome.seconds for outcome in outcomes if outcome.finished]
     took = f"{mean(done):.0f}" if done else "-"
     collisions, refused = (sum(values) for values in list(zip(*outcomes, strict=True))[2:])
-    return f"| {100 * white:g} | {100 * bias:g} | {len(done)} of {len(outcomes)} | {took} | {collisions} | {refused} |"
+    return (
+        f"| {100 * white:g} | {100 * bias:g} | {len(done)} of {len(outcomes)} | {took} |"
+        f" {collisions} | {refused} |"
+    )
 
 
 def main() -> None:

@@ -1,4 +1,5 @@
-"""What the tables of the default harvest cost, with exact sensors and with errors: their processor time, that of the run, and their size.
+"""What the tables of the default harvest cost, with exact sensors and with errors: their processor
+time, that of the run, and their size.
 
 python -m bench.tables
 """
@@ -51,8 +52,8 @@ def measure(name: str, scenario: Scenario) -> None:
         )
         rows = local.engine.tick * len(local.engine.layout.names)
         print(
-            f"{name}: {local.engine.tick} ticks, {rows} rows, {size / 1e6:.2f} MB: {spent:.2f} s for the tables, "
-            f"{total - spent:.2f} s for the run"
+            f"{name}: {local.engine.tick} ticks, {rows} rows, {size / 1e6:.2f} MB: {spent:.2f} s"
+            f" for the tables, {total - spent:.2f} s for the run"
         )
 
 

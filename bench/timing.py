@@ -1,7 +1,9 @@
-"""The timing loop of all simulators: the same code runs in the process of each. It needs only the standard library.
+"""The timing loop of all simulators: the same code runs in the process of each.
 
-The rate is measured in processor time. Each simulator has one thread, so on an idle machine that is wall time; on a busy machine it is
-still the time that an idle one would take.
+It needs only the standard library.
+
+The rate is measured in processor time. Each simulator has one thread, so on an idle machine that is
+wall time; on a busy machine it is still the time that an idle one would take.
 """
 
 import json
@@ -13,7 +15,10 @@ MOST_STEPS = 3000  # for which velocities are prepared; after them the sequence 
 
 
 def run(step: Callable[[int], object], seconds: float) -> None:
-    """Call step(0), step(1), ... for `seconds`, at least once. Print one line of JSON: {"steps_per_second": ...}."""
+    """Call step(0), step(1), ... for `seconds`, at least once.
+
+    Print one line of JSON: {"steps_per_second": ...}.
+    """
     for k in range(WARM_UP):
         step(k)
     begun, used, steps = time.perf_counter(), time.process_time(), 0

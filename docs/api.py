@@ -1,4 +1,5 @@
-"""docs/api.md: the public names of the library with what their docstrings say, so that the page reads in a clone too.
+"""docs/api.md: the public names of the library with what their docstrings say, so that the page
+reads in a clone too.
 
 docs/templates/api.md.in has the order, in the directives of Sphinx's autodoc. Here each becomes a
 section: the signature, the docstring, and a list of the members that the directive names.
@@ -65,7 +66,9 @@ def _sections(directives: str) -> Iterator[str]:
 
 
 def _members(class_: type, names: list[str]) -> Iterator[Member]:
-    """Yield the members with these names; without a name, all that are public and of the class itself."""
+    """Yield the members with these names; without a name, all that are public and of the class
+    itself.
+    """
     fields = Fields(class_)
     own = [*fields.types, *(name for name in vars(class_) if name not in fields.types)]
     for name in names or own:
@@ -82,7 +85,9 @@ def _members(class_: type, names: list[str]) -> Iterator[Member]:
 
 
 class Fields:
-    """The fields of a class as its source has them: their types, and the comments that begin with `#:`."""
+    """The fields of a class as its source has them: their types, and the comments that begin with
+    `#:`.
+    """
 
     def __init__(self, class_: type) -> None:
         self.types: dict[str, str] = {}
@@ -148,7 +153,9 @@ def _paragraphs(thing: Any) -> str:
 
 
 def _arguments(class_: type) -> str:
-    """Return what the source of a class says of the arguments with which it is made; '' if nothing."""
+    """Return what the source of a class says of the arguments with which it is made; '' if
+    nothing.
+    """
     made = inspect.getattr_static(class_, "__init__")
     is_written = inspect.isfunction(made) and made.__doc__ is not None
     return inspect.getdoc(made) or "" if is_written else ""

@@ -1,4 +1,6 @@
-"""The table of the benchmark in docs/bounds.md: `orchard benchmark --summary docs/benchmark.json` measures it, `make docs` writes it."""
+"""The table of the benchmark in docs/bounds.md: `orchard benchmark --summary docs/benchmark.json`
+measures it, `make docs` writes it.
+"""
 
 import json
 import re

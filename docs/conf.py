@@ -1,4 +1,6 @@
-"""The site: Sphinx reads the documents as they lie in the repository, so that their links work there too. `make site` builds it."""
+"""The site: Sphinx reads the documents as they lie in the repository, so that their links work
+there too. `make site` builds it.
+"""
 
 from importlib import metadata
 

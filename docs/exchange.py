@@ -8,7 +8,8 @@ from orchard.report.plan import COLOURS, PIXELS, Drawing
 
 
 def exchange_plan(layout: Layout) -> str:
-    """Return the drawing of the east ends of the first three lanes: the places, and the areas that turns sweep.
+    """Return the drawing of the east ends of the first three lanes: the places, and the areas that
+    turns sweep.
 
     The west side is the same, turned by half a turn, or mirrored.
     """
@@ -43,7 +44,10 @@ def _exchange(drawing: Drawing, route: OneWay, y: float, side: Side) -> None:
         (route.F_ROAD, y): 2.45,
     }
     for (x, at), radius in (sweeps | {(route.WAITING, y): 2.80}).items():
-        circle = f'<circle cx="{drawing.x(side.x(x))}" cy="{drawing.y(at)}" r="{round(radius * PIXELS, 2)}"'
+        circle = (
+            f'<circle cx="{drawing.x(side.x(x))}" cy="{drawing.y(at)}"'
+            f' r="{round(radius * PIXELS, 2)}"'
+        )
         drawing.elements.append(
             f'{circle} style="fill:none;stroke:#888;stroke-width:0.7;stroke-dasharray:3"/>'
         )

@@ -1,8 +1,9 @@
-"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/api.md, docs/study.md, the JSON schema, and drawings.
+"""Writes every file that is generated: keyspace.md, docs/reference.md, docs/api.md, docs/study.md,
+the JSON schema, and drawings.
 
-All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the tables of docs/bounds.md,
-one of which is from docs/benchmark.json.
-`python -m docs.study` and `python -m docs.validation` measure anew.
+All follow from the code, those of the study from docs/study.json, and docs/policies.svg from the
+tables of docs/bounds.md, one of which is from docs/benchmark.json. `python -m docs.study` and
+`python -m docs.validation` measure anew.
 """
 
 import json
@@ -19,7 +20,10 @@ ROOT = Path(__file__).parent.parent
 
 
 def schema_text() -> str:
-    """The text of `config/scenario.schema.json`, for editors. It does not contain the rules that compare several fields."""
+    """The text of `config/scenario.schema.json`, for editors.
+
+    It does not contain the rules that compare several fields.
+    """
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **Scenario.model_json_schema(),

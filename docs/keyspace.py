@@ -1,4 +1,6 @@
-"""The documents of the interface, from the table of keys: keyspace.md, docs/protocol.md, docs/messages.md and docs/asyncapi.json."""
+"""The documents of the interface, from the table of keys: keyspace.md, docs/protocol.md,
+docs/messages.md and docs/asyncapi.json.
+"""
 
 from collections.abc import Iterator, Sequence
 from inspect import cleandoc
@@ -93,7 +95,9 @@ def _table_row(what: str, key: Key) -> str:
 
 
 def messages() -> str:
-    """Return the text of docs/messages.md: each message and each map in them once, by its first key."""
+    """Return the text of docs/messages.md: each message and each map in them once, by its first
+    key.
+    """
     types = list(dict.fromkeys(type_ for key in TABLE.values() for type_ in _types_of(key)))
     parts = sorted(
         {part for type_ in types for part in parts_of(type_)} - set(types),
@@ -127,7 +131,8 @@ def _struct(type_: type, parts: Sequence[type], where: str = "") -> str:
         if (name, kind, note) not in above
     )
     example = f"\n{_shown(shown)}\n" if (shown := EXAMPLES.get(type_)) else ""
-    return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n```text\n{(lines + example).strip()}\n```\n"
+    block = f"```text\n{(lines + example).strip()}\n```\n"
+    return f"### {type_.__name__}\n\n{where}{_doc(type_)}\n\n{block}"
 
 
 def _doc(type_: type) -> str:
@@ -162,7 +167,9 @@ def _union(title: str, union: Any) -> str:
 
 
 def asyncapi() -> str:
-    """Return the contract for programs: AsyncAPI 3.0, with JSON schemas of the messages; bytes are base64 there."""
+    """Return the contract for programs: AsyncAPI 3.0, with JSON schemas of the messages; bytes are
+    base64 there.
+    """
     types = list(dict.fromkeys(type_ for key in TABLE.values() for type_ in _types_of(key)))
     _, schemas = msgspec.json.schema_components(types, ref_template="#/components/schemas/{name}")
     document = {
@@ -170,7 +177,10 @@ def asyncapi() -> str:
         "info": {
             "title": "Orchard",
             "version": "1.0.0",
-            "description": "Keys over Zenoh, payloads in msgpack. keyspace.md has the conventions, docs/protocol.md the order of messages.",
+            "description": (
+                "Keys over Zenoh, payloads in msgpack. keyspace.md has the conventions,"
+                " docs/protocol.md the order of messages."
+            ),
             "license": {"name": "Apache-2.0"},
         },
         "defaultContentType": "application/msgpack",
@@ -191,7 +201,9 @@ def asyncapi() -> str:
 
 
 def _draft_7(schema: Any) -> Any:
-    """A JSON schema of msgspec in the older words of AsyncAPI: `items` for the places of a tuple, and no `discriminator`."""
+    """A JSON schema of msgspec in the older words of AsyncAPI: `items` for the places of a tuple,
+    and no `discriminator`.
+    """
     if isinstance(schema, list):
         return [_draft_7(part) for part in schema]
     if not isinstance(schema, dict):
@@ -222,7 +234,9 @@ def _channel(what: str, key: Key) -> dict[str, Any]:
 
 
 def _operations() -> Iterator[tuple[str, dict[str, Any]]]:
-    """What physics does on each key, as AsyncAPI has it: it sends what it publishes, and receives the rest."""
+    """What physics does on each key, as AsyncAPI has it: it sends what it publishes, and receives
+    the rest.
+    """
     for what, key in TABLE.items():
         if key.delivery == LIVELINESS:
             continue

@@ -26,7 +26,9 @@ def struct_of(type_: type) -> inspect.StructType:
 
 
 def rows_of(type_: type) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, type, meaning) of the fields of a map, without `run` and `tick`, which the document explains once."""
+    """Yield (name, type, meaning) of the fields of a map, without `run` and `tick`, which the
+    document explains once.
+    """
     struct = struct_of(type_)
     is_message = any(field.encode_name == "run" for field in struct.fields)
     if struct.tag_field and type_ not in MEMBERS:

@@ -1,4 +1,5 @@
-"""Makes docs/orchard.png and docs/exchange.webp: Rerun's own viewer, without a window, looks at a run of local mode.
+"""Makes docs/orchard.png and docs/exchange.webp: Rerun's own viewer, without a window, looks at a
+run of local mode.
 
 Needs what .ci/apt-packages.txt names, as the tests that look at pictures do.
 """
@@ -58,7 +59,10 @@ def record(path: Path, seconds: float) -> None:
 
 @contextmanager
 def looking_at(size: tuple[int, int], *files: Path) -> Iterator[ViewerClient]:
-    """A viewer without a window that has loaded a recording, and perhaps a blueprint. `size`: pixels, without the menu."""
+    """A viewer without a window that has loaded a recording, and perhaps a blueprint.
+
+    `size`: pixels, without the menu.
+    """
     port, (width, height) = free_port(), size
     command = [
         viewer_program(),
@@ -84,7 +88,10 @@ def looking_at(size: tuple[int, int], *files: Path) -> Iterator[ViewerClient]:
 
 
 def _wait_for_the_greeting(client: ViewerClient) -> None:
-    """Wait until the viewer's greeting is gone. Time passes in the viewer only while it makes pictures."""
+    """Wait until the viewer's greeting is gone.
+
+    Time passes in the viewer only while it makes pictures.
+    """
     deadline = time.monotonic() + GREETING
     while time.monotonic() < deadline:
         client.take_screenshot(max_size=100)
@@ -104,7 +111,10 @@ def _connected(port: int) -> ViewerClient:
 
 
 def at(client: ViewerClient, seconds: float, view: str | None = None) -> Image.Image:
-    """The window, or one view, at a time. The first pictures after a change may still be the old one."""
+    """The window, or one view, at a time.
+
+    The first pictures after a change may still be the old one.
+    """
     client.set_time("sim_time", duration=seconds, play_state="paused")
     shown = next((known.view_id for known in client.get_state().views if known.name == view), None)
     for _ in range(3):
@@ -136,7 +146,9 @@ def film(recording: Path) -> list[Image.Image]:
 
 
 def save_film(frames: list[Image.Image], path: Path) -> None:
-    """Write an animated WebP, which READMEs show as they show GIF, in all colours and a fraction of GIF's size."""
+    """Write an animated WebP, which READMEs show as they show GIF, in all colours and a fraction of
+    GIF's size.
+    """
     durations = [round(1000 / RATE)] * (len(frames) - 1) + [round(1000 * HOLD)]
     frames[0].save(
         path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY

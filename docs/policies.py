@@ -1,4 +1,6 @@
-"""docs/policies.svg: what dispatch policies and roads make of the same orchards, drawn from the tables of docs/bounds.md."""
+"""docs/policies.svg: what dispatch policies and roads make of the same orchards, drawn from the
+tables of docs/bounds.md.
+"""
 
 import io
 import re
@@ -14,9 +16,13 @@ ONE_WAY, TWO_WAY = (
     "## Policies on two-way roads",
 )  # the chapters with the tables
 LOOKS = {  # chapter and policy -> colour of the bar
-    (ONE_WAY, "nearest"): "#b9c4b0", (ONE_WAY, "farthest-first"): "#7fa874", (ONE_WAY, "predictive"): "#3f8f4a",
-    (TWO_WAY, "nearest"): "#bccbdd", (TWO_WAY, "farthest-first"): "#7ea3cf", (TWO_WAY, "predictive"): "#2f66a8",
-}  # fmt: skip
+    (ONE_WAY, "nearest"): "#b9c4b0",
+    (ONE_WAY, "farthest-first"): "#7fa874",
+    (ONE_WAY, "predictive"): "#3f8f4a",
+    (TWO_WAY, "nearest"): "#bccbdd",
+    (TWO_WAY, "farthest-first"): "#7ea3cf",
+    (TWO_WAY, "predictive"): "#2f66a8",
+}
 SPEED = "1"  # m/s, the picking speed of the orchards that are drawn
 INK, BAR = "#24301f", 0.13
 

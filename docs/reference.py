@@ -1,4 +1,7 @@
-"""docs/reference.md: scenario, results, figures and geometry of the orchard. Prose, and tables made from the constants of the code."""
+"""docs/reference.md: scenario, results, figures and geometry of the orchard.
+
+Prose, and tables made from the constants of the code.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import degrees
@@ -26,7 +29,10 @@ Rows = Iterable[Sequence[str]]
 
 
 def _table(head: str, rows: Rows) -> str:
-    """A table; `head`: the titles of the columns with | between them. Line breaks in cells become spaces."""
+    """A table; `head`: the titles of the columns with | between them.
+
+    Line breaks in cells become spaces.
+    """
     titles = head.split("|")
     lines = [titles, *rows]
     head, *body = (f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
@@ -51,7 +57,10 @@ def _area(rect: Rect) -> str:
 
 
 def _every(values: Sequence[float]) -> str:
-    return f"{len(values)}, every {values[1] - values[0]:g} m from x = {values[0]:g} to x = {values[-1]:g}"
+    return (
+        f"{len(values)}, every {values[1] - values[0]:g} m from x = {values[0]:g} to x ="
+        f" {values[-1]:g}"
+    )
 
 
 def _seconds(ticks: int) -> str:
@@ -64,15 +73,17 @@ def _of_pi(radians: float) -> str:
 
 # -- the sections
 
-HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md.in from the constants of the code: `make docs`. -->
+HEAD = """<!-- Made by docs/reference.py and docs/templates/results.md.in from the constants of the
+code: `make docs`. -->
 # Reference: scenario, results and the orchard in figures
 
-For people who look up a value. After this page you know every setting of a scenario, every figure that a run leaves, and every size, speed
-and rule of the orchard.
+For people who look up a value. After this page you know every setting of a scenario, every figure
+that a run leaves, and every size, speed and rule of the orchard.
 
-Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east, and yaw grows counter-clockwise
-(REP-103, REP-105). The figures of the orchard come from measurements, and from
-[the student system](design.md#what-it-is-built-on) of 2015 that this one continues."""
+Units are SI: m, s, rad. In the frame `map`, x points east, y north and z up; a yaw of 0 faces east,
+and yaw grows counter-clockwise (REP-103, REP-105). The figures of the orchard come from
+measurements, and from [the student system](design.md#what-it-is-built-on) of 2015 that this one
+continues."""
 RESULTS = Path(__file__).with_name("templates") / "results.md.in"
 
 
@@ -98,35 +109,61 @@ def document() -> str:
 def _field(layout: Layout) -> str:
     last = layout.tree_lines[-1]
     rows = [
-        ("fences", f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high"),
-        ("centre lines of the fences", f"x = {field.X_WEST:g} and {field.X_EAST:g}; top fence y = {field.TOP:g}"),
-        ("bottom fence", f"{last - layout.bottom:g} m south of the last tree line; y = {layout.bottom:g} in the default scenario"),
-        ("tree lines", f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next one row_width + {TRUNK:g} m
-            further south"""),
+        (
+            "fences",
+            f"on all four sides, {field.FENCE_THICKNESS:g} m thick, {field.FENCE_HEIGHT:g} m high",
+        ),
+        (
+            "centre lines of the fences",
+            f"x = {field.X_WEST:g} and {field.X_EAST:g}; top fence y = {field.TOP:g}",
+        ),
+        (
+            "bottom fence",
+            (
+                f"{last - layout.bottom:g} m south of the last tree line; y = {layout.bottom:g} in"
+                " the default scenario"
+            ),
+        ),
+        (
+            "tree lines",
+            f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next
+            one row_width + {TRUNK:g} m further south""",
+        ),
         ("trees in a line", _every(layout.lines[0].trees_x)),
         ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
         ("trunks and posts", f"{TRUNK:g} x {TRUNK:g} m; trunks 1.8 m high, posts 2.8 m"),
-        ("row, or lane", "between two tree lines, with its centre line halfway; rows count from 1 at the top"),
-        ("picked part of a row", f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m"),
-        ("driveway", f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences"),
+        (
+            "row, or lane",
+            "between two tree lines, with its centre line halfway; rows count from 1 at the top",
+        ),
+        (
+            "picked part of a row",
+            f"x = {field.ROW_WEST:g} to {layout.row_east:g}, or back: {layout.row_length:g} m",
+        ),
+        (
+            "driveway",
+            f"{_area(field.DRIVEWAY)}; no obstacle. Its west and north edges lie under the fences",
+        ),
         ("bay", f"{_area(field.BAY)}: the south edge of the driveway"),
         ("queue", _area(layout.queue.area)),
-    ]  # fmt: skip
-    text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows of {USUAL_ROW:g} m with the bay at its
-usual place. `row_length` moves the rows' east ends, and everything east of them; a line of trees then has as many trees as fit up to
-{field.LAST_TREE:g} m before the row's end. `bay` moves the bay east along the top road."""
+    ]
+    text = f"""Fruit is not modelled. The code is `orchard/field/layout.py`. The table is for rows
+of {USUAL_ROW:g} m with the bay at its usual place. `row_length` moves the rows' east ends, and
+everything east of them; a line of trees then has as many trees as fit up to {field.LAST_TREE:g} m
+before the row's end. `bay` moves the bay east along the top road."""
     return _section("The field", _points_of(rows), text)
 
 
 def _things(layout: Layout) -> str:
     head = "kind | length x width x height, m | colour, sRGB | most m/s | most rad/s | solid"
-    notes = """All bodies are boxes. A speed changes within one step: there is no limit of acceleration, which is a choice of the model.
-Bodies move by their own velocity only. Only a bin can move sideways. A bin moves only while it is coupled. Weeds are not solid, and no
-laser sees them."""
-    starts = f"""A start holds where the place is free; else the body starts at the nearest free point of a grid of {placement.GRID:g} m.
-A place is free where the circle around the body is {placement.CLEAR:g} m away from all solid things. People and animals do not start on
-the queue lines in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g} m ahead of a picker.
-More of them than have a place above start at random places, as weeds do."""
+    notes = """All bodies are boxes. A speed changes within one step: there is no limit of
+acceleration, which is a choice of the model. Bodies move by their own velocity only. Only a bin can
+move sideways. A bin moves only while it is coupled. Weeds are not solid, and no laser sees them."""
+    starts = f"""A start holds where the place is free; else the body starts at the nearest free
+point of a grid of {placement.GRID:g} m. A place is free where the circle around the body is
+{placement.CLEAR:g} m away from all solid things. People and animals do not start on the queue lines
+in use, where the tractor drives ({_area(placement.TRACK)}), or within {placement.AHEAD_OF_PICKER:g}
+m ahead of a picker. More of them than have a place above start at random places, as weeds do."""
     return _section(
         "The things in it",
         _table(head, map(_kind_row, KINDS.items())),
@@ -157,8 +194,8 @@ def _starts(layout: Layout) -> Iterator[Sequence[str]]:
     yield (
         "picker",
         (
-            f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind it; "
-            f"every second one x = {field.EAST_START:g}, facing west"
+            f"x = {field.ROW_WEST:g} on the centre line of its first row, facing east, a bin behind"
+            f" it; every second one x = {field.EAST_START:g}, facing west"
         ),
     )
     yield (
@@ -176,13 +213,17 @@ def _starts(layout: Layout) -> Iterator[Sequence[str]]:
 
 def _towing() -> str:
     head = "robot | centre to centre, m | gap, m | a turn with bin sweeps, m | without bin, m"
-    text = f"""A coupled bin keeps its place behind its robot, square to it; a bar joins them. The bin's agent does that: it observes the
-robot's pose and velocity, and chooses the velocity that brings the bin to its place at the end of the step if the robot keeps its
-velocity. When the robot changes its velocity, the bin is for a moment up to 0.15 m off its place (`tests/agents/test_steps.py`); at
-rest it is exact. A bin that is more than {move.BAR:g} m off its place holds its robot.
+    text = f"""A coupled bin keeps its place behind its robot, square to it; a bar joins them. The
+bin's agent does that: it observes the robot's pose and velocity, and chooses the velocity that
+brings the bin to its place at the end of the step if the robot keeps its velocity. When the robot
+changes its velocity, the bin is for a moment up to 0.15 m off its place
+(`tests/agents/test_steps.py`); at rest it is exact. A bin that is more than {move.BAR:g} m off its
+place holds its robot.
 
-A robot couples a bin only while both stand still, with the bin's centre within {deeds.COUPLING_REACH:g} m of the coupling point and its
-sides within {degrees(deeds.COUPLING_ANGLE):g} degrees. A bin is square, so any quarter turn fits. Coupling and uncoupling move nothing."""
+A robot couples a bin only while both stand still, with the bin's centre within
+{deeds.COUPLING_REACH:g} m of the coupling point and its sides within
+{degrees(deeds.COUPLING_ANGLE):g} degrees. A bin is square, so any quarter turn fits. Coupling and
+uncoupling move nothing."""
     return _section(
         "Towing",
         text,
@@ -204,12 +245,14 @@ def _laser() -> str:
         _laser_row(KINDS["picker"].laser, forward, "at the middle of the front edge"),
         _laser_row(AROUND, round_, "at the centre"),
     ]
-    text = f"""Every laser measures at every tick, {1 / TIME_STEP:g} times a simulated second, up to {LASER_RANGE:g} m. A beam without a
-return is +inf (REP-117). Angles are counter-clockwise, 0 straight ahead, as in ROS `sensor_msgs/LaserScan`. Ranges to the boxes are exact,
-and then rounded to float32. A scenario may add Gaussian noise.
+    text = f"""Every laser measures at every tick, {1 / TIME_STEP:g} times a simulated second, up to
+{LASER_RANGE:g} m. A beam without a return is +inf (REP-117). Angles are counter-clockwise, 0
+straight ahead, as in ROS `sensor_msgs/LaserScan`. Ranges to the boxes are exact, and then rounded
+to float32. A scenario may add Gaussian noise.
 
-The scan plane is 0.2 m above the ground. Fences, trunks, posts and all solid bodies but the scanning one return; weeds, crowns and the
-pergola do not. A robot that tows receives its bin's scan too, and so what is behind it. A flattened weed measures nothing."""
+The scan plane is 0.2 m above the ground. Fences, trunks, posts and all solid bodies but the
+scanning one return; weeds, crowns and the pergola do not. A robot that tows receives its bin's scan
+too, and so what is behind it. A flattened weed measures nothing."""
     return _section("The laser", _table(head, rows), text)
 
 
@@ -220,35 +263,87 @@ def _laser_row(laser: Laser, names: Iterable[str], where: str) -> Sequence[str]:
 def _behaviours() -> str:
     rows = [
         ("time step", f"{TIME_STEP:g} s"),
-        ("turn (`Face`)", f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at a heading"),
-        ("drive (`DriveTo`)", f"""{steps.CRUISE:g} m/s to an absolute x or y, nearer than {robot.EXACT:g} m counts as there"""),
-        ("move to a point (`MoveTo`)", "first along the axis that the robot faces, then along the other"),
+        (
+            "turn (`Face`)",
+            (
+                f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at"
+                " a heading"
+            ),
+        ),
+        (
+            "drive (`DriveTo`)",
+            f"{steps.CRUISE:g} m/s to an absolute x or y, nearer than {robot.EXACT:g} m counts"
+            " as there",
+        ),
+        (
+            "move to a point (`MoveTo`)",
+            "first along the axis that the robot faces, then along the other",
+        ),
         ("realign (`Realign`)", "rotate to the nearest of NORTH, SOUTH, EAST and WEST until exact"),
-        ("back to the course", f"""a robot that something has moved or turned comes back before it goes on: to its heading, and aslant to
-            its line from {robot.LITTLE:g} m off it"""),
-        ("obstacle ahead (pickers, carriers, tractor)", f"""the robot stands while something returns from the corridor ahead:
-            {sense.STOP_DISTANCE:g} m deep, and on each side {sense.SIDE_MARGIN:g} m wider than robot or bin"""),
-        ("obstacle in a turn", f"""the robot stands while something returns from what the turn still sweeps, with a margin of
-            {sense.TURN_MARGIN:g} m, or a person or an animal may be in its circle"""),
-        ("people and animals near a turn", f"""a robot asks them for their places {sense.ASK_AHEAD:g} s before they may be near; after
-            {_seconds(sense.SILENT_TICKS)} without an answer the lasers decide"""),
-        ("carrier at its work", """on its loop it ignores the full bin, the empty bin at the picker and the waiting picker, boxes widened by
-            0.1 m; it still stops for a person"""),
-        ("after a collision", f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an animal backs off or turns for
-            {_seconds(walker.RECOVERY)}"""),
+        (
+            "back to the course",
+            f"""a robot that something has moved or turned comes back before it
+            goes on: to its heading, and aslant to its line from {robot.LITTLE:g} m off it""",
+        ),
+        (
+            "obstacle ahead (pickers, carriers, tractor)",
+            f"""the robot stands while something returns
+            from the corridor ahead: {sense.STOP_DISTANCE:g} m deep, and on each side
+            {sense.SIDE_MARGIN:g} m wider than robot or bin""",
+        ),
+        (
+            "obstacle in a turn",
+            f"""the robot stands while something returns from what the turn still
+            sweeps, with a margin of {sense.TURN_MARGIN:g} m, or a person or an animal may be in its
+            circle""",
+        ),
+        (
+            "people and animals near a turn",
+            f"""a robot asks them for their places
+            {sense.ASK_AHEAD:g} s before they may be near; after {_seconds(sense.SILENT_TICKS)}
+            without an answer the lasers decide""",
+        ),
+        (
+            "carrier at its work",
+            """on its loop it ignores the full bin, the empty bin at the picker
+            and the waiting picker, boxes widened by
+            0.1 m; it still stops for a person""",
+        ),
+        (
+            "after a collision",
+            f"""a robot stands for {_seconds(robot.RECOVERY)}; a person or an
+            animal backs off or turns for {_seconds(walker.RECOVERY)}""",
+        ),
         ("person", "walks straight on at its full speed, and turns only for what is in its path"),
-        ("animal", f"""every {_seconds(walker.MIND_CHANGES)} a new speed and turn (up to 1 s), at random; at most 1 m/s while it turns away
-            from something"""),
-        ("turning away (people, animals)", f"""something in the path nearer than {walker.STEER_WITHIN:g} m: steer to the freer side at
-            {_of_pi(walker.STEER)} rad/s; nearer than {walker.TURN_WITHIN:g} m: stop and turn left until {2 * walker.TURN_WITHIN:g} m
-            are free"""),
-        ("lingering (people, animals)", f"""one that got no farther than {walker.LINGER:g} m in {_seconds(walker.LINGER_TICKS)} walks off in
-            a free direction. None stays within a circle of 3 m for 60 s (`tests/agents/test_walkers.py`)"""),
-        ("tractor", f"""drives between x = {tractor.WEST_END:g} and x = {tractor.EAST_END:g}; at each end it waits {tractor.WORK:g} s
-            and then turns about"""),
-        ("weed", f"""flattened by what moved in the last step within {deeds.WEED_REACH:g} m of it; it asks when what it sees within
-            {weed.NEAR:g} m changes"""),
-    ]  # fmt: skip
+        (
+            "animal",
+            f"""every {_seconds(walker.MIND_CHANGES)} a new speed and turn (up to 1 s), at
+            random; at most 1 m/s while it turns away from something""",
+        ),
+        (
+            "turning away (people, animals)",
+            f"""something in the path nearer than
+            {walker.STEER_WITHIN:g} m: steer to the freer side at {_of_pi(walker.STEER)} rad/s;
+            nearer than {walker.TURN_WITHIN:g} m: stop and turn left until
+            {2 * walker.TURN_WITHIN:g} m are free""",
+        ),
+        (
+            "lingering (people, animals)",
+            f"""one that got no farther than {walker.LINGER:g} m in
+            {_seconds(walker.LINGER_TICKS)} walks off in a free direction. None stays within a
+            circle of 3 m for 60 s (`tests/agents/test_walkers.py`)""",
+        ),
+        (
+            "tractor",
+            f"""drives between x = {tractor.WEST_END:g} and x = {tractor.EAST_END:g}; at
+            each end it waits {tractor.WORK:g} s and then turns about""",
+        ),
+        (
+            "weed",
+            f"""flattened by what moved in the last step within {deeds.WEED_REACH:g} m of it;
+            it asks when what it sees within {weed.NEAR:g} m changes""",
+        ),
+    ]
     return _section("The behaviours", _points_of(rows))
 
 
@@ -256,21 +351,26 @@ def _work() -> str:
     way_out = OneWay.WAITING - OneWay.FULL_BIN - KINDS["picker"].tows
     text = f"""These are the built-in rules; a scenario may name others.
 
-1. Each picker takes neighbouring rows; no picker takes two rows more than another. The first picker begins at the west end of
-   its first row, the second one at the east end, and so on (`rows_to_pickers`). Each picks its rows eastward and westward in turn.
-2. The bin fills with the metres that its picker drives in the unpicked part of a row, within {move.LANE_REACH:g} m of the lane's centre
-   line. Picking begins at an end of the row and goes on where it ended, give or take {move.PICK_REACH:g} m; after
-   `pickfrom` it begins at that x. There physics limits the
-   picker's speed to the row's picking speed: the scenario's picking speed, or what `picking.spread` draws. A row fills one bin, or
-   `metres_per_bin` do ([several bins a row](bounds.md#several-bins-a-row)).
-3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and asks for an empty bin. After its last row
-   it drives {OneWay.PARKED - OneWay.WAITING:g} m further with its empty bin, and stays there.
-4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the letters below. The carrier
-   [exchanges the bins](traffic.md#an-exchange-on-the-east-side), and takes the full one to the bay.
-5. Carrier and bin stand, with the bin's centre in the bay. After {field.UNLOADING_SECONDS:g} s the bin is empty. The bay works on one bin
-   at a time. The carrier takes the empty bin back to its line of the queue.
-6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue with their bins and face east, and the
-   pickers stand.
+1. Each picker takes neighbouring rows; no picker takes two rows more than another. The first picker
+   begins at the west end of its first row, the second one at the east end, and so on
+   (`rows_to_pickers`). Each picks its rows eastward and westward in turn.
+2. The bin fills with the metres that its picker drives in the unpicked part of a row, within
+   {move.LANE_REACH:g} m of the lane's centre line. Picking begins at an end of the row and goes on
+   where it ended, give or take {move.PICK_REACH:g} m; after `pickfrom` it begins at that x. There
+   physics limits the picker's speed to the row's picking speed: the scenario's picking speed, or
+   what `picking.spread` draws. A row fills one bin, or `metres_per_bin` do ([several bins a
+   row](bounds.md#several-bins-a-row)).
+3. The picker leaves the full bin in the lane's mouth, drives {way_out:g} m out of the lane, and
+   asks for an empty bin. After its last row it drives {OneWay.PARKED - OneWay.WAITING:g} m further
+   with its empty bin, and stays there.
+4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the
+   letters below. The carrier [exchanges the bins](traffic.md#an-exchange-on-the-east-side), and
+   takes the full one to the bay.
+5. Carrier and bin stand, with the bin's centre in the bay. After {field.UNLOADING_SECONDS:g} s the
+   bin is empty. The bay works on one bin at a time. The carrier takes the empty bin back to its
+   line of the queue.
+6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue
+   with their bins and face east, and the pickers stand.
 
 Physics alone decides what counts: motion, coupling, picking, unloading, and the end of a weed."""
     return _section("The work", text)
@@ -282,7 +382,10 @@ def _places(route: OneWay) -> str:
         (
             "full bin",
             route.FULL_BIN,
-            "clear of the trunks; in the west the picker drives 2 m past the row's end to leave it there",
+            (
+                "clear of the trunks; in the west the picker drives 2 m past the row's end to leave"
+                " it there"
+            ),
         ),
         (
             "picker waits to cross",
@@ -299,7 +402,10 @@ def _places(route: OneWay) -> str:
         ("stop of a delivering carrier", f"{route.STOP:g} m past the lane"),
         (
             "carrier waits for a lane's place",
-            f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} s before that",
+            (
+                f"{route.HOLD:g} m before the lane; it asks for the place {steps.LOOK_AHEAD:g} s"
+                " before that"
+            ),
         ),
         ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
         (
@@ -309,7 +415,10 @@ def _places(route: OneWay) -> str:
         ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),
         (
             "top road",
-            f"y = {TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x = {BAY_STOP:g}",
+            (
+                f"y = {TOP_ROAD:g}, through the bay to the queue; a carrier that unloads stops at x"
+                f" = {BAY_STOP:g}"
+            ),
         ),
         ("turn to a queue line", f"x = {route.queue.turn_off:g} on the top road"),
         (
@@ -325,9 +434,11 @@ def _places(route: OneWay) -> str:
             f"{route.TOP_CLEAR:g} m south of the southernmost line in use",
         ),
     ]
-    text = """The west side is the east side turned by half a turn about x = -1.5: x becomes -3 - x, and south becomes north. Carriers drive
-south on the east side and north on the west side; distances before and past a lane are along that direction, from the lane's centre line
-to the robot's centre. [traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for ever."""
+    text = """The west side is the east side turned by half a turn about x = -1.5: x becomes -3 - x,
+and south becomes north. Carriers drive south on the east side and north on the west side; distances
+before and past a lane are along that direction, from the lane's centre line to the robot's centre.
+[traffic.md](traffic.md) has the plan, its reasons, and why robots cannot block each other for
+ever."""
     columns = [(name, f"{x:g}", f"{route.west.x(x):g}", note) for name, x, note in xs]
     lanes = _table("place at a lane | x, east | x, west | note", columns)
     return _section("Places and roads: `one-way`", text, lanes, _points_of(along))
@@ -338,21 +449,43 @@ def _two_way(route: TwoWay) -> str:
         ("top road of full bins", f"y = {route.F_TOP:g}"),
         ("top road of deliveries to the west", f"y = {route.D_TOP:g}"),
         ("connector", f"{route.TO_CONNECTOR:g} m east of the queue's heads"),
-        ("carrier waits before a line's place", f"""at the connector: at the head, or {route.LINE_HOLD:g} m north of the line; at the
-            delivery road: at x = {route.ENTRY_HOLD:g}, or {route.LINE_HOLD:g} m north of the line"""),
-        ("carrier has left a line's place", f"""{route.TOP_CLEAR:g} m south of the line; at the connector, straight on,
-            {route.EXIT_CLEAR:g} m east of it"""),
-        ("delivery waits for a lane's place", f"{route.HOLD:g} m north of the lane; of the first lane at y = {route.CORNER_HOLD:g}"),
+        (
+            "carrier waits before a line's place",
+            f"""at the connector: at the head, or
+            {route.LINE_HOLD:g} m north of the line; at the delivery road: at x =
+            {route.ENTRY_HOLD:g}, or {route.LINE_HOLD:g} m north of the line""",
+        ),
+        (
+            "carrier has left a line's place",
+            f"""{route.TOP_CLEAR:g} m south of the line; at the
+            connector, straight on, {route.EXIT_CLEAR:g} m east of it""",
+        ),
+        (
+            "delivery waits for a lane's place",
+            f"{route.HOLD:g} m north of the lane; of the first lane at y = {route.CORNER_HOLD:g}",
+        ),
         ("delivery's tail has left a lane's place", f"{route.CLEAR:g} m south of the lane"),
         ("full bin waits for a lane's place", f"{route.F_HOLD:g} m south of the lane"),
         ("full bin has left a lane's place", f"{route.F_CLEAR:g} m north of the lane"),
-        ("north-east corner", f"""a delivery waits at y = {route.CORNER_HOLD:g} and has left it at y = {route.CORNER_CLEAR:g};
-            a full bin waits where it turns, and has left it at x = {route.BIN_CLEAR:g}"""),
-        ("merge in the north-west", f"""from the top road a full bin waits at x = {route.WEST_HOLD:g}, from the south
-            at y = {route.MERGE_HOLD:g}; it has left it at y = {route.MERGE_CLEAR:g}"""),
-        ("crossing in the north-west", f"""a full bin waits at y = {route.CROSSING_HOLD:g}, and has left it at y = {route.CROSSING_CLEAR:g};
-            a delivery waits at x = {route.WEST_HOLD:g} until it faces south"""),
-    ]  # fmt: skip
-    text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east side mirrored. The code is
-`orchard/agents/two_way.py` and `orchard/field/queue.py`."""
+        (
+            "north-east corner",
+            f"""a delivery waits at y = {route.CORNER_HOLD:g} and has left it at y
+            = {route.CORNER_CLEAR:g}; a full bin waits where it turns, and has left it at x =
+            {route.BIN_CLEAR:g}""",
+        ),
+        (
+            "merge in the north-west",
+            f"""from the top road a full bin waits at x =
+            {route.WEST_HOLD:g}, from the south at y = {route.MERGE_HOLD:g}; it has left it at y =
+            {route.MERGE_CLEAR:g}""",
+        ),
+        (
+            "crossing in the north-west",
+            f"""a full bin waits at y = {route.CROSSING_HOLD:g}, and has
+            left it at y = {route.CROSSING_CLEAR:g}; a delivery waits at x = {route.WEST_HOLD:g}
+            until it faces south""",
+        ),
+    ]
+    text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east
+side mirrored. The code is `orchard/agents/two_way.py` and `orchard/field/queue.py`."""
     return _section("Places and roads: `two-way`", text, _points_of(rows))

@@ -1,4 +1,6 @@
-"""The scenario in docs/reference.md: each value of a scenario with its default and its limits, from the model that checks it."""
+"""The scenario in docs/reference.md: each value of a scenario with its default and its limits, from
+the model that checks it.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,11 +10,12 @@ from orchard.field.scenario import Scenario
 HEAD = """\
 ## The scenario
 
-A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml` harvests it; options such as `--rows` and
-`--dispatch` change the value of the same name. These come with the program: `hand_picking` and `kiwi_robot` (a hectare
-of kiwifruit, picked by people and by robots), and `undisturbed` (nothing is random). Their files name their sources. All faults of
-a file are reported at once, each with its line. The line `# yaml-language-server: $schema=PATH` lets an editor complete the file; PATH
-leads to [the schema](../{schema}).
+A scenario is a YAML file. Each value that it leaves out keeps its default. `orchard FILE.yaml`
+harvests it; options such as `--rows` and `--dispatch` change the value of the same name. These come
+with the program: `hand_picking` and `kiwi_robot` (a hectare of kiwifruit, picked by people and by
+robots), and `undisturbed` (nothing is random). Their files name their sources. All faults of a file
+are reported at once, each with its line. The line `# yaml-language-server: $schema=PATH` lets an
+editor complete the file; PATH leads to [the schema](../{schema}).
 
 ```yaml scenario
 rows: 8
@@ -22,10 +25,11 @@ people: {{workers: 2, visitors: 0}}
 
 {table}
 
-The queue must have room for all carriers, which depends on `row_length`, `bay` and `route`. There is at most one picker for each row, and a
-bin for each picker and each carrier. There are at most 50 people and 50 animals. `survey`, which
-[`orchard layout import`](how-to.md#harvest-the-rows-of-a-real-orchard) writes, decides `rows` and `row_length`.
-[Extend the Orchard](extending.md) describes the values that name classes."""
+The queue must have room for all carriers, which depends on `row_length`, `bay` and `route`. There
+is at most one picker for each row, and a bin for each picker and each carrier. There are at most 50
+people and 50 animals. `survey`, which
+[`orchard layout import`](how-to.md#harvest-the-rows-of-a-real-orchard) writes, decides `rows` and
+`row_length`. [Extend the Orchard](extending.md) describes the values that name classes."""
 SCHEMA = "config/scenario.schema.json"
 
 
@@ -50,7 +54,10 @@ def _lines(
                 whole["$defs"][value["$ref"].rsplit("/", 1)[1]], f"{section}{name}.", whole
             )
         else:
-            yield f"| `{section}{name}` | {_default(value)}; {_limits(value)} | {value['description']} |"
+            yield (
+                f"| `{section}{name}` | {_default(value)}; {_limits(value)} |"
+                f" {value['description']} |"
+            )
 
 
 def _default(value: dict[str, Any]) -> str:

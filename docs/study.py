@@ -1,6 +1,8 @@
-"""docs/study.md: a grower's question, answered by `orchard study`, with the answer in docs/study.json (`python -m docs.study` asks again).
+"""docs/study.md: a grower's question, answered by `orchard study`, with the answer in
+docs/study.json (`python -m docs.study` asks again).
 
-From the answer follow the figures of the document, the lines that the command prints, and the picture docs/study.svg.
+From the answer follow the figures of the document, the lines that the command prints, and the
+picture docs/study.svg.
 """
 
 import io
@@ -38,9 +40,11 @@ TEXT = """\
 <!-- Made by docs/study.py: `make docs`. `python -m docs.study` asks the question again. -->
 # How many carriers? A study
 
-For people who plan a fleet. After this page you can ask which number of robots, policy or route is best, and say how sure the answer is.
+For people who plan a fleet. After this page you can ask which number of robots, policy or route is
+best, and say how sure the answer is.
 
-"I have 26 rows of 110 m with six bins in each, and 8 people who pick 1.5 bins an hour each. How many carriers should I rent?"
+"I have 26 rows of 110 m with six bins in each, and 8 people who pick 1.5 bins an hour each. How
+many carriers should I rent?"
 
 ## The question as a file and a command
 
@@ -53,7 +57,8 @@ The scenario says what is given. People and animals are those of the default orc
 {command}
 ```
 
-It needs the extra `study` ([install](how-to.md#install)). On two free cores it took {took}, and printed this:
+It needs the extra `study` ([install](how-to.md#install)). On two free cores it took {took}, and
+printed this:
 
 ```text
 {output}
@@ -61,52 +66,63 @@ It needs the extra `study` ([install](how-to.md#install)). On two free cores it 
 
 ![Bins an hour under the bound, by the number of carriers](study.svg)
 
-The page (`orchard app`, button "How many carriers?") and Python give the same answer: `orchard.study.study.study(scenario).answer`.
+The page (`orchard app`, button "How many carriers?") and Python give the same answer:
+`orchard.study.study.study(scenario).answer`.
 
 ## What is asked
 
-Told nothing else, a study asks for the long run: a harvest that goes on, without its beginning and its end. Each picker fills at least 24
-bins, and each battery is charged six times; the first 40 % are left out. Far longer ones differ by 0.5 % on average, 3.1 % at most (`python
-examples/long_run.py --random 40 --against 160`). A policy by which one picker picks less than half of what another does has none, as
-`assignment` where carriers are few. A single harvest has other answers: `--horizon harvest`.
+Told nothing else, a study asks for the long run: a harvest that goes on, without its beginning and
+its end. Each picker fills at least 24 bins, and each battery is charged six times; the first 40 %
+are left out. Far longer ones differ by 0.5 % on average, 3.1 % at most
+(`python examples/long_run.py --random 40 --against 160`). A policy by which one picker picks less
+than half of what another does has none, as `assignment` where carriers are few. A single harvest
+has other answers: `--horizon harvest`.
 
-The study tries as many carriers as it takes: about the number of the [limit without traffic](bounds.md#the-limit-without-traffic), then
-more, until the answer has its neighbours and lies inside. The answer is the fewest that come within 2 % (`--within`) of the best.
-With prices in the scenario it is the number with the least cost of a bin:
+The study tries as many carriers as it takes: about the number of the [limit without
+traffic](bounds.md#the-limit-without-traffic), then more, until the answer has its neighbours and
+lies inside. The answer is the fewest that come within 2 % (`--within`) of the best. With prices in
+the scenario it is the number with the least cost of a bin:
 
 ```yaml
 prices: {{picker_per_hour: 25, carrier_per_hour: 8}}        # in your currency
 ```
 
-If you name numbers (`--vary carriers=1..8`), and the best is the last one, the answer begins with "At least". If it is the first one, and
-the runs tell it from the others, the answer begins with "At most".
+If you name numbers (`--vary carriers=1..8`), and the best is the last one, the answer begins with
+"At least". If it is the first one, and the runs tell it from the others, the answer begins with "At
+most".
 
 ## How sure it is
 
-All settings have the same seeds, as many in each line, so the same rows are slow in all of them. `behind` is by how much the best mean is
-ahead of a setting, on the same seeds. A setting has `=` only if the whole interval of that is within 2 %. It has `?` if the runs do not
-tell, and the answer says how much longer would: "not enough runs to tell 4 from 5: 40 s more would". A setting whose limit without
-traffic is more than 2 % behind the best mean has no mark, because no run exceeds the limit. After one run `behind` has no interval.
+All settings have the same seeds, as many in each line, so the same rows are slow in all of them.
+`behind` is by how much the best mean is ahead of a setting, on the same seeds. A setting has `=`
+only if the whole interval of that is within 2 %. It has `?` if the runs do not tell, and the answer
+says how much longer would: "not enough runs to tell 4 from 5: 40 s more would". A setting whose
+limit without traffic is more than 2 % behind the best mean has no mark, because no run exceeds the
+limit. After one run `behind` has no interval.
 
-The first runs are those of the ends of each range. The next ones halve its gaps, until each setting has a run. If the time ends before
-that, the answer says how many settings have not run, and nothing of what lies beyond the range.
+The first runs are those of the ends of each range. The next ones halve its gaps, until each setting
+has a run. If the time ends before that, the answer says how many settings have not run, and nothing
+of what lies beyond the range.
 
-The study looks after 5, 10, 20, 40 and 80 replications. It ends when nothing is undecided, or when its time is used (`--budget`, 5 min). A
-setting on the very edge of 2 % keeps its `?`: it is no longer undecided when its difference is known to 1 % by itself. All
-intervals of `behind` together hold with 95 % (Student's, Bonferroni's rule; `--confidence`). If nothing is random, one run stands for all
-seeds.
+The study looks after 5, 10, 20, 40 and 80 replications. It ends when nothing is undecided, or when
+its time is used (`--budget`, 5 min). A setting on the very edge of 2 % keeps its `?`: it is no
+longer undecided when its difference is known to 1 % by itself. All intervals of `behind` together
+hold with 95 % (Student's, Bonferroni's rule; `--confidence`). If nothing is random, one run stands
+for all seeds.
 
-In 600 small studies a setting's interval held the truth in 93.9 %, all of `behind` together in 88.7 %, because few seeds may miss
-what is rare, and what was said of settings in 99.8 % (`python examples/interval_coverage.py 600`).
+In 600 small studies a setting's interval held the truth in 93.9 %, all of `behind` together in 88.7
+%, because few seeds may miss what is rare, and what was said of settings in 99.8 %
+(`python examples/interval_coverage.py 600`).
 
-A setting in which a harvest jams is left out, and named. The [fast model](bounds.md#the-discrete-event-model) does all runs. With
-`--horizon harvest` the simulator checks the best two settings; `--model full` lets it do all, and agents of your own need that.
-A study knows no day's end.
+A setting in which a harvest jams is left out, and named. The [fast
+model](bounds.md#the-discrete-event-model) does all runs. With `--horizon harvest` the simulator
+checks the best two settings; `--model full` lets it do all, and agents of your own need that. A
+study knows no day's end.
 
 ## Other questions
 
-`--vary` takes each value but `seed`, and may be given several times: then all combinations are settings, at most 10,000. `--vary
-carriers` without numbers is as many as it takes.
+`--vary` takes each value but `seed`, and may be given several times: then all combinations are
+settings, at most 10,000. `--vary carriers` without numbers is as many as it takes.
 
 A study looks for the best of what you choose: {choices}.
 All else is given: prices, rates, speeds, the crop, the rows, people. If it varies, the table shows
@@ -119,24 +135,28 @@ orchard study rent.yaml --vary picking_rate=1.5,2.5 --horizon harvest --goal har
 orchard study rent.yaml --vary route=one-way,two-way --vary carriers=2,3
 ```
 
-A [policy of your own](extending.md#dispatch-and-rows-dispatch-rows_to_pickers) is compared by its name:
+A [policy of your own](extending.md#dispatch-and-rows-dispatch-rows_to_pickers) is compared by its
+name:
 
 ```sh own
 orchard study rent.yaml --vary dispatch=nearest,predictive,examples.seams.in_time.InTime
 ```
 
-`--summary FILE.json` has all of the answer, `--csv FILE.csv` the table, `--picture FILE.svg` or `.png` the picture, and `--report
-FILE.html` all of it on a page.
+`--summary FILE.json` has all of the answer, `--csv FILE.csv` the table, `--picture FILE.svg` or
+`.png` the picture, and `--report FILE.html` all of it on a page.
 
-Each run is kept in a store, `studies.db` beside the recordings (`--out` names another one). After Ctrl-C the same command goes on from
-there. A store of another version of the program is kept until you say `--anew`. If you change a policy of yours, its runs are done again;
-files of data that it reads are not looked at.
+Each run is kept in a store, `studies.db` beside the recordings (`--out` names another one). After
+Ctrl-C the same command goes on from there. A store of another version of the program is kept until
+you say `--anew`. If you change a policy of yours, its runs are done again; files of data that it
+reads are not looked at.
 
 ## Many machines
 
-`--workers` sets the number of processes here. For several machines start a scheduler of [Dask](https://distributed.dask.org),
-`dask scheduler`, and on each machine `dask worker tcp://192.168.1.10:8786 --nthreads 1`, all with the same version of the Orchard. Add
-`--scheduler tcp://192.168.1.10:8786`. The clocks must agree within 2 s. The table is the same whatever the workers.
+`--workers` sets the number of processes here. For several machines start a scheduler of
+[Dask](https://distributed.dask.org), `dask scheduler`, and on each machine
+`dask worker tcp://192.168.1.10:8786 --nthreads 1`, all with the same version of the Orchard. Add
+`--scheduler tcp://192.168.1.10:8786`. The clocks must agree within 2 s. The table is the same
+whatever the workers.
 """
 
 

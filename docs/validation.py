@@ -1,4 +1,7 @@
-"""docs/validation.md and its pictures: published curves beside those of the simulator. `python -m docs.validation` measures anew."""
+"""docs/validation.md and its pictures: published curves beside those of the simulator.
+
+`python -m docs.validation` measures anew.
+"""
 
 import io
 import json
@@ -31,9 +34,9 @@ CV = 0.28  # of the time to fill a tray, see config/hand_picking.yaml
 NEAR = 5.0  # points: a figure that is nearer than this agrees
 WORDS = {NEAREST: "reactive", "predictive": "predictive"}
 
-Curve = tuple[
-    float, str
-]  # the efficiency of pickers who carry their bins themselves, and the dispatch policy of the carriers
+# The efficiency of pickers who carry their bins themselves, and the dispatch policy of the
+# carriers.
+Curve = tuple[float, str]
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,10 @@ QUANTITIES = {
     "efficiency": (lambda efficiency, alone: 100.0 * efficiency, "efficiency, %"),
 }
 SLOW = "their robots are faster than a person who carries: 6 of ours have {six:.1f} %"
-HALF = "a carrier comes half a round after the call, and their robots drive faster than a person who carries, ours as fast"
+HALF = (
+    "a carrier comes half a round after the call, and their robots drive faster than a person who"
+    " carries, ours as fast"
+)
 SURE = "their robots guess from a tray's weight when it is full; a bin here knows"
 ONE = "a cart takes many boxes to the road, a carrier here takes one bin"
 MOST = "-91.4 % at most here: the exchange takes 13 s"
@@ -81,9 +87,10 @@ MORNING, AFTERNOON, FIELD = (0.818, NEAREST), (0.782, NEAREST), (0.857, "predict
 FINDINGS = (
     Finding(
         "crew",
-        "C. Peng and S. Vougioukas, Deterministic predictive dynamic scheduling for crop-transport co-robots acting as harvesting "
-        "aids, Computers and Electronics in Agriculture, 2020. For 25 pickers, four robots are no better than none, ten are enough, and "
-        "more gain nothing. Both gains together follow from an efficiency of 80 % without robots.",
+        "C. Peng and S. Vougioukas, Deterministic predictive dynamic scheduling for crop-transport"
+        " co-robots acting as harvesting aids, Computers and Electronics in Agriculture, 2020. For"
+        " 25 pickers, four robots are no better than none, ten are enough, and more gain nothing."
+        " Both gains together follow from an efficiency of 80 % without robots.",
         "non-productive time",
         CREW,
         (
@@ -95,35 +102,43 @@ FINDINGS = (
     ),
     Finding(
         "five",
-        "H. Seyyedhasani, C. Peng, W. Jang and S. Vougioukas, Collaboration of human pickers and crop-transporting robots during "
-        "harvesting, part II, Computers and Electronics in Agriculture, 2020: five robots for 25 pickers, by a simulator that field data "
-        "confirm. With more, nothing is gained.",
+        "H. Seyyedhasani, C. Peng, W. Jang and S. Vougioukas, Collaboration of human pickers and"
+        " crop-transporting robots during harvesting, part II, Computers and Electronics in"
+        " Agriculture, 2020: five robots for 25 pickers, by a simulator that field data confirm."
+        " With more, nothing is gained.",
         "efficiency",
         (MORNING, AFTERNOON),
-        (Point(MORNING, 5, "efficiency", 92.0, SLOW), Point(AFTERNOON, 5, "efficiency", 86.5, SLOW)),
+        (
+            Point(MORNING, 5, "efficiency", 92.0, SLOW),
+            Point(AFTERNOON, 5, "efficiency", 86.5, SLOW),
+        ),
     ),
     Finding(
         "field",
-        "C. Peng and others, A strawberry harvest-aiding system with crop-transport co-robots, arXiv 2107.13063: measured in the "
-        "field with one robot for three pickers. Both figures follow from an efficiency of 85.7 % without robots.",
+        "C. Peng and others, A strawberry harvest-aiding system with crop-transport co-robots,"
+        " arXiv 2107.13063: measured in the field with one robot for three pickers. Both figures"
+        " follow from an efficiency of 85.7 % without robots.",
         "non-productive time",
         (FIELD,),
         (Point(FIELD, 8, "non-productive time", -60.0, SURE), Point(FIELD, 8, "gain", 10.0)),
     ),
     Finding(
         "carts",
-        "burro.ai on table grapes: one cart for six to eight people, who then pick 20 to 30 % more.",
+        "burro.ai on table grapes: one cart for six to eight people, who then pick 20 to 30 %"
+        " more.",
         "gain",
         CREW[1:],
         (Point(CREW[1], 4, "gain", 25.0, ONE),),
     ),
-)  # fmt: skip
+)
 
 
 def crew(curve: Curve, carriers: int, seed: int = 1) -> Scenario:
-    """Return an orchard whose pickers, if they carried their bins themselves, would pick for that share of their time.
+    """Return an orchard whose pickers, if they carried their bins themselves, would pick for that
+    share of their time.
 
-    Such a picker drives a carrier's round with each bin, so the time to fill one follows from the length of that round.
+    Such a picker drives a carrier's round with each bin, so the time to fill one follows from the
+    length of that round.
     """
     alone, policy = curve
     plain = Scenario(
@@ -146,7 +161,9 @@ def crew(curve: Curve, carriers: int, seed: int = 1) -> Scenario:
 
 
 def efficiency(scenario: Scenario) -> float:
-    """Return the share of its time for which a picker picks, in the long run: the rest is its wait, and its way to the next row."""
+    """Return the share of its time for which a picker picks, in the long run: the rest is its wait,
+    and its way to the next row.
+    """
     hours_a_bin = 1.0 / scenario.chosen["picking_rate"]
     return hours_a_bin * long_run(lay_out(scenario)).bins_per_hour / scenario.pickers
 
@@ -209,7 +226,10 @@ def _line(point: Point) -> Iterable[str]:
     here = value(point.curve, point.carriers, point.quantity)
     agrees = abs(here - point.published) < NEAR
     sign = "" if point.quantity == "efficiency" else "+"
-    yield f"{point.quantity}, {WORDS[point.curve[1]]}, {point.carriers} carriers, {100 * point.curve[0]:g} % without"
+    yield (
+        f"{point.quantity}, {WORDS[point.curve[1]]}, {point.carriers} carriers,"
+        f" {100 * point.curve[0]:g} % without"
+    )
     yield f"{point.published:{sign}.1f} %"
     yield f"{here:{sign}.1f} %"
     yield "agrees" if agrees else point.why.format(six=value(point.curve, 6, point.quantity))
@@ -222,7 +242,10 @@ def _first_near_the_best(curve: Curve) -> int:
 
 
 def _section(finding: Finding) -> str:
-    return f"{fill(finding.text, 140)}\n\n![{QUANTITIES[finding.quantity][1]}, by the number of carriers](validation-{finding.name}.svg)"
+    return (
+        f"{fill(finding.text, 140)}\n\n![{QUANTITIES[finding.quantity][1]}, by the number of"
+        f" carriers](validation-{finding.name}.svg)"
+    )
 
 
 def pictures() -> dict[str, str]:
@@ -272,20 +295,23 @@ TEXT = """\
 <!-- Made by docs/validation.py: `make docs`. `make validate` measures again. -->
 # Held against published figures
 
-For people who ask whether the answers can be trusted. After this page you know which published curves the simulator has too.
+For people who ask whether the answers can be trusted. After this page you know which published
+curves the simulator has too.
 
-The publications are about people who pick strawberries into trays, and robots that carry them. Without a robot a picker walks with its tray
-itself. One figure of the orchard is chosen so: a picker that drives a carrier's round with each of its bins has the published efficiency.
-Efficiency is the share of its time for which a picker picks; all other time is non-productive. The rest is as it is: 25 rows of 100 m,
-two-way roads, times to fill a bin that vary by 28 %, and speeds of 1 m/s. Each figure is the mean over four seeds, in the long run, by the
-fast model.
+The publications are about people who pick strawberries into trays, and robots that carry them.
+Without a robot a picker walks with its tray itself. One figure of the orchard is chosen so: a
+picker that drives a carrier's round with each of its bins has the published efficiency. Efficiency
+is the share of its time for which a picker picks; all other time is non-productive. The rest is as
+it is: 25 rows of 100 m, two-way roads, times to fill a bin that vary by 28 %, and speeds of 1 m/s.
+Each figure is the mean over four seeds, in the long run, by the fast model.
 
 | figure | published | here | |
 |---|---|---|---|
 {table}
 
-A figure agrees if it is within {near:g} points. The shape is the published one: up to {none} carriers for 25 pickers are no better than
-none. From {reactive} carriers on (reactive) and {plateau} (predictive), one for about three pickers, more gain less than 2 %.
+A figure agrees if it is within {near:g} points. The shape is the published one: up to {none}
+carriers for 25 pickers are no better than none. From {reactive} carriers on (reactive) and
+{plateau} (predictive), one for about three pickers, more gain less than 2 %.
 
 {pictures}
 """

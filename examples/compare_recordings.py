@@ -1,14 +1,16 @@
 """Recordings of several runs as one dataset of Rerun.
 
-Its viewer lists the runs, and opens each with the views of the orchard. A program reads all of them as one table.
+Its viewer lists the runs, and opens each with the views of the orchard. A program reads all of them
+as one table.
 
     pip install 'rerun-sdk[catalog]'              # 115 MB more
     orchard --mode local --carriers 2 --record two.rrd
     orchard --mode local --carriers 3 --record three.rrd
     python examples/compare_recordings.py two.rrd three.rrd
-    rerun rerun+http://127.0.0.1:PORT             # in another terminal; the example prints the address
+    rerun rerun+http://127.0.0.1:PORT      # in another terminal; the example prints the address
 
-The dataset is on this machine only, until Ctrl-C. Recordings that have several parts, or that are of one run, cannot be in one dataset.
+The dataset is on this machine only, until Ctrl-C. Recordings that have several parts, or that are
+of one run, cannot be in one dataset.
 """
 
 import argparse
@@ -33,7 +35,10 @@ NAME, DELIVERED = "harvests", "/metrics/bins/delivered"
 
 
 def views_of(recording: Path, file: Path) -> None:
-    """Write the views of a recording's orchard into a file, as a blueprint. Raises ValueError if it is no recording of an orchard."""
+    """Write the views of a recording's orchard into a file, as a blueprint.
+
+    Raises ValueError if it is no recording of an orchard.
+    """
     for chunk in RrdReader(recording).stream():
         if chunk.entity_path == f"/{SCENARIO}":
             text = column(chunk, "TextDocument:text")[0][0]

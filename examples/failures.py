@@ -1,4 +1,6 @@
-"""What jams an orchard, for docs/traffic.md: routes, a policy and a person, each without one rule of the built-in ones."""
+"""What jams an orchard, for docs/traffic.md: routes, a policy and a person, each without one rule
+of the built-in ones.
+"""
 
 from typing import ClassVar
 
@@ -19,7 +21,9 @@ class OneRoad(TwoWay):
 
 
 class BothRoads(TwoWay):
-    """A delivery takes the place on the road of full bins at its lane first, and waits with it for the place on its own road."""
+    """A delivery takes the place on the road of full bins at its lane first, and waits with it for
+    the place on its own road.
+    """
 
     def approach(self, lane, side, carrier=1):
         return [
@@ -40,7 +44,9 @@ def _with_both(step, delivery, full):
 
 
 class NoHold(OneWay):
-    """A carrier that comes early does not hold before the lane: it takes the lane's place although the picker is still in its row."""
+    """A carrier that comes early does not hold before the lane: it takes the lane's place although
+    the picker is still in its row.
+    """
 
     def fetch(self, carrier, lane, side, picker, full_bin):
         return [
@@ -72,7 +78,9 @@ class AtOnce:
 
 
 class Resting:
-    """A person that walks into the second row from the east, rests there for two minutes, and walks back."""
+    """A person that walks into the second row from the east, rests there for two minutes, and walks
+    back.
+    """
 
     Memory = Plan
     SECONDS = 120.0

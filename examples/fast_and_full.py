@@ -1,9 +1,12 @@
-"""How far is the fast model from the simulator? The same harvests in both, as docs/bounds.md shows them.
+"""How far is the fast model from the simulator? The same harvests in both, as docs/bounds.md shows
+them.
 
-Without --people each cell is harvested once, without people and animals. With it each is harvested with the people and animals of the
-default scenario, with as many seeds as you say: the table then shows means, and the spread between seeds.
+Without --people each cell is harvested once, without people and animals. With it each is harvested
+with the people and animals of the default scenario, with as many seeds as you say: the table then
+shows means, and the spread between seeds.
 
-    python examples/fast_and_full.py [--people SEEDS] [ROWS/PICKERS/CARRIERS:ROUTE:POLICY[:PICKING SPEED[:ROW LENGTH]] ...]
+    python examples/fast_and_full.py [--people SEEDS] [ROWS/PICKERS/CARRIERS:ROUTE:POLICY[:PICKING
+    SPEED[:ROW LENGTH]] ...]
 """
 
 import argparse
@@ -37,19 +40,36 @@ def _cells(place: str, *policies: str, rest: str = "") -> list[str]:
 
 
 CELLS = [
-    *_cells("10/5/5:one-way", N, F, P), *_cells("10/5/5:two-way", N, P), *_cells("20/5/5:one-way", N, P), *_cells("20/10/4:one-way", N, P),
-    *_cells("10/10/10:one-way", N, F, P), *_cells("10/10/10:two-way", N, F, P, PF),
-    *_cells("20/10/10:one-way", N, F, P, L, PF), *_cells("20/10/10:two-way", N, F, P, L), *_cells("20/10/20:one-way", N, P),
-    *_cells("20/20/20:one-way", N, F, P), *_cells("20/20/20:two-way", N, F, P),
-    *_cells("10/5/3:one-way", N, P, rest=":1.0:40.0"), *_cells("10/5/3:two-way", P, rest=":1.0:40.0"),
-    *_cells("8/4/4:one-way", N, P, rest=":1.0:120.0"), *_cells("8/4/4:two-way", P, rest=":1.0:120.0"),
-    *_cells("10/5/2:one-way", N, F, P, rest=":0.03"), *_cells("10/5/2:two-way", N, P, rest=":0.03"),
-    *_cells("10/5/5:one-way", N, P, rest=":0.03"), *_cells("10/5/5:two-way", P, rest=":0.03"), *_cells("20/10/10:one-way", P, rest=":0.03"),
-]  # fmt: skip
+    *_cells("10/5/5:one-way", N, F, P),
+    *_cells("10/5/5:two-way", N, P),
+    *_cells("20/5/5:one-way", N, P),
+    *_cells("20/10/4:one-way", N, P),
+    *_cells("10/10/10:one-way", N, F, P),
+    *_cells("10/10/10:two-way", N, F, P, PF),
+    *_cells("20/10/10:one-way", N, F, P, L, PF),
+    *_cells("20/10/10:two-way", N, F, P, L),
+    *_cells("20/10/20:one-way", N, P),
+    *_cells("20/20/20:one-way", N, F, P),
+    *_cells("20/20/20:two-way", N, F, P),
+    *_cells("10/5/3:one-way", N, P, rest=":1.0:40.0"),
+    *_cells("10/5/3:two-way", P, rest=":1.0:40.0"),
+    *_cells("8/4/4:one-way", N, P, rest=":1.0:120.0"),
+    *_cells("8/4/4:two-way", P, rest=":1.0:120.0"),
+    *_cells("10/5/2:one-way", N, F, P, rest=":0.03"),
+    *_cells("10/5/2:two-way", N, P, rest=":0.03"),
+    *_cells("10/5/5:one-way", N, P, rest=":0.03"),
+    *_cells("10/5/5:two-way", P, rest=":0.03"),
+    *_cells("20/10/10:one-way", P, rest=":0.03"),
+]
 WITH_PEOPLE = [
-    *_cells("10/5/5:one-way", N, P), *_cells("10/5/5:two-way", P), *_cells("10/10/10:one-way", P), *_cells("20/10/10:one-way", P),
-    *_cells("20/10/10:two-way", N), *_cells("20/10/4:one-way", N), *_cells("10/5/2:one-way", P, rest=":0.03"),
-]  # fmt: skip
+    *_cells("10/5/5:one-way", N, P),
+    *_cells("10/5/5:two-way", P),
+    *_cells("10/10/10:one-way", P),
+    *_cells("20/10/10:one-way", P),
+    *_cells("20/10/10:two-way", N),
+    *_cells("20/10/4:one-way", N),
+    *_cells("10/5/2:one-way", P, rest=":0.03"),
+]
 
 
 def scenario_of(cell: str, seed: int = 1, **changes: object) -> Scenario:
@@ -103,7 +123,9 @@ def both(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def error(pairs: Sequence[tuple[dict[str, float], dict[str, float]]]) -> float:
-    """Return by how much the fast model's mean length of a harvest differs from the simulator's, as a share of it."""
+    """Return by how much the fast model's mean length of a harvest differs from the simulator's, as
+    a share of it.
+    """
     return (
         fmean(quick["seconds"] for quick, _ in pairs) / fmean(slow["seconds"] for _, slow in pairs)
         - 1.0
@@ -177,7 +199,8 @@ def main() -> None:
     size = [abs(one) for one in errors]
     Console(width=140).print(
         table,
-        f"{len(cells)} cells: mean error {100.0 * fmean(size):.2f} %, worst {100.0 * max(size):.2f} %",
+        f"{len(cells)} cells: mean error {100.0 * fmean(size):.2f} %, worst"
+        f" {100.0 * max(size):.2f} %",
     )
 
 

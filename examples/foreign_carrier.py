@@ -1,8 +1,10 @@
-"""A carrier that is written from keyspace.md alone, as it could be in any language: zenoh, msgpack, and nothing of this program.
+"""A carrier that is written from keyspace.md alone, as it could be in any language: zenoh, msgpack,
+and nothing of this program.
 
     python foreign_carrier.py ENDPOINT NAME
 
-Owns the agent of a carrier in lockstep until the run ends, by foreign_host.py. If a figure changes in the documents, it must change here.
+Owns the agent of a carrier in lockstep until the run ends, by foreign_host.py. If a figure changes
+in the documents, it must change here.
 """
 
 import math
@@ -343,7 +345,10 @@ class Carrier:
         self.doing, self.state, self.steps = doing, state, self.steps + 1
 
     def drive(self, axis, target, needs=(), frees=(), blind=()):
-        """Straight on, to an x or y. Places: (name, the coordinate at which it is needed, or given back)."""
+        """Straight on, to an x or y.
+
+        Places: (name, the coordinate at which it is needed, or given back).
+        """
         ahead = 1.0 if abs(wrapped(self.yaw - (EAST if axis == "x" else NORTH))) < 1.0 else -1.0
         while True:
             here = getattr(self, axis)
@@ -366,7 +371,10 @@ class Carrier:
         self.steps += 1
 
     def may_ask_for(self, place):
-        """Whether the picker can come out without this place: it has left its full bin. Until then the bin is asked."""
+        """Whether the picker can come out without this place: it has left its full bin.
+
+        Until then the bin is asked.
+        """
         full, lane, side, _ = self.job
         if place != f"{side.name}/D/{lane}" or self.is_left:
             return True
@@ -512,7 +520,9 @@ class Carrier:
         )
 
     def somebody_near(self):
-        """Whether a person or an animal is, or may be, in the circle of the turn; those that soon may be are asked."""
+        """Whether a person or an animal is, or may be, in the circle of the turn; those that soon
+        may be are asked.
+        """
         radius = (
             math.hypot(TOWS + BIN / 2, BIN / 2) if self.hitch else math.hypot(LENGTH, WIDTH) / 2
         )

@@ -1,8 +1,10 @@
-"""A person that is written from keyspace.md alone, as it could be in any language, and holds its velocity: zenoh and msgpack.
+"""A person that is written from keyspace.md alone, as it could be in any language, and holds its
+velocity: zenoh and msgpack.
 
     python foreign_holder.py ENDPOINT NAME
 
-It walks on until something is in the zone before it, and then turns on the spot. It is asked only when its hold ends.
+It walks on until something is in the zone before it, and then turns on the spot. It is asked only
+when its hold ends.
 """
 
 import math
@@ -18,7 +20,10 @@ HELD = 40  # ticks
 
 
 def main(endpoint, name):
-    """Hold the velocity of an agent until the end. Print how often it was asked, and the last tick."""
+    """Hold the velocity of an agent until the end.
+
+    Print how often it was asked, and the last tick.
+    """
     asked = []
 
     def decide(seen, heard, mine):

@@ -1,4 +1,6 @@
-"""An agent in lockstep by keyspace.md and docs/protocol.md alone: zenoh, msgpack, and nothing of this program. See foreign_carrier.py."""
+"""An agent in lockstep by keyspace.md and docs/protocol.md alone: zenoh, msgpack, and nothing of
+this program. See foreign_carrier.py.
+"""
 
 import hashlib
 import json
@@ -73,8 +75,11 @@ class Host:
         )  # (sender, tick, number) -> [query, letter]; tick -> the requests of mine
 
     def ticks(self, decide):
-        """Answer ticks until the run ends. `decide`: of seen, the requests heard and my requests with their answers; returns a drive,
-        requests and answers."""
+        """Answer ticks until the run ends.
+
+        `decide`: of seen, the requests heard and my requests with their answers; returns a drive,
+        requests and answers.
+        """
         with suppress(RunOver):
             while True:
                 seen = self.next_seen()
@@ -145,7 +150,9 @@ class Host:
     # the mail of a tick
 
     def heard(self, seen):
-        """Return the requests, [sender, tick, number, body], and my own requests of two ticks ago with their answers, in their order."""
+        """Return the requests, [sender, tick, number, body], and my own requests of two ticks ago
+        with their answers, in their order.
+        """
         tick, wanted = (
             seen["tick"],
             [(sender, seen["tick"] - 1, number) for _, sender, number in seen["asked"]],

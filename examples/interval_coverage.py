@@ -1,4 +1,5 @@
-"""Do the intervals of a study hold the truth as often as they say? Many small studies by the fast model, as docs/study.md tells of them.
+"""Do the intervals of a study hold the truth as often as they say? Many small studies by the fast
+model, as docs/study.md tells of them.
 
 The truth of each setting is its mean over many other seeds.
 
@@ -118,7 +119,8 @@ def main() -> None:
         held = [is_held for name, is_held in found if name == kind]
         low, high = stats.binomtest(sum(held), len(held)).proportion_ci(0.95)
         print(
-            f"{kind}: {100 * fmean(held):.1f} % of {len(held)} (95 %: {100 * low:.1f} to {100 * high:.1f})"
+            f"{kind}: {100 * fmean(held):.1f} % of {len(held)} (95 %: {100 * low:.1f} to"
+            f" {100 * high:.1f})"
         )
 
 

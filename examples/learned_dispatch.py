@@ -1,9 +1,14 @@
-"""A dispatch policy that learns, by MaskablePPO of sb3-contrib (`pip install sb3-contrib`), for orchards of any size.
+"""A dispatch policy that learns, by MaskablePPO of sb3-contrib (`pip install sb3-contrib`), for
+orchards of any size.
 
-    python examples/learned_dispatch.py --minutes 10                learns in random orchards, and writes learned_dispatch.zip
-    orchard benchmark examples.learned_dispatch.Learned             has its score, beside those of the built-in policies
+    python examples/learned_dispatch.py --minutes 10
+    orchard benchmark examples.learned_dispatch.Learned
 
-It sees the eight bins for which a carrier must leave first, and sends the next carrier to one of them, or none.
+The first learns in random orchards, and writes learned_dispatch.zip. The second has its score,
+beside those of the built-in policies.
+
+It sees the eight bins for which a carrier must leave first, and sends the next carrier to one of
+them, or none.
 """
 
 import argparse
@@ -60,7 +65,10 @@ class Choices:
 
 
 class AnyOrchard(gymnasium.Env[np.ndarray, int]):
-    """Dispatch in a new random orchard in each episode. The reward is the time that passes, as a share of what picking takes at least."""
+    """Dispatch in a new random orchard in each episode.
+
+    The reward is the time that passes, as a share of what picking takes at least.
+    """
 
     observation_space = spaces.Box(-np.inf, np.inf, (BINS * len(SCALE) + 1,))
     action_space = spaces.Discrete(1 + BINS)
@@ -93,7 +101,9 @@ class AnyOrchard(gymnasium.Env[np.ndarray, int]):
 
 
 def random_orchard(random: np.random.Generator) -> Scenario:
-    """Return an orchard of 6 to 24 rows in which nothing but its sizes is random; none of the benchmark's."""
+    """Return an orchard of 6 to 24 rows in which nothing but its sizes is random; none of the
+    benchmark's.
+    """
     rows = int(random.integers(6, 25))
     pickers = int(random.integers(2, max(3, rows // 2 + 1)))
     sizes = {

@@ -1,4 +1,5 @@
-"""What does traffic cost in the long run? The rate that the parts of a harvest allow without it, beside that of the discrete-event model.
+"""What does traffic cost in the long run? The rate that the parts of a harvest allow without it,
+beside that of the discrete-event model.
 
 python examples/long_run.py [--random N] [--against ROWS] [ROWS/PICKERS/CARRIERS ...]
 """
@@ -43,7 +44,10 @@ def in_cell(cell: str) -> Iterator[Scenario]:
 
 
 def drawn(number: int) -> Iterator[Scenario]:
-    """Some orchards drawn at random: the same ones each time. Those that are no valid scenario are left out."""
+    """Some orchards drawn at random: the same ones each time.
+
+    Those that are no valid scenario are left out.
+    """
     random = Random(1)
     while number:
         pickers = random.choice((2, 3, 4, 5, 6, 8, 10, 13, 15, 20))
@@ -133,7 +137,8 @@ console = Console(width=150)
 console.print(table)
 if off:
     console.print(
-        f"against {arguments.against} rows each: {fmean(map(abs, off)):.1f} % on average, {max(map(abs, off)):.1f} % at most"
+        f"against {arguments.against} rows each: {fmean(map(abs, off)):.1f} % on average,"
+        f" {max(map(abs, off)):.1f} % at most"
     )
 for policy, some in losses.items():
     console.print(f"{policy}: median {median(some):.1f} %, largest {max(some):.1f} %")

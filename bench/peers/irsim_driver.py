@@ -1,8 +1,11 @@
-"""Measures IR-SIM or irsim-x, which both import as `irsim`, in the field of bench/field.py. No window; velocities are given at each step.
+"""Measures IR-SIM or irsim-x, which both import as `irsim`, in the field of bench/field.py.
+
+No window; velocities are given at each step.
 
     python irsim_driver.py ROBOTS SECONDS   ->  one line of JSON: {"steps_per_second": ...}
 
-Fences, trunks and posts are static rectangles, robots are rectangles of the same size as ours. A robot that collides stops: the default.
+Fences, trunks and posts are static rectangles, robots are rectangles of the same size as ours. A
+robot that collides stops: the default.
 """
 
 import math
@@ -20,7 +23,10 @@ from timing import MOST_STEPS, run
 
 
 def world(area: field.Field) -> dict[str, Any]:
-    """Return the content of IR-SIM's world file. Its origin is a corner, at (-60 %, -60 %) of the field."""
+    """Return the content of IR-SIM's world file.
+
+    Its origin is a corner, at (-60 %, -60 %) of the field.
+    """
     walls = [
         _rectangle(x, y, 2 * half_x, 2 * half_y) for x, y, half_x, half_y in area.walls.tolist()
     ]

@@ -2,9 +2,10 @@
 
     python navground_driver.py ROBOTS SECONDS   ->  one line of JSON: {"steps_per_second": ...}
 
-Fences, trunks and posts are walls (a box is four lines), robots are discs of the same area as our boxes. Each robot drives with the
-velocity that it is given and ignores its scan (Dummy); navground itself computes collisions. This driver calls each laser once a step,
-which costs a microsecond or two, because none of navground's own behaviours reads a laser.
+Fences, trunks and posts are walls (a box is four lines), robots are discs of the same area as our
+boxes. Each robot drives with the velocity that it is given and ignores its scan (Dummy); navground
+itself computes collisions. This driver calls each laser once a step, which costs a microsecond or
+two, because none of navground's own behaviours reads a laser.
 """
 
 import math

@@ -1,4 +1,6 @@
-"""A bag of a run, read by the readers of others: Foxglove's for ROS 2 messages in MCAP files, and rosbags. Both must find the same."""
+"""A bag of a run, read by the readers of others: Foxglove's for ROS 2 messages in MCAP files, and
+rosbags. Both must find the same.
+"""
 
 import os
 import re
@@ -110,7 +112,9 @@ def test_both_readers_find_the_same(bag: Path) -> None:
 
 
 def test_a_robot_is_where_its_velocities_lead_it(bag: Path) -> None:
-    """From the message alone, as a stranger reads it: the pose moves by the velocity in the message, in its own frame."""
+    """From the message alone, as a stranger reads it: the pose moves by the velocity in the
+    message, in its own frame.
+    """
     found = read_by_foxglove(bag)
     assert [time for time, _ in found["/clock"]] == [tick * 10**8 for tick in range(TICKS + 1)]
     for name in ROBOTS:

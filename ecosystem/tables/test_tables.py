@@ -1,4 +1,6 @@
-"""The programs of docs/how-to.md run, with pandas and polars, on the tables of a run, and what they find stands in the run's summary."""
+"""The programs of docs/how-to.md run, with pandas and polars, on the tables of a run, and what they
+find stands in the run's summary.
+"""
 
 import json
 import os

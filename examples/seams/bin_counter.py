@@ -1,4 +1,4 @@
-"""An agent without a body, and a message of its own type: pickers report their progress, and a counter replies with the sum.
+"""An agent without a body, and a message of its own: pickers report, a counter sums up.
 
 agents: {picker: examples.seams.bin_counter.CountingPicker}
 agents_without_body: {counter: examples.seams.bin_counter.Counter}"""

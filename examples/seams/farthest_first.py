@@ -1,4 +1,4 @@
-"""A dispatch policy: fetch the farthest bin first, because a carrier that stops near the queue holds up those behind it.
+"""A dispatch policy: the farthest bin first. A carrier that stops near holds up those behind it.
 
 dispatch: examples.seams.farthest_first.FarthestFirst
 """

@@ -1,4 +1,4 @@
-"""A rule that gives rows to pickers: every picker starts at the east end, so the first bins are fetched on the west side.
+"""A rule that gives rows to pickers: all start in the east, so first bins stand in the west.
 
 rows_to_pickers: examples.seams.from_the_east.from_the_east
 """

@@ -1,4 +1,4 @@
-"""An early dispatch policy: carriers leave before a bin is full, those for the farthest bins first, and never two within three seconds.
+"""An early policy: carriers leave before a bin is full, the farthest first, 3 s apart or more.
 
 dispatch: examples.seams.in_time.InTime
 """

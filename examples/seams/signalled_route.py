@@ -1,4 +1,4 @@
-"""A route with another figure and with a step of its own: a carrier stops for a second before it turns into the bay's road.
+"""A route with a step of its own: a carrier stops for a second before it turns to the bay.
 
 route: examples.seams.signalled_route.SignalledRoute
 """

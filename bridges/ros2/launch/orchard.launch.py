@@ -1,4 +1,6 @@
-"""The bridge, and RViz if it is wanted: `ros2 launch orchard.launch.py driven:=[picker_01] rviz:=true`."""
+"""The bridge, and RViz if it is wanted: `ros2 launch orchard.launch.py driven:=[picker_01]
+rviz:=true`.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,10 @@ ARGUMENTS = {
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what is started. The bridge is not a package of ament, so it is run as the command that pip installs."""
+    """Return what is started.
+
+    The bridge is not a package of ament, so it is run as the command that pip installs.
+    """
     words = [
         word for name in ARGUMENTS for word in ("-p", [f"{name}:=", LaunchConfiguration(name)])
     ]

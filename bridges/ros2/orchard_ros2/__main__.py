@@ -1,4 +1,7 @@
-"""`orchard-ros2`, or `python -m orchard_ros2`: the bridge, until the run is over. Parameters: docs/ros2.md."""
+"""`orchard-ros2`, or `python -m orchard_ros2`: the bridge, until the run is over.
+
+Parameters: docs/ros2.md.
+"""
 
 import sys
 import time
@@ -42,7 +45,10 @@ def main() -> int:
 
 
 def attempt(bridge: Bridge) -> int | None:
-    """Serve one run. Return the exit code, or None if there is no run yet: then it is to be tried again."""
+    """Serve one run.
+
+    Return the exit code, or None if there is no run yet: then it is to be tried again.
+    """
     if not rclpy.ok():
         raise ExternalShutdownException
     try:

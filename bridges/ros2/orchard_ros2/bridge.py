@@ -1,7 +1,9 @@
-"""The bridge, a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
+"""The bridge, a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS
+wants of its robots.
 
-Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard sends, in the order in which it comes.
-A service that asks the run has a thread of its own while it waits.
+Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard
+sends, in the order in which it comes. A service that asks the run has a thread of its own while it
+waits.
 """
 
 import importlib
@@ -31,7 +33,10 @@ from orchard_ros2.role import MADE_BY, role_in
 GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
 BEGIN_SECONDS = 60.0  # that a run which is reset may take to begin again
 LOOK_SECONDS = 0.02  # between two looks at whether it has
-NO_TF2 = "tf2_msgs cannot be imported: /tf and /tf_static are not published. Install ROS 2's package tf2_msgs, and source its setup"
+NO_TF2 = (
+    "tf2_msgs cannot be imported: /tf and /tf_static are not published. Install ROS 2's package"
+    " tf2_msgs, and source its setup"
+)
 
 
 @lru_cache
@@ -53,7 +58,9 @@ def _within(value: float, limit: float) -> float:
 
 
 class Bridge:
-    """One run of the Orchard, and the node for it. Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why.
+    """One run of the Orchard, and the node for it.
+
+    Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why.
 
     Raises ValueError for a directory without the role of a bridge.
     """
@@ -88,7 +95,9 @@ class Bridge:
     # -- the beginning
 
     def join(self, client: Client, layout: dict[str, Any], scenario: dict[str, Any]) -> None:
-        """Announce all topics and services of a run. `layout`, `scenario`: as in the replies to these queries.
+        """Announce all topics and services of a run.
+
+        `layout`, `scenario`: as in the replies to these queries.
 
         Raises ValueError for an unknown robot, or one that the role may not drive.
         """
@@ -102,7 +111,8 @@ class Bridge:
         )
         if both := set(self._driven) & set(self._advised):
             raise ValueError(
-                f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is advised"
+                f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is"
+                " advised"
             )
         self._check_rights()
         self._errs = wire.has_errors(scenario)
@@ -116,7 +126,8 @@ class Bridge:
         self._over, self._over_since, self._is_up = "", 0.0, True
         # Of physics: two while the router has not noticed that a dead one's link is closed.
         self._tokens = frozenset[str]()
-        # The tokens of physics before the newest reset. One that is not among them is of the new run.
+        # The tokens of physics before the newest reset. One that is not among them is of the new
+        # run.
         self._reset_tokens = frozenset[str]()
         self._is_resetting = False
         self._has_tf = self._can_publish_tf()
@@ -199,7 +210,10 @@ class Bridge:
             self._offer(f"{name}/{what}", partial(self._handle, name, what))
 
     def _offer_control(self) -> None:
-        """Services as simulation_interfaces names them. A Trigger has no argument: the state is in the name, the steps are a parameter."""
+        """Services as simulation_interfaces names them.
+
+        A Trigger has no argument: the state is in the name, the steps are a parameter.
+        """
         self._offer(
             "get_simulation_state", partial(self._control, "simulation_state", lambda: None)
         )
@@ -222,7 +236,10 @@ class Bridge:
     # -- from the Orchard to ROS
 
     def listen(self) -> None:
-        """Publish what arrives until the run is over. Then `ended` is done, with the error if there is one."""
+        """Publish what arrives until the run is over.
+
+        Then `ended` is done, with the error if there is one.
+        """
         try:
             for heard in self.client.arrivals():
                 self._check(heard)
@@ -234,7 +251,9 @@ class Bridge:
                 self.ended.set_exception(error)
 
     def _check(self, heard: Heard) -> None:
-        """In an open run any client may publish anything: a message that is not as it should be is told, and passed over."""
+        """In an open run any client may publish anything: a message that is not as it should be is
+        told, and passed over.
+        """
         try:
             self._hear(heard)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -296,7 +315,9 @@ class Bridge:
         return messages.transforms(tick, states, self._measured() if self._errs else {})
 
     def _measured(self) -> dict[str, wire.State]:
-        """The states in `map` of the bodies of which pose and odometry are of the same tick: in real time one of them may be missing."""
+        """The states in `map` of the bodies of which pose and odometry are of the same tick: in
+        real time one of them may be missing.
+        """
         poses, odometry = self._newest["pose"], self._newest["odometry"]
         known = [name for name in self._names if name in poses and name in odometry]
         return {
@@ -311,7 +332,10 @@ class Bridge:
                 self._finish(event["who"], f"{event['who']}: {event['detail']}")
 
     def _publish(self, topic: Topic, made: Callable[[], Message], robot: str = "") -> None:
-        """Publish a message, as bytes: rclpy's objects cost five times as much. One that nothing subscribes to is not made."""
+        """Publish a message, as bytes: rclpy's objects cost five times as much.
+
+        One that nothing subscribes to is not made.
+        """
         publisher = self._publisher(topic, robot)
         if topic.qos.latched or publisher.get_subscription_count():
             publisher.publish(cdr.encoded(made()))
@@ -334,7 +358,10 @@ class Bridge:
             self._begin()
 
     def _why_over(self, heard: Heard) -> str:
-        """Why the run is over; '' while it is not. An `end` counts only with the token of physics, which only physics can take away."""
+        """Why the run is over; '' while it is not.
+
+        An `end` counts only with the token of physics, which only physics can take away.
+        """
         if heard.key == ("clock",) and heard.message.get("run", self.run) != self.run:
             return "another run is under way"
         is_recent = self._over and monotonic() - self._over_since < GOES_SECONDS
@@ -343,7 +370,11 @@ class Bridge:
     # -- from ROS to the Orchard
 
     def _order(self, name: str, message: Any) -> None:
-        """A velocity from ROS. It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its agent wants."""
+        """A velocity from ROS.
+
+        It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its
+        agent wants.
+        """
         twist = message.twist if self._is_stamped else message
         kind, wanted = self._kinds[name], (float(twist.linear.x), float(twist.angular.z))
         forward, turn = (
@@ -378,7 +409,8 @@ class Bridge:
         try:
             if key != "simulation_state" and self.role and not self.role.may_operate:
                 raise Refused(
-                    f"the role {self.role.name} may not control the run; `orchard secure --bridge NAME=simulation` makes one that may"
+                    f"the role {self.role.name} may not control the run; `orchard secure --bridge"
+                    " NAME=simulation` makes one that may"
                 )
             if key == "reset_simulation":
                 state = await self._in_background(self._begin_again)
@@ -404,7 +436,10 @@ class Bridge:
         return dict(await future)
 
     def _ask(self, key: str, wish: dict[str, Any] | None) -> dict[str, Any]:
-        """Return the run's answer to a query. A run that begins again is waited for. Raises Refused."""
+        """Return the run's answer to a query.
+
+        A run that begins again is waited for. Raises Refused.
+        """
         self._await_physics(self._reset_tokens)
         return self.client.ask(key, wish)
 
@@ -425,7 +460,10 @@ class Bridge:
                 self._begin()
 
     def _state_of_new_run(self, before: frozenset[str]) -> dict[str, Any]:
-        """Return the state of the run whose physics has a token that was not there `before`. Raises Refused."""
+        """Return the state of the run whose physics has a token that was not there `before`.
+
+        Raises Refused.
+        """
         end = monotonic() + BEGIN_SECONDS
         self._await_physics(before)
         # A query just after physics has come back can find nobody.
@@ -436,7 +474,9 @@ class Bridge:
         raise Refused(f"the run has been reset, and has not begun again in {BEGIN_SECONDS:g} s")
 
     def _await_physics(self, before: frozenset[str]) -> None:
-        """Wait until physics is there with a token that was not there `before`, or has had its time."""
+        """Wait until physics is there with a token that was not there `before`, or has had its
+        time.
+        """
         end = monotonic() + BEGIN_SECONDS
         while not self._tokens - before:
             if monotonic() > end:
@@ -447,7 +487,9 @@ class Bridge:
     async def _handle(
         self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        """Couple or uncouple: answer when physics has done it, has refused it, or has had its time."""
+        """Couple or uncouple: answer when physics has done it, has refused it, or has had
+        its time.
+        """
         poses = self._newest["pose"]
         target = (
             deeds.bin_behind(robot, self._kinds[robot]["tows"], poses)
@@ -481,6 +523,8 @@ class Bridge:
         self._wake()
 
     def _wake(self) -> None:
-        """Let the executor look at what coroutines await: a future that is done does not wake it."""
+        """Let the executor look at what coroutines await: a future that is done does not
+        wake it.
+        """
         with suppress(AttributeError):  # there is none when the bridge ends
             self.node.executor.wake()

@@ -1,7 +1,9 @@
-"""A client of the Orchard: Zenoh and msgpack, as keyspace.md describes. What arrives waits in one queue, in the order in which it came.
+"""A client of the Orchard: Zenoh and msgpack, as keyspace.md describes.
 
-Of a tick there are tens of messages, and to wake a thread costs more than to handle one. So a message that is heard `quietly` waits for
-the next one that is not, as the clock, which comes last.
+What arrives waits in one queue, in the order in which it came.
+
+Of a tick there are tens of messages, and to wake a thread costs more than to handle one. So a
+message that is heard `quietly` waits for the next one that is not, as the clock, which comes last.
 """
 
 import ctypes
@@ -39,7 +41,10 @@ class Refused(Exception):
 
 
 class Heard(NamedTuple):
-    """What has arrived: the parts of its key after the prefix, and its message. For a liveliness token the message is `{"up": bool}`."""
+    """What has arrived: the parts of its key after the prefix, and its message.
+
+    For a liveliness token the message is `{"up": bool}`.
+    """
 
     key: tuple[str, ...]
     message: dict[str, Any]
@@ -57,7 +62,10 @@ class Client:
         self._is_gone = False
 
     def hear(self, key: str, quietly: bool = False) -> None:
-        """Subscribe to a key, in which * stands for any part, such as */pose. `quietly`: with the next one that is not."""
+        """Subscribe to a key, in which * stands for any part, such as */pose.
+
+        `quietly`: with the next one that is not.
+        """
         handler = Callback(self._arrived_quietly if quietly else self._arrived, indirect=False)
         self._declared.append(self._session.declare_subscriber(f"{self._prefix}/{key}", handler))
 
@@ -84,7 +92,10 @@ class Client:
         self._keep((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
 
     def _keep(self, item: Arrived, enough: int = 1) -> None:
-        """Keep what has arrived, in order, until there is enough to hand over. Zenoh's thread is here."""
+        """Keep what has arrived, in order, until there is enough to hand over.
+
+        Zenoh's thread is here.
+        """
         self._settle()
         with self._lock:
             self._quiet.append(item)
@@ -99,7 +110,9 @@ class Client:
                 return self._queue.put(together, timeout=ROOM_SECONDS)
 
     def _settle(self) -> None:
-        """Keep the Python state of a Zenoh thread, which else is made and deleted at each call: that costs more than the message."""
+        """Keep the Python state of a Zenoh thread, which else is made and deleted at each call:
+        that costs more than the message.
+        """
         if (thread := get_ident()) not in self._settled:
             self._settled.add(thread)
             ctypes.pythonapi.PyGILState_Ensure()
@@ -149,7 +162,9 @@ def unpacked(payload: bytes) -> Any:
 
 @contextmanager
 def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[Client]:
-    """Open a session with the physics process or the router that listens at an endpoint. `role`: for a secured run.
+    """Open a session with the physics process or the router that listens at an endpoint.
+
+    `role`: for a secured run.
 
     Raises Refused if none does (yet), ValueError if that is no endpoint, or not one for this role.
     """
@@ -157,7 +172,8 @@ def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[
         raise ValueError(f"{endpoint}: tls needs certificates: -p secure:=DIR/NAME; {MADE_BY}")
     if role is not None and (not endpoint.startswith("tls/") or prefix != PREFIX):
         raise ValueError(
-            f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as tls/127.0.0.1:7447, and the prefix {PREFIX}"
+            f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as"
+            f" tls/127.0.0.1:7447, and the prefix {PREFIX}"
         )
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')

@@ -1,4 +1,6 @@
-"""Coupling and uncoupling by a robot that ROS drives: its velocity is 0, and its deed is sent until physics has done or refused it."""
+"""Coupling and uncoupling by a robot that ROS drives: its velocity is 0, and its deed is sent until
+physics has done or refused it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +12,9 @@ from orchard_ros2.wire import state_of
 
 Pose = Mapping[str, Any]  # the Orchard's message `pose`
 
-PATIENCE_TICKS = 50  # 5 s of simulated time: a step ends a motion, and the next one does the deed; the rest is for the network
+# 5 s of simulated time: a step ends a motion, and the next one does the deed; the rest is for the
+# network.
+PATIENCE_TICKS = 50
 COUPLE, UNCOUPLE = "couple", "uncouple"
 
 
@@ -29,7 +33,10 @@ class Handling:
         if (hitch["name"] if hitch else "") == self.bin:
             return ""
         if pose["tick"] - self.began > PATIENCE_TICKS:
-            return f"{self.robot}: not done within {PATIENCE_TICKS / 10:g} s: a robot can {self.what} only while it and its bin stand"
+            return (
+                f"{self.robot}: not done within {PATIENCE_TICKS / 10:g} s: a robot can {self.what}"
+                " only while it and its bin stand"
+            )
         return None
 
     def deeds(self, pose: Pose) -> list[dict[str, str]]:
@@ -41,7 +48,8 @@ class Handling:
 
 
 def bin_behind(robot: str, tows: float, poses: Mapping[str, Pose]) -> str:
-    """Return the bin whose centre is nearest to the coupling point of a robot; '' if no bin is known.
+    """Return the bin whose centre is nearest to the coupling point of a robot; '' if no bin is
+    known.
 
     `tows`: the coupling point behind the robot's centre, m; `poses`: name -> its newest pose.
     """

@@ -1,4 +1,7 @@
-"""The bridge's role in a secured run: the directory that `orchard secure --bridge NAME` makes. The run's router enforces what it may do."""
+"""The bridge's role in a secured run: the directory that `orchard secure --bridge NAME` makes.
+
+The run's router enforces what it may do.
+"""
 
 import json
 import socket
@@ -7,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-SECONDS = 3.0  # time that the other side has for each step, when the bridge finds out why it cannot connect
+# Time that the other side has for each step, when the bridge finds out why it cannot connect.
+SECONDS = 3.0
 MADE_BY = "`orchard secure DIR --bridge NAME=...` makes one, as DIR/NAME"
 DUTIES = {
     "bridge": False,
@@ -45,7 +49,9 @@ class Role:
         }
 
     def why_no_trust(self, endpoint: str) -> str:
-        """Return why this role and the process at tls/host:port refuse each other's certificates; '' if they do not, or nothing listens."""
+        """Return why this role and the process at tls/host:port refuse each other's certificates;
+        '' if they do not, or nothing listens.
+        """
         host, _, port = endpoint.partition("/")[2].rpartition(":")
         host = host.strip("[]")
         try:
@@ -61,7 +67,10 @@ class Role:
         except ssl.SSLEOFError:
             pass  # that process begins, or ends
         except ssl.SSLError as error:
-            return f"it and the certificates in {self.folder} do not accept each other: {error.reason or error}"
+            return (
+                f"it and the certificates in {self.folder} do not accept each other:"
+                f" {error.reason or error}"
+            )
         except (OSError, ValueError):
             pass
         return ""

@@ -1,4 +1,7 @@
-"""What the Orchard sends, unpacked from msgpack, as the parts of a ROS 2 message. Fields: keyspace.md."""
+"""What the Orchard sends, unpacked from msgpack, as the parts of a ROS 2 message.
+
+Fields: keyspace.md.
+"""
 
 import sys
 from array import array
@@ -60,7 +63,10 @@ def has_errors(scenario: Mapping[str, Any]) -> bool:
 
 
 def views_of(has_errors: bool, shows_truth: bool) -> dict[str, View]:
-    """Return what ROS sees of a body: the Orchard's key -> the topic, and what makes its messages. Exact poses are odometry too."""
+    """Return what ROS sees of a body: the Orchard's key -> the topic, and what makes its messages.
+
+    Exact poses are odometry too.
+    """
     views: dict[str, View] = {"pose": (topics.ODOM, odometry_of), "scan": (topics.SCAN, scan_of)}
     if has_errors:
         views |= {"pose": (topics.POSE, measured_pose_of), "odometry": (topics.ODOM, odometry_of)}
@@ -68,7 +74,9 @@ def views_of(has_errors: bool, shows_truth: bool) -> dict[str, View]:
 
 
 def odometry_of(robot: str, odometry: Mapping[str, Any]) -> Message:
-    """Return the `nav_msgs/msg/Odometry` of an `odometry`, or of a `pose` if sensors have no errors."""
+    """Return the `nav_msgs/msg/Odometry` of an `odometry`, or of a `pose` if sensors have no
+    errors.
+    """
     return messages.odometry(robot, odometry["tick"], state_of(odometry))
 
 

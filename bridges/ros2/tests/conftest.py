@@ -1,4 +1,7 @@
-"""An orchard, a bridge, and a user of ROS 2: three processes, on loopback only. The user is this one."""
+"""An orchard, a bridge, and a user of ROS 2: three processes, on loopback only.
+
+The user is this one.
+"""
 
 import os
 import re
@@ -154,6 +157,7 @@ def scene(folder, orchard_words, bridge_words):
 def has_orchard():
     if "ORCHARD" not in os.environ:
         pytest.exit(
-            "ORCHARD: the command of the Orchard; ORCHARD_PYTHON: its Python. `make ecosystem` sets both",
+            "ORCHARD: the command of the Orchard; ORCHARD_PYTHON: its Python. `make ecosystem` sets"
+            " both",
             2,
         )

@@ -1,4 +1,5 @@
-"""What the bridge costs, and how soon a robot does what ROS says: the default orchard in real time, all its bodies, 10 Hz.
+"""What the bridge costs, and how soon a robot does what ROS says: the default orchard in real time,
+all its bodies, 10 Hz.
 
 ORCHARD=.venv/bin/orchard .venv-ros2/bin/python bridges/ros2/tests/measure.py
 """
@@ -44,7 +45,9 @@ def latencies(user, odom, orders):
 
 
 def share_of_core(user, bridge, names):
-    """The bridge's share of a core, while all topics of all bodies are heard; and the messages a second that were heard."""
+    """The bridge's share of a core, while all topics of all bodies are heard; and the messages a
+    second that were heard.
+    """
     heard = [user.hear(f"{name}/odom", Odometry, 10) for name in names]
     heard += [user.hear(f"{name}/scan", LaserScan, qos_profile_sensor_data) for name in names]
     with suppress(ImportError):
@@ -79,10 +82,12 @@ def main():
         share, rate = share_of_core(user, run.bridge, names)
     median, most = statistics.median(found), found[-1]
     print(
-        f"changed cmd_vel until odom shows it: median {1e3 * median:.0f} ms, most {1e3 * most:.0f} ms, of {CHANGES}"
+        f"changed cmd_vel until odom shows it: median {1e3 * median:.0f} ms, most {1e3 * most:.0f}"
+        f" ms, of {CHANGES}"
     )
     print(
-        f"bridge: {100 * share:.1f} % of a core, {len(names)} bodies, {rate:.0f} messages of odom, scan and, with tf2_msgs, tf a second"
+        f"bridge: {100 * share:.1f} % of a core, {len(names)} bodies, {rate:.0f} messages of odom,"
+        " scan and, with tf2_msgs, tf a second"
     )
     print(f"load of this machine: {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
 

@@ -1,4 +1,7 @@
-"""A whole small harvest in which ROS drives picker_01, and its agent keeps plan, mail and deeds. `cmd_vel` is a Twist."""
+"""A whole small harvest in which ROS drives picker_01, and its agent keeps plan, mail and deeds.
+
+`cmd_vel` is a Twist.
+"""
 
 import json
 
@@ -16,10 +19,9 @@ animals: {dogs: 0, cats: 0}
 tractor: false
 """
 SHARE = 0.75  # of the speed that its agent wants
-ROW = (
-    -34.0,
-    -9.0,
-)  # m, x of the stretch of a row in which ROS drives; the rest, where places are exact, is the agent's
+# m, x of the stretch of a row in which ROS drives; the rest, where places are exact, is the
+# agent's.
+ROW = (-34.0, -9.0)
 HARVEST_SECONDS = 300.0
 
 

@@ -1,4 +1,6 @@
-"""A picker whose sensors err, driven by its agent: its odometry drifts, its measured pose stays near the truth, and frames join both."""
+"""A picker whose sensors err, driven by its agent: its odometry drifts, its measured pose stays
+near the truth, and frames join both.
+"""
 
 import math
 

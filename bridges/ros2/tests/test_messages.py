@@ -1,4 +1,6 @@
-"""The conversion without ROS: rclpy and rosbags read each message as it was meant, and it says what the Orchard said."""
+"""The conversion without ROS: rclpy and rosbags read each message as it was meant, and it says what
+the Orchard said.
+"""
 
 import ast
 import importlib
@@ -76,7 +78,10 @@ def names_in(message):
 
 
 def plain(value):
-    """A message that was read, or one of its fields, as numbers, texts and lists. Some numbers are float32."""
+    """A message that was read, or one of its fields, as numbers, texts and lists.
+
+    Some numbers are float32.
+    """
     if isinstance(value, float):
         return "nan" if math.isnan(value) else round(value, 6)
     if isinstance(value, array | numpy.ndarray):
@@ -271,7 +276,10 @@ def test_frames_make_one_tree_below_map(drifting):
 
 
 def test_nothing_of_the_orchard_is_imported():
-    """The distribution lives from keyspace.md: its numpy and the Orchard's need not agree. `bags/` is only in the Orchard's own wheel."""
+    """The distribution lives from keyspace.md: its numpy and the Orchard's need not agree.
+
+    `bags/` is only in the Orchard's own wheel.
+    """
     folder = PACKAGE.parent
     packages = tomllib.loads((folder / "pyproject.toml").read_text())["tool"]["setuptools"][
         "packages"

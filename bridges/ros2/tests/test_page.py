@@ -1,4 +1,6 @@
-"""docs/ros2.md tells the truth: its commands and its node run, its table of topics is the bridge's, and mistakes are told in words."""
+"""docs/ros2.md tells the truth: its commands and its node run, its table of topics is the bridge's,
+and mistakes are told in words.
+"""
 
 import ast
 import os
@@ -68,7 +70,9 @@ def test_the_package_is_installed_with_its_command_its_launch_file_and_its_pictu
 
 
 def test_the_launch_file_gives_the_bridge_parameters_that_it_takes(tmp_path):
-    """`launch` has no wheel, so the file is read and not run: the bridge is started with its defaults, as the file writes them."""
+    """`launch` has no wheel, so the file is read and not run: the bridge is started with its
+    defaults, as the file writes them.
+    """
     text = (FOLDER / "launch" / "orchard.launch.py").read_text()
     values = {
         node.targets[0].id: node.value

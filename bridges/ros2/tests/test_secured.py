@@ -1,4 +1,6 @@
-"""Secured runs: a bridge drives, pauses and resets what its role allows, and no more, also if it claims to."""
+"""Secured runs: a bridge drives, pauses and resets what its role allows, and no more, also if it
+claims to.
+"""
 
 import json
 import os
@@ -123,7 +125,10 @@ def test_a_robot_that_the_role_may_not_drive_is_named(run):
 
 
 def test_a_role_that_another_bridge_has_is_waited_for(run):
-    """A bridge that has just been killed has its role for some seconds more. A run that begins accepts none for as long."""
+    """A bridge that has just been killed has its role for some seconds more.
+
+    A run that begins accepts none for as long.
+    """
     log = run.folder / "second.log"
     with bridging(run.endpoint, ["-p", f"secure:={run.roles / 'ros2'}"], log) as second:
         wait_until_it_says("accepts the role ros2 yet", log, second)

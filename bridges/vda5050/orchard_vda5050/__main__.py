@@ -20,7 +20,10 @@ HELP = {
     "version": "of VDA 5050: 3.0.0, 2.1.0 or 2.0.0",
     "state": "simulated seconds between two states, unless something happens",
     "visualization": "simulated seconds between two visualizations; 0: none",
-    "patience": "simulated seconds after which a vehicle that is left standing on the roads clears them by itself",
+    "patience": (
+        "simulated seconds after which a vehicle that is left standing on the roads clears them by"
+        " itself"
+    ),
 }
 
 
@@ -71,7 +74,8 @@ def _drive(options: argparse.Namespace) -> int:
         code = agents.main(words)
         if code and DISPATCH in wanted:
             print(
-                "orchard-vda5050: if dispatch is taken, start the run with --without dispatch too: fleet control sends",
+                "orchard-vda5050: if dispatch is taken, start the run with --without dispatch too:"
+                " fleet control sends",
                 file=sys.stderr,
             )
         return code
@@ -80,7 +84,10 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def wait_for_a_run(endpoint: str, secure: str | None) -> Sequence[str]:
-    """Return the agents of the run when there is one. Say what it waits for. Raises BusError for an endpoint at which none can be."""
+    """Return the agents of the run when there is one.
+
+    Say what it waits for. Raises BusError for an endpoint at which none can be.
+    """
     check_security(endpoint, secure is not None)
     said = ""
     while True:

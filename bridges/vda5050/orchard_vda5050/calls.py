@@ -1,4 +1,6 @@
-"""The full bins that wait for a carrier: what fleet control must know, and VDA 5050 has no message for."""
+"""The full bins that wait for a carrier: what fleet control must know, and VDA 5050 has no message
+for.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -14,7 +16,10 @@ REMEMBERED = {
 
 
 class Calls:
-    """What a bridge hears from full bins. A bin that calls again waits: no carrier with an agent of its own came."""
+    """What a bridge hears from full bins.
+
+    A bin that calls again waits: no carrier with an agent of its own came.
+    """
 
     def __init__(self, tell: Callable[[list[dict[str, Any]]], None]) -> None:
         """`tell`: what is called with the list of those that wait, when it has changed."""
@@ -58,7 +63,9 @@ class Calls:
         )
 
     def picker_of(self, bin_name: str) -> str:
-        """Return the picker that waits for an empty bin where a full one stands which has sent for a vehicle; '' if none does."""
+        """Return the picker that waits for an empty bin where a full one stands which has sent for
+        a vehicle; '' if none does.
+        """
         _, body = self._last.get(bin_name, (0, None))
         return body.picker if isinstance(body, Come) and bin_name not in self._owed.values() else ""
 
@@ -67,7 +74,9 @@ class Calls:
         self._owed[vehicle] = bin_name
 
     def _waiting(self, tick: int) -> list[dict[str, Any]]:
-        """Return the bins that wait, in the order in which they began to call: `loadId`, the `station`, `since` which tick."""
+        """Return the bins that wait, in the order in which they began to call: `loadId`, the
+        `station`, `since` which tick.
+        """
         for name in [
             name for name, (at, body) in self._last.items() if tick - at > REMEMBERED[type(body)]
         ]:

@@ -1,4 +1,6 @@
-"""Carriers as vehicles: they bring pickers empty bins, and take full ones to the bay, as fleet control orders it."""
+"""Carriers as vehicles: they bring pickers empty bins, and take full ones to the bay, as fleet
+control orders it.
+"""
 
 from collections.abc import Sequence
 from typing import ClassVar, cast
@@ -16,11 +18,16 @@ from orchard_vda5050.driver import Driver
 from orchard_vda5050.order import ActionOrder, Node, Parameter
 from orchard_vda5050.vehicle import ON_A_NODE, Port, Timing, Vehicle
 
-SENT_FOR_SECONDS = 30.0  # after which handing over has failed, if the full bin has not sent for a vehicle: another carrier comes
+# After which handing over has failed, if the full bin has not sent for a vehicle: another carrier
+# comes.
+SENT_FOR_SECONDS = 30.0
 
 
 class VehicleMemory(CarrierMemory):
-    """A carrier's memory. `duty`: a Duty as packed msgpack: a memory is small, and compared at each tick, part by part."""
+    """A carrier's memory.
+
+    `duty`: a Duty as packed msgpack: a memory is small, and compared at each tick, part by part.
+    """
 
     duty: bytes = b""
 
@@ -37,7 +44,9 @@ class Drop(Step, frozen=True):
 
 
 class HandOver(Step, frozen=True):
-    """Leave the empty bin to the picker that has left the full one, once that bin has sent for a vehicle: this one, or one behind it."""
+    """Leave the empty bin to the picker that has left the full one, once that bin has sent for a
+    vehicle: this one, or one behind it.
+    """
 
     bin: str
     holds: ClassVar[bool] = True
@@ -52,7 +61,9 @@ class HandOver(Step, frozen=True):
 
 
 class UntilLeft(Step, frozen=True):
-    """Stand before a lane until a full bin is left there, unless the order leads on: a vehicle that stays would shut the picker in."""
+    """Stand before a lane until a full bin is left there, unless the order leads on: a vehicle that
+    stays would shut the picker in.
+    """
 
     station: str
     holds: ClassVar[bool] = True
@@ -118,11 +129,16 @@ class CarrierDriver(Driver):
             and seconds > SENT_FOR_SECONDS
             and not self.calls.picker_of(load)
         ):
-            return f"{load} has not sent for a vehicle within {SENT_FOR_SECONDS:g} s: another carrier comes"
+            return (
+                f"{load} has not sent for a vehicle within {SENT_FOR_SECONDS:g} s: another carrier"
+                " comes"
+            )
         return super().is_late(action, seconds)
 
     def after_failing(self, action: ActionOrder) -> Sequence[Step]:
-        """Take back the empty bin that was left for a picker: it would stand in the way of others."""
+        """Take back the empty bin that was left for a picker: it would stand in the way of
+        others.
+        """
         is_left = (
             action.action_type == HAND_OVER and self.seen.hitch is None and self.memory.delivered
         )
@@ -133,7 +149,9 @@ class CarrierDriver(Driver):
             self.idles()
 
     def idles(self) -> None:
-        """In the queue keep no places: an edge that was given up may have left some, or has got them only now."""
+        """In the queue keep no places: an edge that was given up may have left some, or has got
+        them only now.
+        """
         if self.duty.order.last_node.startswith(QUEUE):
             self.free(list(self.memory.reserved))
 
@@ -176,7 +194,9 @@ class CarrierVehicle(Vehicle):
         )
 
     def is_held_up(self, robot: Driver) -> bool:
-        """Before a lane at which no bin is left, and at a stop with a bin right behind it: it cannot turn beside a picker."""
+        """Before a lane at which no bin is left, and at a stop with a bin right behind it: it
+        cannot turn beside a picker.
+        """
         return isinstance(robot.memory.plan[0], UntilLeft) or self._is_at_a_stop(robot)
 
     def _is_at_a_stop(self, robot: Driver) -> bool:
@@ -193,7 +213,8 @@ class CarrierVehicle(Vehicle):
         )
 
     def clear_the_roads(self, robot: Driver) -> None:
-        """Drive to the queue, through the bay with a full bin, also with one that it has promised to take.
+        """Drive to the queue, through the bay with a full bin, also with one that it has promised
+        to take.
 
         A picker that waits beside it gets its empty bin: with that one it could not turn there.
         """

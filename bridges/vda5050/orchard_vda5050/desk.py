@@ -1,4 +1,7 @@
-"""The agent `dispatch` of a run in which fleet control sends the carriers. Only a dispatch policy other than `nearest` needs it."""
+"""The agent `dispatch` of a run in which fleet control sends the carriers.
+
+Only a dispatch policy other than `nearest` needs it.
+"""
 
 from typing import Any
 
@@ -9,9 +12,11 @@ from orchard_vda5050.calls import Calls
 
 
 class Desk(Dispatcher):
-    """Tells fleet control which full bins wait, and sends the vehicle to a full bin whose order names it.
+    """Tells fleet control which full bins wait, and sends the vehicle to a full bin whose order
+    names it.
 
-    Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is never free.
+    Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is
+    never free.
     """
 
     holds = True

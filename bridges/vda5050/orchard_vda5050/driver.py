@@ -1,7 +1,8 @@
 """What a vehicle has to do, and the steps with which it does it: those of the Orchard's own robots.
 
-A node of its order becomes the steps of the edge to it, then those of the actions there. Only these steps are in the plan; at their end the
-step `Onward` adds what the order has next. A kind of vehicle derives a class, which knows its actions.
+A node of its order becomes the steps of the edge to it, then those of the actions there. Only these
+steps are in the plan; at their end the step `Onward` adds what the order has next. A kind of
+vehicle derives a class, which knows its actions.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +27,10 @@ ASK_AHEAD = (
 
 
 class Duty(msgspec.Struct):
-    """What a vehicle has to do, and how far it is. `phase`: 'edge' or 'action' while it is under way, '' between two."""
+    """What a vehicle has to do, and how far it is.
+
+    `phase`: 'edge' or 'action' while it is under way, '' between two.
+    """
 
     order: OrderState = msgspec.field(default_factory=OrderState)
     phase: str = ""
@@ -37,9 +41,12 @@ class Duty(msgspec.Struct):
     is_halted: bool = False  # by an action that has failed
     is_laden: bool = False  # the bin on its bar is a full one
     fill: float = 0.0  # m of row in a picker's bin when it was weighed
-    owes: str = ""  # the full bin that a carrier has promised to take along: it has left its empty bin for it
+    # The full bin that a carrier has promised to take along: it has left its empty bin for it.
+    owes: str = ""
     is_away: bool = False  # it clears the roads by itself
-    idle_since: int = -1  # tick since which nothing is released on the roads; -1: it has something to do, or is out of the way
+    # Tick since which nothing is released on the roads; -1: it has something to do, or is out of
+    # the way.
+    idle_since: int = -1
 
 
 class Onward(Step, frozen=True):
@@ -74,7 +81,10 @@ class Driver(PlanExecutor):
     # -- what a kind of vehicle knows
 
     def steps_of(self, action: ActionOrder) -> Sequence[Step]:
-        """Return the steps of an action at the last node. Raises KeyError for one that this kind does not know."""
+        """Return the steps of an action at the last node.
+
+        Raises KeyError for one that this kind does not know.
+        """
         raise NotImplementedError
 
     def why_not(self, action: ActionOrder) -> str:
@@ -109,7 +119,10 @@ class Driver(PlanExecutor):
     # -- its order
 
     def goes_on(self) -> bool:
-        """Note what is finished, and add the steps of what is next. Return False if there is nothing."""
+        """Note what is finished, and add the steps of what is next.
+
+        Return False if there is nothing.
+        """
         duty, order = self.duty, self.duty.order
         if duty.phase == "edge":
             for action in order.edges[0].actions:
@@ -177,7 +190,9 @@ class Driver(PlanExecutor):
         return f"its bin is {hitch.name}, not {load}"
 
     def leave_edge(self) -> None:
-        """Give back the places that the present edge needs at its beginning, which the vehicle has not left."""
+        """Give back the places that the present edge needs at its beginning, which the vehicle has
+        not left.
+        """
         order = self.duty.order
         edge = self.graph.edges.get((order.last_node, order.nodes[0].node_id))
         for step in edge.steps if edge else ():
@@ -193,7 +208,10 @@ class Driver(PlanExecutor):
         )
 
     def fails(self, why: str) -> None:
-        """The present action has failed. The vehicle stands until fleet control cancels the order."""
+        """The present action has failed.
+
+        The vehicle stands until fleet control cancels the order.
+        """
         action = self.duty.order.queue.pop(0)
         self.duty.order.set(action.action_id, "FAILED")
         self.duty.owes, self.memory.plan = "", [*self.after_failing(action), Onward()]

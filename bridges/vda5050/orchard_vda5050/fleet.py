@@ -1,4 +1,6 @@
-"""The vehicles of a run, as a host process of the Orchard asks for them: `vehicles(layout, names)`."""
+"""The vehicles of a run, as a host process of the Orchard asks for them: `vehicles(layout,
+names)`.
+"""
 
 import os
 from collections.abc import Callable, Collection, Mapping
@@ -89,11 +91,17 @@ def lines() -> Lines:
 
 
 def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
-    """Return an agent for each of these names, with a line to fleet control. Raises ValueError for what cannot be a vehicle."""
+    """Return an agent for each of these names, with a line to fleet control.
+
+    Raises ValueError for what cannot be a vehicle.
+    """
     if wrong := [name for name in names if kind_of(name) not in (*VEHICLES, DISPATCH)]:
         raise ValueError(f"{', '.join(wrong)}: only carriers and pickers are vehicles")
     if DISPATCH in layout.agents and DISPATCH not in names and "carrier" in map(kind_of, names):
-        why = "fleet control sends the carriers; start the run with --without dispatch, or with --dispatch nearest"
+        why = (
+            "fleet control sends the carriers; start the run with --without dispatch, or with"
+            " --dispatch nearest"
+        )
         raise ValueError(f"dispatch {layout.scenario.dispatch}: {why}")
     agents = agents_of(
         layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing()
@@ -113,7 +121,9 @@ def agents_of(
     calls: Calls,
     times: Timing,
 ) -> dict[str, Agent]:
-    """Return an agent for each of these names: a vehicle, or for `dispatch` the one that tells fleet control which bins wait."""
+    """Return an agent for each of these names: a vehicle, or for `dispatch` the one that tells
+    fleet control which bins wait.
+    """
     graphs = {graph.kind: graph for graph in graphs_of(layout)}
     desk = {name: Desk(layout, name, calls) for name in names if name == DISPATCH}
     driven = [name for name in names if name not in desk]

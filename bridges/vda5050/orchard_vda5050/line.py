@@ -1,4 +1,5 @@
-"""The lines to fleet control: one MQTT client for each vehicle, because the broker speaks for each one that it loses.
+"""The lines to fleet control: one MQTT client for each vehicle, because the broker speaks for each
+one that it loses.
 
 What is said while the broker is away is not kept: the next state says all.
 """
@@ -31,7 +32,10 @@ AT_LEAST_ONCE = 1  # quality of service of `connection`; of all others 0
 
 @dataclass(frozen=True)
 class Broker:
-    """Where the broker is, and how to log in. `interface` and `manufacturer`: parts of the topics."""
+    """Where the broker is, and how to log in.
+
+    `interface` and `manufacturer`: parts of the topics.
+    """
 
     host: str
     port: int
@@ -48,7 +52,10 @@ class Broker:
 
 
 def broker_at(url: str, interface: str, manufacturer: str, version: str) -> Broker:
-    """Return the broker at a URL such as mqtt://user:password@127.0.0.1:1883. Raises ValueError for one that cannot be."""
+    """Return the broker at a URL such as mqtt://user:password@127.0.0.1:1883.
+
+    Raises ValueError for one that cannot be.
+    """
     if version not in VERSIONS:
         raise ValueError(f"version {version}: there are {', '.join(VERSIONS)}")
     parts = urlsplit(url)
@@ -77,7 +84,10 @@ def _client(broker: Broker, name: str) -> Client:
 
 
 class Line:
-    """A vehicle's port to fleet control. `subscribes`: the topics that it takes; `greets`: what it sends when it has connected."""
+    """A vehicle's port to fleet control.
+
+    `subscribes`: the topics that it takes; `greets`: what it sends when it has connected.
+    """
 
     def __init__(
         self,
@@ -105,7 +115,10 @@ class Line:
         network.keep(self._connection)
 
     def take(self) -> list[tuple[str, bytes]]:
-        """Return what has come since the last call: topic and payload. The first call opens the line."""
+        """Return what has come since the last call: topic and payload.
+
+        The first call opens the line.
+        """
         self._network.open()
         taken = []
         while True:
@@ -154,7 +167,10 @@ class Line:
 
 
 class Notices:
-    """The line for the list of full bins that wait. It is no topic of VDA 5050: interface/calls, JSON, retained."""
+    """The line for the list of full bins that wait.
+
+    It is no topic of VDA 5050: interface/calls, JSON, retained.
+    """
 
     def __init__(self, network: Network, broker: Broker) -> None:
         self._topic, self._newest = f"{broker.interface}/calls", b"[]"

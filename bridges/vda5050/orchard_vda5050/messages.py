@@ -1,4 +1,6 @@
-"""What a vehicle says of itself, as VDA 5050 writes it: messages without their header, which `line` adds when it sends them."""
+"""What a vehicle says of itself, as VDA 5050 writes it: messages without their header, which `line`
+adds when it sends them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +29,10 @@ MAP_STATE = {"mapId": MAP, "mapVersion": "1", "mapStatus": "ENABLED"}
 
 @dataclass(frozen=True)
 class Status:
-    """What a vehicle does at a tick. `is_away`: it drives to the queue by itself, and fleet control is not in control."""
+    """What a vehicle does at a tick.
+
+    `is_away`: it drives to the queue by itself, and fleet control is not in control.
+    """
 
     is_driving: bool
     is_paused: bool
@@ -46,7 +51,10 @@ def state_of(
     waits_for: str,
     graph: Graph,
 ) -> Message:
-    """Return the message `state`. `errors`: beside those of orders; `waits_for`: what holds it up, for people."""
+    """Return the message `state`.
+
+    `errors`: beside those of orders; `waits_for`: what holds it up, for people.
+    """
     nodes, edges = ([], []) if status.is_away else (order.nodes, order.edges)
     last = graph.nodes.get(order.last_node)
     base = [node for node in nodes if node.released]
@@ -70,9 +78,11 @@ def state_of(
         "powerSupply": {"stateOfCharge": 100.0 * seen.charge, "charging": status.is_charging},
         "operatingMode": "MANUAL" if status.is_away else "AUTOMATIC",
         "errors": msgspec.to_builtins([*order.errors, *errors]),
-        "information": [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}]
-        if waits_for
-        else [],
+        "information": (
+            [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}]
+            if waits_for
+            else []
+        ),
         "safetyState": {"activeEmergencyStop": "NONE", "fieldViolation": status.is_blocked},
     }
 
@@ -92,7 +102,10 @@ def connection_of(state: Literal["ONLINE", "OFFLINE", "CONNECTION_BROKEN"]) -> M
 
 
 def factsheet_of(kind: str, state_seconds: float) -> Message:
-    """Return the message `factsheet` of a kind of vehicle. `state_seconds`: the time between two states, unless something happens."""
+    """Return the message `factsheet` of a kind of vehicle.
+
+    `state_seconds`: the time between two states, unless something happens.
+    """
     body = KINDS[kind]
     return {
         "typeSpecification": {
@@ -221,7 +234,10 @@ def _declared(kind: str, action: Action) -> Message:
     ]
     return {
         "actionType": kind,
-        "actionDescription": f"{action.description}; possible {'at' if action.scope == 'NODE' else 'on the edge to'} {action.nodes}",
+        "actionDescription": (
+            f"{action.description}; possible {'at' if action.scope == 'NODE' else 'on the edge to'}"
+            f" {action.nodes}"
+        ),
         "actionScopes": [action.scope],
         "actionParameters": [load, *ignored],
         "blockingTypes": action.blocking,

@@ -1,7 +1,9 @@
-"""MQTT clients that connect again by themselves. What they send is written at once; one thread reads for all of them.
+"""MQTT clients that connect again by themselves.
 
-With a thread for each, as `loop_start` of paho makes it, each message that a client sends would wake its thread, and wait until that has
-let go of the interpreter.
+What they send is written at once; one thread reads for all of them.
+
+With a thread for each, as `loop_start` of paho makes it, each message that a client sends would
+wake its thread, and wait until that has let go of the interpreter.
 """
 
 import sys
@@ -24,7 +26,11 @@ CARE_SECONDS = 0.5  # between two looks at what is due
 
 
 class Connection:
-    """The connection of a client. Vehicles write in one thread, the network reads in another one: a lock lets one at a time work on it."""
+    """The connection of a client.
+
+    Vehicles write in one thread, the network reads in another one: a lock lets one at a time work
+    on it.
+    """
 
     def __init__(
         self, client: Client, host: str, port: int, greet: Callable[[Client], None]
@@ -68,7 +74,10 @@ class Connection:
         """What is wrong with the broker, for people; '' for nothing."""
         is_steady = self._since and monotonic() - self._since >= KEEPALIVE_SECONDS
         if self._drops >= MOST_DROPS and not is_steady:
-            return "drops vehicles that it has just let in: does another bridge have their names, its --interface and its --manufacturer?"
+            return (
+                "drops vehicles that it has just let in: does another bridge have their names, its"
+                " --interface and its --manufacturer?"
+            )
         return self._refusal
 
     def publish(
@@ -127,8 +136,11 @@ class Connection:
 
 
 class Network:
-    """Keeps all connections to the broker, and reads for them. It begins when it is opened: a bridge whose robots are driven by another
-    one must not take their places at the broker."""
+    """Keeps all connections to the broker, and reads for them.
+
+    It begins when it is opened: a bridge whose robots are driven by another one must not take their
+    places at the broker.
+    """
 
     def __init__(self) -> None:
         self._connections: Sequence[Connection] = ()
@@ -181,7 +193,9 @@ class Network:
 
     @staticmethod
     def _read(connection: Connection) -> None:
-        """What a server that is no broker sends may raise any error in the client: the others must go on."""
+        """What a server that is no broker sends may raise any error in the client: the others must
+        go on.
+        """
         try:
             connection.read()
         except Exception as error:
@@ -200,7 +214,9 @@ class Network:
             self._told = why
 
     def _connect(self, now: float) -> str:
-        """Connect those that are away, for as long as the others need not be read. While the broker is away, one of them tries it for all.
+        """Connect those that are away, for as long as the others need not be read.
+
+        While the broker is away, one of them tries it for all.
 
         Return why it is not there; '' if it is.
         """

@@ -1,6 +1,9 @@
-"""Orders, and which of them a vehicle takes: what it knows of its order, and how that changes. No clock, no network, no robot.
+"""Orders, and which of them a vehicle takes: what it knows of its order, and how that changes.
 
-Field names are those of VDA 5050. What the standard asks for in each case is in its chapters on orders, cancelling and errors.
+No clock, no network, no robot.
+
+Field names are those of VDA 5050. What the standard asks for in each case is in its chapters on
+orders, cancelling and errors.
 """
 
 import hashlib
@@ -36,14 +39,21 @@ UNUSABLE = (  # of an edge
     "maxRotationSpeed",
 )
 LARGEST = 1 << 20  # bytes of a message
-MATCHES = 0.5  # m by which a node may be elsewhere than in the vehicle's own map, and a vehicle beside the line of an edge
-OFF = 5.0  # m by which a vehicle may stand off its first node, whatever the order allows: it drives straight on from there
+# M by which a node may be elsewhere than in the vehicle's own map, and a vehicle beside the line of
+# an edge.
+MATCHES = 0.5
+# M by which a vehicle may stand off its first node, whatever the order allows: it drives straight
+# on from there.
+OFF = 5.0
 
 # -- messages of fleet control
 
 
 class Part(msgspec.Struct, rename="camel", gc=False):
-    """A part of a message. There are many, and none refers back to what holds it: they need no garbage collection."""
+    """A part of a message.
+
+    There are many, and none refers back to what holds it: they need no garbage collection.
+    """
 
 
 class Parameter(Part):
@@ -209,14 +219,19 @@ class Rejected(Exception):
 
 
 def _data_in(payload: bytes) -> Any:
-    """Return what a message says as JSON. Raises ValueError or RecursionError for one that cannot be read."""
+    """Return what a message says as JSON.
+
+    Raises ValueError or RecursionError for one that cannot be read.
+    """
     if len(payload) > LARGEST:
         raise ValueError(f"{len(payload)} bytes are more than {LARGEST}")
     return _without_nulls(msgspec.json.decode(payload))
 
 
 def _without_nulls(data: Any) -> Any:
-    """Return what is there: fleet control may write `null` for an optional field that it leaves out."""
+    """Return what is there: fleet control may write `null` for an optional field that it leaves
+    out.
+    """
     if isinstance(data, dict):
         return {key: _without_nulls(value) for key, value in data.items() if value is not None}
     if isinstance(data, list):
@@ -225,7 +240,10 @@ def _without_nulls(data: Any) -> Any:
 
 
 def read_instant_actions(payload: bytes) -> InstantActions:
-    """Return the instant actions in a payload. Raises ValueError or RecursionError if it is malformed."""
+    """Return the instant actions in a payload.
+
+    Raises ValueError or RecursionError if it is malformed.
+    """
     data = _data_in(payload)
     if isinstance(data, dict) and "instantActions" in data:
         # Some software for version 2.0 still names them as version 1.1 does.
@@ -261,7 +279,8 @@ def read(payload: bytes) -> Order:
 def _check_sequence(order: Order) -> None:
     if len(order.edges) != len(order.nodes) - 1:
         raise ValueError(
-            f"{len(order.nodes)} nodes and {len(order.edges)} edges: there must be one edge less than nodes"
+            f"{len(order.nodes)} nodes and {len(order.edges)} edges: there must be one edge less"
+            " than nodes"
         )
     parts = [
         part
@@ -286,7 +305,8 @@ def _check_sequence(order: Order) -> None:
             end.node_id,
         ):
             raise ValueError(
-                f"edge {edge.edge_id} is not from {start.node_id} to {end.node_id}, between which it stands"
+                f"edge {edge.edge_id} is not from {start.node_id} to {end.node_id}, between which"
+                " it stands"
             )
     ids = [action.action_id for part in parts for action in part.actions]
     if len(set(ids)) < len(ids):
@@ -296,7 +316,9 @@ def _check_sequence(order: Order) -> None:
 def take(
     state: OrderState, order: Order, graph: Graph, bins: Collection[str], x: float, y: float
 ) -> OrderState:
-    """Return what a vehicle at (x, y) knows with a new order or an update. `bins`: the names of all bins. Raises Rejected.
+    """Return what a vehicle at (x, y) knows with a new order or an update.
+
+    `bins`: the names of all bins. Raises Rejected.
 
     An order that it has already changes nothing.
     """
@@ -331,7 +353,8 @@ def take(
         name, sequence = state.decision_point
         raise Rejected(
             "VALIDATION_FAILURE",
-            f"the update must begin with the last node of the base, {name} with sequenceId {sequence}",
+            f"the update must begin with the last node of the base, {name} with sequenceId"
+            f" {sequence}",
             named,
         )
     _check_ways(order, graph)
@@ -346,7 +369,10 @@ def take(
 
 
 def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: float) -> None:
-    """The vehicle must stand on the first node. It may stand off its last one: behind others in the queue, or where it has left a bin."""
+    """The vehicle must stand on the first node.
+
+    It may stand off its last one: behind others in the queue, or where it has left a bin.
+    """
     first = order.nodes[0]
     if first.node_id == state.last_node:
         return
@@ -361,7 +387,9 @@ def _check_start(state: OrderState, order: Order, graph: Graph, x: float, y: flo
 
 
 def _is_beside(node: Place, order: Order, graph: Graph, x: float, y: float) -> bool:
-    """Whether a vehicle at (x, y) stands on the line of the order's first edge: that one leads along x, or along y."""
+    """Whether a vehicle at (x, y) stands on the line of the order's first edge: that one leads
+    along x, or along y.
+    """
     others = [later.node_id for later in order.nodes if later.node_id != node.name]
     if not others:
         return False
@@ -403,7 +431,8 @@ def _check_ways(order: Order, graph: Graph) -> None:
 
 
 def _check_decision_point(state: OrderState, order: Order) -> None:
-    """The actions at the first node of an update are those that the vehicle knows there, or left out.
+    """The actions at the first node of an update are those that the vehicle knows there, or left
+    out.
 
     The standard asks fleet control to send new actions at a further node of the same name.
     """
@@ -435,7 +464,9 @@ def _check_decision_point(state: OrderState, order: Order) -> None:
 
 
 def _check_names(state: OrderState, order: Order) -> None:
-    """The actions that an update adds must be new ones, also where it takes the place of the horizon."""
+    """The actions that an update adds must be new ones, also where it takes the place of the
+    horizon.
+    """
     kept = _names_of_base(state)
     added = [action.action_id for action in _states([*order.nodes[1:], *order.edges])]
     if again := [name for name in added if name in kept]:
@@ -491,9 +522,15 @@ def _why_not(
         return f"no action {action.action_type}; there are {', '.join(known)}"
     if kind.scope != scope or not kind.is_done_at(node):
         where = {"NODE": "at", "EDGE": "on the edge to"}
-        return f"{action.action_type} is not possible {where[scope]} {node}, only {where[kind.scope]} {kind.nodes}"
+        return (
+            f"{action.action_type} is not possible {where[scope]} {node}, only {where[kind.scope]}"
+            f" {kind.nodes}"
+        )
     if scope == "EDGE" and action.blocking_type not in kind.blocking:
-        return f"{action.action_type} is done while driving: its blockingType must be {' or '.join(kind.blocking)}"
+        return (
+            f"{action.action_type} is done while driving: its blockingType must be"
+            f" {' or '.join(kind.blocking)}"
+        )
     load = action.value("loadId")
     if (kind.needs_load or load is not None) and str(load) not in bins:
         return (
@@ -526,7 +563,10 @@ def _begun(state: OrderState, order: Order) -> OrderState:
 
 
 def _continued(state: OrderState, order: Order) -> OrderState:
-    """The update takes the place of the horizon. Its first node is known, and so are the actions there."""
+    """The update takes the place of the horizon.
+
+    Its first node is known, and so are the actions there.
+    """
     horizon = _horizon(state)
     return msgspec.structs.replace(
         state,
@@ -554,7 +594,10 @@ def arrive(state: OrderState) -> None:
 
 
 def cancel(state: OrderState, is_driving: bool) -> None:
-    """Give up all that has not begun. A vehicle that drives goes on to the next node; an action that runs is finished."""
+    """Give up all that has not begun.
+
+    A vehicle that drives goes on to the next node; an action that runs is finished.
+    """
     going = 1 if is_driving else 0
     state.nodes = [msgspec.structs.replace(node, actions=[]) for node in state.nodes[:going]]
     state.edges = state.edges[:going]

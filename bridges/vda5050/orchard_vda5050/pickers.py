@@ -1,4 +1,6 @@
-"""Pickers as vehicles: they pick rows, leave full bins and couple empty ones, as fleet control orders it."""
+"""Pickers as vehicles: they pick rows, leave full bins and couple empty ones, as fleet control
+orders it.
+"""
 
 from collections.abc import Sequence
 from typing import cast
@@ -83,7 +85,9 @@ class PickerVehicle(Vehicle):
         )
 
     def clear_the_roads(self, robot: PickerDriver) -> None:
-        """Drive out of the row, couple an empty bin if it has left one, for which a carrier would wait, and drive aside."""
+        """Drive out of the row, couple an empty bin if it has left one, for which a carrier would
+        wait, and drive aside.
+        """
         order = robot.duty.order
         side, _, row = order.decision_point[0].split("/")
         is_left = robot.seen.hitch is None or any(

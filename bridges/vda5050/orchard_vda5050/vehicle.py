@@ -1,7 +1,9 @@
-"""A robot that does what fleet control orders: an agent of the Orchard whose plan is an order of VDA 5050.
+"""A robot that does what fleet control orders: an agent of the Orchard whose plan is an order of
+VDA 5050.
 
-At each tick it takes the messages that have come, follows its order, and says how far it is. It drives with the steps of the Orchard's own
-robots, so it takes turns on the roads with them and stops for obstacles. Its memory holds its order: another process can go on with it.
+At each tick it takes the messages that have come, follows its order, and says how far it is. It
+drives with the steps of the Orchard's own robots, so it takes turns on the roads with them and
+stops for obstacles. Its memory holds its order: another process can go on with it.
 """
 
 import zlib
@@ -35,7 +37,8 @@ from orchard_vda5050.order import (
 
 ON_A_NODE = 0.05  # m
 MOST_INSTANT = 50  # instant actions that it remembers
-NOT_AVAILABLE = "MOBILE_ROBOT_NOT_AVAILABLE"  # the error of an order that comes while it clears the roads by itself
+# The error of an order that comes while it clears the roads by itself.
+NOT_AVAILABLE = "MOBILE_ROBOT_NOT_AVAILABLE"
 MOST_BYTES = LARGEST_MEMORY // 2  # of an order in its memory
 
 
@@ -58,8 +61,9 @@ class Port(Protocol):
 
 
 class Timing(msgspec.Struct, frozen=True):
-    """In seconds of simulated time: between two states; between two visualizations, 0 for none; until a vehicle that is left standing on
-    the roads drives to the queue by itself."""
+    """In seconds of simulated time: between two states; between two visualizations, 0 for none;
+    until a vehicle that is left standing on the roads drives to the queue by itself.
+    """
 
     state: float = 1.0
     visualization: float = 0.0
@@ -67,7 +71,10 @@ class Timing(msgspec.Struct, frozen=True):
 
 
 class Vehicle:
-    """A robot as a vehicle of VDA 5050. Each kind derives a class, which says `holds = True`: it is asked when it has something to do."""
+    """A robot as a vehicle of VDA 5050.
+
+    Each kind derives a class, which says `holds = True`: it is asked when it has something to do.
+    """
 
     Memory: type[Any]  #: that of the kind's agent, with the field `duty`, a packed Duty
     Steps: ClassVar[Sequence[type[Step]]]  #: of the kind, beside those of its route
@@ -122,7 +129,9 @@ class Vehicle:
         return action
 
     def _duty_in(self, memory: Any, seen: Observation) -> Duty:
-        """Return the duty in a memory, which is read only if it is not the one that this vehicle wrote last."""
+        """Return the duty in a memory, which is read only if it is not the one that this vehicle
+        wrote last.
+        """
         (written, duty), self._known = (
             self._known,
             (b"", Duty()),
@@ -148,7 +157,9 @@ class Vehicle:
         raise NotImplementedError
 
     def is_held_up(self, robot: Any) -> bool:
-        """Whether a vehicle that stands on its way may do so for ever, though fleet control orders it on."""
+        """Whether a vehicle that stands on its way may do so for ever, though fleet control orders
+        it on.
+        """
         return False
 
     def is_out_of_the_way(self, robot: Any) -> bool:
@@ -205,7 +216,10 @@ class Vehicle:
             )
 
     def _instant(self, payload: bytes) -> list[ActionOrder]:
-        """Return the instant actions in a payload. Raises ValueError if it is malformed, Rejected if it is for another one."""
+        """Return the instant actions in a payload.
+
+        Raises ValueError if it is malformed, Rejected if it is for another one.
+        """
         message = orders.read_instant_actions(payload)
         self._check_addressee(message)
         return message.actions
@@ -265,7 +279,9 @@ class Vehicle:
         return "RUNNING"
 
     def _give_up(self, robot: Driver) -> None:
-        """Give up the order at the next node; a vehicle that has not left the last one yet stays there."""
+        """Give up the order at the next node; a vehicle that has not left the last one yet stays
+        there.
+        """
         duty, last = robot.duty, self.graph.nodes.get(robot.duty.order.last_node)
         is_there = (
             last is not None and abs(last.x - robot.pose.x) + abs(last.y - robot.pose.y) < ON_A_NODE
@@ -286,7 +302,9 @@ class Vehicle:
     # -- a vehicle that is left alone
 
     def _mind(self, robot: Driver) -> None:
-        """A vehicle that is left standing on the roads would jam all others: it clears them by itself."""
+        """A vehicle that is left standing on the roads would jam all others: it clears them by
+        itself.
+        """
         duty, order = robot.duty, robot.duty.order
         if duty.is_away and self.is_home(robot):
             self._stop(robot)
@@ -321,7 +339,9 @@ class Vehicle:
         orders.cancel(robot.duty.order, is_driving=False)
 
     def add(self, order: OrderState, ends: Sequence[str], kind: str = "", load: str = "") -> None:
-        """Add the way from the end of the base to the nearest of some nodes, and an action there."""
+        """Add the way from the end of the base to the nearest of some nodes, and an action
+        there.
+        """
         name, sequence = order.decision_point
         for after in self.graph.way(name, ends):
             order.edges = [

@@ -1,6 +1,8 @@
-"""A fleet control, written from the standard alone: it knows a LIF map, the messages of VDA 5050, and the list of full bins that wait.
+"""A fleet control, written from the standard alone: it knows a LIF map, the messages of VDA 5050,
+and the list of full bins that wait.
 
-It imports nothing of the Orchard and nothing of the bridge. `send` takes a vehicle, a topic and a message; messages come by `hear`.
+It imports nothing of the Orchard and nothing of the bridge. `send` takes a vehicle, a topic and a
+message; messages come by `hear`.
 """
 
 import heapq
@@ -33,11 +35,11 @@ class Master:
         for start, end in self.edges:
             self.onward[start].append(end)
         self.newest, self.jobs, self.calls = {}, {}, []
-        self.homes = {}  # vehicle -> the line of the queue in which it was first seen: it goes back there
-        self.rows, self.picked = (
-            {},
-            set(),
-        )  # row -> the picker that picks it: first the one at which it is first seen; rows that are picked
+        # Vehicle -> the line of the queue in which it was first seen: it goes back there.
+        self.homes = {}
+        # Row -> the picker that picks it: first the one at which it is first seen; rows that are
+        # picked.
+        self.rows, self.picked = ({}, set())
         self.send, self.released, self.headers, self.finished = send, released, count(), []
 
     def hear(self, serial, topic, message):
@@ -61,7 +63,9 @@ class Master:
     # -- jobs
 
     def assign(self):
-        """Send a free vehicle, the nearest one, to each full bin that waits, and each free picker on."""
+        """Send a free vehicle, the nearest one, to each full bin that waits, and each free picker
+        on.
+        """
         for serial in filter(is_picker, self.states):
             if self.is_free(serial):
                 self.send_on(serial)
@@ -96,7 +100,9 @@ class Master:
         return is_here and is_idle and is_mine and (state["loads"] or is_picker(serial))
 
     def send_on(self, serial):
-        """Order a picker's next piece of work: to pick a row, to change bins at its end, or to park after the last one."""
+        """Order a picker's next piece of work: to pick a row, to change bins at its end, or to park
+        after the last one.
+        """
         state = self.states[serial]
         last, loads, row = state["lastNodeId"], state["loads"], row_of(state["lastNodeId"])
         side, what, _ = last.split("/")
@@ -149,7 +155,9 @@ class Master:
         self.order(serial, first=0)
 
     def order(self, serial, first):
-        """Send an order or an update: from node number `first` to the end, with the base up to what is released."""
+        """Send an order or an update: from node number `first` to the end, with the base up to what
+        is released.
+        """
         job = self.jobs[serial]
         nodes = [self.node(job, number) for number in range(first, len(job["names"]))]
         edges = [

@@ -1,4 +1,5 @@
-"""What the bridge costs: its share of a core for 30 vehicles in real time, and how fast a run with 100 vehicles can be.
+"""What the bridge costs: its share of a core for 30 vehicles in real time, and how fast a run with
+100 vehicles can be.
 
 ORCHARD=$PWD/.venv/bin/orchard .venv-vda5050/bin/python bridges/vda5050/tests/measure.py
 """
@@ -19,7 +20,10 @@ MANY = {"rows": 40, "pickers": 20, "carriers": 100}
 
 
 def measured(scenario, words):
-    """Let a fleet control drive all carriers. Return the bridge's share of a core, the states a second, and the median speed of the run."""
+    """Let a fleet control drive all carriers.
+
+    Return the bridge's share of a core, the states a second, and the median speed of the run.
+    """
     port = free_port()
     with (
         tempfile.TemporaryDirectory() as name,
@@ -46,7 +50,8 @@ def main():
     for scenario, words in ((REALTIME, ["--mode", "realtime"]), (MANY, ["--speed", "max"])):
         share, states, speed = measured(scenario, words)
         print(
-            f"{scenario['carriers']} vehicles, {speed:.1f} x real time: bridge {100 * share:.0f} % of a core, {states:.0f} states a second"
+            f"{scenario['carriers']} vehicles, {speed:.1f} x real time: bridge {100 * share:.0f} %"
+            f" of a core, {states:.0f} states a second"
         )
     print(f"load of this machine: {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
 

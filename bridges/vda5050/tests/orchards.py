@@ -1,4 +1,6 @@
-"""An orchard in this process whose carriers are vehicles, and a line to a fleet control: in virtual time, without a network."""
+"""An orchard in this process whose carriers are vehicles, and a line to a fleet control: in virtual
+time, without a network.
+"""
 
 import json
 from itertools import count
@@ -26,7 +28,10 @@ SMALL = {"rows": 3, "row_length": 24.0, "picking_speed": 1.0, "pickers": 2, "car
 
 
 class Wire:
-    """A port whose messages a test takes and gives. It writes and reads all of them as JSON, as a real line does."""
+    """A port whose messages a test takes and gives.
+
+    It writes and reads all of them as JSON, as a real line does.
+    """
 
     def __init__(self, serial):
         self.serial, self.inbox, self.sent, self.headers, self.is_up = serial, [], [], count(), True
@@ -59,7 +64,10 @@ class Wire:
 
 
 class Fleet:
-    """The orchard, its vehicles and their fleet control. `names`: the robots that are vehicles, or their kinds."""
+    """The orchard, its vehicles and their fleet control.
+
+    `names`: the robots that are vehicles, or their kinds.
+    """
 
     def __init__(
         self, scenario, names=("carrier",), timing=EACH_SECOND, released=4, holds=Lookahead

@@ -1,4 +1,7 @@
-"""A broker, an orchard, a bridge and a fleet control: processes on this machine. The fleet control is this one."""
+"""A broker, an orchard, a bridge and a fleet control: processes on this machine.
+
+The fleet control is this one.
+"""
 
 import json
 import os

@@ -1,7 +1,8 @@
-"""The messages of a vehicle as the tables of VDA 5050 3.0 describe them: with a field too few, too many or of another type, one is wrong.
+"""The messages of a vehicle as the tables of VDA 5050 3.0 describe them: with a field too few, too
+many or of another type, one is wrong.
 
-`check` uses the JSON schemas of the standard too, if VDA5050_SCHEMAS names the folder with them: `json_schemas` of VDA5050/VDA5050 on
-GitHub.
+`check` uses the JSON schemas of the standard too, if VDA5050_SCHEMAS names the folder with them:
+`json_schemas` of VDA5050/VDA5050 on GitHub.
 """
 
 import json

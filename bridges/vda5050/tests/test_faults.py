@@ -75,7 +75,9 @@ def test_an_update_after_one_that_is_lost_is_rejected_and_the_vehicle_stays_with
 
 @pytest.mark.parametrize("after", ["out", "stop", "turn", "bay"])
 def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_others_finish(after):
-    """Its fleet control vanishes on the way out, at the picker, with a promise to take a full bin, and with one on its bar."""
+    """Its fleet control vanishes on the way out, at the picker, with a promise to take a full bin,
+    and with one on its bar.
+    """
     fleet, name = begun(released=1)
     job = fleet.master.jobs[name]
     stop, bin_node = (
@@ -102,9 +104,12 @@ def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_o
 
 @pytest.mark.parametrize("patience", [60.0, 300.0])
 def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over(patience):
-    """Its order is cancelled on the last metres, and then its fleet control vanishes. With the bin it could not turn beside the picker.
+    """Its order is cancelled on the last metres, and then its fleet control vanishes.
 
-    With much patience the full bin has sent for the other vehicle by then, which waits behind this one.
+    With the bin it could not turn beside the picker.
+
+    With much patience the full bin has sent for the other vehicle by then, which waits behind this
+    one.
     """
     fleet, name = begun(patience=patience)
     stop = next(node for node in fleet.master.jobs[name]["names"] if "/stop/" in node)
@@ -127,10 +132,10 @@ def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over(patienc
 @pytest.mark.parametrize(
     ("where", "has_bin"), [("east/out/1", True), ("east/wait/1", False), ("east/wait/1", True)]
 )
-def test_a_picker_that_is_left_alone_clears_the_roads_and_the_harvest_goes_on_with_its_fleet_control(
-    where, has_bin
-):
-    """At the end of a row, and beyond the roads with its bin on them, it holds up carriers; without a bin the one that brings one."""
+def test_a_picker_that_is_left_alone_clears_the_roads(where, has_bin):
+    """At the end of a row, and beyond the roads with its bin on them, it holds up carriers; without
+    a bin the one that brings one.
+    """
     fleet, name = Fleet(SMALL, ["picker"], timing=Timing(patience=20.0)), "picker_01"
     fleet.until(
         lambda: (
@@ -180,7 +185,10 @@ def test_a_picker_waits_for_its_empty_bin_and_says_what_it_cannot_do():
 
 @pytest.mark.parametrize("route", ["two-way", "one-way"])
 def test_a_vehicle_that_is_ordered_on_where_it_cannot_turn_serves_the_picker_beside_it(route):
-    """It was sent to the stop without an action. The full bin has sent for the vehicle behind it."""
+    """It was sent to the stop without an action.
+
+    The full bin has sent for the vehicle behind it.
+    """
     fleet, name = Fleet(SMALL | {"route": route}, timing=Timing(patience=60.0)), "carrier_01"
     fleet.has_master = False
     fleet.tick()

@@ -1,4 +1,6 @@
-"""Harvests in which a fleet control drives the carriers, in virtual time; all messages are as the standard has them."""
+"""Harvests in which a fleet control drives the carriers, in virtual time; all messages are as the
+standard has them.
+"""
 
 import json
 from itertools import groupby

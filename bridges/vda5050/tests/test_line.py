@@ -1,4 +1,6 @@
-"""The line over a real broker: a harvest, with the broker and the bridge killed on the way; and mistakes, told in words."""
+"""The line over a real broker: a harvest, with the broker and the bridge killed on the way; and
+mistakes, told in words.
+"""
 
 import os
 import socket
@@ -25,7 +27,9 @@ KINDS = ("--robots", "carrier", "picker")
 
 
 def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_killed(tmp_path):
-    """The run is not as fast as it can be: without a broker nothing is done in it, and after 600 s it would be jammed."""
+    """The run is not as fast as it can be: without a broker nothing is done in it, and after 600 s
+    it would be jammed.
+    """
     port = free_port()
     with (
         broker(tmp_path, port) as first,
@@ -85,7 +89,8 @@ def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_k
         if topic == "state"
     ]
     assert ["FINISHED"] * 3 in done, (
-        "all actions of an order; the run may end before its last node, which no state tells any more"
+        "all actions of an order; the run may end before its last node, which no state tells any"
+        " more"
     )
     assert "3 of 3 rows" in (tmp_path / "orchard.log").read_text() and "Traceback" not in run.told()
 
@@ -163,7 +168,10 @@ def until(condition, what):
 
 @contextmanager
 def server(answer):
-    """A server that is no broker: it answers each caller with these bytes, and says no more. Its address."""
+    """A server that is no broker: it answers each caller with these bytes, and says no more.
+
+    Its address.
+    """
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def serve():
@@ -249,7 +257,9 @@ def test_the_bridges_of_two_interfaces_share_a_broker(tmp_path):
 
 
 def test_connecting_many_vehicles_lets_the_others_be_read(monkeypatch):
-    """A connection with TLS to a broker far away takes long; a broker takes a vehicle that says nothing for 7.5 s for lost."""
+    """A connection with TLS to a broker far away takes long; a broker takes a vehicle that says
+    nothing for 7.5 s for lost.
+    """
     clock, network, tried = [0.0], Network(), []
     monkeypatch.setattr(lines_to_broker, "monotonic", lambda: clock[0])
 

@@ -1,4 +1,6 @@
-"""Random orders, instant actions, torn messages and cuts: no vehicle breaks, and each is in the queue in the end."""
+"""Random orders, instant actions, torn messages and cuts: no vehicle breaks, and each is in the
+queue in the end.
+"""
 
 import random
 

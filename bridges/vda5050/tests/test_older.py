@@ -1,4 +1,6 @@
-"""VDA 5050 2.1: valid by the standard's own JSON schemas, as a package of others has them, and understood by its fleet control."""
+"""VDA 5050 2.1: valid by the standard's own JSON schemas, as a package of others has them, and
+understood by its fleet control.
+"""
 
 import asyncio
 import json

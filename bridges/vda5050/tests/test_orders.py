@@ -1,4 +1,6 @@
-"""Which orders a vehicle takes, and how it rejects the others: functions of data, without a robot."""
+"""Which orders a vehicle takes, and how it rejects the others: functions of data, without a
+robot.
+"""
 
 import json
 from functools import reduce
@@ -111,7 +113,11 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("VALIDATION_FAILURE", OrderState(), changed(order(), ["nodes", 1, "sequenceId"], 3)),
         ("VALIDATION_FAILURE", OrderState(), changed(order(), ["nodes", 0, "released"], False)),
         ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 0, "released"], False)),
-        ("VALIDATION_FAILURE", OrderState(), changed(order(released=2), ["edges", 2, "released"], True)),
+        (
+            "VALIDATION_FAILURE",
+            OrderState(),
+            changed(order(released=2), ["edges", 2, "released"], True),
+        ),
         ("VALIDATION_FAILURE", OrderState(), order(update=1)),
         ("VALIDATION_FAILURE", BEGUN, order(update=1, first=1)),
         ("VALIDATION_FAILURE", BEGUN, order(update=1, first=3)),
@@ -121,8 +127,16 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("VALIDATION_FAILURE", OrderState(), order(actions=[action(), action("drop", key="")])),
         ("VALIDATION_FAILURE", OrderState(), order(order_id="long" * 100)),
         ("VALIDATION_FAILURE", OrderState(), order(order_id="")),
-        ("VALIDATION_FAILURE", WITH_ACTION, order(update=1, first=len(WAY) - 1) | {"nodes": AGAIN, "edges": [EDGE]}),
-        ("UNSUPPORTED_PARAMETER", OrderState(), changed(order(), ["edges", 0, "trajectory"], {"controlPoints": []})),
+        (
+            "VALIDATION_FAILURE",
+            WITH_ACTION,
+            order(update=1, first=len(WAY) - 1) | {"nodes": AGAIN, "edges": [EDGE]},
+        ),
+        (
+            "UNSUPPORTED_PARAMETER",
+            OrderState(),
+            changed(order(), ["edges", 0, "trajectory"], {"controlPoints": []}),
+        ),
         ("UNSUPPORTED_PARAMETER", OrderState(), order(actions=[action() | HEIGHT])),
         ("UNSUPPORTED_PARAMETER", OrderState(), placed(theta=0)),
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action("fly")])),
@@ -133,18 +147,26 @@ DONE = OrderState("one", 3, b"", WAY[2], 4)
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action(value=["bin_01"])])),
         ("INVALID_ORDER_ACTION", OrderState(), order(actions=[action("drop", value="bin_77")])),
         ("VALIDATION_FAILURE", OrderState(), changed(order(), ["edges", 0, "maximumSpeed"], -1.0)),
-        ("INVALID_ORDER_ACTION", OrderState(), changed(order(), ["edges", 0, "actions"], [action("drop")])),
+        (
+            "INVALID_ORDER_ACTION",
+            OrderState(),
+            changed(order(), ["edges", 0, "actions"], [action("drop")]),
+        ),
         ("OTHER_ORDER_ACTIVE", BEGUN, order(order_id="two")),
         ("OUTDATED_ORDER_UPDATE", DONE, order(update=2, first=2)),
         ("SAME_ORDER_UPDATE_ID", BEGUN, order(released=3)),
         ("ORDER_UPDATE_FOLLOWING_CANCEL", CANCELLED, order(update=1, first=2)),
-        ("START_NODE_OUT_OF_RANGE", OrderState(), changed(changed(order(), ["nodes"], [node("bay", 0)]), ["edges"], [])),
+        (
+            "START_NODE_OUT_OF_RANGE",
+            OrderState(),
+            changed(changed(order(), ["nodes"], [node("bay", 0)]), ["edges"], []),
+        ),
         ("NO_ROUTE_TO_TARGET", OrderState(), changed(order(), ["nodes", 1, "nodeId"], "nowhere")),
         ("NO_ROUTE_TO_TARGET", OrderState(), changed(order(), ["nodes", 1, "nodeId"], "bay")),
         ("NO_ROUTE_TO_TARGET", OrderState(), placed(x=0.0)),
         ("UNKNOWN_MAP_ID", OrderState(), placed(mapId="cellar")),
     ],
-)  # fmt: skip
+)
 def test_an_order_is_rejected_with_the_standards_error(error_type, state, message):
     before = repr(state)
     with pytest.raises(Rejected) as rejected:
@@ -316,7 +338,9 @@ def test_instant_actions_are_read_under_both_names_and_with_nulls(field):
 
 
 def at_the_last_node(actions, number=2):
-    """Return an update that begins at node `number`, the last one of the base, with these actions."""
+    """Return an update that begins at node `number`, the last one of the base, with these
+    actions.
+    """
     message = order(update=1, first=number)
     message["nodes"][0]["actions"] = actions
     return message

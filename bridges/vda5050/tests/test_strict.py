@@ -1,4 +1,6 @@
-"""VDA 5050 2.0: a client of others, the npm package vda-5050-lib, drives a carrier over a real broker."""
+"""VDA 5050 2.0: a client of others, the npm package vda-5050-lib, drives a carrier over a real
+broker.
+"""
 
 import json
 import os

@@ -1,4 +1,7 @@
-"""The environments with Stable-Baselines3: its own check, and PPO, which learns to pick. One thread, fixed seeds."""
+"""The environments with Stable-Baselines3: its own check, and PPO, which learns to pick.
+
+One thread, fixed seeds.
+"""
 
 import re
 from importlib import import_module
@@ -68,7 +71,10 @@ def block(name):
 
 
 def test_ppo_learns_to_pick():
-    """The program of docs/extending.md. At most 15 m can be picked; a policy of random velocities picks less than 1 m."""
+    """The program of docs/extending.md.
+
+    At most 15 m can be picked; a policy of random velocities picks less than 1 m.
+    """
     found = {}
     exec(block("learn"), found)
     exam = found["picking"]()
@@ -79,7 +85,9 @@ def test_ppo_learns_to_pick():
 
 
 def test_a_dispatch_policy_learns_and_decides(tmp_path, monkeypatch):
-    """examples/learned_dispatch.py for some seconds: what has learned in other orchards decides in this one, well or not."""
+    """examples/learned_dispatch.py for some seconds: what has learned in other orchards decides in
+    this one, well or not.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(ROOT)
     learned = import_module("examples.learned_dispatch")

@@ -12,7 +12,9 @@ def kind_of(name: str) -> str:
 
 
 def selected(words: Sequence[str], names: Sequence[str], kinds: Collection[str]) -> list[str]:
-    """Return those of the bodies that are named, or are of a named kind, in their order. A kind may be without a body in this run.
+    """Return those of the bodies that are named, or are of a named kind, in their order.
+
+    A kind may be without a body in this run.
 
     `names`: all bodies; `kinds`: all kinds. Raises ValueError for words that are neither.
     """
@@ -22,9 +24,12 @@ def selected(words: Sequence[str], names: Sequence[str], kinds: Collection[str])
 
 
 def description(name: str, size: Sequence[float], colour: Sequence[int], laser_ahead: float) -> str:
-    """Return the URDF of a body. Its links are named as its frames on /tf; base_link is at the middle of the box, on the ground.
+    """Return the URDF of a body.
 
-    `size`: length, width, height of its box, m; `colour`: sRGB, 0 to 255; `laser_ahead`: its laser ahead of its centre, m.
+    Its links are named as its frames on /tf; base_link is at the middle of the box, on the ground.
+
+    `size`: length, width, height of its box, m; `colour`: sRGB, 0 to 255; `laser_ahead`: its laser
+    ahead of its centre, m.
     """
     robot = Xml.Element("robot", name=name)
     base = Xml.SubElement(robot, "link", name=topics.base_link(name))

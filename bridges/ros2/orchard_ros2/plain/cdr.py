@@ -1,7 +1,9 @@
-"""Messages as the bytes that ROS 2 sends and keeps in bags: CDR, version 1 of XCDR, plain, in the byte order of this machine.
+"""Messages as the bytes that ROS 2 sends and keeps in bags: CDR, version 1 of XCDR, plain, in the
+byte order of this machine.
 
-Each value begins at a multiple of its own size, counted from after the four bytes at the beginning. An array, here, is of fixed length if
-it is of float64, as the covariances are; all others have their length before them, as texts and lists do.
+Each value begins at a multiple of its own size, counted from after the four bytes at the beginning.
+An array, here, is of fixed length if it is of float64, as the covariances are; all others have
+their length before them, as texts and lists do.
 """
 
 import sys

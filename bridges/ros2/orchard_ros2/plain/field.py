@@ -15,7 +15,8 @@ NOISE = 1e-6  # cells; a wall that ends on the border of a cell is not in the ne
 def grid_of(walls: Sequence[Sequence[float]]) -> Message:
     """Return the map: a cell is occupied if a wall is in any part of it.
 
-    `walls`: as in the Orchard's `layout`: x, y of the middle, half the length along x, half the width along y; m, in `map`.
+    `walls`: as in the Orchard's `layout`: x, y of the middle, half the length along x, half the
+    width along y; m, in `map`.
     """
     west, south = min(x - half for x, _, half, _ in walls), min(y - half for _, y, _, half in walls)
     width = _cells(west, west, max(x + half for x, _, half, _ in walls)).stop

@@ -1,8 +1,10 @@
-"""ROS 2 messages as plain data, from what the Orchard sends. No ROS is needed. `cdr` makes of them the bytes that a
-bridge sends and a bag keeps.
+"""ROS 2 messages as plain data, from what the Orchard sends.
 
-A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m); z, w of the quaternion; the velocity of the last step in the
-body's own frame: forward and to the left (m/s), turn (rad/s, counter-clockwise).
+No ROS is needed. `cdr` makes of them the bytes that a bridge sends and a bag keeps.
+
+A state of a body is seven numbers, as in the Orchard's `seen`: x, y (m); z, w of the quaternion;
+the velocity of the last step in the body's own frame: forward and to the left (m/s), turn (rad/s,
+counter-clockwise).
 """
 
 import math
@@ -16,7 +18,9 @@ from . import topics
 TICKS_PER_SECOND = 10
 TICK_NANOSECONDS = 10**9 // TICKS_PER_SECOND
 
-EXACT = 1e-6  # m^2, rad^2: the variance of what is exact, because filters such as robot_localization's want one above 0
+# m^2, rad^2: the variance of what is exact, because filters such as robot_localization's want one
+# above 0.
+EXACT = 1e-6
 
 
 class UInt8(int):
@@ -24,10 +28,11 @@ class UInt8(int):
 
 
 class Message(NamedTuple):
-    """A message: `type` is its name, as `nav_msgs/msg/Odometry`; `fields` has all fields, in their order.
+    """A message: `type` is its name, as `nav_msgs/msg/Odometry`; `fields` has all fields, in their
+    order.
 
-    A field is a number, a truth value, a text, a `Message`, a list of them, or an array. A number with a point is a float, also where it
-    is whole; other numbers are int32 or `UInt8`.
+    A field is a number, a truth value, a text, a `Message`, a list of them, or an array. A number
+    with a point is a float, also where it is whole; other numbers are int32 or `UInt8`.
     """
 
     type: str
@@ -76,7 +81,8 @@ def twist(forward: float, left: float, turn: float) -> Message:
 def covariance(accuracy: float = 0.0) -> "array[float]":
     """Return the covariance, 6 x 6, of a pose or a twist. All messages share it: change none.
 
-    `accuracy`: the standard deviation of x and of y, m; 0: they are exact. The other four are exact.
+    `accuracy`: the standard deviation of x and of y, m; 0: they are exact. The other four are
+    exact.
     """
     variances = [max(EXACT, accuracy * accuracy)] * 2 + [EXACT] * 4
     return array(
@@ -113,7 +119,10 @@ def odometry(robot: str, tick: int, state: Sequence[float], frame: str = "") -> 
 
 
 def measured_pose(tick: int, state: Sequence[float], accuracy: float) -> Message:
-    """Return a pose in `map` as it is measured. `accuracy`: the standard deviation of x and of y, m; 0: exact."""
+    """Return a pose in `map` as it is measured.
+
+    `accuracy`: the standard deviation of x and of y, m; 0: exact.
+    """
     fields = {"header": header(tick, topics.MAP), "pose": pose_with_covariance(state, accuracy)}
     return Message("geometry_msgs/msg/PoseWithCovarianceStamped", fields)
 
@@ -135,7 +144,10 @@ def scan(
     range_min: float,
     range_max: float,
 ) -> Message:
-    """Return what a laser measures at a tick. `ranges`: array("f"), m; +inf for a beam without a return (REP-117). Angles: rad."""
+    """Return what a laser measures at a tick.
+
+    `ranges`: array("f"), m; +inf for a beam without a return (REP-117). Angles: rad.
+    """
     fields = {
         "header": header(tick, topics.laser(robot)),
         "angle_min": angle_min,
@@ -152,7 +164,10 @@ def scan(
 
 
 def battery_state(robot: str, tick: int, percentage: float) -> Message:
-    """Return the charge of a robot's battery, 0 to 1. NaN and 0 say that nothing else is measured."""
+    """Return the charge of a robot's battery, 0 to 1.
+
+    NaN and 0 say that nothing else is measured.
+    """
     unmeasured = dict.fromkeys(
         ("voltage", "temperature", "current", "charge", "capacity", "design_capacity"), math.nan
     )
@@ -173,7 +188,10 @@ def battery_state(robot: str, tick: int, percentage: float) -> Message:
 def transform(
     tick: int, parent: str, child: str, place: Sequence[float], turned: Sequence[float] = (0.0, 1.0)
 ) -> Message:
-    """Return where the frame `child` is in the frame `parent`. `place`: x, y, z, m; `turned`: z and w of the quaternion."""
+    """Return where the frame `child` is in the frame `parent`.
+
+    `place`: x, y, z, m; `turned`: z and w of the quaternion.
+    """
     fields = {
         "header": header(tick, parent),
         "child_frame_id": child,
@@ -188,7 +206,9 @@ def transform(
 def odom_in_map(
     pose: Sequence[float], odometry: Sequence[float]
 ) -> tuple[float, float, float, float]:
-    """Return pose * odometry^-1: x, y, z, w of the frame NAME/odom in `map`, of two states of a body at the same tick."""
+    """Return pose * odometry^-1: x, y, z, w of the frame NAME/odom in `map`, of two states of a
+    body at the same tick.
+    """
     (x, y, z, w), (ahead, left, z_odom, w_odom) = pose[:4], odometry[:4]
     z, w = z * w_odom - w * z_odom, w * w_odom + z * z_odom
     sine, cosine = 2.0 * z * w, w * w - z * z
@@ -202,7 +222,8 @@ def transforms(
 ) -> Message:
     """Return for /tf where the bodies are at a tick.
 
-    `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those whose NAME/odom moves in `map`.
+    `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those whose NAME/odom
+    moves in `map`.
     """
     moved = [
         _moved(tick, topics.odom(name), topics.base_link(name), state)
@@ -222,7 +243,9 @@ def _moved(tick: int, parent: str, child: str, state: Sequence[float]) -> Messag
 def static_transforms(
     lasers: Iterable[tuple[str, float]], drifting: Container[str] = ()
 ) -> Message:
-    """Return for /tf_static what never moves. `lasers`: each body's name, and how far its laser is ahead of its centre, m.
+    """Return for /tf_static what never moves.
+
+    `lasers`: each body's name, and how far its laser is ahead of its centre, m.
 
     `drifting`: the bodies whose NAME/odom moves in `map`. That of others lies on `map`.
     """
@@ -239,7 +262,10 @@ def static_transforms(
 
 
 def occupancy(cells: "array[int]", width: int, resolution: float, x: float, y: float) -> Message:
-    """Return a map. `cells`: array("b"), 0 free, 100 occupied, by rows from the south-west; `width`: cells in a row; `resolution`: m.
+    """Return a map.
+
+    `cells`: array("b"), 0 free, 100 occupied, by rows from the south-west; `width`: cells in a row;
+    `resolution`: m.
 
     `x`, `y`: the south-west corner in `map`, m.
     """

@@ -1,8 +1,11 @@
-"""Topics and frames: their names, types and qualities of service, in one place. Frames are those of REP-105.
+"""Topics and frames: their names, types and qualities of service, in one place.
+
+Frames are those of REP-105.
 
     map -> NAME/odom -> NAME/base_link -> NAME/laser
 
-NAME/odom lies on `map`, unless the sensors of the scenario have errors: then odometry drifts, and NAME/odom moves in `map`.
+NAME/odom lies on `map`, unless the sensors of the scenario have errors: then odometry drifts, and
+NAME/odom moves in `map`.
 """
 
 from dataclasses import dataclass
@@ -13,7 +16,11 @@ LASER_HEIGHT = 0.2  # m above the ground: the scan plane (docs/reference.md)
 
 @dataclass(frozen=True)
 class QoS:
-    """A quality of service. The last `depth` messages are kept; a `latched` topic (transient local) gives them to late subscribers."""
+    """A quality of service.
+
+    The last `depth` messages are kept; a `latched` topic (transient local) gives them to late
+    subscribers.
+    """
 
     depth: int
     reliable: bool = True
@@ -22,7 +29,9 @@ class QoS:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic: its name, in which {robot} stands for the name of a robot; the type of its messages; its quality of service."""
+    """A topic: its name, in which {robot} stands for the name of a robot; the type of its messages;
+    its quality of service.
+    """
 
     name: str
     type: str

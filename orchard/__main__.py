@@ -1,4 +1,7 @@
-"""The command `orchard`, also `python -m orchard`: `orchard.launch.commands`, and what Ctrl-C does until that is imported."""
+"""The command `orchard`, also `python -m orchard`: it runs `orchard.commands.main`.
+
+Until that is imported, it says what Ctrl-C does.
+"""
 
 import os
 import signal
@@ -11,26 +14,24 @@ if __name__ == "__main__" and sys.path[0] == os.path.dirname(os.path.realpath(__
 
 def main() -> None:
     """Run the command line."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_DFL
-    )  # Ctrl-C during the imports ends the process silently: nothing runs yet
-    signal.pthread_sigmask(
-        signal.SIG_UNBLOCK, {signal.SIGINT}
-    )  # a program that starts this one may block the signal until here
-    if (
-        os.environ.get("COLUMNS") == "0"
-    ):  # the width of a terminal that does not know its own: Rich would print nothing
+    # Ctrl-C during the imports ends the process silently: nothing runs yet.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # A program that starts this one may block the signal until here.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    # A terminal that does not know its width says 0, with which Rich would print nothing.
+    if os.environ.get("COLUMNS") == "0":
         del os.environ["COLUMNS"]
     _open_closed_files()
     from orchard.memory import collect_seldom
 
     collect_seldom()
+    from orchard.commands.main import main as run_command
     from orchard.field.plugins import end_soon
-    from orchard.launch import commands
-    from orchard.launch.terminal import FAILED, print_error
+    from orchard.terminal.exits import FAILED
+    from orchard.terminal.output import print_error
 
     try:
-        commands.main()
+        run_command()
     except SystemExit as end:
         end_soon(end.code if isinstance(end.code, int) else FAILED, print_error)
         raise
@@ -46,7 +47,8 @@ def _open_closed_files() -> None:
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDONLY)  # takes the lowest number, which is this one
+            # It takes the lowest number, which is this one.
+            os.open(os.devnull, os.O_RDONLY)
             setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", closefd=False))
 
 

@@ -4,6 +4,7 @@ import errno
 import os
 import re
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 import platformdirs
@@ -60,3 +61,9 @@ def half_written(folder: Path, name: str) -> list[Path]:
     """
     left = re.compile(rf"\.(?:{name})\.\d+\.new")
     return [path for path in folder.glob(".*.new") if left.fullmatch(path.name)]
+
+
+def newest_path(paths: Iterable[Path]) -> Path | None:
+    """Return the path that was changed last; None without any. What has gone does not count."""
+    there = [path for path in paths if path.exists()]
+    return max(there, key=lambda path: path.stat().st_mtime, default=None)

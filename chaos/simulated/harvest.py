@@ -22,7 +22,7 @@ from orchard.contract.events import Event
 from orchard.contract.messages import Written, pack, type_of, unpack
 from orchard.field.scenario import Scenario
 from orchard.folders import write_whole
-from orchard.launch.fork import WatchedRun
+from orchard.futures.moments import WatchedRun
 from orchard.local import Local
 from orchard.sim.snapshot import Snapshot
 

@@ -8,7 +8,7 @@ from chaos.simulated.harvest import Harvest, digest_of_figures, digest_of_step
 from orchard.contract.events import Event
 from orchard.field.kinds import ROBOTS, kind_of
 from orchard.field.scenario import Scenario
-from orchard.launch.fork import WatchedRun
+from orchard.futures.moments import WatchedRun
 from orchard.local import Local
 from orchard.sim.snapshot import Snapshot
 

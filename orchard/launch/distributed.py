@@ -13,10 +13,8 @@ from typing import Any
 import msgspec
 
 from orchard.field.kinds import select_agents
-from orchard.field.layout import lay_out
-from orchard.field.scenario import Scenario
 from orchard.launch.options import HarvestOptions
-from orchard.launch.request import Credentials, RunRequest, Shares
+from orchard.launch.request import Credentials, RunRequest, Shares, agent_names
 from orchard.launch.run_notes import announced
 from orchard.launch.supervisor import (
     BAD_ORDER,
@@ -27,7 +25,6 @@ from orchard.launch.supervisor import (
     let_go,
     open_viewer,
 )
-from orchard.launch.terminal import typed
 from orchard.net import endpoints
 from orchard.net.bus import Alive, Bus, Inbox, Sample, Signal
 from orchard.net.ending import Ending, read_end
@@ -50,6 +47,7 @@ from orchard.report.summary import Outcome, headline_of, write_summary
 from orchard.security.identity import Identity
 from orchard.server.options import PATIENCE, RunOptions
 from orchard.sim.kernels.cache import COMPILING, are_compiled
+from orchard.terminal.typed import typed
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures
 
@@ -116,10 +114,6 @@ def _hosted(request: RunRequest) -> tuple[list[str], list[str]]:
     """Return the names of the agents that are hosted here, and of all agents of a run."""
     names = agent_names(request.scenario)
     return select_agents(names, [], request.options.without or []), names
-
-
-def agent_names(scenario: Scenario) -> list[str]:
-    return sorted(lay_out(scenario).agents)
 
 
 def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:

@@ -10,14 +10,12 @@ from contextlib import ExitStack, contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from orchard.agents.catalogue import make_agents
 from orchard.contract.agent import Agent
 from orchard.contract.events import Frame, talk_of
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import let_go, open_viewer
-from orchard.launch.terminal import CTRL_C, FAILED, console, handled, print_error, print_line
 from orchard.local import Local
 from orchard.report.progress import Progress
 from orchard.server.account import RunAccount
@@ -27,6 +25,9 @@ from orchard.server.snapshots import SnapshotWriter, sole
 from orchard.sim.kernels.cache import COMPILING, are_compiled
 from orchard.sim.lookahead import HOLDS
 from orchard.sim.snapshot import Snapshot
+from orchard.terminal.exits import FAILED
+from orchard.terminal.output import console, print_error, print_line
+from orchard.terminal.signals import CTRL_C, handled
 
 if TYPE_CHECKING:
     from orchard.view.recorder import Recorder
@@ -119,15 +120,14 @@ def run(
 
 
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
-    if request.options.replay is None:
+    """Return the agents of a run in which a bag drives robots; None without a bag."""
+    options = request.options
+    if options.replay is None:
         return None
-    from orchard.bags.replay import (
-        read_commands,
-        replayed,
-    )  # not at the top: its packages are an extra
+    # The packages for bags are an extra.
+    from orchard.launch.replayed import replayed_agents
 
-    commands = read_commands(request.options.replay, request.options.from_first_stamp)
-    return replayed(make_agents(lay_out(request.scenario)), commands)
+    return replayed_agents(request.scenario, options.replay, options.from_first_stamp)
 
 
 def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapshot:

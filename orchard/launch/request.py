@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
-from orchard.launch.bag_velocities import BagVelocities
 from orchard.launch.options import HarvestOptions
 from orchard.launch.supervisor import free_port
 from orchard.security.identity import Identity, Keyring
 from orchard.sim.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from orchard.bags.velocities import BagVelocities
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,12 @@ class RunRequest:
     options: HarvestOptions
     scenario: Scenario
     recording: Path | None
-    snapshots: Path  # the folder for snapshots
-    resumed: Snapshot | None = None  # the snapshot from which the run is resumed
-    forked_from: dict[str, Any] | None = None  # of a fork, the name of the run and the moment, s
-    notes: Path | None = (
-        None  # folder for the note with which `run.py stop` finds the run; None: no note
-    )
-    velocities: BagVelocities | None = None  # those of the bag that drives robots, if there is one
+    snapshots: Path  # a folder
+    resumed: Snapshot | None = None  # from which the run goes on
+    forked_from: dict[str, Any] | None = None  # of a fork: the other run, and the moment, s
+    # The folder for the note with which `orchard stop` finds the run. None: no note.
+    notes: Path | None = None
+    velocities: "BagVelocities | None" = None  # of the bag that drives robots
 
     @cached_property
     def data_port(self) -> int:
@@ -38,10 +40,13 @@ class RunRequest:
 
     @cached_property
     def run_id(self) -> str:
-        return (self.resumed.run if self.resumed else "") or uuid.uuid4().hex[:16]
+        """The id of the run: that of its snapshot, or a new one."""
+        known = self.resumed.run if self.resumed else ""
+        return known or uuid.uuid4().hex[:16]
 
     @property
     def uri(self) -> str:
+        """The address of the live data, for viewers on this machine."""
         return f"rerun+http://127.0.0.1:{self.data_port}/proxy"
 
 
@@ -57,34 +62,50 @@ class Credentials:
         self.keyring = Keyring.load(options.secure) if options.secure else None
 
     def identity(self, role: str) -> Identity | None:
+        """Return the identity of a role; None for an open run. Raises ValueError."""
         return self.keyring.of(role) if self.keyring else None
 
     def only_identity(self) -> Identity | None:
-        """Return the identity of a directory with one role; None for an open run. Raises ValueError."""
+        """Return the identity of a directory with one role; None for an open run.
+
+        Raises ValueError for a directory with several roles.
+        """
         if self.keyring is None:
             return None
         roles = list(self.keyring.roles)
         if len(roles) > 1:
             raise ValueError(
-                f"{self.keyring.folder}: it has {len(roles)} roles; with --only choose one of them: DIR/<role>"
+                f"{self.keyring.folder}: it has {len(roles)} roles; "
+                "with --only choose one of them: DIR/<role>"
             )
         return self.keyring.of(roles[0])
 
     def folder(self, role: str) -> str | None:
+        """Return the folder of a role's certificate, for the options of a process."""
         identity = self.identity(role)
         return None if identity is None else str(identity.folder)
 
     def shares(self, names: Sequence[str], all_names: Sequence[str]) -> Shares:
-        return (
-            list(self.keyring.hosts(names, all_names).items())
-            if self.keyring
-            else shares(names, self.options.hosts)
-        )
+        """Share agents among processes, by the roles of a secured run.
+
+        `names`: the agents to host. `all_names`: those of the run.
+        """
+        if self.keyring is None:
+            return shares(names, self.options.hosts)
+        return list(self.keyring.hosts(names, all_names).items())
+
+
+def agent_names(scenario: Scenario) -> list[str]:
+    """Return the names of all agents of a run, sorted. Raises ScenarioError."""
+    return sorted(lay_out(scenario).agents)
 
 
 def shares(names: Sequence[str], hosts: int | None) -> Shares:
-    """Share agents among processes. `hosts`: how many; 0: one per agent; None: one per core, at most 4."""
+    """Share agents among processes.
+
+    `hosts`: how many processes; 0: one per agent; None: one per core, at most 4.
+    """
     if hosts == 0:
         return [(name, [name]) for name in names]
     count = min(len(names), hosts or min(4, os.cpu_count() or 1))
-    return [(f"agents {i + 1}", names[i::count]) for i in range(count)]
+    return [(f"agents {number + 1}", names[number::count]) for number in range(count)]

@@ -17,9 +17,10 @@ import msgspec
 
 from orchard.folders import regular
 from orchard.launch.request import RunRequest
-from orchard.launch.terminal import CTRL_C, typed
 from orchard.net.endpoints import BusError
 from orchard.net.lifeline import ALONE_SECONDS, STARTED_BY
+from orchard.terminal.signals import CTRL_C
+from orchard.terminal.typed import typed
 
 LONGEST = 10_000  # characters of a note
 

@@ -17,6 +17,7 @@ from orchard.field.problems import Problem, ScenarioError, show
 from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario, with_changes
 from orchard.report.bounds import Bounds
+from orchard.terminal.values import value_of
 
 MOST_SETTINGS = 10_000
 MOST_NAMED = 3  # values that have one fault
@@ -124,14 +125,6 @@ def _values(text: str) -> list[Any] | str:
         else []
     )
     return f"{twice[0]}: given twice" if twice else found
-
-
-def value_of(text: str) -> Any:
-    """Return the number, word or null that a user has typed."""
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return text
 
 
 def settings_of(

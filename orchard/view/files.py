@@ -9,6 +9,8 @@ from importlib.util import find_spec
 from itertools import count, takewhile
 from pathlib import Path
 
+from orchard.folders import newest_path
+
 HEAD = b"RRF"  # with which each recording begins
 
 
@@ -25,6 +27,26 @@ def is_further_part(path: Path) -> bool:
 def parts_of(path: Path) -> list[Path]:
     """Return the existing parts in order, up to the first one that is missing."""
     return list(takewhile(Path.exists, (part(path, number) for number in count(1))))
+
+
+def existing_recording(path: Path | None, folder: Path) -> Path:
+    """Return the first part of a recording: that of a file, or of the newest one in a folder.
+
+    Raises OSError or ValueError if there is none, or if the file is no recording.
+    """
+    if path is None:
+        found = (file for file in folder.glob("*.rrd") if not is_further_part(file))
+        path = newest_path(found)
+    if path is None or not path.is_file():
+        raise ValueError(
+            f"{path or folder}: no recording there; a run without --record none makes one"
+        )
+    if not is_recording(path):
+        raise ValueError(
+            f"{path}: it cannot be read: it is no recording; "
+            "expected a file NAME.rrd that a run has written"
+        )
+    return path
 
 
 def packing(path: Path) -> Path:

@@ -8,11 +8,10 @@ from stage import Stage
 
 from orchard.field.scenario import Scenario, parse
 from orchard.fork import forked
-from orchard.launch.fork import WatchedRun
-from orchard.launch.futures import NEAR
-from orchard.launch.options import _moment as moment
+from orchard.futures.bisection import NEAR
+from orchard.futures.moments import WatchedRun
 from orchard.local import Local
-from orchard.study.settings import value_of
+from orchard.terminal.values import moment, value_of
 
 PAGE = "docs/traffic.md"
 FAILURES = ("head-on", "ring", "person", "early")

@@ -20,6 +20,7 @@ from orchard.bags import drives
 from orchard.bags import export as bags
 from orchard.bags.drives import RecordingError, ranges_of, read_drives
 from orchard.bags.export import Bag, chosen, export
+from orchard.bags.export_command import check_bag, export_bag, lacks
 from orchard.bags.plain import messages, topics
 from orchard.bags.replay import (
     KEPT_TICKS,
@@ -29,13 +30,12 @@ from orchard.bags.replay import (
     read_commands,
     replayed,
 )
+from orchard.bags.velocities import BagVelocities
+from orchard.commands.main import app
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.launch.bag import check_bag, export_bag, lacks
-from orchard.launch.bag_velocities import BagVelocities
-from orchard.launch.commands import app
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.view.recorder import SCAN_BEAMS, Recorder, hits
@@ -248,7 +248,7 @@ def test_a_bag_without_the_packages_of_its_extra_is_told(recorded, tmp_path, mon
     for name in [
         name
         for name in sys.modules
-        if name.startswith(("rosbags", "orchard.bags", "orchard.launch.bag"))
+        if name.startswith(("rosbags", "orchard.bags", "orchard.launch.replayed"))
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rosbags", None)
@@ -438,7 +438,7 @@ def test_a_run_that_ends_before_the_first_velocity_has_failed():
     assert "the run begins at 0 s and ended at 90.0 s" in trouble
     counts = "picker_01 1 of 2, picker_02 0 of 1"
     told = f"Velocities of run.mcap that fell within the run: {counts}."
-    assert velocities.told(901) == told
+    assert velocities.sentence(901) == told
 
 
 MOVES = (topics.CMD_VEL, "picker_01", 3, messages.velocity("picker_01", 3, 1.0, 0.0))

@@ -12,9 +12,10 @@ from code_blocks import ROOT
 from command_line import python
 from patience import PATIENCE
 
+from orchard.commands import main as commands
 from orchard.folders import runs_folder
-from orchard.launch import commands, terminal
 from orchard.security.identity import certificates
+from orchard.terminal import typed as terminal
 
 LOADS = """\
 import sys

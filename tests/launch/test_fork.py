@@ -20,11 +20,11 @@ from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.folders import runs_folder
 from orchard.fork import forked
-from orchard.launch.fork import WatchedRun, clock
-from orchard.launch.options import _moment as moment
+from orchard.futures.moments import WatchedRun
 from orchard.local import Local
 from orchard.report.metrics import collisions
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, as_file, store, ticks_of
+from orchard.terminal.values import clock, moment
 
 TWO_WAY = Scenario(
     **empty_orchard().model_dump()

@@ -103,7 +103,7 @@ def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, t
 def test_a_pipe_that_is_closed_early_ends_nothing():
     """As by `| head`: a study still writes its files."""
     program = (
-        "import sys; from orchard.launch.terminal import console; "
+        "import sys; from orchard.terminal.output import console; "
         "console.print('a'); print('goes on', file=sys.stderr); console.end()"
     )
     read, write = os.pipe()
@@ -125,7 +125,7 @@ def test_a_pipe_that_is_closed_early_ends_nothing():
 
 def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
     """Python itself would end with code 120."""
-    program = "from orchard.launch.terminal import console; print('a line'); console.end()"
+    program = "from orchard.terminal.output import console; print('a line'); console.end()"
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:
         command, streams = (

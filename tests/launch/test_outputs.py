@@ -14,11 +14,14 @@ from command_line import orchard, starting, summary_of
 from fleet import Process
 from patience import PATIENCE
 
-from orchard.launch.options import COMMANDS, NETWORK, ORCHARD, OUTPUT, RUN
+from orchard.folders import newest_path
+from orchard.launch.run_folder import RunFolder
 from orchard.launch.run_notes import end_left_over
-from orchard.launch.runs import Runs, check_writable
-from orchard.launch.terminal import exit_on_errors
 from orchard.sim.snapshot import SnapshotError
+from orchard.terminal.catalogue import COMMANDS
+from orchard.terminal.exits import exit_on_errors
+from orchard.terminal.files import check_writable
+from orchard.terminal.options import NETWORK, ORCHARD, OUTPUT, RUN
 from orchard.view.files import remove_half_packed
 
 GROUPS = (ORCHARD, RUN, OUTPUT, NETWORK)
@@ -55,7 +58,7 @@ def test_a_folder_that_can_only_be_read_is_told_in_words_with_the_way_out(
     monkeypatch.setattr(Path, "open", refuse)
     monkeypatch.setattr(Path, "mkdir", lambda path, **options: path.is_dir() or refuse(path))
     with pytest.raises(typer.Exit), exit_on_errors(OSError):
-        Runs(tmp_path).recording(str(tmp_path / name))
+        RunFolder(tmp_path).recording(str(tmp_path / name))
     assert (
         capsys.readouterr().err
         == f"{tmp_path}/{told}; --record FILE.rrd records elsewhere, --record none not at all\n"
@@ -72,16 +75,16 @@ def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
     for name in ("first", "second"):
         (tmp_path / f"{name}.snapshots").mkdir()
     with pytest.raises(SnapshotError, match="no run there to resume"):
-        Runs(tmp_path).snapshots("last")
+        RunFolder(tmp_path).snapshots("last")
     (tmp_path / "first.snapshots" / "tick-000000005.snapshot").touch()
-    assert Runs(tmp_path).snapshots("last") == tmp_path / "first.snapshots"
+    assert RunFolder(tmp_path).snapshots("last") == tmp_path / "first.snapshots"
 
 
 def test_a_folder_to_resume_that_is_not_there_is_told_and_not_made(tmp_path):
     with pytest.raises(
         SnapshotError, match="typo: no snapshots of such a run; expected the folder"
     ):
-        Runs(tmp_path).snapshots(str(tmp_path / "typo"))
+        RunFolder(tmp_path).snapshots(str(tmp_path / "typo"))
     assert not (tmp_path / "typo").exists()
 
 
@@ -99,7 +102,7 @@ def test_a_recording_replaces_no_file_that_is_none(name, told, tmp_path):
     notes = tmp_path / name
     notes.write_text("a year's work")
     with pytest.raises(ValueError, match=told):
-        Runs(tmp_path).recording(str(notes))
+        RunFolder(tmp_path).recording(str(notes))
     assert notes.read_text() == "a year's work"
 
 
@@ -109,7 +112,7 @@ def test_a_recording_replaces_no_file_with_the_name_of_a_part(name, recording, t
         (tmp_path / part).write_bytes(recording.read_bytes())
     (tmp_path / name).write_text("a year's work")
     with pytest.raises(ValueError, match=f"{name}: this file is no recording, and is not replaced"):
-        Runs(tmp_path).recording(str(tmp_path / "run.rrd"))
+        RunFolder(tmp_path).recording(str(tmp_path / "run.rrd"))
     remove_half_packed(tmp_path / "run.rrd")
     assert (tmp_path / name).read_text() == "a year's work"
 
@@ -118,7 +121,7 @@ def test_a_half_packed_recording_goes(recording, tmp_path):
     (tmp_path / "run.rrd").write_bytes(recording.read_bytes())
     half = tmp_path / "run.rrd.packing"
     half.write_bytes(recording.read_bytes()[:100])
-    assert Runs(tmp_path).recording(str(tmp_path / "run.rrd")) == tmp_path / "run.rrd"
+    assert RunFolder(tmp_path).recording(str(tmp_path / "run.rrd")) == tmp_path / "run.rrd"
     remove_half_packed(tmp_path / "run.rrd")
     assert not half.exists()
 
@@ -142,7 +145,7 @@ def test_a_recording_replaces_one_and_an_empty_file(recording, tmp_path):
     old = tmp_path / "run.rrd"
     for content in (recording.read_bytes(), b""):
         old.write_bytes(content)
-        assert Runs(tmp_path).recording(str(old)) == old
+        assert RunFolder(tmp_path).recording(str(old)) == old
 
 
 def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
@@ -169,7 +172,7 @@ def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_
 
 def test_a_link_stays_a_link_and_one_that_leads_nowhere_is_no_recording(tmp_path):
     (tmp_path / "gone.rrd").symlink_to("nowhere")
-    assert Runs(tmp_path).newest_recording() is None
+    assert newest_path(tmp_path.glob("*.rrd")) is None
     check_writable(tmp_path / "gone.rrd")
     assert (tmp_path / "gone.rrd").is_symlink() and not (tmp_path / "gone.rrd").exists()
 
@@ -228,7 +231,7 @@ def test_the_help_names_the_other_commands_before_the_options_in_their_groups():
     places = [
         shown.index(words)
         for words in (
-            *(f"  {name:10}{what}" for name, what in COMMANDS.items()),
+            *(f"  {name:10}{entry.summary}" for name, entry in COMMANDS.items()),
             "Options",
             *GROUPS,
             "Exit code",

@@ -11,8 +11,8 @@ from command_line import python
 from patience import PATIENCE
 from typer.testing import CliRunner
 
+from orchard.commands.main import app
 from orchard.field.scenario import load, parse
-from orchard.launch.commands import app
 
 SAMPLE = ROOT / "examples" / "te_puke.geojson"
 NEEDS = "pyproj is missing: pip install 'orchard-sim[survey,dev]'"

@@ -13,9 +13,9 @@ from command_line import orchard, running, summary_of
 from fleet import Client, assert_goes_on, assert_stands, until
 from patience import PATIENCE
 
+from orchard.commands import asking
+from orchard.commands.asking import control, of_robots, reset, stop
 from orchard.contract.messages import pack
-from orchard.launch import asking
-from orchard.launch.asking import control, of_robots, reset, stop
 from orchard.launch.run_notes import RunNote, find_run, find_runs, noted, running_here
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import router

@@ -13,8 +13,8 @@ from orchard.field.scenario import Scenario
 from orchard.launch.distributed import how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
+from orchard.launch.result import report, speed_not_kept
 from orchard.launch.run_notes import announced, running_here
-from orchard.launch.terminal import report, speed_not_kept
 from orchard.report.summary import as_table, unusual_figures
 from orchard.sim.snapshot import Snapshot
 

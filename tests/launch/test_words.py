@@ -12,9 +12,10 @@ from code_blocks import ROOT
 from patience import PATIENCE
 from run_endings import harvested
 
-from orchard.launch import commands
-from orchard.launch.terminal import typed
+from orchard.commands import main as commands
+from orchard.launch.run_folder import alone
 from orchard.report.summary import sentence
+from orchard.terminal.typed import typed
 
 ESCAPE = "\x1b[31mX"
 RAW = (
@@ -281,7 +282,7 @@ def test_of_two_runs_that_write_to_one_place_the_second_is_refused(
 ):
     place = tmp_path / ("run.rrd" if option == "--record" else "tables")
     (place.touch if option == "--record" else place.mkdir)()
-    with commands.alone(place):
+    with alone(place):
         code, words = said([*SHORT, "--record", "none", option, place], monkeypatch, capfd)
     assert (code, words) == (
         2,

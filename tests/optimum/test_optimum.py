@@ -14,12 +14,11 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from stage import Stage, empty_orchard
 
 from orchard.agents.jobs import TimedJob, jobs_of
+from orchard.commands.bound import BoundOptions, print_bound
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
-from orchard.launch.bound import print_bound
-from orchard.launch.options import BoundOptions
 from orchard.optimum import NoBound
 from orchard.optimum.schedule import optimum
 

@@ -15,7 +15,7 @@ from patience import PATIENCE
 from secured_run import HERS, KEYS, MINE, Farm, Somebody
 
 from orchard.contract.messages import pack
-from orchard.launch.distributed import agent_names
+from orchard.launch.request import agent_names
 from orchard.net.bus import Alive, Final, Query, Sample
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import client, router

@@ -16,8 +16,8 @@ from patience import PATIENCE
 from secured_run import KEYS, Somebody
 from typer.testing import CliRunner
 
+from orchard.commands.main import app, main
 from orchard.field.scenario import Scenario, to_yaml
-from orchard.launch.commands import app, main
 from orchard.launch.supervisor import free_port
 from orchard.net.bus import Sample
 from orchard.net.zenoh_bus import client

@@ -13,7 +13,7 @@ from orchard.contract.messages import Couple, pack, unpack
 from orchard.field.geometry import Twist
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import NEAREST, Scenario
-from orchard.launch.distributed import agent_names
+from orchard.launch.request import agent_names
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.sim.snapshot import Snapshot

@@ -17,8 +17,8 @@ from patience import PATIENCE
 
 from orchard.app.command import Files
 from orchard.app.study_run import StudyRun, StudySettings
+from orchard.commands import main as commands
 from orchard.field.scenario import Scenario, load, with_changes
-from orchard.launch import commands
 from orchard.study.runs import PlannedRun
 from orchard.study.store import Store, StoreFailed
 from orchard.study.study import StudyOptions, study
@@ -294,7 +294,7 @@ def test_a_store_that_fails_is_a_failure_and_no_bad_input(folder, monkeypatch, c
     def fail(*_):
         raise StoreFailed("full.db: a run cannot be kept: disk I/O error")
 
-    monkeypatch.setattr("orchard.launch.study.study", fail)
+    monkeypatch.setattr("orchard.study.study_command.study", fail)
     code = commands.app(
         ["study", "--vary", "carriers=1,2", "--out", str(folder / "full.db")], standalone_mode=False
     )

@@ -32,8 +32,14 @@ DOORS = (
     "orchard.processes.agents",
     "orchard.processes.router",
 )  # each runs as a process; what they import is shared
-_LAUNCH = ("commands", "local_run", "distributed", "study")  # what run.py imports
-COMMAND_LINE = tuple(f"orchard.launch.{module}" for module in _LAUNCH)
+COMMAND_LINE = (
+    "orchard.commands.main",
+    "orchard.commands.asking",
+    "orchard.commands.harvest",
+    "orchard.launch.local_run",
+    "orchard.launch.distributed",
+    "orchard.study.study_command",
+)  # what run.py imports
 ROOT = Path(__file__).parents[2]
 PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 

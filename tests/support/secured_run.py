@@ -9,8 +9,7 @@ from patience import PATIENCE
 
 from orchard.contract.messages import pack
 from orchard.field.geometry import Twist
-from orchard.launch.distributed import agent_names
-from orchard.launch.request import shares
+from orchard.launch.request import agent_names, shares
 from orchard.net.bus import Bus, Final, Replied, Sample
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Keyring, host_roles, make

@@ -18,7 +18,6 @@ from orchard.contract.agent import STATES
 from orchard.contract.messages import Fetch, pack, type_of, unpack
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
-from orchard.launch.terminal import exit_on_errors
 from orchard.local import Local
 from orchard.report.metrics import HarvestFigures
 from orchard.server.figures import RunFigures
@@ -30,6 +29,7 @@ from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES, S
 from orchard.tables.exchanges import calls, exchanges
 from orchard.tables.folder import GrowingTable, as_table, check_folder, complete, last_tick
 from orchard.tables.tables import Tables
+from orchard.terminal.exits import exit_on_errors
 
 ALL = {
     "bodies": BODIES,

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
@@ -25,32 +26,38 @@ class BagVelocities:
 
         `end` is infinite if the harvest itself ends the run.
         """
-        if not any(self._within(robot, min(end, LONGEST_HARVEST)) for robot in self.ticks):
+        latest = min(end, LONGEST_HARVEST)
+        if self._falls_outside(latest):
             is_endless = end == math.inf
             ending = "would end with the harvest" if is_endless else f"would end at {_seconds(end)}"
             raise ValueError(self._refusal(ending))
 
-    def told(self, end: int) -> str:
-        """Return how many velocities of each robot fell within the run, which ended at tick `end`."""
-        counts = (
-            f"{robot} {self._within(robot, end)} of {len(ticks)}"
-            for robot, ticks in self.ticks.items()
-        )
+    def sentence(self, end: int) -> str:
+        """Return how many velocities of each robot fell within the run, which ended at `end`."""
+        counts = []
+        for robot, ticks in self.ticks.items():
+            counts.append(f"{robot} {self._within(robot, end)} of {len(ticks)}")
         return f"Velocities of {self.bag} that fell within the run: {', '.join(counts)}."
 
     def troubles(self, end: int) -> Iterator[str]:
-        """Yield what is wrong if no velocity at all fell within the run, which ended at tick `end`."""
-        if not any(self._within(robot, end) for robot in self.ticks):
+        """Yield what is wrong if no velocity at all fell within the run, which ended at `end`."""
+        if self._falls_outside(end):
             yield self._refusal(f"ended at {_seconds(end)}")
 
+    def _falls_outside(self, end: float) -> bool:
+        """Whether no velocity of any robot falls within a run that ends at a tick."""
+        return not any(self._within(robot, end) for robot in self.ticks)
+
     def _within(self, robot: str, end: float) -> int:
+        """Return how many velocities of a robot fall within a run that ends at a tick."""
         return sum(0 <= tick < end for tick in self.ticks[robot])
 
     def _refusal(self, ending: str) -> str:
-        every = [tick for ticks in self.ticks.values() for tick in ticks]
-        where = f"the first is at {_seconds(min(every))}, the last at {_seconds(max(every))}"
+        """Return what is wrong, and what would be right. `ending`: when the run ends, in words."""
+        stamps = list(chain.from_iterable(self.ticks.values()))
+        where = f"the first is at {_seconds(min(stamps))}, the last at {_seconds(max(stamps))}"
         return (
-            f"{self.bag}: none of its {len(every)} velocities falls within the run: "
+            f"{self.bag}: none of its {len(stamps)} velocities falls within the run: "
             f"{where}; the run begins at 0 s and {ending}; {WAY_OUT}"
         )
 

@@ -9,15 +9,24 @@ from typer import BadParameter
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.launch import terminal
-from orchard.launch.runs import check_writable
-from orchard.launch.study import STOPPED, failures, stoppable
-from orchard.launch.study_options import BenchmarkOptions, one_file
 from orchard.report.summary import write_summary
 from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
+from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store, StoreError
 from orchard.study.study import StudyOptions
+from orchard.study.study_command import STOPPED, failures
 from orchard.study.workers import processes
+from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors
+from orchard.terminal.files import check_writable, one_file
+from orchard.terminal.output import (
+    bar,
+    console,
+    own_classes_run,
+    print_error,
+    print_line,
+    table,
+)
+from orchard.terminal.signals import stoppable
 
 MEANING = "What is proven of the shortest harvest, as a share of the time that it took, %."
 CHECKED = "The harvests with {policy}, s; of three seeds the mean."
@@ -26,8 +35,8 @@ CHECKED = "The harvests with {policy}, s; of three seeds the mean."
 def run_benchmark(chosen: BenchmarkOptions) -> int:
     """Do a benchmark, print and write what came out. Return the exit code: 1 if harvests fail, or it was stopped."""
     with (
-        terminal.own_classes_run(),
-        terminal.exit_on_errors(ScenarioError, StoreError, OSError),
+        own_classes_run(),
+        exit_on_errors(ScenarioError, StoreError, OSError),
         failures(),
     ):
         known = _known(chosen.orchard or [])
@@ -37,12 +46,12 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
                 raise ScenarioError(same)
         result = _result(chosen, known)
         if result is None:
-            terminal.print_error(STOPPED)
-            return terminal.FAILED
+            print_error(STOPPED)
+            return FAILED
         _print(result)
         if chosen.summary is not None:
             write_summary(chosen.summary, asdict(result))
-    return terminal.FAILED if [*map(terminal.print_error, result.notes)] else terminal.FINISHED
+    return FAILED if [*map(print_error, result.notes)] else FINISHED
 
 
 def _known(names: Sequence[str]) -> dict[str, Scenario]:
@@ -60,14 +69,14 @@ def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkRe
         Store(StudyOptions(store=chosen.out).store_file, chosen.anew) as store,
         processes(chosen.workers) as workers,
         stoppable() as is_stopped,
-        terminal.bar() as shown,
+        bar() as shown,
     ):
         task = shown.add_task("", total=1.0)
 
         def show(share: float) -> None:
             shown.update(task, completed=share)
 
-        with terminal.as_typed(lambda path: "POLICY"):
+        with as_typed(lambda path: "POLICY"):
             asked = Benchmark(chosen.policy, known, store, workers, chosen.check, show, is_stopped)
         return asked.run()
 
@@ -79,26 +88,24 @@ def _print(result: BenchmarkResult) -> None:
         if best == result.policy
         else f"the best is {best} with {_percent(result.scores[best])} %"
     )
-    terminal.print_line(
-        f"{result.policy} has {_percent(score)} % of what is proven possible; {others}."
-    )
-    terminal.console.print(_scores(result))
+    print_line(f"{result.policy} has {_percent(score)} % of what is proven possible; {others}.")
+    console.print(_scores(result))
     if jams := [
         (one.orchard, count)
         for one in result.of(result.policy)
         if (count := one.seconds.count(None))
     ]:
         counts = ", ".join(f"{count} of {name}" for name, count in jams)
-        terminal.print_line(
+        print_line(
             f"- never finished, as robots waited for each other, or for a carrier that was not sent: {counts}"
         )
     if any(one.checked for one in result.of(result.policy)):
-        terminal.console.print(_differences(result))
+        console.print(_differences(result))
 
 
 def _scores(result: BenchmarkResult) -> Table:
     names = [policy.rpartition(".")[2].replace("-", "\n") for policy in result.scores]
-    shown = terminal.table(MEANING, "orchard", "proven,\ns", *names)
+    shown = table(MEANING, "orchard", "proven,\ns", *names)
     found = {(one.orchard, one.policy): one for one in result.harvests}
     for one in result.of(result.policy):
         scores = [_percent(found[one.orchard, policy].score) for policy in result.scores]
@@ -114,7 +121,7 @@ def _percent(share: float) -> str:
 
 def _differences(result: BenchmarkResult) -> Table:
     """The fast model beside the simulator."""
-    shown = terminal.table(
+    shown = table(
         CHECKED.format(policy=result.policy), "orchard", "fast model", "simulator", "difference, %"
     )
     for one in result.of(result.policy):

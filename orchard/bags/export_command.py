@@ -10,7 +10,8 @@ from orchard.bags.drives import Drives, RecordingError, read_drives
 from orchard.bags.export import chosen, export
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP
-from orchard.launch.terminal import FINISHED, console, exit_on_errors, print_error, print_line
+from orchard.terminal.exits import FINISHED, exit_on_errors
+from orchard.terminal.output import console, print_error, print_line
 
 HEAD = b"\x89MCAP0\r\n"  # with which each MCAP file begins
 
@@ -31,6 +32,7 @@ def export_bag(recording: Path, file: Path, robots: list[str], with_scans: bool)
 
 
 def _shown(ticks: Iterable[Any], count: int) -> Iterable[Any]:
+    """Return the ticks, of which a terminal shows how many are done."""
     return track(
         ticks, "exporting", count, console=console, transient=True, disable=not console.is_terminal
     )
@@ -50,19 +52,18 @@ def check_bag(file: Path) -> None:
 
 def lacks(drives: Drives) -> list[str]:
     """Return what is not in the recording, and so not in its bag."""
-    gaps = [
-        f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s"
-        for since, until in drives.gaps
-    ]
-    late = [f"the recording begins at {drives.first * TIME_STEP:.1f} s"] if drives.first > 1 else []
-    torn = (
-        [f"its end is torn off, and it is repaired; it ends at {drives.last * TIME_STEP:.1f} s"]
-        if drives.is_torn
-        else []
-    )
-    left_out = (
-        [f"{drives.left_out} ticks are not recorded: the poses before them stand for them"]
-        if drives.left_out
-        else []
-    )
-    return [f"{words}; the bag lacks that, too" for words in (*late, *gaps, *torn)] + left_out
+    missing = []
+    if drives.first > 1:
+        missing.append(f"the recording begins at {drives.first * TIME_STEP:.1f} s")
+    for since, until in drives.gaps:
+        span = f"from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s"
+        missing.append(f"nothing recorded {span}")
+    if drives.is_torn:
+        end = f"{drives.last * TIME_STEP:.1f} s"
+        missing.append(f"its end is torn off, and it is repaired; it ends at {end}")
+    notes = [f"{words}; the bag lacks that, too" for words in missing]
+    if drives.left_out:
+        notes.append(
+            f"{drives.left_out} ticks are not recorded: the poses before them stand for them"
+        )
+    return notes

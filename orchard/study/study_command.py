@@ -1,36 +1,20 @@
 """The command `orchard study`: asks, shows what is known so far, and prints and writes the answer."""
 
 import json
-import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
-import typer
 from rich.progress import TextColumn
 
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.field.shipped import load_or_shipped
-from orchard.launch.runs import check_writable
-from orchard.launch.study_options import StudyArguments, one_file
-from orchard.launch.terminal import (
-    FAILED,
-    FINISHED,
-    bar,
-    console,
-    exit_on_errors,
-    handled,
-    own_classes_run,
-    print_error,
-    print_line,
-)
 from orchard.report.summary import write_summary
+from orchard.study.command_options import StudyArguments
 from orchard.study.result import StudyResult
 from orchard.study.runs import RunFailed
 from orchard.study.settings import CARRIERS, Varied, varied_of
@@ -38,6 +22,10 @@ from orchard.study.store import StoreError, StoreFailed, fault_of
 from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
+from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors
+from orchard.terminal.files import check_writable, one_file
+from orchard.terminal.output import bar, console, own_classes_run, print_error, print_line
+from orchard.terminal.signals import stoppable
 
 NAMES = {
     "budget": "budget_seconds",
@@ -188,17 +176,3 @@ def _progress(chosen: StudyArguments) -> Iterator[Callable[[StudyResult], None]]
             )
 
         yield tell
-
-
-@contextmanager
-def stoppable() -> Iterator[Callable[[], bool]]:
-    """Yield what tells whether to stop: the first SIGINT or SIGTERM asks for it, the second one ends all."""
-    asked: list[int] = []
-
-    def ask(number: int, frame: FrameType | None) -> Any:
-        if asked:
-            raise typer.Exit(FAILED)
-        asked.append(number)
-
-    with handled({signal.SIGINT: ask, signal.SIGTERM: ask}):
-        yield lambda: bool(asked)

@@ -1,7 +1,7 @@
 """The options of `orchard study` and `orchard benchmark`: their types, values and help texts, and all that is wrong with them at once."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -11,8 +11,9 @@ from typer import Argument, BadParameter
 
 from orchard.field.problems import Problem
 from orchard.field.scenario import ROLLING
-from orchard.launch.options import File, Style, flag, named, number, option, picture_file, whole
 from orchard.study.result import Goal, Horizon, Models
+from orchard.terminal.options import File, Style, flag, number, option, picture_file, whole
+from orchard.terminal.typed import named
 
 LEAST_CONFIDENCE, MOST_CONFIDENCE = 0.5, 0.9999
 BUDGET_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0}
@@ -163,15 +164,6 @@ class StudyArguments:
                 Problem("--workers", "the scheduler has its own workers; leave out --workers")
             )
         return found
-
-
-def one_file(written: Sequence[Path]) -> Iterator[Problem]:
-    """Yield what is wrong if some of the files that a command writes are one."""
-    files = [path.resolve() for path in written]
-    if same := [
-        str(path) for path, file in zip(written, files, strict=True) if files.count(file) > 1
-    ]:
-        yield Problem("--summary", f"{', '.join(same)}: two of these are one file")
 
 
 Policy = Annotated[

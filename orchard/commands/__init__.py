@@ -1,0 +1,1 @@
+"""The command line: the table of its commands, and those that need no extra."""

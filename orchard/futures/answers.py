@@ -1,0 +1,43 @@
+"""What `orchard fork` does with futures: it lives them, prints and writes what they give."""
+
+from orchard.field.problems import ScenarioError
+from orchard.futures.bisection import bisect_futures
+from orchard.futures.comparison import compare_futures
+from orchard.futures.futures import Futures
+from orchard.futures.options import ForkOptions
+from orchard.launch.run_folder import RunFolder
+from orchard.report.summary import write_summary
+from orchard.sim.snapshot import KEYFRAME, SnapshotError
+from orchard.study.study_command import failures
+from orchard.study.workers import processes
+from orchard.terminal.exits import FINISHED, as_typed, exit_on_errors
+from orchard.terminal.files import check_writable
+from orchard.terminal.output import bar, own_classes_run
+from orchard.terminal.signals import stoppable
+
+
+def run_futures(chosen: ForkOptions, runs: RunFolder) -> int:
+    """Live the futures that a user asks for. Print and write what they give.
+
+    Returns the exit code. Raises typer.Exit after it has printed what is wrong.
+    """
+    with (
+        own_classes_run(),
+        exit_on_errors(ScenarioError, SnapshotError, OSError, ValueError),
+        failures(),
+    ):
+        folder = runs.snapshots(chosen.run, KEYFRAME)
+        for path in (chosen.summary, chosen.picture):
+            if path is not None:
+                check_writable(path)
+        answer = compare_futures if chosen.bisect is None else bisect_futures
+        with (
+            as_typed(),
+            stoppable() as is_stopped,
+            processes() as workers,
+            bar() as progress,
+        ):
+            summary = answer(chosen, folder, Futures(chosen, workers, is_stopped, progress))
+        if chosen.summary is not None:
+            write_summary(chosen.summary, summary)
+    return FINISHED

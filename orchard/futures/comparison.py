@@ -1,0 +1,84 @@
+"""The futures of one moment, as it was and with changes: `orchard fork --futures`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from orchard.field.scenario import TICKS_PER_SECOND, check
+from orchard.futures.fork import changes_of
+from orchard.futures.futures import CONFIDENCE, SHOWN, Branch, Futures, mean_of, well_ended
+from orchard.futures.moments import Future, snapshot_at
+from orchard.futures.options import ForkOptions
+from orchard.study.comparing import interval
+from orchard.study.words import interval_words
+from orchard.terminal.output import console, print_error, print_line, table
+from orchard.terminal.values import clock
+
+AS_IT_WAS = "as it was"
+
+
+def compare_futures(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[str, Any]:
+    """Print the futures of a moment as it was and, if something is changed, with that.
+
+    `folder`: has the keyframes of the run. Returns all futures, for the summary. Raises
+    SnapshotError, ScenarioError or ValueError.
+    """
+    moment = snapshot_at(folder, chosen.at or 0, print_error)
+    changed = Branch(changes_of(chosen, check(moment.scenario)), chosen.stop or [])
+    branches = {AS_IT_WAS: Branch({})}
+    if any(changed):
+        branches[changed.words] = changed
+    lived = futures.live(futures.of(moment, *branches.values()))
+    count = len(lived) // len(branches)
+    of_branch = {
+        words: lived[number * count : (number + 1) * count] for number, words in enumerate(branches)
+    }
+    for words, of_changed in of_branch.items():
+        if words != AS_IT_WAS:
+            print_line(difference_words(words, of_branch[AS_IT_WAS], of_changed))
+    _show(of_branch)
+    return {"at_seconds": moment.tick / TICKS_PER_SECOND, "futures": of_branch}
+
+
+def _show(of_branch: dict[str, list[Future]]) -> None:
+    """Print the table of all futures. `of_branch`: what is changed -> its futures."""
+    shown = table(None, "", *of_branch)
+    for key, head in SHOWN.items():
+        means = [mean_of(key, lived) for lived in of_branch.values()]
+        shown.add_row(head, *(interval_words(mean, " ±") for mean in means))
+    counts = [f"{len(well_ended(lived))} of {len(lived)}" for lived in of_branch.values()]
+    shown.add_row("ended well", *counts)
+    console.print(shown)
+
+
+def difference_words(words: str, before: Sequence[Future], changed: Sequence[Future]) -> str:
+    """Return by how much earlier the futures end with a change, in pairs of one seed.
+
+    `words`: what is changed. `before`, `changed`: the futures without and with it, (n,) each.
+    """
+    earlier_by = [
+        was["sim_seconds"] - future["sim_seconds"]
+        for was, future in zip(before, changed, strict=True)
+        if was["ended"] == future["ended"] == "harvested"
+    ]
+    if not earlier_by:
+        return f"With {words} no pair of futures is harvested to its end."
+    earlier = interval(earlier_by, CONFIDENCE)
+    mean = round(TICKS_PER_SECOND * earlier.mean)
+    half_width = round(TICKS_PER_SECOND * (earlier.high - earlier.mean))
+    direction = "earlier" if mean >= 0 else "later"
+    return (
+        f"With {words} the harvest ends {clock(abs(mean))} ± {clock(half_width)} min {direction} "
+        f"({_pairs_words(len(earlier_by), len(before))})."
+    )
+
+
+def _pairs_words(count: int, of_all: int) -> str:
+    """Return on how many pairs a difference rests, in words."""
+    if count > 1:
+        words = f"{count} pairs of futures, {100 * CONFIDENCE:g} % confidence"
+    else:
+        words = "one pair of futures"
+    if count < of_all:
+        words += f"; {of_all - count} more are not harvested to their end"
+    return words

@@ -1,0 +1,29 @@
+"""The scenario of a run, with the values that a user has typed as options."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from orchard.field.scenario import Scenario, with_changes
+from orchard.field.shipped import load_or_shipped
+from orchard.terminal.exits import as_typed
+from orchard.terminal.typed import named
+
+
+def scenario_of(path: Path | None, changes: Mapping[str, Any]) -> Scenario:
+    """Return the scenario of a file, or the default one, with what a user has typed as options.
+
+    `changes`: name -> value; None: not given. Raises ScenarioError.
+    """
+    given = {name: value for name, value in changes.items() if value is not None}
+    return changed(load_or_shipped(path), given)
+
+
+def changed(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with the values of options. Raises ScenarioError in their words."""
+
+    def as_options(paths: str) -> str:
+        return ", ".join(named([path]) if path in given else path for path in paths.split(", "))
+
+    with as_typed(as_options):
+        return with_changes(scenario, **given)

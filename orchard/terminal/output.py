@@ -1,0 +1,166 @@
+"""What `orchard` prints on stdout and stderr, whatever these are and whatever the text holds."""
+
+import errno
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, ProgressColumn, TimeElapsedColumn
+from rich.table import Table
+
+from orchard.contract.printed import diverted, printed
+
+
+def harmless(text: str) -> str:
+    """Return a text that may hold anything, such as a path, without what would control a terminal."""
+    return "".join(
+        character if character.isprintable() or character == "\n" else "?" for character in text
+    )
+
+
+def unwritten(name: str, error: OSError) -> str:
+    """Return why stdout or stderr cannot be written. `name`: of that stream."""
+    reason = "it is closed" if error.errno == errno.EBADF else error.strerror
+    return f"{name} cannot be written: {reason}"
+
+
+class Output(Console):
+    """Stdout or stderr. What cannot be written, as on a full disk, is lost.
+
+    The other of the two streams says once that something is lost.
+    """
+
+    def __init__(self, stderr: bool) -> None:
+        super().__init__(stderr=stderr, emoji=False, highlight=False)
+        self.other: Output | None = None
+        self.has_lost = False
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print texts without what would control a terminal, and Rich's objects as they are."""
+        shown = [harmless(part) if isinstance(part, str) else part for part in objects]
+        try:
+            super().print(*shown, **options)
+        except OSError as error:
+            self._lose(error)
+
+    def _lose(self, error: OSError) -> None:
+        """Forget what could not be written. The first time, tell it on the other stream."""
+        # Rich would print it again with the next line.
+        self._buffer.clear()
+        is_first = not self.has_lost
+        self.has_lost = True
+        if is_first and self.other is not None:
+            name = "stderr" if self.stderr else "stdout"
+            warning = f"{unwritten(name, error)}; the run goes on without it"
+            self.other.print(warning, markup=False, soft_wrap=True)
+
+    def on_broken_pipe(self) -> None:
+        """Raise the error that Rich has caught, so that `print` handles it.
+
+        Rich would end the program here, before it has written its files.
+        """
+        raise
+
+    def end(self) -> None:
+        """Write what is left, or drop it. Python would end with exit code 120 because of it."""
+        try:
+            self.file.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.file.fileno())
+
+
+console = Output(stderr=False)
+errors = Output(stderr=True)
+console.other = errors
+errors.other = console
+
+
+def print_line(text: str) -> None:
+    """Print a text on stdout. The terminal wraps it."""
+    console.print(text, markup=False, soft_wrap=True)
+
+
+def print_error(text: object) -> None:
+    """Print a text on stderr. The terminal wraps it."""
+    errors.print(str(text), markup=False, soft_wrap=True)
+
+
+def print_result(*parts: Any) -> None:
+    """Print texts and tables on stdout; on stderr if stdout has lost some, as its disk is full."""
+    for output in (console, errors):
+        for part in parts:
+            output.print(part, markup=False, soft_wrap=isinstance(part, str))
+        if not output.has_lost:
+            return
+
+
+def is_all_lost() -> bool:
+    """Whether neither stdout nor stderr has shown all that was printed."""
+    return console.has_lost and errors.has_lost
+
+
+def table(caption: str | None, *heads: str) -> Table:
+    """Return a table without rows: words in its first column, figures in the others."""
+    empty = Table(
+        box=SIMPLE_HEAD, padding=0, show_edge=False, caption=caption, caption_justify="left"
+    )
+    for column, head in enumerate(heads):
+        is_first = column == 0
+        empty.add_column(
+            escape(head),
+            justify="left" if is_first else "right",
+            no_wrap=is_first,
+            overflow="fold",
+        )
+    return empty
+
+
+def bar(*more: ProgressColumn) -> Progress:
+    """Return a bar, and the time since its begin, which a terminal shows in its `with` block."""
+    return Progress(
+        BarColumn(bar_width=20),
+        TimeElapsedColumn(),
+        *more,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+class _Log(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record of the log."""
+        _say(self.format(record))
+
+
+def _say(text: str) -> None:
+    """Print a line on stderr; above the table, if there is one on the terminal."""
+    if console.is_terminal:
+        print_line(text)
+    else:
+        print_error(text)
+
+
+@contextmanager
+def own_classes_run() -> Iterator[None]:
+    """In this context, own classes may run.
+
+    What they print is shown as lines of the program, and not all of it.
+    """
+    log = logging.getLogger("orchard")
+    handler = _Log()
+    outputs: list[Any] = [console, errors]
+    log.addHandler(handler)
+    try:
+        with diverted(_say) as (console.file, errors.file), printed(_say):
+            yield
+    finally:
+        log.removeHandler(handler)
+        for output in outputs:
+            # Rich takes stdout or stderr, whatever they are then.
+            output.file = None

@@ -1,7 +1,6 @@
 """Why a run is over, in the words of a summary's `ended`, and who waits for whom in a jam."""
 
 from orchard.contract.agent import STATES
-from orchard.field.kinds import kind_of
 from orchard.field.scenario import END
 from orchard.report.metrics import HarvestFigures, orders_refused, who_waits
 from orchard.sim.engine import Engine
@@ -38,7 +37,7 @@ def jam_of(engine: Engine, figures: HarvestFigures) -> list[str]:
 
 def _are_pickers_broken(engine: Engine) -> bool:
     """Whether all pickers are broken, and each was for BROKEN_TICKS."""
-    pickers = [name for name in engine.layout.names if kind_of(name) == "picker"]
+    pickers = [engine.layout.names[i] for i in engine.world.fixed.pickers.tolist()]
     for name in pickers:
         action = engine.actions.get(name)
         if action is None or action.state != "broken":

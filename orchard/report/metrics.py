@@ -40,8 +40,9 @@ class HarvestFigures:
     steps: dict[str, int] = field(
         default_factory=dict
     )  # picker or carrier -> steps of its plan that it has finished
-    progress: float = 0.0  # metres picked and steps of work done
-    progress_tick: int = 0  # tick at which it last grew, or a robot was stopped
+    #: Tick of the last progress: something was picked, a step of work was done, a battery was
+    #: charged, or a robot was stopped.
+    progress_tick: int = 0
 
     def update(
         self, world: World, events: list[Event], answers: Mapping[str, Action | None]
@@ -71,20 +72,21 @@ class HarvestFigures:
         A program that needs no other figure calls this in place of `update`.
         """
         self.orders_refused += orders_refused(answers)
+        has_progress = world.has_picked or world.is_any_stopped or world.is_any_plugged
         for name, action in answers.items():
-            if kind_of(name) in HAULERS:
-                self.steps[name] = 0 if action is None else action.steps_done
-        progress = sum(self.steps.values()) + sum(world.row_picked.tolist())
-        has_charging = world.layout.first_charging and np.count_nonzero(world.plugged) > 0
-        if progress != self.progress or has_charging or np.count_nonzero(world.stopped):
-            self.progress, self.progress_tick = progress, world.tick
+            done = 0 if action is None else action.steps_done
+            # Only haulers count steps. All others have done none.
+            if done != self.steps.get(name, 0) and kind_of(name) in HAULERS:
+                self.steps[name] = done
+                has_progress = True
+        if has_progress:
+            self.progress_tick = world.tick
 
     def watched(self) -> dict[str, Any]:
         """Return what `watch` keeps, as plain data for a snapshot."""
         return {
             "orders_refused": self.orders_refused,
             "steps": dict(self.steps),
-            "progress": self.progress,
             "progress_tick": self.progress_tick,
         }
 
@@ -97,11 +99,20 @@ class HarvestFigures:
             self.weeds_flattened += 1
 
     def jammed(self, world: World) -> bool:
-        """Whether no robot has picked a metre or finished a step for ten minutes, longer beyond 300 m, in which none was stopped."""
+        """Whether there was no progress for ten simulated minutes, longer beyond 300 m."""
+        return self._has_stood(world, 1)
+
+    def stuck(self, world: World) -> bool:
+        """Whether there was no progress for twice the time after which a run is jammed."""
+        return self._has_stood(world, 2)
+
+    def _has_stood(self, world: World, times: int) -> bool:
+        seconds = (world.tick - self.progress_tick) * TIME_STEP / times
+        # Most ticks end here: the layout's size takes longer to compute.
+        if seconds < JAM_SECONDS:
+            return False
         metres = world.layout.top - world.layout.bottom
-        return (world.tick - self.progress_tick) * TIME_STEP >= JAM_SECONDS * max(
-            1.0, metres / JAM_METRES
-        )
+        return seconds >= JAM_SECONDS * max(1.0, metres / JAM_METRES)
 
 
 def orders_refused(answers: Mapping[str, Action | None]) -> int:

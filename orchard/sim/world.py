@@ -64,7 +64,7 @@ class Space(NamedTuple):
 
 def _space_of(fixed: Fixed) -> Space:
     n, pickers = len(fixed.shapes), len(fixed.pickers)
-    numbers = np.empty(n, dtype=np.int64), np.empty(pickers, dtype=np.int64)
+    numbers = np.empty(n, dtype=np.int64), np.full(pickers, NONE, dtype=np.int64)
     return Space(
         fixed.shapes.copy(),
         *space_for(n, fixed.body_frame),
@@ -206,6 +206,21 @@ class World:
     def rows_done(self) -> np.ndarray:
         """Which rows are picked to the end, (r,) bool."""
         return np.asarray(self.row_picked >= self.fixed.row_length - FULL_WITHIN)
+
+    @property
+    def has_picked(self) -> bool:
+        """Whether a picker picked something in the last step."""
+        return max(self.space.picked_from.tolist(), default=NONE) != NONE
+
+    @property
+    def is_any_stopped(self) -> bool:
+        """Whether an emergency stop holds a robot."""
+        return True in self.stopped.tolist()
+
+    @property
+    def is_any_plugged(self) -> bool:
+        """Whether a carrier has a charger."""
+        return True in self.plugged.tolist()
 
     @property
     def index(self) -> Mapping[str, int]:

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from orchard.contract.agent import Action, Hold, Observations, Scans
+from orchard.contract.agent import Action, Hold, Observations, Scans, state_of
 from orchard.contract.events import Event
 from orchard.contract.messages import Deed, Flatten
 from orchard.field.kinds import kind_of
@@ -49,11 +49,12 @@ class Engine:
         self.world, self.layout, self.is_hashed = world, world.layout, is_hashed
         self._scanner, self.sensors = Scanner(world), Sensors(world)
         self._scans: Scans | None = None
-        self.actions: dict[str, Action] = {}  # the newest action of each agent that drives or holds
+        before = before or {}
+        #: The newest action of each agent that drives or holds. Of a resumed run: what it said of itself.
+        self.actions = self._said(before.get("said", {}))
         self.answers: dict[
             str, Action | None
         ] = {}  # of the agents that were asked at the last tick; None: it gave no action
-        before = before or {}
         self.lookahead = holds(world, self._scanner.begin, before.get("asked"))
         self._invariants = Invariants(world, before.get("invariants"))
         self._states = StateTimes(world, before.get("states"))
@@ -98,6 +99,7 @@ class Engine:
             "states": self.states.counts,
             "news": self._news,
             "asked": self.lookahead.asked,
+            "said": {name: said_in(action) for name, action in self.actions.items()},
         }
         return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
@@ -241,6 +243,11 @@ class Engine:
         self._news += [Event(self.tick, what, name) for name in changed]
         return changed
 
+    def _said(self, said: Any) -> dict[str, Action]:
+        """Return actions that say of their robots what they did when a snapshot was made."""
+        known = msgspec.convert(said, dict[str, Action])
+        return {name: action for name, action in known.items() if name in self.layout.agents}
+
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
         """In body order."""
         doers = sorted(
@@ -249,6 +256,16 @@ class Engine:
             if action.deeds and name in self.layout.index
         )
         return [(i, deed) for i in doers for deed in actions[self.layout.names[i]].deeds]
+
+
+def said_in(action: Action) -> dict[str, Any]:
+    """Return what an action says of its robot, as plain data: the fields of an action that only does this."""
+    return {
+        "doing": action.doing,
+        "state": state_of(action),
+        "waits_for": action.waits_for,
+        "steps_done": action.steps_done,
+    }
 
 
 class Unaudited(Engine):

@@ -23,7 +23,7 @@ from orchard.contract.events import Event
 from orchard.contract.guard import Guard
 from orchard.contract.mail import LocalMail, digest_of
 from orchard.contract.messages import pack, unpack
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.fork import forked
 from orchard.report.ending import jam_of, why_over
 from orchard.report.metrics import HarvestFigures
@@ -170,8 +170,26 @@ class Local:
         return self._seen
 
     def tick(self) -> list[Event]:
-        """Advance the run by one tick, 0.1 s, and return the events of the step."""
+        """Advance the run by one tick, 0.1 s, and return the events of the step.
+
+        Raises RuntimeError if the run has `ended`, not harvested, and nothing has gone on for as long
+        again as makes a jam. To go on all the same, call `act(ask())`.
+        """
+        if self._figures.stuck(self.engine.world):
+            self._refuse_to_wait()
         return self.act(self.ask())
+
+    def _refuse_to_wait(self) -> None:
+        """Raise RuntimeError unless the run is harvested."""
+        if self.ended == "harvested":
+            return
+        idle = self.engine.tick - self._figures.progress_tick
+        who = "".join(f"\n  {line}" for line in self.jam)
+        raise RuntimeError(
+            f"the run has ended ({self.ended}): nothing has gone on for {idle * TIME_STEP:.0f} s,"
+            f" up to tick {self.engine.tick}:{who}\n"
+            "End a loop with `while not run.ended`. To go on all the same, call `run.act(run.ask())`."
+        )
 
     def ask(self) -> dict[str, Action]:
         """Let the agents that are due at this tick act on what they observe and hear. Return their actions, for `act`."""

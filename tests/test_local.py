@@ -1,5 +1,6 @@
 """What a run in one process says of itself: before it begins, and when it is over."""
 
+import pytest
 from stage import empty_orchard
 
 from orchard import Action, Local, Scenario, Snapshot
@@ -39,8 +40,35 @@ def test_a_jam_ends_a_run_as_the_command_ends_it(soon_jammed):
     assert (run.ended, run.engine.over) == ("jammed", False)
     assert "carrier_01 (standing with a flat battery)" in run.jam
     kept = unpack(pack(run.snapshot()), Snapshot)
-    assert Local.resume(kept).ended == "jammed"
+    resumed = Local.resume(kept)
+    assert (resumed.ended, resumed.jam) == ("jammed", run.jam)
     assert run.fork(pickers=3).ended == "", "what was changed may end the jam"
+
+
+def test_a_loop_until_the_harvest_ends_after_a_jam_with_words(soon_jammed):
+    run = Local(empty_orchard(**FLAT))
+    with pytest.raises(RuntimeError) as refused:
+        while not run.engine.over:
+            assert run.engine.tick < 20_000
+            run.tick()
+    words = str(refused.value)
+    assert words.startswith("the run has ended (jammed): nothing has gone on for 240 s")
+    assert "carrier_01 (standing with a flat battery)" in words
+    assert "while not run.ended" in words
+    before = run.engine.tick
+    run.act(run.ask())
+    assert run.engine.tick == before + 1, "who wants to goes on"
+
+
+def test_a_harvested_run_goes_on_as_long_as_one_wants(soon_jammed):
+    run = Local(empty_orchard(pickers=3, carriers=2, row_length=30.0))
+    while not run.ended:
+        assert run.engine.tick < 10_000
+        run.tick()
+    harvested = run.engine.tick
+    for _ in range(2500):
+        run.tick()
+    assert (run.ended, run.engine.tick) == ("harvested", harvested + 2500)
 
 
 def test_a_harvest_ends_as_harvested():
@@ -65,3 +93,4 @@ def test_a_run_ends_when_all_pickers_are_broken():
     for _ in range(20):
         run.tick()
     assert run.ended == "broken"
+    assert Local.resume(run.snapshot()).ended == "broken"

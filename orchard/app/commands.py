@@ -7,7 +7,12 @@ from typing import Annotated
 from typer import Option
 
 from orchard.folders import runs_folder
+from orchard.launch.supervisor import allow_files
 from orchard.terminal.exits import exit_on_errors, needs_extra
+
+# Files that this program may have open at once while it serves the page: 32 are enough at its begin;
+# each run and each browser needs some.
+PAGE_FILES = 128
 
 _HOST = "Any client that reaches it can start runs; 0.0.0.0: under this machine's name."
 _FOLDER = "Folder of recordings and summaries. Default: that of all runs."
@@ -26,4 +31,5 @@ def app(
     with needs_extra("The page", "app"):
         from orchard.app.serve import serve
     with exit_on_errors(ValueError):
+        allow_files(PAGE_FILES, "the page needs")
         serve(host, port, runs or runs_folder(), not quiet)

@@ -31,7 +31,7 @@ def view(recording: Recording = None, web: Browser = None) -> None:
     """Open a recording, with all its parts, in the Rerun viewer."""
     with exit_on_errors(OSError, ValueError):
         parts = parts_of(existing_recording(recording, runs_folder()))
-    with exit_on_errors(BusError, OSError):
+    with exit_on_errors(BusError, OSError, ValueError):
         code = _open_window(parts) if web is None else _serve(parts, web)
     raise typer.Exit(code)
 
@@ -50,7 +50,7 @@ def _open_window(parts: Sequence[Path]) -> int:
 def _serve(parts: Sequence[Path], port: int) -> int:
     """Serve a recording to browsers until Ctrl-C. Return the exit code.
 
-    Raises FileNotFoundError or BusError.
+    Raises OSError, BusError or ValueError.
     """
     viewer_program()
     check_ports(port)

@@ -21,7 +21,7 @@ from orchard.launch.supervisor import (
     ProcessSpec,
     Supervisor,
     Watchdog,
-    allow_files,
+    allow_processes,
     let_go,
     open_viewer,
 )
@@ -82,7 +82,7 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     check_runtime()
     # A folder without the role of physics is told before what else it lacks.
     credentials.identity(PHYSICS)
-    allow_files(len(credentials.shares(*_hosted(request))) + SERVING)
+    allow_processes(len(credentials.shares(*_hosted(request))) + SERVING)
     endpoint = _endpoint_of(request.options, credentials)
     inbox = Inbox()
     inbox.take_signals()  # Ctrl-C must not come between a process's start and its entry in the supervisor
@@ -425,7 +425,7 @@ def join_run(
         all_names = fetch_run(bus, Keys()).agents
     names = select_agents(all_names, only, without)
     shares = credentials.shares(names, all_names)
-    allow_files(len(shares))
+    allow_processes(len(shares))
     inbox = Inbox()
     inbox.take_signals()
     with Supervisor(progress.say) as supervisor:

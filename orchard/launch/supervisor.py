@@ -234,12 +234,20 @@ def take_turns(pid: int) -> None:
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
 
 
-def allow_files(processes: int) -> None:
+def allow_processes(number: int) -> None:
     """Let this program open as many files as a run of so many processes needs.
 
     Raises ValueError if the system does not allow it.
     """
-    needed = OWN_FILES + FILES_OF_A_PROCESS * processes
+    needed = OWN_FILES + FILES_OF_A_PROCESS * number
+    allow_files(needed, f"{number} processes need", ", and --mode local needs fewer")
+
+
+def allow_files(needed: int, who_needs: str, otherwise: str = "") -> None:
+    """Let this program open so many files. `who_needs`: what needs them, with its verb.
+
+    Raises ValueError if the system does not allow it; `otherwise`: what can be done instead.
+    """
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed >= needed or allowed == resource.RLIM_INFINITY:
         return
@@ -247,8 +255,8 @@ def allow_files(processes: int) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, most))
     except (ValueError, OSError):
         raise ValueError(
-            f"this program may open {most} files at once, and {processes} processes need {needed}; "
-            f"`ulimit -n {needed}` allows them, and --mode local needs fewer"
+            f"this program may open {most} files at once, and {who_needs} {needed}; "
+            f"`ulimit -n {needed}` allows them{otherwise}"
         ) from None
 
 

@@ -1,9 +1,18 @@
 """The ports with which a run or a recording is shown in a browser."""
 
+from orchard.launch.supervisor import allow_files
 from orchard.net.endpoints import check_free
 
 
+# Files that this program may have open at once while it serves a viewer: 32 were enough.
+VIEWER_FILES = 48
+
+
 def check_ports(port: int) -> None:
-    """Raise BusError if the web viewer cannot have its port and that of its data, the next one."""
+    """Check that the web viewer can have its port and that of its data, the next one, and its files.
+
+    Raises BusError for a port, ValueError for the number of files.
+    """
+    allow_files(VIEWER_FILES, "a viewer in a browser needs")
     for number in (port, port + 1):
         check_free(f"tcp/127.0.0.1:{number}")

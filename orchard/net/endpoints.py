@@ -1,5 +1,6 @@
 """Endpoints, such as tcp/127.0.0.1:7447, where a router listens and clients connect: checks and conversions."""
 
+import errno
 import ipaddress
 import socket
 from contextlib import suppress
@@ -44,7 +45,10 @@ def is_public(endpoint: str) -> bool:
 
 
 def check_free(endpoint: str) -> None:
-    """Raise BusError if a router cannot listen at an endpoint. Only TCP ports (tcp and tls) are checked."""
+    """Raise BusError if a router cannot listen at an endpoint. Only TCP ports (tcp and tls) are checked.
+
+    Raises OSError if this process may open no more files.
+    """
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
     if not (protocol and host and port):
@@ -59,6 +63,8 @@ def check_free(endpoint: str) -> None:
             probe.bind((host.strip("[]"), int(port)))
             probe.listen()
     except OSError as error:
+        if error.errno == errno.EMFILE:
+            raise
         raise BusError(f"{endpoint}: {IN_USE}") from error
 
 

@@ -78,6 +78,22 @@ def test_a_limit_of_files_that_is_too_low_is_told(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("command", "needs"),
+    [
+        ("app --quiet --port 0", "the page needs 128"),
+        (f"{SHORT} --mode local --web 9291", "a viewer in a browser needs 48"),
+    ],
+)
+def test_a_limit_of_files_that_is_too_low_to_serve_is_told(command, needs, tmp_path):
+    code, told = shell(f"ulimit -n 24; orchard {command}", tmp_path)
+    assert code == 2, told
+    allowed = needs.rpartition(" ")[2]
+    assert told.endswith(
+        f"this program may open 24 files at once, and {needs}; `ulimit -n {allowed}` allows them\n"
+    )
+
+
 def test_a_limit_of_files_that_can_be_raised_is_raised(tmp_path):
     line = f"ulimit -Sn 24; orchard {SHORT} --summary summary.json"
     code, told = shell(line, tmp_path)

@@ -1,8 +1,14 @@
 """Rewards by name. A reward is any function from a `Moment` to a number."""
 
 import math
+import pickle
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from copy import deepcopy
+from functools import partial
+from types import FunctionType
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import cloudpickle
 
 from orchard.contract.agent import Observation
 from orchard.contract.events import Event
@@ -81,9 +87,46 @@ def named(
 ) -> Callable[[Happened], float]:
     """Return a reward by its name, or the function itself. Raises ValueError for an unknown name."""
     if not isinstance(reward, str):
-        return reward
+        return NamelessReward(reward) if _is_nameless(reward) else reward
     if reward not in rewards:
         raise ValueError(
             f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and functions of your own"
         )
     return rewards[reward]
+
+
+class NamelessReward(Generic[Happened]):
+    """A reward that Python cannot find by a name, such as a lambda. It can be copied and pickled."""
+
+    def __init__(self, function: Callable[[Happened], float]) -> None:
+        self._function = function
+
+    def __call__(self, happened: Happened) -> float:
+        """Return the reward for what has happened."""
+        return self._function(happened)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "NamelessReward[Happened]":
+        return NamelessReward(deepcopy(self._function, memo))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how pickle makes it again. Raises PicklingError if the function holds what cannot be pickled."""
+        try:
+            code = cloudpickle.dumps(self._function)
+        except Exception as error:
+            raise pickle.PicklingError(
+                f"the reward {self._function} cannot be pickled: {error}; expected a function at the"
+                " top of a module, or one that uses nothing but data"
+            ) from error
+        return _from_code, (code,)
+
+
+def _from_code(code: bytes) -> NamelessReward[Any]:
+    """Return the reward that NamelessReward has pickled."""
+    return NamelessReward(cloudpickle.loads(code))
+
+
+def _is_nameless(function: Callable[..., float]) -> bool:
+    """Whether Python cannot find a function by a name: a lambda, a function within one, a part of these."""
+    while isinstance(function, partial):
+        function = function.func
+    return isinstance(function, FunctionType) and "<" in function.__qualname__

@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import threading
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,12 +15,26 @@ from orchard.gym import dispatch_env, parallel_env, single_env
 
 SMALL = Scenario(rows=3)
 CARRIER = "carrier_01"
+
+
+def seconds_less(moment, weight):
+    return -weight * len(moment)
+
+
 MAKERS = {
     "parallel": lambda: parallel_env(SMALL, [CARRIER]),
     "parallel with deeds and a hash": lambda: parallel_env(
         SMALL, [CARRIER], deeds=True, is_hashed=True, reward="care"
     ),
     "single": lambda: single_env(SMALL, CARRIER, reward="imitation"),
+    "parallel with a lambda": lambda: parallel_env(SMALL, [CARRIER], reward=lambda moment: 2.5),
+    "single with a part of a lambda": lambda: single_env(
+        SMALL, CARRIER, reward=partial(lambda moment, weight: weight * moment.filled, weight=0.5)
+    ),
+    "dispatch with a lambda": lambda: dispatch_env(SMALL, reward=lambda moment: -len(moment)),
+    "single with a part of a function": lambda: single_env(
+        SMALL, CARRIER, reward=partial(seconds_less, weight=0.5)
+    ),
     "dispatch": lambda: dispatch_env(SMALL, reward="waiting"),
 }
 COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
@@ -47,7 +63,7 @@ def test_a_copy_goes_on_as_the_environment_does(made, how):
     unused = COPIES[how](env)
     _, infos = env.reset(seed=5)
     _, others = unused.reset(seed=5)
-    count = 3 if made == "dispatch" else 40
+    count = 3 if made.startswith("dispatch") else 40
     begun, infos = steps(env, infos, count)
     assert steps(unused, others, count)[0] == begun
     twin = COPIES[how](env)
@@ -55,3 +71,10 @@ def test_a_copy_goes_on_as_the_environment_does(made, how):
     assert steps(twin, infos, count)[0] == expected
     if made == "parallel with deeds and a hash":
         assert twin.local.engine.hash == env.local.engine.hash
+
+
+def test_a_reward_that_cannot_be_pickled_is_refused_in_words():
+    lock = threading.Lock()
+    env = single_env(SMALL, CARRIER, reward=lambda moment: float(lock.locked()))
+    with pytest.raises(pickle.PicklingError, match=r"the reward <function .* cannot be pickled: "):
+        pickle.dumps(env)

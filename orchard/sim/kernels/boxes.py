@@ -1,13 +1,16 @@
-"""Oriented boxes on the ground, as rows of an array, for the kernels of laser and physics."""
+"""Oriented boxes on the ground, as rows of an array, for the kernels of laser and physics.
+
+A box has seven columns: its centre, its half sizes, cosine and sine of its heading, and the radius
+of its circumscribed circle. Lengths are in m, in the orchard's frame.
+"""
 
 import numpy as np
 
 from orchard.sim.kernels.jit import inlined, jit, sin_cos
 
-X, Y, HALF_LENGTH, HALF_WIDTH, COSINE, SINE, RADIUS = range(
-    7
-)  # columns: centre, half sizes, heading, circumscribed circle; m
-TOUCH = 1e-9  # m; boxes that overlap by at most this only touch
+X, Y, HALF_LENGTH, HALF_WIDTH, COSINE, SINE, RADIUS = range(7)
+# m. Boxes that overlap by at most this only touch.
+TOUCH = 1e-9
 
 
 def boxes_of(centres: np.ndarray, halves: np.ndarray) -> np.ndarray:
@@ -19,8 +22,12 @@ def boxes_of(centres: np.ndarray, halves: np.ndarray) -> np.ndarray:
 
 @inlined
 def circles_meet(box, boxes, k):
-    """Whether the circumscribed circles of `box` and boxes[k] overlap; if not, the boxes do not overlap either."""
-    dx, dy = boxes[k, X] - box[X], boxes[k, Y] - box[Y]
+    """Whether the circumscribed circles of `box` and boxes[k] overlap.
+
+    If they do not, neither do the boxes.
+    """
+    dx = boxes[k, X] - box[X]
+    dy = boxes[k, Y] - box[Y]
     reach = box[RADIUS] + boxes[k, RADIUS]
     return dx * dx + dy * dy < reach * reach
 
@@ -30,13 +37,17 @@ def place(pose, boxes):
     """Write poses, (n, 3), m and rad, into boxes, (n, 7)."""
     for i in range(len(pose)):
         s, c = sin_cos(pose[i, 2])
-        boxes[i, X], boxes[i, Y], boxes[i, COSINE], boxes[i, SINE] = pose[i, 0], pose[i, 1], c, s
+        boxes[i, X] = pose[i, 0]
+        boxes[i, Y] = pose[i, 1]
+        boxes[i, COSINE] = c
+        boxes[i, SINE] = s
 
 
 @inlined
 def overlap(a, b):
     """Whether two boxes overlap by more than TOUCH (separating axis test)."""
-    dx, dy = b[X] - a[X], b[Y] - a[Y]
+    dx = b[X] - a[X]
+    dy = b[Y] - a[Y]
     cosine = abs(a[COSINE] * b[COSINE] + a[SINE] * b[SINE])
     sine = abs(a[COSINE] * b[SINE] - a[SINE] * b[COSINE])
     return _meet_along(a, b, dx, dy, cosine, sine) and _meet_along(b, a, dx, dy, cosine, sine)
@@ -44,30 +55,38 @@ def overlap(a, b):
 
 @inlined
 def _meet_along(a, b, dx, dy, cosine, sine):
-    """Whether the projections of two boxes on both axes of `a` overlap; cosine and sine: of the angle between them, absolute."""
-    ahead = (
+    """Whether the projections of two boxes on both axes of `a` overlap.
+
+    (dx, dy): from one centre to the other; its sign does not matter. cosine, sine: of the angle
+    between the boxes, absolute.
+    """
+    gap_along = (
         abs(a[COSINE] * dx + a[SINE] * dy)
         - a[HALF_LENGTH]
         - cosine * b[HALF_LENGTH]
         - sine * b[HALF_WIDTH]
     )
-    aside = (
+    gap_across = (
         abs(a[COSINE] * dy - a[SINE] * dx)
         - a[HALF_WIDTH]
         - sine * b[HALF_LENGTH]
         - cosine * b[HALF_WIDTH]
     )
-    return ahead < -TOUCH and aside < -TOUCH
+    return gap_along < -TOUCH and gap_across < -TOUCH
 
 
 @jit
 def gap(a, b):
-    """Return the distance between two boxes, edge to edge, m; 0 if they overlap. Else the nearest point of one of them is a corner."""
-    return 0.0 if overlap(a, b) else min(_corner_gap(a, b), _corner_gap(b, a))
+    """Return the distance between two boxes, edge to edge, m; 0 if they overlap."""
+    if overlap(a, b):
+        return 0.0
+    # The nearest point of one of them is a corner.
+    return min(_corner_gap(a, b), _corner_gap(b, a))
 
 
 @jit
 def _corner_gap(a, b):
+    """Return the distance of the nearest corner of `a` from box `b`, m; 0 if it is inside."""
     nearest = np.inf
     for along in (-a[HALF_LENGTH], a[HALF_LENGTH]):
         for across in (-a[HALF_WIDTH], a[HALF_WIDTH]):

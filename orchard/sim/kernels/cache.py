@@ -1,4 +1,7 @@
-"""The folder of the compiled kernels, and its files. This module does not import numba, which takes long to load."""
+"""The folder of the compiled kernels, and its files.
+
+This module does not import numba, which takes long to load.
+"""
 
 import hashlib
 import logging
@@ -14,21 +17,23 @@ COMPILING = "compiling for this machine; this is done once and takes up to a min
 # After so long without use, the kernels of other sources are removed. A program that runs now may
 # still load them.
 UNUSED_SECONDS = 24 * 3600.0  # s
-DIGEST = 32  # bytes of the SHA-256 of name and code, with which each file begins
-FOLDER = re.compile(r"kernels-[0-9a-f]{16}")  # the names of folders of kernels
-MARK = "made-by-the-orchard.txt"  # a file that tells a folder of kernels from a folder of the user
+# Bytes of the SHA-256 of name and code, with which each file begins.
+DIGEST = 32
+# The names of folders of kernels.
+FOLDER = re.compile(r"kernels-[0-9a-f]{16}")
+# A file that tells a folder of kernels from a folder of the user.
+MARK = "made-by-the-orchard.txt"
 MARKED = b"""The Orchard keeps its compiled kernels in this folder.
 It removes the folder when no program has used it for a day.
 """
 
 _HERE = Path(__file__).parent
 _FIELD = _HERE.parent.parent / "field"
+# The modules of `orchard.field` whose constants and functions the kernels use.
+_FIELD_MODULES = ("kinds", "layout", "passes", "repeatable", "scenario")
 _SOURCES = [
     *sorted(_HERE.glob("*.py")),
-    *(
-        _FIELD / f"{module}.py"
-        for module in ("kinds", "layout", "passes", "repeatable", "scenario")
-    ),
+    *(_FIELD / f"{module}.py" for module in _FIELD_MODULES),
 ]
 
 log = logging.getLogger("orchard")
@@ -40,14 +45,15 @@ def kernels_folder() -> Path | None:
     if not chosen and not os.access(_HERE, os.W_OK):
         return None
     sources = b"".join(path.read_bytes() for path in _SOURCES)
-    return (
-        Path(chosen or _HERE / "__pycache__")
-        / f"kernels-{hashlib.sha256(sources).hexdigest()[:16]}"
-    )
+    parent = Path(chosen or _HERE / "__pycache__")
+    return parent / f"kernels-{hashlib.sha256(sources).hexdigest()[:16]}"
 
 
 def are_compiled() -> bool:
-    """Whether compiled kernels exist for this machine; if not, the first tick waits until they are compiled."""
+    """Whether compiled kernels exist for this machine.
+
+    If not, the first tick waits until they are compiled.
+    """
     folder = kernels_folder()
     return folder is not None and any(folder.rglob("*.nbc"))
 
@@ -74,6 +80,7 @@ def _is_made_here(folder: Path) -> bool:
 
 
 def _kernels_in(folder: Path) -> list[Path]:
+    """Return the files of kernels of a folder, also those that are not written whole."""
     return [*folder.glob("*.nbc"), *half_written(folder, r".+\.nbc")]
 
 
@@ -85,39 +92,51 @@ def _remove(folder: Path) -> None:
 
 
 def _digest(name: str, code: bytes) -> bytes:
+    """Return the checksum of a kernel's code, DIGEST bytes."""
     return hashlib.sha256(name.encode() + b"\n" + code).digest()
 
 
 class KernelFiles:
-    """The compiled kernels of a folder, each in a file that is written whole, with its SHA-256: what is torn or changed is not used."""
+    """The compiled kernels of a folder.
+
+    Each is in a file that is written whole, with its SHA-256: a file that is torn or changed is not
+    used.
+    """
 
     def __init__(self, folder: Path) -> None:
         """The folder need not exist yet."""
         self._folder = folder
-        self._said: set[str] = set()
-        with suppress(OSError):  # it does not exist yet, or is another user's
-            os.utime(folder)  # it is in use
+        # Each warning is logged once for all files.
+        self._logged: set[str] = set()
+        # The time tells others that the folder is in use. It may not exist yet, or be of another
+        # user.
+        with suppress(OSError):
+            os.utime(folder)
 
     def load(self, name: str) -> bytes | None:
-        """Return the code of a kernel; None if it must be compiled. What is wrong with a file is logged, once for all files."""
+        """Return the code of a kernel; None if it must be compiled.
+
+        A fault of a file is logged, once for all files.
+        """
         try:
             content = (self._folder / name).read_bytes()
         except FileNotFoundError:
             return None
         except OSError as error:
-            self._say(
-                f"compiled kernels in {self._folder} cannot be read: {error.strerror}; they are compiled anew"
-            )
+            fault = f"compiled kernels in {self._folder} cannot be read: {error.strerror}"
+            self._warn_once(f"{fault}; they are compiled anew")
             return None
         if _digest(name, content[DIGEST:]) != content[:DIGEST]:
-            self._say(
-                f"compiled kernels in {self._folder} are torn or changed; they are compiled anew, which takes up to a minute"
-            )
+            fault = f"compiled kernels in {self._folder} are torn or changed"
+            self._warn_once(f"{fault}; they are compiled anew, which takes up to a minute")
             return None
         return content[DIGEST:]
 
     def keep(self, name: str, code: bytes) -> None:
-        """Write the code of a kernel, and remove kernels of other sources. If that fails, it is logged once for all files."""
+        """Write the code of a kernel, and remove kernels of other sources.
+
+        If that fails, it is logged once for all files.
+        """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             if not (self._folder / MARK).exists():
@@ -125,11 +144,11 @@ class KernelFiles:
             write_whole(self._folder / name, _digest(name, code) + code)
             _remove_unused(self._folder)
         except OSError as error:
-            self._say(
-                f"compiled kernels cannot be kept in {self._folder}: {error.strerror}; the next start compiles them again"
-            )
+            fault = f"compiled kernels cannot be kept in {self._folder}: {error.strerror}"
+            self._warn_once(f"{fault}; the next start compiles them again")
 
-    def _say(self, words: str) -> None:
-        if words not in self._said:
-            self._said.add(words)
-            log.warning("%s", words)
+    def _warn_once(self, sentence: str) -> None:
+        """Log a warning, unless it was logged before."""
+        if sentence not in self._logged:
+            self._logged.add(sentence)
+            log.warning("%s", sentence)

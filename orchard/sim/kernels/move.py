@@ -1,4 +1,8 @@
-"""The inner loops of physics: limits, movement, picking. Arrays have one row per body, in the order in which bodies move; SI units."""
+"""The inner loops of physics: limits, movement, picking.
+
+Arrays have one row for each body, in the order in which bodies move. Poses are in the orchard's
+frame, velocities in the body's frame. SI units.
+"""
 
 from typing import NamedTuple
 
@@ -22,50 +26,149 @@ from orchard.sim.kernels.boxes import (
 from orchard.sim.kernels.grid import ROWS, Grid, cell_of, column_and_row, sort_into_cells, strip
 from orchard.sim.kernels.jit import allocating, inlined, jit, sin_cos, wrap
 
-NONE = -1  # as an index: none
-BAR = 0.3  # m; a robot cannot move to a pose where its coupled bin would be further than this from the coupling point
-LANE_REACH = 1.0  # m; a picker is in a row if it is this near to the lane's centre line
-PICK_REACH = 0.2  # m; picking begins within this of a row's end, and continues within this of its last point; a step is at most half of it
-ANYWHERE = 1e9  # as x from which on a picker picks, m: wherever it is
+# As an index: none.
+NONE = -1
+# m. A robot cannot move to a pose where its coupled bin would be further than this from the
+# coupling point.
+BAR = 0.3
+# m. A picker is in a row if it is this near to the lane's centre line.
+LANE_REACH = 1.0
+# m. Picking begins within this of a row's end, and continues within this of its last point. A step
+# is at most half of it.
+PICK_REACH = 0.2
+# m. As x from which on a picker picks: wherever it is.
+ANYWHERE = 1e9
 _FRONTIER = 1e-9  # m
+
+# Columns of `Rows.picked`.
+_WEST, _EAST, _INSIDE_WEST, _INSIDE_EAST = range(4)
 
 
 class Rows(NamedTuple):
     """The r rows, and how far each is picked."""
 
-    full: float  # m: what fills a bin
-    share: np.ndarray  # (r,) m in a bin for each metre of the row
-    west: np.ndarray  # (r,) m: x of the rows' west ends
-    length: np.ndarray  # (r,) m
-    y: np.ndarray  # (r,) m: the lanes' centre lines
-    picking_speed: np.ndarray  # (r,) m/s
-    picked: np.ndarray  # (r, 4) m: from the west end, from the east end, and as far as a part inside is picked from each; 0: none
+    # m: what fills a bin.
+    full: float
+    # (r,) m in a bin for each metre of the row.
+    share: np.ndarray
+    # (r,) m: x of the rows' west ends.
+    west: np.ndarray
+    # (r,) m.
+    length: np.ndarray
+    # (r,) m: the lanes' centre lines.
+    y: np.ndarray
+    # (r,) m/s.
+    picking_speed: np.ndarray
+    # (r, 4) m: picked from the west end, and from the east end; and as far as a part inside is
+    # picked from the west end, and from the east end, 0 if there is none.
+    picked: np.ndarray
+
+
+class Bodies(NamedTuple):
+    """The n bodies, as `move_all` needs and changes them."""
+
+    # (n, 3) m, m, rad.
+    pose: np.ndarray
+    # (n, 3) m/s, m/s, rad/s.
+    twist: np.ndarray
+    # (n,) index of the body at the other end of the bar, or NONE.
+    coupled: np.ndarray
+    # (n,) m from the centre back to the centre of the coupled bin; 0: it tows nothing.
+    tows: np.ndarray
+    # (n,) m that each has driven.
+    distance: np.ndarray
+    # (n,) number of collisions that each began.
+    collisions: np.ndarray
+    # (n,) number of steps that the coupled bin did not allow.
+    refused: np.ndarray
+    # (n,) whether the last step met an obstacle.
+    blocked: np.ndarray
+    # (n,) the obstacle with which a collision begins at this step: a body's index, n + a wall's
+    # index, or NONE.
+    met: np.ndarray
+
+
+class Solids(NamedTuple):
+    """Boxes, and the Grid that tells which of them are near a point."""
+
+    # (k, 7).
+    boxes: np.ndarray
+    grid: Grid
+
+
+@jit
+def advance(
+    wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows,
+    solid, walls, wall_frame, wall_begin, wall_members, body_frame, bin_full, bin_least, row_share,
+    row_west, row_length, row_y, row_speed, row_ends, distance, collisions, refused, blocked,
+    pick_from, boxes, cells, cell_begin, cell_members, met, picked_from, before, full,
+):  # fmt: skip
+    """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick.
+
+    It is one kernel, because each call of a kernel costs time. `boxes`, `cells`, `cell_...`,
+    `before` and `full` are space to work in. `move_all` and `pick` write `met` and `picked_from`.
+    Return whether anything happened of which there may be an event: a collision began, a row is
+    picked, a bin is full.
+    """
+    rows = Rows(bin_full, row_share, row_west, row_length, row_y, row_speed, row_ends)
+    limit(wanted, stopped, speed, coupled, turn, sideways, twist)
+    keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from)
+    for k in range(len(pickers)):
+        before[k] = pose[pickers[k], 0]
+    place(pose, boxes)
+    body_grid = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
+    bodies = Bodies(pose, twist, coupled, tows, distance, collisions, refused, blocked, met)
+    obstacles = Solids(walls, Grid(wall_frame, wall_begin, wall_members))
+    is_eventful = move_all(bodies, Solids(boxes, body_grid), obstacles)
+    is_eventful |= pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from)
+    full_bins(fill, coupled, pickers, bin_full, bin_least, full)
+    for is_full in full:
+        is_eventful |= is_full
+    return is_eventful
+
+
+# -- movement
 
 
 @inlined
 def limit(wanted, stopped, speed, coupled, turn, sideways, twists):
-    """Write into twists, (n, 3), the wanted twists within each body's limits: speed (n,) m/s, turn (n,) rad/s."""
+    """Write into twists, (n, 3), the wanted twists within each body's limits.
+
+    speed (n,) m/s; turn (n,) rad/s. A body that is stopped stands, as one that wants no number, and
+    a bin that is not coupled. `sideways`, (n,) bool: bodies that can move to their left and right.
+    """
     for i in range(len(wanted)):
-        is_finite = (
-            np.isfinite(wanted[i, 0]) and np.isfinite(wanted[i, 1]) and np.isfinite(wanted[i, 2])
-        )
-        if stopped[i] or not is_finite or (sideways[i] and coupled[i] == NONE):
+        is_loose_bin = sideways[i] and coupled[i] == NONE
+        if stopped[i] or is_loose_bin or not _is_finite(wanted[i]):
             twists[i, :] = 0.0
             continue
-        forward = min(max(wanted[i, 0], -speed[i]), speed[i])
-        left = min(max(wanted[i, 1], -speed[i]), speed[i]) if sideways[i] else 0.0
+        forward = _clamp(wanted[i, 0], speed[i])
+        left = _clamp(wanted[i, 1], speed[i]) if sideways[i] else 0.0
         together = np.sqrt(forward * forward + left * left)
         share = speed[i] / together if together > speed[i] else 1.0
-        twists[i, 0], twists[i, 1], twists[i, 2] = (
-            forward * share,
-            left * share,
-            min(max(wanted[i, 2], -turn[i]), turn[i]),
-        )
+        twists[i, 0] = forward * share
+        twists[i, 1] = left * share
+        twists[i, 2] = _clamp(wanted[i, 2], turn[i])
+
+
+@inlined
+def _is_finite(twist):
+    """Whether a twist consists of numbers."""
+    return np.isfinite(twist[0]) and np.isfinite(twist[1]) and np.isfinite(twist[2])
+
+
+@inlined
+def _clamp(value, most):
+    """Return the value between -most and most that is nearest to a value."""
+    return min(max(value, -most), most)
 
 
 @jit
 def arc(x, y, yaw, forward, left, turn, seconds):
-    """Return the pose (x, y, yaw) after a constant twist: the exponential of SE(2), by the chord of its arc."""
+    """Return the pose (x, y, yaw) after a constant twist.
+
+    This is the exponential of SE(2), by the chord of its arc.
+    """
     half = 0.5 * turn * seconds
     s, c = sin_cos(yaw + half)
     length = seconds if half == 0.0 else seconds * (sin_cos(half)[0] / half)
@@ -76,109 +179,49 @@ def arc(x, y, yaw, forward, left, turn, seconds):
     )
 
 
-@jit
-def advance(
-    wanted, twist, pose, stopped, coupled, fill, pickers, speed, turn, sideways, shapes, tows, solid, walls, wall_frame, wall_begin,
-    wall_members, body_frame, bin_full, bin_least, row_share, row_west, row_length, row_y, row_speed, row_ends, distance, collisions,
-    refused, blocked, pick_from, boxes, cells, cell_begin, cell_members, met, picked_from, before, full,
-):  # fmt: skip
-    """Do one time step of all bodies: limit the wanted twists, (n, 3), move the bodies, and pick. It is one kernel to save calls.
-
-    boxes, cells, cell_..., before, full: space to work in; `met` and `picked_from` are written by `move_all` and `pick`. Returns whether
-    anything happened of which there may be an event: a collision began, a row is picked, a bin is full.
-    """
-    rows = Rows(bin_full, row_share, row_west, row_length, row_y, row_speed, row_ends)
-    walls_near = Grid(wall_frame, wall_begin, wall_members)
-    limit(wanted, stopped, speed, coupled, turn, sideways, twist)
-    keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from)
-    for k in range(len(pickers)):
-        before[k] = pose[pickers[k], 0]
-    place(pose, boxes)
-    bodies_near = sort_into_cells(boxes, solid, body_frame, cells, cell_begin, cell_members)
-    is_eventful = move_all(
-        twist,
-        pose,
-        coupled,
-        tows,
-        walls,
-        walls_near,
-        boxes,
-        bodies_near,
-        distance,
-        collisions,
-        refused,
-        blocked,
-        met,
-    )
-    is_eventful |= pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from)
-    full_bins(fill, coupled, pickers, bin_full, bin_least, full)
-    for is_full in full:
-        is_eventful |= is_full
-    return is_eventful
-
-
-@jit
-def full_bins(fill, coupled, pickers, bin_full, bin_least, full):
-    """Write into `full`, (n,) bool, which bins are full: they hold `bin_full` m, or `bin_least` if no picker has them any more."""
-    for i in range(len(fill)):
-        full[i] = fill[i] >= bin_least
-    for i in pickers:
-        if coupled[i] != NONE:
-            full[coupled[i]] = fill[coupled[i]] >= bin_full
-
-
 @inlined
-def move_all(
-    twist,
-    pose,
-    coupled,
-    tows,
-    walls,
-    wall_grid,
-    boxes,
-    body_grid,
-    distance,
-    collisions,
-    refused,
-    blocked,
-    met,
-):
-    """Move each body with its twist for one time step, one after another, if nothing solid is in the way: else its twist becomes 0.
+def move_all(bodies, solids, walls):
+    """Move the bodies for one time step, one after another, each if nothing solid is in its way.
 
-    boxes (n, 7) and walls (w, 7): the bodies at their poses, and the walls; body_grid, wall_grid: their Grids. Return whether a collision
-    begins, with the obstacle in `met`, (n,) int64: a body's index, n + a wall's index, or NONE.
+    A body that cannot move gets the twist 0. `solids`: the Solids of the bodies at their poses;
+    `walls`: those of the walls. Return whether a collision begins; bodies.met says which.
     """
     begins = False
-    for i in range(len(pose)):
-        obstacle = _move_one(
-            i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused
-        )
-        met[i] = NONE if blocked[i] else obstacle
-        collisions[i] += met[i] != NONE
-        begins |= met[i] != NONE
-        blocked[i] = obstacle != NONE
+    for i in range(len(bodies.pose)):
+        obstacle = _move_one(i, bodies, solids, walls)
+        bodies.met[i] = NONE if bodies.blocked[i] else obstacle
+        bodies.collisions[i] += bodies.met[i] != NONE
+        begins |= bodies.met[i] != NONE
+        bodies.blocked[i] = obstacle != NONE
     return begins
 
 
 @inlined
-def _move_one(i, twist, pose, coupled, tows, walls, wall_grid, boxes, body_grid, distance, refused):
+def _move_one(i, bodies, solids, walls):
     """Move one body, if it can; return its obstacle, or NONE."""
-    forward, left, turn = twist[i, 0], twist[i, 1], twist[i, 2]
+    pose = bodies.pose
+    forward, left, turn = bodies.twist[i, 0], bodies.twist[i, 1], bodies.twist[i, 2]
     if forward == 0.0 and left == 0.0 and turn == 0.0:
         return NONE
     x, y, yaw = arc(pose[i, 0], pose[i, 1], pose[i, 2], forward, left, turn, TIME_STEP)
+    boxes = solids.boxes
     moved = _put(boxes[i], x, y, yaw)
-    if _leaves_its_bin(moved, i, coupled, tows, boxes):
-        refused[i] += 1
-        twist[i, :] = 0.0
+    if _leaves_its_bin(moved, i, bodies, boxes):
+        bodies.refused[i] += 1
+        bodies.twist[i, :] = 0.0
         return NONE
-    obstacle = _in_the_way(moved, i, boxes, body_grid, walls, wall_grid)
+    obstacle = _obstacle_of(moved, i, solids, walls)
     if obstacle != NONE:
-        twist[i, :] = 0.0
+        bodies.twist[i, :] = 0.0
         return obstacle
-    boxes[i, X], boxes[i, Y], boxes[i, COSINE], boxes[i, SINE] = x, y, moved[COSINE], moved[SINE]
-    pose[i, 0], pose[i, 1], pose[i, 2] = x, y, yaw
-    distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
+    boxes[i, X] = x
+    boxes[i, Y] = y
+    boxes[i, COSINE] = moved[COSINE]
+    boxes[i, SINE] = moved[SINE]
+    pose[i, 0] = x
+    pose[i, 1] = y
+    pose[i, 2] = yaw
+    bodies.distance[i] += np.sqrt(forward * forward + left * left) * TIME_STEP
     return NONE
 
 
@@ -190,64 +233,106 @@ def _put(box, x, y, yaw):
 
 
 @inlined
-def _leaves_its_bin(moved, me, coupled, tows, boxes):
-    """Whether a robot's move would leave its coupled bin too far from the coupling point."""
-    if tows[me] == 0.0 or coupled[me] == NONE:
+def _leaves_its_bin(moved, i, bodies, boxes):
+    """Whether a robot's move would leave its coupled bin too far from the coupling point.
+
+    `moved`: the robot's box after the move.
+    """
+    tows = bodies.tows[i]
+    bin_ = bodies.coupled[i]
+    if tows == 0.0 or bin_ == NONE:
         return False
-    off_x = boxes[coupled[me], X] - (moved[X] - tows[me] * moved[COSINE])
-    off_y = boxes[coupled[me], Y] - (moved[Y] - tows[me] * moved[SINE])
+    off_x = boxes[bin_, X] - (moved[X] - tows * moved[COSINE])
+    off_y = boxes[bin_, Y] - (moved[Y] - tows * moved[SINE])
     return off_x * off_x + off_y * off_y > BAR * BAR + TOUCH
 
 
 @inlined
-def _in_the_way(moved, me, boxes, body_grid, walls, wall_grid):
-    """Return the first obstacle that a moved body would overlap: a body's index, n + a wall's index, or NONE."""
-    first = len(
-        boxes
-    )  # the bodies' grid was made before any body moved; its cells are large enough for one step
-    column, row = column_and_row(body_grid.frame, moved[X], moved[Y])
-    for near in range(max(row - 1, 0), min(row + 2, int(body_grid.frame[ROWS]))):
-        begin, end = strip(body_grid, column, near)
+def _obstacle_of(moved, i, solids, walls):
+    """Return the first obstacle that a moved body would overlap.
+
+    That is a body's index, n + a wall's index, or NONE.
+    """
+    boxes = solids.boxes
+    grid = solids.grid
+    first = len(boxes)
+    # The grid was made before any body moved. Its cells are large enough for one step.
+    column, row = column_and_row(grid.frame, moved[X], moved[Y])
+    for near in range(max(row - 1, 0), min(row + 2, int(grid.frame[ROWS]))):
+        begin, end = strip(grid, column, near)
         for k in range(begin, end):
-            j = body_grid.members[k]
-            if j < first and j != me and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
+            j = grid.members[k]
+            if j < first and j != i and circles_meet(moved, boxes, j) and overlap(moved, boxes[j]):
                 first = j
     if first < len(boxes):
         return first
-    wall = _wall_at(moved, walls, wall_grid)
+    wall = _wall_at(moved, walls)
     return NONE if wall == NONE else len(boxes) + wall
 
 
 @inlined
-def _wall_at(box, walls, grid):
+def _wall_at(box, walls):
     """Return the first wall that a box overlaps, or NONE."""
+    grid = walls.grid
     cell = cell_of(grid, box[X], box[Y])
     for k in grid.members[grid.begin[cell] : grid.begin[cell + 1]]:
-        if circles_meet(box, walls, k) and overlap(box, walls[k]):
+        if circles_meet(box, walls.boxes, k) and overlap(box, walls.boxes[k]):
             return k
     return NONE
 
 
 @allocating
 def overlaps(pose, shapes, solid, walls, wall_frame, wall_begin, wall_members):
-    """Return each solid body with the first later body and the first wall that it overlaps, (c, 2) int64: as `move_all` does."""
-    n, boxes, count, found = len(pose), shapes.copy(), 0, np.empty((2 * len(pose), 2), np.int64)
+    """Return each solid body with the first later body and the first wall that it overlaps.
+
+    The pairs are (c, 2) int64; a wall is n + its index, as in `move_all`.
+    """
+    n = len(pose)
+    boxes = shapes.copy()
     place(pose, boxes)
+    obstacles = Solids(walls, Grid(wall_frame, wall_begin, wall_members))
+    pairs = np.empty((2 * n, 2), np.int64)
+    count = 0
     for i in range(n):
-        if not solid[
-            i
-        ]:  # np.flatnonzero would load numba's array functions, and with them SciPy: 0.2 s
+        # np.flatnonzero would load numba's array functions, and with them SciPy: 0.2 s.
+        if not solid[i]:
             continue
-        for j in range(i + 1, n):
-            if solid[j] and circles_meet(boxes[i], boxes, j) and overlap(boxes[i], boxes[j]):
-                found[count, 0], found[count, 1] = i, j
-                count += 1
-                break
-        wall = _wall_at(boxes[i], walls, Grid(wall_frame, wall_begin, wall_members))
-        if wall != NONE:
-            found[count, 0], found[count, 1] = i, n + wall
+        body = _later_body_at(i, boxes, solid)
+        if body != NONE:
+            pairs[count, 0] = i
+            pairs[count, 1] = body
             count += 1
-    return found[:count]
+        wall = _wall_at(boxes[i], obstacles)
+        if wall != NONE:
+            pairs[count, 0] = i
+            pairs[count, 1] = n + wall
+            count += 1
+    return pairs[:count]
+
+
+@inlined
+def _later_body_at(i, boxes, solid):
+    """Return the first solid body after body i that it overlaps, or NONE."""
+    for j in range(i + 1, len(boxes)):
+        if solid[j] and circles_meet(boxes[i], boxes, j) and overlap(boxes[i], boxes[j]):
+            return j
+    return NONE
+
+
+# -- picking
+
+
+@jit
+def full_bins(fill, coupled, pickers, bin_full, bin_least, full):
+    """Write into `full`, (n,) bool, which bins are full.
+
+    A bin is full with `bin_full` m, and with `bin_least` m if no picker has it any more.
+    """
+    for i in range(len(fill)):
+        full[i] = fill[i] >= bin_least
+    for i in pickers:
+        if coupled[i] != NONE:
+            full[coupled[i]] = fill[coupled[i]] >= bin_full
 
 
 @inlined
@@ -261,94 +346,137 @@ def row_at(y, rows):
 
 @inlined
 def keep_pace(pickers, twist, pose, coupled, fill, rows, pick_from):
-    """Limit the twist of a picker in an unpicked part of a row, with a bin that is not full, to the row's picking speed."""
+    """Limit the speed of a picker that picks to the picking speed of its row.
+
+    It picks in an unpicked part of the row, with a bin that is not full.
+    """
     for i in pickers:
         if coupled[i] == NONE or fill[coupled[i]] >= rows.full or pick_from[i] != ANYWHERE:
             continue
         r = row_at(pose[i, 1], rows)
-        if r == NONE or is_done(r, rows):
-            continue
-        from_west, from_east = pose[i, 0] - rows.west[r], rows.west[r] + rows.length[r] - pose[i, 0]
-        west, east = rows.picked[r, 0], rows.picked[r, 1]
-        is_inside = min(from_west, from_east) >= 0.0
-        if is_inside and from_west >= west - _FRONTIER and from_east >= east - _FRONTIER:
-            twist[i, 0] = min(max(twist[i, 0], -rows.picking_speed[r]), rows.picking_speed[r])
+        if r != NONE and not is_done(r, rows) and _is_unpicked(r, pose[i, 0], rows):
+            twist[i, 0] = _clamp(twist[i, 0], rows.picking_speed[r])
+
+
+@inlined
+def _is_unpicked(r, x, rows):
+    """Whether x, m, lies in the part of a row that is picked from neither end."""
+    from_west = x - rows.west[r]
+    from_east = rows.west[r] + rows.length[r] - x
+    is_beside = min(from_west, from_east) >= 0.0
+    is_past_west = from_west >= rows.picked[r, _WEST] - _FRONTIER
+    is_past_east = from_east >= rows.picked[r, _EAST] - _FRONTIER
+    return is_beside and is_past_west and is_past_east
 
 
 @inlined
 def pick(pickers, before, pose, coupled, rows, fill, pick_from, picked_from):
-    """Pick what the pickers drove over since x = `before`, (p,) m, from the rows `picked_from`, (p,). Return whether one is done."""
+    """Pick what the pickers drove over since x = `before`, (p,) m. Return whether a row is done.
+
+    `picked_from`, (p,), gets the row from which each has picked, or NONE.
+    """
     is_any_done = False
     for k in range(len(pickers)):
-        i, picked_from[k] = pickers[k], NONE
-        start, end, r = before[k], pose[i, 0], row_at(pose[i, 1], rows)
-        if coupled[i] == NONE or r == NONE:
-            continue
-        west, east = rows.west[r], rows.west[r] + rows.length[r]
-        if max(start, end) < west or min(start, end) > east:
+        i = pickers[k]
+        start = before[k]
+        end = pose[i, 0]
+        picked_from[k] = NONE
+        r = row_at(pose[i, 1], rows)
+        if coupled[i] == NONE or r == NONE or not _is_beside(r, start, end, rows):
             continue
         if pick_from[i] != ANYWHERE:
-            if not min(start, end) <= pick_from[i] <= max(start, end):
+            has_reached_it = min(start, end) <= pick_from[i] <= max(start, end)
+            if not has_reached_it:
                 continue
-            _begin_inside(r, pick_from[i] - west, rows)
+            _begin_inside(r, pick_from[i] - rows.west[r], rows)
             pick_from[i] = ANYWHERE
-        done = min(max(end, west), east) - west if end > start else east - min(max(end, west), east)
-        if end != start and _pick_row(r, 0 if end > start else 1, done, coupled[i], rows, fill):
+        if end != start and _pick_up_to(r, end, end > start, coupled[i], rows, fill):
             picked_from[k] = r
             is_any_done |= is_done(r, rows)
     return is_any_done
+
+
+@inlined
+def _is_beside(r, start, end, rows):
+    """Whether a part of the way from x = start to x = end lies between the ends of a row."""
+    west = rows.west[r]
+    east = west + rows.length[r]
+    return max(start, end) >= west and min(start, end) <= east
+
+
+@inlined
+def _pick_up_to(r, x, is_eastward, a_bin, rows, fill):
+    """Pick a row up to x, m, from the end from which the picker comes. Return as `_pick_row`."""
+    west = rows.west[r]
+    east = west + rows.length[r]
+    reached = min(max(x, west), east)
+    done = reached - west if is_eastward else east - reached
+    end = _WEST if is_eastward else _EAST
+    return _pick_row(r, end, done, a_bin, rows, fill)
 
 
 @jit
 def picked_metres(row_ends, row_length, metres):
     """Write into metres, (r,), how much of each row is picked. `row_ends`: as `Rows.picked`."""
     for r in range(len(row_length)):
-        inside = row_ends[r, 2] + row_ends[r, 3] - row_length[r]
-        metres[r] = row_ends[r, 0] + row_ends[r, 1] + max(0.0, inside)
+        inside = row_ends[r, _INSIDE_WEST] + row_ends[r, _INSIDE_EAST] - row_length[r]
+        metres[r] = row_ends[r, _WEST] + row_ends[r, _EAST] + max(0.0, inside)
 
 
 @inlined
 def is_done(r, rows):
     """Whether a row is picked to the end."""
-    return rows.picked[r, 0] + rows.picked[r, 1] >= rows.length[r] - FULL_WITHIN
+    return rows.picked[r, _WEST] + rows.picked[r, _EAST] >= rows.length[r] - FULL_WITHIN
 
 
 @inlined
 def _begin_inside(r, from_west, rows):
-    """Begin to pick a row inside what is unpicked of it, so many metres from its west end, if no part inside is begun."""
-    picked, length = rows.picked[r], rows.length[r]
-    if picked[0] < from_west < length - picked[1] and picked[2] + picked[3] == 0.0:
-        picked[2], picked[3] = from_west, length - from_west
+    """Begin to pick a row inside what is unpicked of it, `from_west` m from its west end.
+
+    Nothing happens if a part inside is begun.
+    """
+    picked = rows.picked[r]
+    length = rows.length[r]
+    is_inside = picked[_WEST] < from_west < length - picked[_EAST]
+    if is_inside and picked[_INSIDE_WEST] + picked[_INSIDE_EAST] == 0.0:
+        picked[_INSIDE_WEST] = from_west
+        picked[_INSIDE_EAST] = length - from_west
 
 
 @inlined
 def _pick_row(r, end, done, a_bin, rows, fill):
-    """Pick a row up to `done` m from an end (0 west, 1 east) into a bin, if that continues the part that is picked from there.
+    """Pick a row up to `done` m from an end, _WEST or _EAST, into a bin. Return whether it grew.
 
-    Return whether anything was picked. What a row or a bin lacks at most in the end is picked too, so each metre picked is in a bin.
+    It does if that continues the part that is picked from there. What a row or a bin lacks at most
+    in the end is picked too, so each metre picked is in a bin.
     """
-    ripe, room = rows.length[r] - rows.picked[r, 1 - end], (rows.full - fill[a_bin]) / rows.share[r]
-    part = end if rows.picked[r, 2] == 0.0 else 2 + end
-    was = rows.picked[r, part]
-    left = min(ripe - was, room)
-    grows = min(done - was, left)
+    picked = rows.picked[r]
+    share = rows.share[r]
+    ripe = rows.length[r] - picked[1 - end]
+    room = (rows.full - fill[a_bin]) / share
+    part = end if picked[_INSIDE_WEST] == 0.0 else _INSIDE_WEST + end
+    was = picked[part]
+    remaining = min(ripe - was, room)
+    grows = min(done - was, remaining)
     if grows <= 0.0 or done - was > PICK_REACH:
         return False
-    if left - grows <= FULL_WITHIN:
-        grows, done = left, was + left
-    rows.picked[r, part] = _or_full(min(was + grows, done), ripe, FULL_WITHIN)
-    if part >= 2 and rows.picked[r, part] == ripe:  # it has come to the edge
-        rows.picked[r, 1 - end] = rows.picked[r, 3 - end]
-        rows.picked[r, 2:] = 0.0
-    fill[a_bin] = _or_full(
-        fill[a_bin] + grows * rows.share[r], rows.full, FULL_WITHIN * rows.share[r]
-    )
+    if remaining - grows <= FULL_WITHIN:
+        grows = remaining
+        done = was + remaining
+    picked[part] = _or_full(min(was + grows, done), ripe, FULL_WITHIN)
+    has_come_to_the_edge = part >= _INSIDE_WEST and picked[part] == ripe
+    if has_come_to_the_edge:
+        # The part inside and that from the other end are one from now on.
+        picked[1 - end] = picked[3 - end]
+        picked[_INSIDE_WEST:] = 0.0
+    fill[a_bin] = _or_full(fill[a_bin] + grows * share, rows.full, FULL_WITHIN * share)
     return True
 
 
 @inlined
-def _or_full(metres, length, within):
-    return length if metres >= length - within else metres
+def _or_full(metres, full, within):
+    """Return `full` if less than `within` is lacking, else `metres`; m."""
+    return full if metres >= full - within else metres
 
 
 @allocating
@@ -356,5 +484,7 @@ def quaternions(pose):
     """Return z and w of the quaternion of each pose, (n, 2); x and y are 0."""
     parts = np.empty((len(pose), 2))
     for i in range(len(pose)):
-        parts[i, 0], parts[i, 1] = sin_cos(0.5 * pose[i, 2])
+        s, c = sin_cos(0.5 * pose[i, 2])
+        parts[i, 0] = s
+        parts[i, 1] = c
     return parts

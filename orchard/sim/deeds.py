@@ -1,4 +1,7 @@
-"""Deeds, which bodies request besides moving: couple, uncouple, flatten a weed, pick from an x on. Physics decides whether they happen."""
+"""Deeds, which bodies request besides moving: couple, uncouple, flatten a weed, pick from an x on.
+
+Physics decides whether they happen.
+"""
 
 import numpy as np
 
@@ -20,19 +23,17 @@ class DeedRefused(Exception):
 
 
 def do_deeds(world: World, wanted: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Do the deeds, (body index, deed) in body order, of bodies that are not stopped. Return an event for each, also a refused one.
+    """Do the deeds of bodies that are not stopped. Return an event for each, also a refused one.
 
-    A stopped picker may still say from where it picks later: that moves nothing, and it says so once.
-    wanted (n, 3): the wanted twists for this step.
+    deeds: (body index, deed), in body order. wanted (n, 3): the wanted twists for this step. A
+    stopped picker may still say from where it picks later: that moves nothing, and it says so once.
     """
-    return [
-        _do_one(world, wanted, i, deed)
-        for i, deed in deeds
-        if not world.stopped[i] or isinstance(deed, PickFrom)
-    ]
+    allowed = [(i, deed) for i, deed in deeds if not world.stopped[i] or isinstance(deed, PickFrom)]
+    return [_do_one(world, wanted, i, deed) for i, deed in allowed]
 
 
 def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
+    """Do a deed of body i, or refuse it. Return the event. Raises TypeError for what is no deed."""
     name = world.layout.names[i]
     try:
         match deed:
@@ -48,13 +49,13 @@ def _do_one(world: World, wanted: np.ndarray, i: int, deed: Deed) -> Event:
                 return Event(world.tick, "picks from", name, "", f"x = {deed.x:.2f} m")
     except DeedRefused as reason:
         other = printable(deed.bin) if isinstance(deed, Couple) else ""
-        return Event(
-            world.tick, "deed refused", name, other, f"{type(deed).__name__.lower()}: {reason}"
-        )
+        detail = f"{type(deed).__name__.lower()}: {reason}"
+        return Event(world.tick, "deed refused", name, other, detail)
     raise TypeError(f"not a deed: {deed!r}")
 
 
 def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
+    """Couple a bin to a robot, and return its name. Raises DeedRefused."""
     bin_ = world.index.get(bin_name, NONE)
     _refuse_if(world.fixed.tows[robot] == 0.0, "it tows nothing")
     _refuse_if(bin_ == NONE or world.layout.starts[bin_].kind != "bin", "no such bin")
@@ -63,25 +64,28 @@ def _couple(world: World, wanted: np.ndarray, robot: int, bin_name: str) -> str:
     _refuse_if(bool(world.stopped[bin_]), "the bin is stopped")
     _refuse_unless_both_stand(world, wanted, robot, bin_)
     _refuse_unless_in_place(world, robot, bin_)
-    world.coupled[robot], world.coupled[bin_] = bin_, robot
+    world.coupled[robot] = bin_
+    world.coupled[bin_] = robot
     return bin_name
 
 
 def _refuse_unless_in_place(world: World, robot: int, bin_: int) -> None:
-    """A bin is square, so its yaw counts modulo a quarter turn."""
-    pose, other = Pose(*world.pose[robot].tolist()), Pose(*world.pose[bin_].tolist())
-    ahead, left = to_frame(pose, other.x, other.y)
+    """Raise DeedRefused unless a bin stands at a robot's coupling point, square to the robot."""
+    pose = Pose(*world.pose[robot].tolist())
+    bin_pose = Pose(*world.pose[bin_].tolist())
+    # The bin's centre, from the coupling point.
+    ahead, left = to_frame(pose, bin_pose.x, bin_pose.y)
     ahead += float(world.fixed.tows[robot])
-    _refuse_if(
-        ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH,
-        "the bin is not at the coupling point",
-    )
-    askew = angle_between(pose.yaw, other.yaw)
+    is_away = ahead * ahead + left * left > COUPLING_REACH * COUPLING_REACH
+    _refuse_if(is_away, "the bin is not at the coupling point")
+    # A bin is square, so its yaw counts modulo a quarter turn.
+    askew = angle_between(pose.yaw, bin_pose.yaw)
     askew -= repeatable.QUARTER * round(askew / repeatable.QUARTER)
     _refuse_if(abs(askew) > COUPLING_ANGLE, "the bin is not square to it")
 
 
 def _uncouple(world: World, wanted: np.ndarray, robot: int) -> str:
+    """Uncouple a robot's bin, and return the bin's name. Raises DeedRefused."""
     bin_ = int(world.coupled[robot])
     _refuse_if(world.fixed.tows[robot] == 0.0, "it tows nothing")
     _refuse_if(bin_ == NONE, "it has no bin")
@@ -91,25 +95,25 @@ def _uncouple(world: World, wanted: np.ndarray, robot: int) -> str:
 
 
 def _flatten(world: World, weed: int) -> str:
+    """Flatten a weed, and return the name of a body that moves beside it. Raises DeedRefused."""
     _refuse_if(world.layout.starts[weed].kind != "weed", "it is no weed")
     _refuse_if(not world.alive[weed], "it is flat")
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    near = [
-        i
-        for i, box in enumerate(boxes)
-        if gap(boxes[weed], box) <= WEED_REACH and world.twist[i].any()
-    ]
+    moving = np.flatnonzero(world.twist.any(axis=1)).tolist()
+    near = [i for i in moving if gap(boxes[weed], boxes[i]) <= WEED_REACH]
     _refuse_if(not near, "nothing moves within 1 m")
     world.alive[weed] = False
     return world.layout.names[near[0]]
 
 
 def _refuse_unless_both_stand(world: World, wanted: np.ndarray, robot: int, bin_: int) -> None:
+    """Raise DeedRefused if a robot or its bin moves, or wants to."""
     for i in (robot, bin_):
         _refuse_if(world.twist[i].any() or wanted[i].any(), f"{world.layout.names[i]} moves")
 
 
 def _refuse_if(wrong: bool, reason: str) -> None:
+    """Raise DeedRefused with a reason."""
     if wrong:
         raise DeedRefused(reason)

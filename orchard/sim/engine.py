@@ -1,8 +1,11 @@
-"""The step that all modes share: observe, apply the actions, account. The modes differ only in the source of the actions."""
+"""The step that all modes share: observe, apply the actions, account.
+
+The modes differ only in the source of the actions.
+"""
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -24,14 +27,24 @@ from orchard.sim.snapshot import Snapshot
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
-Stepped = tuple[np.ndarray, dict[str, bytes], list[Event]]  # ranges before, mail digests, events
+
+class Stepped(NamedTuple):
+    """A step that is not accounted for yet."""
+
+    # All scans before the step, m, float32.
+    ranges: np.ndarray
+    # Agent -> the digest of what it heard.
+    mail_digests: dict[str, bytes]
+    events: list[Event]
 
 
 class Engine:
-    """The simulation of one orchard. At each tick call `observe()`, then `due()`, then `advance()` with the actions of those that are due.
+    """The simulation of one orchard.
 
-    A body without an action stands still, unless its agent holds its velocity. Actions are applied in the layout's order, never in the
-    order of arrival. A caller with more urgent work can call `step()` instead of `advance()`, and `account()` later.
+    At each tick call `observe()`, then `due()`, then `advance()` with the actions of those that are
+    due. A body without an action stands still, unless its agent holds its velocity. Actions are
+    applied in the layout's order, never in the order of arrival. A caller with more urgent work can
+    call `step()` instead of `advance()`, and `account()` later.
     """
 
     def __init__(
@@ -42,27 +55,32 @@ class Engine:
         holds: type[Lookahead] = Lookahead,
         is_hashed: bool = True,
     ) -> None:
-        """`digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned.
+        """Simulate a world from its tick on.
 
-        `holds`: which agents are asked at a tick. `is_hashed`: False for a run of a study, of which only the figures are wanted.
+        `digest`, `before`: of a resumed run, its hash so far and what `figures_as_data` returned.
+        `holds`: which agents are asked at a tick. `is_hashed`: False for a run of a study, of which
+        only the figures are wanted. Raises ValueError or KeyError if `before` does not fit the
+        world.
         """
-        self.world, self.layout, self.is_hashed = world, world.layout, is_hashed
-        self._scanner, self.sensors = Scanner(world), Sensors(world)
+        self.world = world
+        self.layout = world.layout
+        self.is_hashed = is_hashed
+        self._scanner = Scanner(world)
+        self.sensors = Sensors(world)
         self._scans: Scans | None = None
         before = before or {}
-        #: The newest action of each agent that drives or holds. Of a resumed run: what it said of itself.
+        #: The newest action of each agent that drives or holds. Of a resumed run: what it said of
+        #: itself.
         self.actions = self._said(before.get("said", {}))
-        self.answers: dict[
-            str, Action | None
-        ] = {}  # of the agents that were asked at the last tick; None: it gave no action
+        # Those of the agents that were asked at the last tick; None: the agent gave no action.
+        self.answers: dict[str, Action | None] = {}
         self.lookahead = holds(world, self._scanner.begin, before.get("asked"))
         self._invariants = Invariants(world, before.get("invariants"))
         self._states = StateTimes(world, before.get("states"))
         self._digest = digest
         self._stepped: Stepped | None = None  # a step that is not accounted for yet
-        self._news = msgspec.convert(
-            before.get("news", []), list[Event]
-        )  # events of stops and resets, which the next step returns
+        # Events of stops and resets, which the next step returns.
+        self._news = msgspec.convert(before.get("news", []), list[Event])
 
     @classmethod
     def begin(
@@ -75,25 +93,27 @@ class Engine:
     def resume(
         cls, snapshot: Snapshot, holds: type[Lookahead] = Lookahead, is_hashed: bool = True
     ) -> "Engine":
-        """Return the orchard of a snapshot. Raises SnapshotError if the snapshot is inconsistent."""
+        """Return the orchard of a snapshot. Raises SnapshotError if that is inconsistent."""
         with fitting(snapshot):
             return cls(world_from(snapshot), snapshot.digest, snapshot.figures, holds, is_hashed)
 
     def rehearse(self) -> None:
-        """Do a step in a separate world with the same bodies, so that all kernels are compiled, or loaded, before the first tick."""
+        """Do a step in a separate world with the same bodies.
+
+        After that all kernels are compiled or loaded, and the first tick takes no longer than
+        others.
+        """
         rehearsal = Engine(World(self.layout))
         rehearsal.observe()
         rehearsal.due(())
         weeds = [name for name in self.layout.names if kind_of(name) == "weed"]
-        rehearsal.advance(
-            {name: Action(deeds=[Flatten()]) for name in weeds[:1]}
-            | {self.layout.names[0]: Action(hold=Hold(1))},
-            {},
-        )
+        actions = {name: Action(deeds=[Flatten()]) for name in weeds[:1]}
+        actions[self.layout.names[0]] = Action(hold=Hold(1))
+        rehearsal.advance(actions, {})
         rehearsal.violations()
 
     def figures_as_data(self) -> dict[str, Any]:
-        """Return the state besides the world and the hash as plain data, for a snapshot's figures."""
+        """Return the state besides the world and the hash as plain data, for a snapshot."""
         figures = {
             "invariants": self.invariants.known,
             "states": self.states.counts,
@@ -104,10 +124,12 @@ class Engine:
         return {name: msgspec.to_builtins(figure) for name, figure in figures.items()}
 
     def as_data(self) -> dict[str, Any]:
-        return {
-            name: value.tobytes() if isinstance(value, np.ndarray) else value
-            for name, value in self.world.state.items()
-        }
+        """Return the world as plain data, for a snapshot: numbers, and arrays as bytes."""
+        data = dict(self.world.state)
+        for name, value in data.items():
+            if isinstance(value, np.ndarray):
+                data[name] = value.tobytes()
+        return data
 
     @property
     def invariants(self) -> Invariants:
@@ -128,7 +150,10 @@ class Engine:
 
     @property
     def over(self) -> bool:
-        """Whether all rows are picked, all full bins unloaded, and the carriers back in the queue."""
+        """Whether the harvest is over.
+
+        Then all rows are picked, all full bins unloaded, and the carriers back in the queue.
+        """
         return harvest_is_over(self.world)
 
     @property
@@ -153,35 +178,52 @@ class Engine:
         return self._scans
 
     def observe(self) -> Observations:
-        """Return what all bodies observe at this tick: poses and twists as their sensors measure them."""
+        """Return what all bodies observe now, with poses and twists as sensors measure them."""
         self._scans = self._scanner.scan(self.world)
         return self.sensors.measured(self.truth())
 
     def truth(self) -> Observations:
-        """Return what all bodies would observe with exact sensors: for viewers and evaluation, never for agents."""
+        """Return what all bodies would observe with exact sensors.
+
+        It is for viewers and evaluation, never for agents.
+        """
         return observe(self.world, self.scans)
 
     def odometry(self) -> Observations:
-        """Return the same with the poses of odometry alone, in each robot's frame `odom`: its measured motion from its start on."""
+        """Return the same with the poses of odometry alone, in each robot's frame `odom`.
+
+        They add up the robot's measured motion from its start on.
+        """
         return self.sensors.reckoned(self.truth())
 
     def due(self, mail: Collection[str]) -> list[str]:
-        """Return the agents that are asked at this tick, in the layout's order; once a tick, after `observe()`. `mail`: those that hear."""
+        """Return the agents that are asked at this tick, in the layout's order.
+
+        Call it once a tick, after `observe()`. `mail`: the agents that hear something.
+        """
         return self.lookahead.due(self.world, self.scans.ranges, mail)
 
     @property
     def asked_share(self) -> float:
-        """Agents that were asked, of all agents and ticks so far."""
-        return self.lookahead.asked / (self.tick * len(self.layout.agents)) if self.tick else 0.0
+        """The share of agents that were asked, of all agents and ticks so far; 0 to 1."""
+        if self.tick == 0:
+            return 0.0
+        return self.lookahead.asked / (self.tick * len(self.layout.agents))
 
     def wake(self, names: Iterable[str]) -> None:
-        """End the holds of these agents: they are asked at the next tick, and without an action their bodies stand."""
+        """End the holds of these agents.
+
+        They are asked at the next tick, and without an action their bodies stand.
+        """
         self.lookahead.wake(names)
 
     def advance(
         self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]
     ) -> list[Event]:
-        """Do one step of 0.1 s with these actions, and return its events. `mail_digests`: agent -> digest of what it heard."""
+        """Do one step of 0.1 s with these actions, and return its events.
+
+        `mail_digests`: agent -> the digest of what it heard, for the run's hash.
+        """
         events = self.step(actions, mail_digests)
         self.account()
         return events
@@ -189,37 +231,42 @@ class Engine:
     def step(self, actions: Mapping[str, Action], mail_digests: Mapping[str, bytes]) -> list[Event]:
         """Do what `advance` does, without accounting for the step."""
         self.account()
-        self.answers = self.lookahead.hold(self.world, self.scans.ranges, actions)
-        self.actions = {
-            name: action
-            for name, action in (self.actions | self.answers).items()
-            if action is not None
-        }
-        events, self._news = (
-            self._news + step(self.world, self.lookahead.wanted, self._deeds(actions)),
-            [],
-        )
+        self.answers = self.lookahead.apply(self.world, self.scans.ranges, actions)
+        newest = self.actions | self.answers
+        self.actions = {name: action for name, action in newest.items() if action is not None}
+        events = self._news + step(self.world, self.lookahead.wanted, self._deeds(actions))
+        self._news = []
         self.sensors.advance()
         self.lookahead.wake(event.who for event in events if event.what in batteries.NEWS)
-        heard = (
-            {name: mail_digests[name] for name in self.layout.agents if mail_digests.get(name)}
-            if mail_digests
-            else {}
-        )
-        self._stepped = self.scans.ranges, heard, events  # mail to unknown names is left out
+        heard = {}
+        if mail_digests:
+            # Mail to unknown names is left out.
+            names = [name for name in self.layout.agents if mail_digests.get(name)]
+            heard = {name: mail_digests[name] for name in names}
+        self._stepped = Stepped(self.scans.ranges, heard, events)
         return events
 
     def account(self) -> None:
-        """Add the last step, once, to the hash, the invariants and the times in states: before whatever needs or changes these."""
-        if self._stepped is not None:
-            (ranges, heard, events), self._stepped = self._stepped, None
-            if self.is_hashed:
-                self._digest = next_digest(self._digest, self.world, ranges, heard)
-            self._invariants.update(self.world, events)
-            self._states.update(self.world, self.answers)
+        """Add the last step, once, to the hash, the invariants and the times in states.
+
+        Call it before whatever needs or changes these.
+        """
+        stepped = self._stepped
+        if stepped is None:
+            return
+        self._stepped = None
+        if self.is_hashed:
+            self._digest = next_digest(
+                self._digest, self.world, stepped.ranges, stepped.mail_digests
+            )
+        self._invariants.update(self.world, stepped.events)
+        self._states.update(self.world, self.answers)
 
     def violations(self) -> list[str]:
-        """Return a sentence for each invariant that the run has broken, and each agent that holds wrongly. Call it at the end of a run."""
+        """Return a sentence for each invariant that the run has broken.
+
+        There is one too for each agent that holds wrongly. Call it at the end of a run.
+        """
         return [
             *self.invariants.end(self.world, self.over),
             *self.states.faults(self.world),
@@ -227,17 +274,22 @@ class Engine:
         ]
 
     def stop(self, words: Sequence[str] = ()) -> list[str]:
-        """Stop the robots with these names or kinds, or all, until they are reset. Return those that were not stopped before.
+        """Stop the robots with these names or kinds, or all without any, until they are reset.
 
-        Raises ValueError for a word that is no robot's name or kind; then no robot is stopped.
+        Return those that were not stopped before. Raises ValueError for a word that is no robot's
+        name or kind; then no robot is stopped.
         """
         return self._latch(words, "stopped")
 
     def reset(self, words: Sequence[str] = ()) -> list[str]:
-        """Let these robots, or all, go on. Return those that were stopped before. Raises ValueError as `stop` does."""
+        """Let these robots, or all, go on. Return those that were stopped before.
+
+        Raises ValueError as `stop` does.
+        """
         return self._latch(words, "reset")
 
-    def _latch(self, words: Sequence[str], what: str) -> list[str]:
+    def _latch(self, words: Sequence[str], what: Literal["stopped", "reset"]) -> list[str]:
+        """Stop or reset robots, and note an event for each that changes."""
         self.account()
         changed = stops.latch(self.world, words, what == "stopped")
         self._news += [Event(self.tick, what, name) for name in changed]
@@ -249,13 +301,13 @@ class Engine:
         return {name: action for name, action in known.items() if name in self.layout.agents}
 
     def _deeds(self, actions: Mapping[str, Action]) -> list[tuple[int, Deed]]:
-        """In body order."""
-        doers = sorted(
-            self.layout.index[name]
-            for name, action in actions.items()
-            if action.deeds and name in self.layout.index
-        )
-        return [(i, deed) for i in doers for deed in actions[self.layout.names[i]].deeds]
+        """Return the deeds of all bodies, (body index, deed), in body order."""
+        index = self.layout.index
+        doers = [name for name, action in actions.items() if action.deeds and name in index]
+        deeds: list[tuple[int, Deed]] = []
+        for name in sorted(doers, key=index.__getitem__):
+            deeds += [(index[name], deed) for deed in actions[name].deeds]
+        return deeds
 
 
 def said_in(action: Action) -> dict[str, Any]:
@@ -269,38 +321,36 @@ def said_in(action: Action) -> dict[str, Any]:
 
 
 class Unaudited(Engine):
-    """An engine for runs of which only the motion is wanted, such as those in which a policy learns: no hash, no invariants, no figures."""
+    """An engine without hash, invariants and figures.
+
+    It is for runs of which only the motion is wanted, such as those in which a policy learns.
+    """
 
     def account(self) -> None:
+        """Forget the last step."""
         self._stepped = None
 
 
+# Types of arrays, as they are hashed: little endian.
 _LITTLE = {kind: np.dtype(kind).newbyteorder("<") for kind in "dflq?"}
 
 
 def next_digest(
     before: bytes, world: World, ranges: np.ndarray, mail_digests: Mapping[str, bytes]
 ) -> bytes:
-    """Return SHA-256 over all state and the digest before. `ranges`: all scans (float32); `mail_digests`: agent -> what it heard."""
+    """Return SHA-256 over all state and the digest before, 32 bytes, the same on every machine.
+
+    `ranges`: all scans, m, float32. `mail_digests`: agent -> the digest of what it heard.
+    """
     sha = hashlib.sha256(before)
     sha.update(b"%d %d %d\n" % (world.tick, world.delivered, len(mail_digests)))
-    charge = (world.charge, world.plugged) if world.layout.first_charging else ()
-    for array in (
-        world.pose,
-        world.coupled,
-        world.fill,
-        world.row_picked,
-        world.alive,
-        ranges,
-        *charge,
-    ):
-        sha.update(
-            np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data
-        )  # the same on every machine
+    arrays = [world.pose, world.coupled, world.fill, world.row_picked, world.alive, ranges]
+    if world.layout.first_charging:
+        arrays += [world.charge, world.plugged]
+    for array in arrays:
+        sha.update(np.ascontiguousarray(array, dtype=_LITTLE[array.dtype.char]).data)
     for name in sorted(mail_digests):
-        sha.update(
-            b"%d %d " % (len(name.encode()), len(mail_digests[name]))
-            + name.encode()
-            + mail_digests[name]
-        )
+        encoded = name.encode()
+        digest = mail_digests[name]
+        sha.update(b"%d %d " % (len(encoded), len(digest)) + encoded + digest)
     return sha.digest()

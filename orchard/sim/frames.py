@@ -1,4 +1,7 @@
-"""Makes the frames of a picture from the world at each tick. A frame holds only what has changed."""
+"""Makes the frames of a picture from the world at each tick.
+
+A frame holds only what has changed.
+"""
 
 from typing import Any
 
@@ -11,7 +14,8 @@ from orchard.sim.engine import Engine
 from orchard.sim.obstacles import PLACES
 from orchard.sim.stops import as_shown
 
-WHOLE_TICKS = 50  # ticks between two whole frames, 5 s, for viewers that join later
+# Ticks between two whole frames, 5 s, for viewers that join later.
+WHOLE_TICKS = 50
 
 
 class FrameBuilder:
@@ -22,14 +26,19 @@ class FrameBuilder:
         self.forget()
 
     def frame(self, events: list[Event]) -> Frame:
-        """Return the frame of the world after a step, with the events of the step. Units and shapes are those of `Frame`."""
-        world, scans = self._engine.world, self._engine.scans
+        """Return the frame of the world after a step, with the events of the step.
+
+        Units and shapes are those of `Frame`.
+        """
+        world = self._engine.world
+        scans = self._engine.scans
         if world.tick % WHOLE_TICKS == 0:
             self.forget()
-        is_whole = (
-            not self._shown
-        )  # not: all fields are there; after some ticks without a frame they may all have changed
-        news = self._news_of()
+        # That all fields are there is no sign of it: after some ticks without a frame all of them
+        # may have changed.
+        is_whole = not self._shown
+        news = self._changed_words()
+        velocities = np.concatenate([world.twist, self._engine.lookahead.wanted], axis=1)
         seldom: dict[str, Any] = {
             name: self._if_changed(name, getattr(world, name)) for name in SELDOM
         }
@@ -42,9 +51,7 @@ class FrameBuilder:
             delivered=world.delivered,
             events=events,
             is_whole=is_whole,
-            velocities=self._new_velocities(
-                np.concatenate([world.twist, self._engine.lookahead.wanted], axis=1)
-            ),
+            velocities=self._new_velocities(velocities),
             charges=self._charges(is_whole),
             **seldom,
         )
@@ -60,64 +67,63 @@ class FrameBuilder:
         return dict(zip(names, world.charge[carriers].tolist(), strict=True))
 
     def forget(self) -> None:
-        self._shown, self._said = dict[str, bytes](), dict[str, tuple[str, State]]()
-        self._drove, self._tick = (
-            np.zeros((0, 6)),
-            -1,
-        )  # of the newest frame: the velocities, as in `Velocities`, and its tick
-        self._halted, self._hindered = (
-            list[str](),
-            list[str](),
-        )  # robots that are shown as stopped, and those with an obstacle in the way
+        """Make the next frame a whole one."""
+        # Field -> its bytes in the newest frame that had it.
+        self._shown: dict[str, bytes] = {}
+        # Robot -> the words and the state in which it was last shown.
+        self._words: dict[str, tuple[str, State]] = {}
+        # Of the newest frame: the velocities, as in `Velocities`, and its tick.
+        self._velocities = np.zeros((0, 6))
+        self._tick = -1
+        # Robots that are shown as stopped, and those with an obstacle in the way.
+        self._halted: list[str] = []
+        self._hindered: list[str] = []
 
-    def _if_changed(self, what: str, now: np.ndarray) -> np.ndarray | None:
-        if self._shown.get(what) == (shown := now.tobytes()):
+    def _if_changed(self, field: str, now: np.ndarray) -> np.ndarray | None:
+        """Return a copy of an array if it is not as in the frame before, else None."""
+        shown = now.tobytes()
+        if self._shown.get(field) == shown:
             return None
-        self._shown[what] = shown
+        self._shown[field] = shown
         return now.copy()
 
     def _new_velocities(self, now: np.ndarray) -> dict[str, Velocities]:
-        changed = (
-            (self._drove != now).any(axis=1).nonzero()[0]
-            if len(self._drove)
-            else np.arange(len(now))
-        )
-        self._drove, names = now, self._engine.layout.names
-        return {
-            names[i]: tuple(own)
-            for i, own in zip(changed.tolist(), now[changed].tolist(), strict=True)
-        }
+        """Return the velocities that have changed, by name. `now`: those of all bodies, (n, 6)."""
+        if len(self._velocities):
+            changed = (self._velocities != now).any(axis=1).nonzero()[0]
+        else:
+            changed = np.arange(len(now))
+        self._velocities = now
+        names = [self._engine.layout.names[i] for i in changed.tolist()]
+        return dict(zip(names, map(tuple, now[changed].tolist()), strict=True))
 
-    def _news_of(self) -> dict[str, tuple[str, State]]:
-        """Return what robots do that did something else. Beside new actions, bodies in the way and stops change what is said of a robot."""
+    def _changed_words(self) -> dict[str, tuple[str, State]]:
+        """Return the words and the state of each robot that is shown otherwise than before.
+
+        Beside new actions, bodies in the way and stops change how a robot is shown.
+        """
         engine = self._engine
-        said: dict[str, tuple[str, State]] = dict.fromkeys(self._halted, ("standing", "resting"))
-        names = (
-            [*engine.answers, *self._hindered, *self._halted]
-            if engine.tick == self._tick + 1
-            else engine.actions
-        )
+        if engine.tick == self._tick + 1:
+            names = [*engine.answers, *self._hindered, *self._halted]
+        else:
+            names = list(engine.actions)
         new = {name: engine.actions[name] for name in names if name in engine.actions}
-        shown = as_shown(engine.world, new)
-        said |= {
-            name: (words_of(action), state_of(action))
-            for name, action in shown.items()
-            if action.doing or action.state
-        }
-        self._hindered, self._tick = (
-            [name for name, action in new.items() if action.waits_for in PLACES],
-            engine.tick,
-        )
-        self._halted = [name for name, (words, _) in said.items() if words == STOPPED]
-        news = {name: now for name, now in said.items() if self._said.get(name) != now}
-        self._said |= news
-        return news
+        # A robot that was stopped and has no action now stands.
+        words: dict[str, tuple[str, State]] = dict.fromkeys(self._halted, ("standing", "resting"))
+        for name, action in as_shown(engine.world, new).items():
+            if action.doing or action.state:
+                words[name] = (words_of(action), state_of(action))
+        self._hindered = [name for name, action in new.items() if action.waits_for in PLACES]
+        self._tick = engine.tick
+        self._halted = [name for name, (doing, _) in words.items() if doing == STOPPED]
+        changed = {name: now for name, now in words.items() if self._words.get(name) != now}
+        self._words |= changed
+        return changed
 
 
 def words_of(action: Action) -> str:
+    """Return what an agent does, and what holds its robot up, as a phrase for people."""
     doing = action.doing or state_of(action)
-    return (
-        f"{doing}, held up by {action.waits_for}"
-        if action.state == "stopped" and action.waits_for
-        else doing
-    )
+    if action.state == "stopped" and action.waits_for:
+        return f"{doing}, held up by {action.waits_for}"
+    return doing

@@ -1,10 +1,10 @@
-"""Invariants of a run, which hold with any agents: bins, metres, calls and bodies are accounted for.
+"""Invariants of a run, which hold with any agents: bins, metres, calls and bodies add up.
 
 Each violation is a sentence. What is checked when:
 
-    after each tick                      | metres, rows, calls, stopped robots; the places of the bins
+    after each tick                      | metres, rows, calls, stopped robots; the places of bins
                                          | if one was coupled or uncoupled
-    each simulated second and at the end | the places of the bins, and that nothing overlaps
+    each simulated second and at the end | the places of bins, and that nothing overlaps
     at the end of a finished harvest     | that each call ended in an exchange
 """
 

@@ -17,59 +17,68 @@ from orchard.sim.kernels.boxes import (
 )
 from orchard.sim.world import World
 
-REACH, ASIDE = (
-    0.9,
-    0.25,
-)  # m ahead of its front edge and to each side: a little more than robots keep free
+# m ahead of its front edge, a little more than robots keep free.
+REACH = 0.9
+# m to each side of it.
+ASIDE = 0.25
 PLACES = {AHEAD: "ahead", IN_TURN: "in its turn"}
 
 
 def with_names(world: World, robot: str, waits_for: str) -> str:
-    """Return what a robot waits for, with the names of the bodies in place of 'an obstacle'. Fences and trees have no name."""
+    """Return what a robot waits for, with the names of the bodies in place of 'an obstacle'.
+
+    Fences and trees have no name.
+    """
     if waits_for not in PLACES or robot not in world.index:
         return waits_for
-    names = [
-        _name(world, j) for j in _bodies_in_the_way(world, world.index[robot], waits_for == AHEAD)
-    ]
-    return f"{', '.join(names)} {PLACES[waits_for]}" if names else waits_for
+    bodies = _bodies_in_the_way(world, world.index[robot], waits_for == AHEAD)
+    if not bodies:
+        return waits_for
+    names = ", ".join(_name(world, body) for body in bodies)
+    return f"{names} {PLACES[waits_for]}"
 
 
 def _name(world: World, body: int) -> str:
-    names, other = world.layout.names, int(world.coupled[body])
-    return (
-        f"{names[body]} of {names[other]}"
-        if kind_of(names[body]) == "bin" and other >= 0
-        else names[body]
-    )
+    """Return the name of a body; of a bin with that of its robot."""
+    names = world.layout.names
+    partner = int(world.coupled[body])
+    if kind_of(names[body]) == "bin" and partner >= 0:
+        return f"{names[body]} of {names[partner]}"
+    return names[body]
 
 
 def _bodies_in_the_way(world: World, robot: int, ahead: bool) -> list[int]:
+    """Return the solid bodies ahead of a robot, or around it, the nearest first."""
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    own, area = (
-        boxes[robot],
-        _box_ahead(boxes[robot]) if ahead else _box_around(boxes[robot], world.layout.names[robot]),
-    )
+    own = boxes[robot]
+    area = _box_ahead(own) if ahead else _box_around(own, world.layout.names[robot])
     away = np.hypot(boxes[:, X] - own[X], boxes[:, Y] - own[Y])
-    near = np.flatnonzero(
-        world.fixed.solid & (away < area[RADIUS] + own[RADIUS] + boxes[:, RADIUS])
-    ).tolist()
-    others = [
-        j
-        for j in near
-        if j not in (robot, int(world.coupled[robot])) and gap(area, boxes[j]) <= 0.0
-    ]
-    return sorted(others, key=lambda j: (float(gap(own, boxes[j])), j))
+    is_near = away < area[RADIUS] + own[RADIUS] + boxes[:, RADIUS]
+    itself = (robot, int(world.coupled[robot]))
+    others = []
+    for j in np.flatnonzero(world.fixed.solid & is_near).tolist():
+        if j not in itself and gap(area, boxes[j]) <= 0.0:
+            others.append((float(gap(own, boxes[j])), j))
+    return [j for _, j in sorted(others)]
 
 
 def _box_ahead(own: np.ndarray) -> np.ndarray:
-    area, middle = own.copy(), own[HALF_LENGTH] + REACH / 2
-    area[[X, Y]] = own[X] + middle * own[COSINE], own[Y] + middle * own[SINE]
-    area[[HALF_LENGTH, HALF_WIDTH]] = REACH / 2, own[HALF_WIDTH] + ASIDE
+    """Return the box ahead of a robot, (7,), that it keeps free. `own`: its own box."""
+    area = own.copy()
+    middle = own[HALF_LENGTH] + REACH / 2
+    area[X] = own[X] + middle * own[COSINE]
+    area[Y] = own[Y] + middle * own[SINE]
+    area[HALF_LENGTH] = REACH / 2
+    area[HALF_WIDTH] = own[HALF_WIDTH] + ASIDE
     return area
 
 
 def _box_around(own: np.ndarray, name: str) -> np.ndarray:
-    area, reach = own.copy(), KINDS[kind_of(name)].tows + own[RADIUS]
-    area[[HALF_LENGTH, HALF_WIDTH, RADIUS]] = reach, reach, 1.5 * reach
+    """Return the square around a robot, (7,), which it and its bin reach in a turn."""
+    area = own.copy()
+    reach = KINDS[kind_of(name)].tows + own[RADIUS]
+    area[HALF_LENGTH] = reach
+    area[HALF_WIDTH] = reach
+    area[RADIUS] = 1.5 * reach
     return area

@@ -1,6 +1,7 @@
-"""One step of the orchard, 0.1 s: deeds, then movement and picking, then unloading. Rules and figures: docs/reference.md.
+"""One step of the orchard, 0.1 s: deeds, then movement and picking, then unloading.
 
-Only physics decides which bodies move, what is coupled, and when a row is picked, a bin is full or a bin is unloaded.
+Only physics decides which bodies move, what is coupled, and when a row is picked, a bin is full or
+unloaded. Rules and figures: docs/reference.md.
 """
 
 from operator import attrgetter
@@ -20,9 +21,13 @@ from orchard.sim.kernels.move import advance
 from orchard.sim.world import NONE, Fixed, Space, World
 
 UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
-FACING = 1e-6  # rad
-PAST_HEAD = 2.0  # m past the queue: a carrier that something drove there, and that another one keeps there, still waits in it
+# rad by which a carrier that waits may be turned from the east.
+FACING = 1e-6
+# m past the queue. A carrier that something drove there, and that another one keeps there, still
+# waits in the queue.
+PAST_HEAD = 2.0
 
+# Attributes of the world that the kernel `advance` takes.
 _CHANGING = (
     "twist",
     "pose",
@@ -37,31 +42,33 @@ _CHANGING = (
     "pick_from",
 )
 _CONSTANT = [name for name in Fixed._fields if name not in ("carriers", "walls_in_sight")]
-_PLACES = [
-    *_CHANGING,
-    *(f"fixed.{name}" for name in _CONSTANT),
-    *(f"space.{name}" for name in Space._fields),
-]  # in the world
-_ARGUMENTS = attrgetter(
-    *in_order(advance, {place.rpartition(".")[2]: place for place in _PLACES}, skip=1)
-)  # of the kernel `advance`
+# Parameter of `advance` -> the dotted path of its argument in the world.
+_PATHS = {
+    **{name: name for name in _CHANGING},
+    **{name: f"fixed.{name}" for name in _CONSTANT},
+    **{name: f"space.{name}" for name in Space._fields},
+}
+# Returns the arguments of `advance` after the wanted twists, from a world.
+_arguments = attrgetter(*in_order(advance, _PATHS, skip=1))
 
 
 def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> list[Event]:
-    """Advance the world by one tick, in place, and return the events. A stopped or flat body does not move and does no deed.
+    """Advance the world by one tick, in place, and return the events.
 
-    twists: (n, 3) float64, as wanted, in each body's frame, m/s and rad/s. deeds: (body index, deed), in body order.
+    A stopped or flat body does not move and does no deed. twists: (n, 3) float64, as wanted, in
+    each body's frame, m/s and rad/s. deeds: (body index, deed), in body order.
     """
     if world.layout.first_charging:
         twists, deeds = batteries.without_flat(world, twists, deeds)
-    events = do_deeds(world, np.where(world.stopped[:, None], 0.0, twists), deeds) if deeds else []
-    events = _left_part_full(world, events) + events
-    if advance(twists, *_ARGUMENTS(world)):
-        events += [
-            _collision(world, i, obstacle)
-            for i, obstacle in enumerate(world.space.met.tolist())
-            if obstacle != NONE
-        ]
+    events: list[Event] = []
+    if deeds:
+        allowed = np.where(world.stopped[:, None], 0.0, twists)
+        done = do_deeds(world, allowed, deeds)
+        events = _left_part_full(world, done) + done
+    if advance(twists, *_arguments(world)):
+        for i, obstacle in enumerate(world.space.met.tolist()):
+            if obstacle != NONE:
+                events.append(_collision(world, i, obstacle))
         events += _picked(world, world.space.picked_from)
         events += _unload(world)
     if world.layout.first_charging:
@@ -71,6 +78,7 @@ def step(world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]) -> lis
 
 
 def _collision(world: World, i: int, obstacle: int) -> Event:
+    """Return the event that body i begins a collision. `obstacle`: as the kernel writes it."""
     names = world.layout.names
     if obstacle < len(names):
         return Event(world.tick, "collision", names[i], names[obstacle])
@@ -80,28 +88,30 @@ def _collision(world: World, i: int, obstacle: int) -> Event:
 
 
 def _left_part_full(world: World, events: list[Event]) -> list[Event]:
-    """The events for bins that a picker has left though they are not full: the last ones of a harvest."""
-    left = [
-        (event, world.index[event.whom])
-        for event in events
-        if event.what == "uncoupled" and kind_of(event.who) == "picker"
-    ]
-    row_y = world.fixed.row_y
-    return [
-        Event(
-            world.tick,
-            "bin full",
-            event.whom,
-            event.who,
-            _held(world, bin_, int(np.argmin(np.abs(row_y - world.pose[bin_, 1])))),
-        )
-        for event, bin_ in left
-        if world.fixed.bin_least <= world.fill[bin_] < world.fixed.bin_full
-    ]
+    """Return the events for bins that a picker has left though they are not full.
+
+    They are the last ones of a harvest. `events`: of this tick's deeds.
+    """
+    fixed = world.fixed
+    part_full = []
+    for event in events:
+        if event.what != "uncoupled" or kind_of(event.who) != "picker":
+            continue
+        bin_ = world.index[event.whom]
+        if fixed.bin_least <= world.fill[bin_] < fixed.bin_full:
+            row = int(np.argmin(np.abs(fixed.row_y - world.pose[bin_, 1])))
+            detail = _content(world, bin_, row)
+            part_full.append(Event(world.tick, "bin full", event.whom, event.who, detail))
+    return part_full
 
 
 def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
-    events, names = [], world.layout.names
+    """Return the events that rows are picked, and that bins are full.
+
+    `picked_from`: of each picker, the row from which it has picked in this tick, or NONE.
+    """
+    events = []
+    names = world.layout.names
     for i, r in zip(world.fixed.pickers.tolist(), picked_from.tolist(), strict=True):
         if r == NONE:
             continue
@@ -109,18 +119,24 @@ def _picked(world: World, picked_from: np.ndarray) -> list[Event]:
         if world.rows_done[r]:
             events.append(Event(world.tick, "row picked", names[i], names[bin_], f"row {r + 1}"))
         if world.fill[bin_] >= world.fixed.bin_full:
-            events.append(
-                Event(world.tick, "bin full", names[bin_], names[i], _held(world, bin_, r))
-            )
+            detail = _content(world, bin_, r)
+            events.append(Event(world.tick, "bin full", names[bin_], names[i], detail))
     return events
 
 
-def _held(world: World, bin_: int, row: int) -> str:
-    """In which row a bin was filled, and the metres in it, for people and for the table of exchanges."""
+def _content(world: World, bin_: int, row: int) -> str:
+    """Return in which row a bin was filled, and the metres in it.
+
+    It is for people, and for the table of exchanges.
+    """
     return f"row {row + 1}, {world.fill[bin_] / world.fixed.row_share[row]:.2f} m"
 
 
 def _unload(world: World) -> list[Event]:
+    """Unload the bin in the bay for one tick. Return the event if it is empty now.
+
+    One bin is unloaded at a time; it is that which has begun, else the first by index.
+    """
     waiting = [i for i in world.full.nonzero()[0].tolist() if _rests_in_bay(world, i)]
     begun = [i for i in waiting if world.bay_ticks[i] > 0]
     ticks = int(world.bay_ticks[begun[0]]) if begun else 0
@@ -135,55 +151,47 @@ def _unload(world: World) -> list[Event]:
     world.fill[bin_] = 0.0
     world.bay_ticks[bin_] = 0
     world.delivered += 1
-    names = world.layout.names
-    return [
-        Event(
-            world.tick,
-            "unloaded",
-            names[bin_],
-            names[int(world.coupled[bin_])],
-            f"bin number {world.delivered}",
-        )
-    ]
+    name = world.layout.names[bin_]
+    carrier = world.layout.names[int(world.coupled[bin_])]
+    return [Event(world.tick, "unloaded", name, carrier, f"bin number {world.delivered}")]
 
 
 def _rests_in_bay(world: World, bin_: int) -> bool:
+    """Whether a bin stands in the bay, on a carrier that stands too."""
     carrier = int(world.coupled[bin_])
     if carrier == NONE or world.layout.starts[carrier].kind != "carrier":
         return False
     x, y, _ = world.pose[bin_].tolist()
-    return (
-        world.layout.bay.contains(x, y) and is_at_rest(world, bin_) and is_at_rest(world, carrier)
-    )
+    is_in_bay = world.layout.bay.contains(x, y)
+    return is_in_bay and is_at_rest(world, bin_) and is_at_rest(world, carrier)
 
 
 # -- queries
 
 
 def is_at_rest(world: World, i: int) -> bool:
+    """Whether body i did not move in the last step."""
     return not world.twist[i].any()
 
 
 def harvest_is_over(world: World) -> bool:
-    if False in world.rows_done.tolist() or max(world.fill.tolist()) >= world.fixed.bin_least:
+    """Whether all rows are picked, all bins are unloaded, and all robots stand at their ends.
+
+    Pickers stand anywhere, carriers in the queue with a bin.
+    """
+    fixed = world.fixed
+    if False in world.rows_done.tolist() or max(world.fill.tolist()) >= fixed.bin_least:
         return False
-    robots = [
-        (i, start.kind)
-        for i, start in enumerate(world.layout.starts)
-        if start.kind in ("carrier", "picker")
-    ]
-    return all(
-        is_at_rest(world, i) and (kind == "picker" or _waits_in_queue(world, i))
-        for i, kind in robots
-    )
+    pickers = fixed.pickers.tolist()
+    carriers = fixed.carriers.tolist()
+    is_any_moving = any(not is_at_rest(world, i) for i in pickers + carriers)
+    return not is_any_moving and all(_waits_in_queue(world, carrier) for carrier in carriers)
 
 
 def _waits_in_queue(world: World, carrier: int) -> bool:
+    """Whether a carrier is in the queue, faces east and has a bin."""
     x, y, yaw = world.pose[carrier].tolist()
     area = world.layout.queue.area
     is_there = area._replace(east=area.east + PAST_HEAD).contains(x, y)
-    return (
-        is_there
-        and abs(angle_between(yaw, EAST)) <= FACING
-        and bool(world.coupled[carrier] != NONE)
-    )
+    faces_east = abs(angle_between(yaw, EAST)) <= FACING
+    return is_there and faces_east and bool(world.coupled[carrier] != NONE)

@@ -14,23 +14,29 @@ from orchard.field.scenario import check
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.sim.world import NONE, World
 
-FURTHEST = 1e12  # m that a body can drive by LAST_TICK
+# m that a body can drive by LAST_TICK.
+FURTHEST = 1e12
 
 
 @contextmanager
 def fitting(snapshot: Snapshot) -> Iterator[None]:
-    """Convert errors that are raised while a snapshot is read to SnapshotError: the snapshot is inconsistent."""
+    """Convert errors that are raised while a snapshot is read to SnapshotError.
+
+    They mean that the snapshot is inconsistent.
+    """
     try:
         yield
     except (ScenarioError, KeyError, ValueError, TypeError, OverflowError) as error:
-        words = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise SnapshotError(
-            f"the snapshot of tick {snapshot.world.get('tick')} is inconsistent: {words}"
-        ) from error
+        fault = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        tick = snapshot.world.get("tick")
+        raise SnapshotError(f"the snapshot of tick {tick} is inconsistent: {fault}") from error
 
 
 def world_from(snapshot: Snapshot) -> World:
-    """Return the world of a snapshot. Raises SnapshotError if it does not fit its scenario, or a value is impossible."""
+    """Return the world of a snapshot.
+
+    Raises SnapshotError if it does not fit its scenario, or a value is impossible.
+    """
     with fitting(snapshot):
         world = World(lay_out(check(snapshot.scenario, "the snapshot's scenario")))
         for name, value in world.state.items():
@@ -43,6 +49,10 @@ def world_from(snapshot: Snapshot) -> World:
 
 
 def _like(old: Any, value: Any) -> Any:
+    """Return a field's value from a snapshot, of the type and shape of the world's own one.
+
+    Raises ValueError if it cannot have them.
+    """
     if not isinstance(old, np.ndarray):
         if type(value) is not type(old):
             raise ValueError(f"{value!r} is not of type {type(old).__name__}")
@@ -53,7 +63,7 @@ def _like(old: Any, value: Any) -> Any:
 
 
 def _faults(world: World) -> Iterator[str]:
-    """A sentence for each field with an impossible value."""
+    """Yield a sentence for each field with an impossible value."""
     west, south = world.layout.walls[:, :2].min(axis=0)
     east, north = world.layout.walls[:, :2].max(axis=0)
     x, y, yaw = world.pose.T
@@ -77,21 +87,27 @@ def _faults(world: World) -> Iterator[str]:
         "refused": (world.refused, 0, LAST_TICK),
     }
     for name, (value, least, most) in spans.items():
-        if not (
-            np.greater_equal(value, least) & np.less_equal(value, most)
-        ).all():  # refuses NaN too
+        # NaN is not within either.
+        is_within = np.greater_equal(value, least) & np.less_equal(value, most)
+        if not is_within.all():
             yield f"{name}: must be from {least:g} to {np.max(most):g}"
     if not _are_pairs(world):
         yield "coupled: must be pairs of a robot that tows and a bin"
 
 
 def _are_pairs(world: World) -> bool:
-    kinds, coupled = [start.kind for start in world.layout.starts], world.coupled.tolist()
-    pairs = [(i, j) for i, j in enumerate(coupled) if j != NONE]
-    tow = {(robot, "bin") for robot in HAULERS}
-    return all(
-        0 <= j < len(coupled)
-        and coupled[j] == i
-        and {(kinds[i], kinds[j]), (kinds[j], kinds[i])} & tow
-        for i, j in pairs
-    )
+    """Whether each coupling is one of a robot that tows and a bin, and both know of it."""
+    kinds = [start.kind for start in world.layout.starts]
+    coupled = world.coupled.tolist()
+    for i, j in enumerate(coupled):
+        if j == NONE:
+            continue
+        is_mutual = 0 <= j < len(coupled) and coupled[j] == i
+        if not is_mutual or not (_tows(kinds[i], kinds[j]) or _tows(kinds[j], kinds[i])):
+            return False
+    return True
+
+
+def _tows(kind: str, other: str) -> bool:
+    """Whether a body of one kind can tow one of the other."""
+    return kind in HAULERS and other == "bin"

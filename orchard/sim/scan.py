@@ -1,6 +1,7 @@
-"""The lasers, 0.2 m above the ground, and the observations of all bodies. Figures: docs/reference.md, "The laser".
+"""The lasers, 0.2 m above the ground, and the observations of all bodies.
 
-A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor its own body. The ranges to oriented boxes are exact.
+A laser sees fences, trunks, posts and all solid bodies, but neither weeds nor its own body. The
+ranges to oriented boxes are exact. Figures: docs/reference.md, "The laser".
 """
 
 import hashlib
@@ -28,105 +29,135 @@ class Scanner:
     """All lasers of an orchard, one for each body."""
 
     def __init__(self, world: World) -> None:
-        layout, fixed, bodies = world.layout, world.fixed, world.fixed.shapes.copy()
-        frame = frame_of(fixed.walls, LASER_RANGE + float(bodies[:, RADIUS].max(initial=0.0)))
-        cells, cell_begin, cell_members = space_for(len(bodies), frame)
-        lasers = [KINDS[start.kind].laser for start in layout.starts]
-        begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
-        (front_beams, front_table), (round_beams, round_table) = _fan(_FORWARD), _fan(AROUND)
-        constant = {
-            "bodies": bodies,
-            "solid": fixed.solid,
-            "walls": fixed.walls,
-            **{f"wall_{name}": array for name, array in fixed.walls_in_sight._asdict().items()},
-            "body_frame": frame,
-            "cells": cells,
-            "cell_begin": cell_begin,
-            "cell_members": cell_members,
-            "ahead": np.array([laser.ahead for laser in lasers], dtype=np.float64),
-            "around": np.array([laser is AROUND for laser in lasers], dtype=np.bool_),
-            "begin": begin,
-            "front_beams": front_beams,
-            "front_table": front_table,
-            "round_beams": round_beams,
-            "round_table": round_table,
-        }
-        self._ranges, self._rounded = np.empty(begin[-1]), np.empty(begin[-1], dtype="<f4")
-        self._constant = in_order(cast_all, constant, skip=4)
-        self.begin, self._begin = begin, begin.tolist()
-        self._noise = layout.scenario.laser.noise
-        keys = (
-            hashlib.blake2b(f"{layout.scenario.seed}/laser/{name}".encode(), digest_size=8).digest()
-            for name in layout.names
-        )
-        self._keys = np.frombuffer(b"".join(keys), "<u8").astype(np.uint64)
+        scenario = world.layout.scenario
+        lasers = [KINDS[start.kind].laser for start in world.layout.starts]
+        # (n + 1,): the ranges of body i are begin[i] to begin[i + 1].
+        self.begin = np.cumsum([0] + [laser.beams for laser in lasers], dtype=np.int64)
+        self._begin = self.begin.tolist()
+        self._ranges = np.empty(self.begin[-1])
+        self._rounded = np.empty(self.begin[-1], dtype="<f4")
+        # The arguments of `cast_all` after those that change from tick to tick.
+        self._constant = in_order(cast_all, _constants(world, lasers, self.begin), skip=4)
+        self._noise = scenario.laser.noise
+        # (n,) uint64: a key for the noise of each body's laser.
+        digests = [_digest(f"{scenario.seed}/laser/{name}") for name in world.layout.names]
+        self._keys = np.frombuffer(b"".join(digests), "<u8").astype(np.uint64)
 
     def scan(self, world: World) -> Scans:
-        """Return the ranges of each body now, (180,) or (60,) float32, m, +inf without a return: new, read-only views of bytes."""
+        """Return the ranges of each body now, (180,) or (60,) float32, m, +inf without a return.
+
+        They are new, read-only views of bytes.
+        """
         self.ranges(world)
         return Scans(np.frombuffer(self._rounded.tobytes(), "<f4"), self._begin)
 
     def ranges(self, world: World) -> np.ndarray:
-        """Return the ranges of all bodies in one array, (all beams,) float64, m, before they are rounded. The next call overwrites it."""
+        """Return the ranges of all bodies in one array, (all beams,) float64, m, not rounded.
+
+        The next call overwrites it.
+        """
         cast_all(world.pose, world.alive, self._ranges, self._rounded, *self._constant)
         if self._noise > 0.0:
             add_noise(self._keys, world.tick, self._noise, self.begin, self._ranges, self._rounded)
         return self._ranges
 
 
+def _constants(world: World, lasers: list[Laser], begin: np.ndarray) -> dict[str, object]:
+    """Return the arguments of `cast_all` that stay the same during a run, by name."""
+    fixed = world.fixed
+    bodies = fixed.shapes.copy()
+    largest_radius = float(bodies[:, RADIUS].max(initial=0.0))
+    frame = frame_of(fixed.walls, LASER_RANGE + largest_radius)
+    cells, cell_begin, cell_members = space_for(len(bodies), frame)
+    front_beams, front_table = _fan(_FORWARD)
+    round_beams, round_table = _fan(AROUND)
+    return {
+        "bodies": bodies,
+        "solid": fixed.solid,
+        "walls": fixed.walls,
+        "wall_frame": fixed.walls_in_sight.frame,
+        "wall_begin": fixed.walls_in_sight.begin,
+        "wall_members": fixed.walls_in_sight.members,
+        "body_frame": frame,
+        "cells": cells,
+        "cell_begin": cell_begin,
+        "cell_members": cell_members,
+        "ahead": np.array([laser.ahead for laser in lasers], dtype=np.float64),
+        "around": np.array([laser is AROUND for laser in lasers], dtype=np.bool_),
+        "begin": begin,
+        "front_beams": front_beams,
+        "front_table": front_table,
+        "round_beams": round_beams,
+        "round_table": round_table,
+    }
+
+
+def _digest(name: str) -> bytes:
+    """Return 8 bytes that depend only on a name."""
+    return hashlib.blake2b(name.encode(), digest_size=8).digest()
+
+
 @cache
 def _fan(laser: Laser) -> tuple[np.ndarray, np.ndarray]:
-    """The beams' cosines and sines, (2, beams), and the fractional beam index at each step of the diamond, (4 STEPS + 2,)."""
-    beams = np.array(
-        [repeatable.sin_cos(laser.first + k * laser.increment)[::-1] for k in range(laser.beams)]
-    ).T.copy()
-    quarter, share = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
-    angles = [
-        q * repeatable.QUARTER + repeatable.atan2(s, 1.0 - s)
-        for q, s in zip(quarter.tolist(), share.tolist(), strict=True)
-    ]
+    """Return the beams of a laser, as the fields of `Fan` need them.
+
+    They are cosines and sines, (2, beams), and the fractional beam index at each step of the
+    diamond, (4 STEPS + 2,).
+    """
+    angles_of_beams = [laser.first + k * laser.increment for k in range(laser.beams)]
+    beams = np.array([repeatable.sin_cos(angle)[::-1] for angle in angles_of_beams]).T.copy()
+    quarters, shares = np.divmod(np.arange(4 * STEPS + 2) / STEPS, 1.0)
+    angles = []
+    for quarter, share in zip(quarters.tolist(), shares.tolist(), strict=True):
+        angles.append(quarter * repeatable.QUARTER + repeatable.atan2(share, 1.0 - share))
     return beams, np.array(angles) / laser.increment
 
 
 def observe(world: World, scans: Scans) -> Observations:
-    """Return the observations of all bodies now, in body order; scans: as `Scanner.scan` returns them."""
+    """Return the observations of all bodies now, in body order.
+
+    scans: as `Scanner.scan` returns them.
+    """
     names = world.layout.names
     states = np.empty((len(names), STATE))
-    states[:, :2], states[:, 2:4], states[:, 4:] = (
-        world.pose[:, :2],
-        quaternions(world.pose),
-        world.twist,
-    )
+    states[:, :2] = world.pose[:, :2]
+    states[:, 2:4] = quaternions(world.pose)
+    states[:, 4:] = world.twist
     fills = {names[i]: float(world.fill[i]) for i in world.fill.nonzero()[0].tolist()}
     full = {names[i] for i in world.full.nonzero()[0].tolist()}
     carriers = world.fixed.carriers.tolist() if world.layout.first_charging else []
     charges = {names[i]: float(world.charge[i]) for i in carriers}
     return Observations(
-        world.tick,
-        world.layout.index,
-        states,
-        scans,
-        Hitches(world, states, scans),
-        fills,
-        full,
+        tick=world.tick,
+        names=world.layout.index,
+        states=states,
+        scans=scans,
+        hitches=Hitches(world, states, scans),
+        fills=fills,
+        full=full,
         charges=charges,
     )
 
 
 class Hitches(Mapping[str, Hitch]):
-    """Coupled body -> the body at the other end of the bar, with its scan if it is towed; each is made when it is asked for."""
+    """Coupled body -> the body at the other end of the bar, with its scan if it is towed.
+
+    Each is made when it is asked for.
+    """
 
     def __init__(self, world: World, states: np.ndarray, scans: Scans) -> None:
-        self._layout, self._tows, self._coupled = (
-            world.layout,
-            world.fixed.tows,
-            world.coupled.copy(),
-        )
-        self._states, self._scans = states, scans
+        self._layout = world.layout
+        self._tows = world.fixed.tows
+        self._coupled = world.coupled.copy()
+        self._states = states
+        self._scans = scans
         self._errors: Mapping[str, np.ndarray] = {}
 
     def shifted(self, errors: Mapping[str, np.ndarray]) -> "Hitches":
-        """Return the same for bodies that take themselves to be elsewhere, m: the bar itself measures without errors."""
+        """Return the same for bodies that take themselves to be elsewhere.
+
+        `errors`: name -> (2,) m, by how much. The bar itself measures without errors.
+        """
         other = copy(self)
         other._errors = errors
         return other
@@ -138,15 +169,10 @@ class Hitches(Mapping[str, Hitch]):
             raise KeyError(name)
         x, y, z, w, vx, vy, turn = self._states[other].tolist()
         if name in self._errors:
-            x, y = x + self._errors[name].item(0), y + self._errors[name].item(1)
-        return Hitch(
-            self._layout.names[other],
-            x,
-            y,
-            (z, w),
-            Twist(vx, vy, turn),
-            self._scans[other] if self._tows[i] > 0.0 else None,
-        )
+            x += self._errors[name].item(0)
+            y += self._errors[name].item(1)
+        scan = self._scans[other] if self._tows[i] > 0.0 else None
+        return Hitch(self._layout.names[other], x, y, (z, w), Twist(vx, vy, turn), scan)
 
     def __iter__(self) -> Iterator[str]:
         return (self._layout.names[i] for i in np.flatnonzero(self._coupled != NONE).tolist())

@@ -1,6 +1,21 @@
-"""A whole run as data, and as a file: a run that is resumed from it gets the same hash as a run without interruption.
+"""A whole run as data, and as a file.
 
-The first line of a file names its format and version. The second line is the SHA-256 of the rest.
+A run that is resumed from it gets the same hash as a run without interruption. The first line of a
+file names its format and version. The second line is the SHA-256 of the rest.
+
+Theory of operation. A run writes its files into a folder of its own; the file RUN there holds its
+id. A snapshot is for going on after a crash, so only the newest KEPT stay. A keyframe is for a
+fork, so all of them stay until the run begins again.
+
+    a new file                          | what is removed
+    ------------------------------------+----------------------------------------------------------
+    of another run than the folder's    | all snapshots and keyframes; RUN gets the new id
+    a snapshot or keyframe of tick 0    | all others of its kind
+    a later snapshot                    | all snapshots but the KEPT last written, with the new one
+    a later keyframe                    | nothing
+
+A reader takes the newest file that is whole, of the right run and version, and possible. It goes on
+to the next older one, and tells why.
 """
 
 import hashlib
@@ -17,14 +32,16 @@ from orchard.folders import half_written, regular, write_whole
 
 VERSION = 9
 HEAD = b"orchard snapshot %d\n"
-LARGEST = 1 << 24  # bytes; the snapshot of the largest orchard has a hundredth of that
-KEPT = 2  # files: the newest two
-STEM, SNAPSHOT, KEYFRAME = (
-    "tick-%09d",
-    ".snapshot",
-    ".keyframe",
-)  # keyframes stay: from each of them a run can be forked
-RUN = "run"  # file: the id of the run that writes its snapshots into the folder
+# bytes. The snapshot of the largest orchard has a hundredth of that.
+LARGEST = 1 << 24
+# Snapshots that stay: the newest ones.
+KEPT = 2
+# A file's name is the STEM with its tick, and the suffix of its kind.
+STEM = "tick-%09d"
+SNAPSHOT = ".snapshot"
+KEYFRAME = ".keyframe"
+# The file with the id of the run that writes its snapshots into the folder.
+RUN = "run"
 # The names of its snapshots and keyframes, as a regular expression.
 NAMES = rf"tick-\d{{9,}}(?:{re.escape(SNAPSHOT)}|{re.escape(KEYFRAME)})"
 
@@ -36,23 +53,30 @@ class SnapshotError(Exception):
 class Snapshot(msgspec.Struct):
     """The state of a run between two ticks."""
 
-    run: Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{0,64}$")]  # the run's id
+    # The run's id.
+    run: Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{0,64}$")]
     scenario: dict[str, Any]
-    world: dict[str, Any]  # field of World -> a number, or an array's bytes
-    digest: Annotated[bytes, Meta(min_length=32, max_length=32)]  # the run's hash so far
-    memories: dict[str, bytes | None]  # name -> the agent's memory as msgpack
-    letters: list[
-        tuple[int, dict[str, Written]]
-    ]  # (tick, sender -> its letters) of the last two ticks
-    figures: dict[str, Any]  # the run's figures so far
-    owned: list[str] = []  # the agents that a session owned
-    lost: dict[
-        str, int
-    ] = {}  # agent -> the first tick for which lockstep has not waited for it: from there on the hash is another
-    elsewhere: list[str] = []  # the agents that were left to clients elsewhere
+    # Attribute of World -> a number, or an array's bytes.
+    world: dict[str, Any]
+    # The run's hash so far.
+    digest: Annotated[bytes, Meta(min_length=32, max_length=32)]
+    # Name -> the agent's memory as msgpack.
+    memories: dict[str, bytes | None]
+    # (tick, sender -> its letters) of the last two ticks.
+    letters: list[tuple[int, dict[str, Written]]]
+    # The run's figures so far.
+    figures: dict[str, Any]
+    # The agents that a session owned.
+    owned: list[str] = []
+    # Agent -> the first tick for which lockstep has not waited for it. From there on the hash is
+    # another.
+    lost: dict[str, int] = {}
+    # The agents that were left to clients elsewhere.
+    elsewhere: list[str] = []
 
     @property
     def tick(self) -> int:
+        """The tick after the last step."""
         return int(self.world["tick"])
 
 
@@ -60,6 +84,7 @@ class Snapshot(msgspec.Struct):
 
 
 def as_file(snapshot: Snapshot) -> tuple[str, bytes]:
+    """Return the name and the content of a snapshot's file."""
     payload = pack(snapshot)
     head = HEAD % VERSION + hashlib.sha256(payload).hexdigest().encode() + b"\n"
     return STEM % snapshot.tick + SNAPSHOT, head + payload
@@ -71,12 +96,14 @@ def store(name: str, content: bytes, folder: Path, run: str = "") -> Path:
     What it outdates is removed, and what a process has left that was killed while it wrote.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    path, others = folder / name, list[Path]()
+    path = folder / name
+    of_others: list[Path] = []
     if run_of(folder) != run:
-        others = [old for old in snapshots_in(folder) if old != path]
+        of_others = [old for old in snapshots_in(folder) if old != path]
         write_whole(folder / RUN, run.encode())
     write_whole(path, content)
-    for old in (*(others or _outdated(path)), *half_written(folder, f"{NAMES}|{RUN}")):
+    outdated = of_others or _outdated(path)
+    for old in [*outdated, *half_written(folder, f"{NAMES}|{RUN}")]:
         old.unlink(missing_ok=True)
     return path
 
@@ -94,17 +121,15 @@ def snapshots_in(folder: Path, *suffixes: str) -> list[Path]:
 
 
 def _outdated(path: Path) -> list[Path]:
-    """Return the files that a new one outdates: all but the KEPT last ones, or no keyframe; all, if the run has begun, or begun again."""
+    """Return the files of the same kind that a new one outdates."""
     written = _newest_first(path.parent, path.suffix)
-    written.sort(
-        key=lambda old: old.lstat().st_mtime_ns, reverse=True
-    )  # the highest tick may be damaged
-    others = [
-        old for old in written if old != path
-    ]  # a clock that was set back must not remove this one
-    return (
-        others if path.stem == STEM % 0 else [] if path.suffix == KEYFRAME else others[KEPT - 1 :]
-    )
+    # Not the highest ticks count, which may be of damaged files, but the last that were written.
+    written.sort(key=lambda old: old.lstat().st_mtime_ns, reverse=True)
+    # The new one stays, also if the clock was set back.
+    others = [old for old in written if old != path]
+    if path.stem == STEM % 0:
+        return others
+    return [] if path.suffix == KEYFRAME else others[KEPT - 1 :]
 
 
 def read(path: Path) -> Snapshot:
@@ -116,13 +141,14 @@ def read(path: Path) -> Snapshot:
         raise SnapshotError(error.strerror or "cannot be read") from error
     if len(data) > LARGEST:
         raise SnapshotError(f"larger than {LARGEST} bytes: not a snapshot")
-    found = re.match(rb"orchard snapshot (\d{1,9})\n([0-9a-f]{64})\n", data)
-    if not found:
+    head = re.match(rb"orchard snapshot (\d{1,9})\n([0-9a-f]{64})\n", data)
+    if not head:
         raise SnapshotError("not a snapshot of an orchard")
-    if int(found[1]) != VERSION:
-        raise SnapshotError(f"version {int(found[1])}; this program reads version {VERSION}")
-    payload = data[found.end() :]
-    if hashlib.sha256(payload).hexdigest().encode() != found[2]:
+    version = int(head[1])
+    if version != VERSION:
+        raise SnapshotError(f"version {version}; this program reads version {VERSION}")
+    payload = data[head.end() :]
+    if hashlib.sha256(payload).hexdigest().encode() != head[2]:
         raise SnapshotError("truncated or changed: the checksum is wrong")
     try:
         snapshot: Snapshot = unpack(payload, Snapshot)
@@ -147,29 +173,29 @@ def newest(
     examine: Callable[[Snapshot], object] = lambda snapshot: snapshot,
     until: int | None = None,
 ) -> Snapshot:
-    """Return the newest usable snapshot in a folder; append the faults of others to `refused`. Raises SnapshotError if there is none.
+    """Return the newest usable snapshot in a folder. Raises SnapshotError if there is none.
 
-    `run`: the id of the run to which it must belong; '' for that of the folder. `examine`: raises SnapshotError for impossible content.
-    `until`: the newest one up to this tick, which may be a keyframe.
+    `refused`: gets the faults of newer ones. `run`: the id of the run to which it must belong; ''
+    for that of the folder. `examine`: raises SnapshotError for impossible content. `until`: take
+    the newest one up to this tick, which may be a keyframe.
     """
     expected = run or run_of(folder)
-    known = (
-        _newest_first(folder, SNAPSHOT)
-        if until is None
-        else _newest_first(folder, KEYFRAME, SNAPSHOT)
-    )
-    for path in known if until is None else [path for path in known if path.stem <= STEM % until]:
+    if until is None:
+        paths = _newest_first(folder, SNAPSHOT)
+    else:
+        last = STEM % until
+        paths = [path for path in _newest_first(folder, KEYFRAME, SNAPSHOT) if path.stem <= last]
+    for path in paths:
         try:
-            found = read(path)
-            if found.run != expected:
-                raise SnapshotError(
-                    f"of another run, {found.run}; expected {expected or f'a file {RUN} there with its id'}"
-                )
-            examine(found)
+            snapshot = read(path)
+            if snapshot.run != expected:
+                wanted = expected or f"a file {RUN} there with its id"
+                raise SnapshotError(f"of another run, {snapshot.run}; expected {wanted}")
+            examine(snapshot)
         except SnapshotError as error:
             refused.append(f"{path}: {error}")
         else:
-            return found
+            return snapshot
     raise SnapshotError("; ".join([*refused, f"{folder}: no usable snapshot"]))
 
 
@@ -179,4 +205,5 @@ def ticks_of(folder: Path) -> list[int]:
 
 
 def _newest_first(folder: Path, *suffixes: str) -> list[Path]:
+    """Return the files of a folder with these suffixes, those with the highest tick first."""
     return sorted(snapshots_in(folder, *suffixes), reverse=True)

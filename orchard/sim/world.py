@@ -14,7 +14,8 @@ from orchard.sim.kernels.boxes import RADIUS, boxes_of
 from orchard.sim.kernels.grid import Grid, frame_of, grid_of, space_for
 from orchard.sim.kernels.move import ANYWHERE, NONE, full_bins, picked_metres
 
-CELL = 10.0  # m: the smallest cell; smaller cells cost more time than they save
+# m: the smallest cell. Smaller cells cost more time than they save.
+CELL = 10.0
 
 __all__ = ["NONE", "Fixed", "World"]
 
@@ -22,159 +23,205 @@ __all__ = ["NONE", "Fixed", "World"]
 class Fixed(NamedTuple):
     """What a layout says of n bodies, r rows and w walls, as the kernels take it."""
 
-    speed: np.ndarray  # (n,) m/s
-    turn: np.ndarray  # (n,) rad/s
-    tows: (
-        np.ndarray
-    )  # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing
-    solid: np.ndarray  # (n,) bool
-    sideways: np.ndarray  # (n,) bool: bins, which move only while they are coupled
-    shapes: np.ndarray  # (n, 7) boxes: half sizes and radius; `place` writes the other columns
-    pickers: np.ndarray  # int64: their indices
-    bin_full: float  # m: what fills a bin
-    bin_least: float  # m: what is in a bin that is to be delivered, once its picker has left it
-    row_share: np.ndarray  # (r,) m in a bin for each metre of the row: 1, unless each row fills one bin, however long it is
-    row_west: np.ndarray  # (r,) m: x of the rows' west ends
-    row_length: np.ndarray  # (r,) m
-    row_y: np.ndarray  # (r,) m: the lanes' centre lines
-    row_speed: np.ndarray  # (r,) m/s: the picking speeds
-    walls: np.ndarray  # (w, 7): the boxes of fences, trunks and posts
-    wall_frame: np.ndarray  # the Grid of the walls that a body in each cell could touch
+    # (n,) m/s.
+    speed: np.ndarray
+    # (n,) rad/s.
+    turn: np.ndarray
+    # (n,) m from its centre back to the centre of its coupled bin; 0: it tows nothing.
+    tows: np.ndarray
+    # (n,) bool.
+    solid: np.ndarray
+    # (n,) bool: bins, which move only while they are coupled.
+    sideways: np.ndarray
+    # (n, 7) boxes: half sizes and radius. `place` writes the other columns.
+    shapes: np.ndarray
+    # int64: the indices of the pickers.
+    pickers: np.ndarray
+    # m: what fills a bin.
+    bin_full: float
+    # m: what is in a bin that is to be delivered, once its picker has left it.
+    bin_least: float
+    # (r,) m in a bin for each metre of the row: 1, unless each row fills one bin.
+    row_share: np.ndarray
+    # (r,) m: x of the rows' west ends.
+    row_west: np.ndarray
+    # (r,) m.
+    row_length: np.ndarray
+    # (r,) m: the lanes' centre lines.
+    row_y: np.ndarray
+    # (r,) m/s: the picking speeds.
+    row_speed: np.ndarray
+    # (w, 7): the boxes of fences, trunks and posts.
+    walls: np.ndarray
+    # The Grid of the walls that a body in each cell could touch.
+    wall_frame: np.ndarray
     wall_begin: np.ndarray
     wall_members: np.ndarray
-    body_frame: (
-        np.ndarray
-    )  # of a Grid of bodies: two that could touch within a step are in neighbouring cells
-    walls_in_sight: Grid  # the Grid of the walls that a laser in each cell could reach
-    carriers: np.ndarray  # int64: their indices
+    # Of a Grid of bodies: two that could touch within a step are in neighbouring cells.
+    body_frame: np.ndarray
+    # The Grid of the walls that a laser in each cell could reach.
+    walls_in_sight: Grid
+    # int64: the indices of the carriers.
+    carriers: np.ndarray
 
 
 class Space(NamedTuple):
-    """Arrays in which a step of n bodies works: a kernel that makes none is called in half the time."""
+    """Arrays in which a step of n bodies works.
 
-    boxes: np.ndarray  # (n, 7): the bodies at their poses
-    cells: np.ndarray  # the Grid of the bodies, as `space_for` makes it
+    A kernel that makes no arrays is called in half the time.
+    """
+
+    # (n, 7): the bodies at their poses.
+    boxes: np.ndarray
+    # The Grid of the bodies, as `space_for` makes it.
+    cells: np.ndarray
     cell_begin: np.ndarray
     cell_members: np.ndarray
-    met: np.ndarray  # (n,) int64: the obstacle with which each body's collision begins: a body's index, n + a wall's, or NONE
-    picked_from: np.ndarray  # of each picker, int64: the row from which it picked, or NONE
-    before: np.ndarray  # of each picker, m: its x before the step
-    full: np.ndarray  # (n,) bool
+    # (n,) int64: the obstacle with which each body's collision begins: a body's index, n + a
+    # wall's, or NONE.
+    met: np.ndarray
+    # Of each picker, int64: the row from which it picked, or NONE.
+    picked_from: np.ndarray
+    # Of each picker, m: its x before the step.
+    before: np.ndarray
+    # (n,) bool.
+    full: np.ndarray
 
 
 def _space_of(fixed: Fixed) -> Space:
-    n, pickers = len(fixed.shapes), len(fixed.pickers)
-    numbers = np.empty(n, dtype=np.int64), np.full(pickers, NONE, dtype=np.int64)
+    """Return the space for a step. What is in it does not matter."""
+    n = len(fixed.shapes)
+    pickers = len(fixed.pickers)
+    cells, cell_begin, cell_members = space_for(n, fixed.body_frame)
     return Space(
-        fixed.shapes.copy(),
-        *space_for(n, fixed.body_frame),
-        *numbers,
-        np.empty(pickers),
-        np.empty(n, dtype=bool),
+        boxes=fixed.shapes.copy(),
+        cells=cells,
+        cell_begin=cell_begin,
+        cell_members=cell_members,
+        met=np.empty(n, dtype=np.int64),
+        picked_from=np.full(pickers, NONE, dtype=np.int64),
+        before=np.empty(pickers),
+        full=np.empty(n, dtype=bool),
     )
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def fixed_of(layout: Layout) -> Fixed:
+    """Return what a layout says of its bodies, rows and walls. The arrays are never changed."""
     kinds = [KINDS[start.kind] for start in layout.starts]
     halves = np.array([(kind.length / 2, kind.width / 2) for kind in kinds]).reshape(-1, 2)
-    shapes, speed = (
-        boxes_of(np.zeros_like(halves), halves),
-        np.array([kind.speed for kind in kinds], dtype=np.float64),
-    )
-    radius, step = (
-        float(shapes[:, RADIUS].max(initial=0.0)),
-        float(speed.max(initial=0.0)) * TIME_STEP,
-    )
+    shapes = boxes_of(np.zeros_like(halves), halves)
+    speed = np.array([kind.speed for kind in kinds], dtype=np.float64)
+    radius = float(shapes[:, RADIUS].max(initial=0.0))
+    step = float(speed.max(initial=0.0)) * TIME_STEP
     walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])
+    walls_in_touch = _grid(walls.tobytes(), radius)
+    lanes = layout.lanes
+    if layout.scenario.bin_metres:
+        bin_least = FULL_WITHIN
+        row_share = [1.0 for _ in lanes]
+    else:
+        bin_least = layout.metres_per_bin
+        row_share = [layout.row_length / lane.length for lane in lanes]
     return Fixed(
-        speed,
-        np.array([kind.turn for kind in kinds], dtype=np.float64),
-        np.array([kind.tows for kind in kinds], dtype=np.float64),
-        np.array([kind.solid for kind in kinds], dtype=bool),
-        np.array([kind.sideways for kind in kinds], dtype=bool),
-        shapes,
-        np.array(
-            [i for i, start in enumerate(layout.starts) if start.kind == "picker"], dtype=np.int64
-        ),
-        layout.metres_per_bin,
-        FULL_WITHIN if layout.scenario.bin_metres else layout.metres_per_bin,
-        np.array(
-            [
-                1.0 if layout.scenario.bin_metres else layout.row_length / lane.length
-                for lane in layout.lanes
-            ]
-        ),
-        np.array([lane.west for lane in layout.lanes]),
-        np.array([lane.length for lane in layout.lanes]),
-        np.array([lane.y for lane in layout.lanes]),
-        np.array([lane.picking_speed for lane in layout.lanes]),
-        walls,
-        *_grid(walls.tobytes(), radius),
-        frame_of(walls, max(CELL, 2.0 * (radius + step))),
-        _grid(walls.tobytes(), LASER_RANGE),
-        np.array(
-            [i for i, start in enumerate(layout.starts) if start.kind == "carrier"], dtype=np.int64
-        ),
+        speed=speed,
+        turn=np.array([kind.turn for kind in kinds], dtype=np.float64),
+        tows=np.array([kind.tows for kind in kinds], dtype=np.float64),
+        solid=np.array([kind.solid for kind in kinds], dtype=bool),
+        sideways=np.array([kind.sideways for kind in kinds], dtype=bool),
+        shapes=shapes,
+        pickers=_indices(layout, "picker"),
+        bin_full=layout.metres_per_bin,
+        bin_least=bin_least,
+        row_share=np.array(row_share),
+        row_west=np.array([lane.west for lane in lanes]),
+        row_length=np.array([lane.length for lane in lanes]),
+        row_y=np.array([lane.y for lane in lanes]),
+        row_speed=np.array([lane.picking_speed for lane in lanes]),
+        walls=walls,
+        wall_frame=walls_in_touch.frame,
+        wall_begin=walls_in_touch.begin,
+        wall_members=walls_in_touch.members,
+        body_frame=frame_of(walls, max(CELL, 2.0 * (radius + step))),
+        walls_in_sight=_grid(walls.tobytes(), LASER_RANGE),
+        carriers=_indices(layout, "carrier"),
     )
+
+
+def _indices(layout: Layout, kind: str) -> np.ndarray:
+    """Return the indices of the bodies of a kind, int64."""
+    bodies = [i for i, start in enumerate(layout.starts) if start.kind == kind]
+    return np.array(bodies, dtype=np.int64)
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _grid(walls: bytes, reach: float) -> Grid:
-    """The grid of walls, which does not depend on the seed. It is read-only, as all constants."""
+    """Return the Grid of walls, (w, 7) boxes as bytes, within `reach` m of its cells.
+
+    It is kept, because it does not depend on the seed. It is never changed.
+    """
     return grid_of(np.frombuffer(walls).reshape(-1, RADIUS + 1), reach)
 
 
 class World:
-    """The state of n bodies and r rows. Poses are in the orchard's frame, twists in the body's frame; SI units."""
+    """The state of n bodies and r rows.
+
+    Poses are in the orchard's frame, twists in the body's frame; SI units. `layout`, `fixed` and
+    `space` are no state: they follow from the scenario. All other attributes are in a snapshot.
+    """
 
     def __init__(self, layout: Layout) -> None:
         """At tick 0, each body is at its start, and the bins are coupled."""
-        n, rows = len(layout.starts), layout.scenario.rows
-        self.layout, self.fixed = layout, fixed_of(layout)
+        n = len(layout.starts)
+        rows = layout.scenario.rows
+        self.layout = layout
+        self.fixed = fixed_of(layout)
         self.space = _space_of(self.fixed)
         self.tick = 0
-        self.pose = np.array([start.pose for start in layout.starts], dtype=np.float64).reshape(
-            n, 3
-        )  # x, y, yaw
-        self.twist = np.zeros(
-            (n, 3)
-        )  # forward, left, yaw rate of the last step; 0 if the step was refused
-        self.coupled = np.full(
-            n, NONE, dtype=np.int64
-        )  # index of the body at the other end of the bar, or NONE
-        self.fill = np.zeros(n)  # of bins, metres of row in the bin, 0 to what fills it
-        self.alive = np.ones(n, dtype=bool)  # False for a flattened weed
-        self.row_ends = np.zeros(
-            (rows, 4)
-        )  # metres picked from the row's west end, from its east end; and, while a pass picks a part
-        # inside: as far as that is picked, from the west end, from the east end, else 0
-        self.pick_from = np.full(n, ANYWHERE)  # x before which this picker picks nothing, m
-        self.bay_ticks = np.zeros(
-            n, dtype=np.int64
-        )  # of bins, ticks at rest in the bay since it last moved
-        self.delivered, self.delivered_metres = 0, 0.0  # bins unloaded, and what was in them
-        self.distance = np.zeros(n)  # metres driven
-        self.collisions = np.zeros(
-            n, dtype=np.int64
-        )  # that this body began; a collision lasts while its steps meet an obstacle
-        self.refused = np.zeros(n, dtype=np.int64)  # steps refused because of the coupled bin
-        self.blocked = np.zeros(
-            n, dtype=bool
-        )  # in a collision: the last step met an obstacle, and was refused
-        self.stopped = np.zeros(n, dtype=bool)  # latched by an emergency stop; see stops.py
-        self.charge = np.ones(n)  # of carriers' batteries, 0 flat to 1 full; see batteries.py
-        self.plugged = np.zeros(n, dtype=bool)  # has a charger
-        self.bias = np.zeros(
-            (n, 2)
-        )  # m: the slow error of each receiver in x and y; see sensors.py
-        self.reckoned = (
-            self.pose.copy()
-        )  # the poses of odometry alone, kept if it has errors; see sensors.py
+        starts = [start.pose for start in layout.starts]
+        # (n, 3): x, y, yaw.
+        self.pose = np.array(starts, dtype=np.float64).reshape(n, 3)
+        # (n, 3): forward, left, yaw rate of the last step; 0 if the step was refused.
+        self.twist = np.zeros((n, 3))
+        # Index of the body at the other end of the bar, or NONE.
+        self.coupled = np.full(n, NONE, dtype=np.int64)
+        # Of bins: metres of row in the bin, 0 to what fills it.
+        self.fill = np.zeros(n)
+        # False for a flattened weed.
+        self.alive = np.ones(n, dtype=bool)
+        # m, as `Rows.picked` in orchard/sim/kernels/move.py.
+        self.row_ends = np.zeros((rows, 4))
+        # m: x before which this picker picks nothing.
+        self.pick_from = np.full(n, ANYWHERE)
+        # Of bins: ticks at rest in the bay since it last moved.
+        self.bay_ticks = np.zeros(n, dtype=np.int64)
+        # Bins unloaded, and the metres that were in them.
+        self.delivered = 0
+        self.delivered_metres = 0.0
+        # m that each body has driven.
+        self.distance = np.zeros(n)
+        # Collisions that each body began. One lasts while the body's steps meet an obstacle.
+        self.collisions = np.zeros(n, dtype=np.int64)
+        # Steps that were refused because of the coupled bin.
+        self.refused = np.zeros(n, dtype=np.int64)
+        # Whether a body is in a collision: its last step met an obstacle, and was refused.
+        self.blocked = np.zeros(n, dtype=bool)
+        # Whether a body is latched by an emergency stop; see stops.py.
+        self.stopped = np.zeros(n, dtype=bool)
+        # Of carriers' batteries, 0 flat to 1 full; see batteries.py.
+        self.charge = np.ones(n)
+        # Whether a body has a charger.
+        self.plugged = np.zeros(n, dtype=bool)
+        # m: the slow error of each receiver in x and y; see sensors.py.
+        self.bias = np.zeros((n, 2))
+        # The poses of odometry alone, kept if it has errors; see sensors.py.
+        self.reckoned = self.pose.copy()
         for robot in layout.starts:
             if robot.bin:
-                i, j = self.index[robot.name], self.index[robot.bin]
-                self.coupled[i], self.coupled[j] = j, i
+                i = self.index[robot.name]
+                j = self.index[robot.bin]
+                self.coupled[i] = j
+                self.coupled[j] = i
 
     @property
     def seconds(self) -> float:
@@ -183,16 +230,13 @@ class World:
 
     @property
     def full(self) -> np.ndarray:
-        """Which bodies are bins to be delivered, (n,) bool: full ones, and those that a picker has left part full."""
+        """Which bodies are bins to be delivered, (n,) bool.
+
+        They are full, or a picker has left them part full.
+        """
+        fixed = self.fixed
         full = np.empty(len(self.fill), dtype=bool)
-        full_bins(
-            self.fill,
-            self.coupled,
-            self.fixed.pickers,
-            self.fixed.bin_full,
-            self.fixed.bin_least,
-            full,
-        )
+        full_bins(self.fill, self.coupled, fixed.pickers, fixed.bin_full, fixed.bin_least, full)
         return full
 
     @property
@@ -224,12 +268,11 @@ class World:
 
     @property
     def index(self) -> Mapping[str, int]:
+        """Name of a body -> its index."""
         return self.layout.index
 
     @property
     def state(self) -> dict[str, Any]:
-        return {
-            name: value
-            for name, value in vars(self).items()
-            if name not in ("layout", "fixed", "space")
-        }
+        """The attributes that a snapshot must hold, by name: numbers and arrays."""
+        derived = ("layout", "fixed", "space")
+        return {name: value for name, value in vars(self).items() if name not in derived}

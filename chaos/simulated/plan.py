@@ -220,6 +220,9 @@ FAR_TICKS = 320  # from what happens to the nearest deed: further away, the sche
 TRIES = 3  # that are made to find a moment that is not so far away
 RARE = (HARVESTED, "charging", "charged", FAILED, REPAIRED)  # mostly far from each deed
 BEFORE_WHAT_IS_RARE = 0.06  # the share of schedules that begin before that
+# The share of schedules with other faults in which a person at the controls acts, too.
+WITH_OPERATOR = 0.35
+OF_AN_OPERATOR = ("stop robots", "pause")
 
 
 def draw(seed: int) -> Plan:
@@ -354,6 +357,9 @@ def _faults(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
         # Without a router nothing begins.
         tick = max(tick, 0) if who == ROUTER else tick
         faults.append(_fault(random, plan, random.choice(FAULTS[who] + more), who, tick, delay))
+    if faults and random.random() < WITH_OPERATOR:
+        what = random.choice(OF_AN_OPERATOR)
+        faults.append(_fault(random, plan, what, CLIENT, *moments.draw(random)))
     return faults
 
 

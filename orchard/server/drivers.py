@@ -39,6 +39,8 @@ class Drivers:
         ] = {}  # agent -> the first tick for which lockstep has not waited for it
         self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
         self._seen: Observations | None = None
+        # The agents whose last action was refused as malformed.
+        self._malformed: set[str] = set()
 
     # -- which session owns which agent
 
@@ -165,7 +167,8 @@ class Drivers:
     def act_all(self, message: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
         """Take the actions of a session, each by itself. Return the refusals. `malformed`: name -> why its action is not in the message.
 
-        A robot with a malformed action, or with a velocity out of bounds, stands in this tick, so that the others need not wait for it.
+        An action that is malformed or out of bounds may have changed on its way: its session sends it again. If the next one is
+        no better, the robot stands in this tick, so that the others need not wait for it.
         """
         refused, is_heard = dict(malformed), self._publisher.are_robots_heard()
         for name, report in message.velocities.items():
@@ -174,10 +177,20 @@ class Drivers:
             except Refused as refusal:
                 refused[name] = refusal
             else:
+                self._malformed.discard(name)
                 if is_heard:
                     self._publisher.publish_velocity(name, message.owner, message.tick, report)
         for name, why in refused.items():
             if why.reason in ("malformed", "out of bounds"):
-                with suppress(Refused):  # it is not the action that this tick waits for
-                    self._act(name, message.owner, message.tick, BROKEN)
+                self._take_malformed(name, message)
         return list(refused.values())
+
+    def _take_malformed(self, name: str, message: Velocities) -> None:
+        """Let a robot stand whose action is malformed for the second time in turn."""
+        if self.roster.owners.get(name) != message.owner:
+            return
+        if name in self._malformed:
+            # It may not be the action that this tick waits for.
+            with suppress(Refused):
+                self._act(name, message.owner, message.tick, BROKEN)
+        self._malformed.add(name)

@@ -201,6 +201,38 @@ def test_a_host_joins_although_a_byte_of_its_join_was_changed(
     assert len(joins) == 2
 
 
+def changing_actions(monkeypatch, times: float) -> None:
+    """Let the network change the action of a picker in so many messages: it is no action any more, and all others are."""
+    publish, changed = Router.publish, []
+
+    def publish_with_change(router, link, key, payload, may_drop):
+        message = msgpack.unpackb(payload) if key.endswith("/velocities") else {}
+        if "picker_01" in message.get("velocities", {}) and len(changed) < times:
+            changed.append(message["tick"])
+            message["velocities"]["picker_01"] = {"doing": 7}
+            payload = msgpack.packb(message)
+        publish(router, link, key, payload, may_drop)
+
+    monkeypatch.setattr(Router, "publish", publish_with_change)
+
+
+def test_an_action_that_was_changed_is_sent_again(fleet, undisturbed, monkeypatch):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    changing_actions(monkeypatch, 1)
+    fleet.host(agents=TOY)
+    assert fleet.end() == undisturbed
+
+
+def test_a_robot_stands_whose_action_is_malformed_twice_in_turn(fleet, monkeypatch):
+    """So a client that always sends such actions keeps nobody waiting."""
+    fleet.physics(SMALL, "--duration", "2")
+    changing_actions(monkeypatch, math.inf)
+    fleet.host(agents=TOY)
+    code, _, _ = fleet.world.end()
+    assert code == 1, "a broken agent is not a good run"
+    assert fleet.scheduler.now < 10.0
+
+
 def test_a_host_whose_joins_are_all_refused_ends_with_the_reason(fleet, monkeypatch):
     fleet.physics(SMALL, "--duration", "1")
     joins = changing_joins(

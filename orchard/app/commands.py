@@ -7,8 +7,8 @@ from typing import Annotated
 from typer import Option
 
 from orchard.folders import runs_folder
-from orchard.launch.supervisor import allow_files
 from orchard.terminal.exits import exit_on_errors, needs_extra
+from orchard.terminal.open_files import allow_files
 
 # Files that this program may have open at once while it serves the page: 32 are enough at its begin;
 # each run and each browser needs some.

@@ -2,7 +2,6 @@
 
 import math
 import os
-import resource
 import signal
 import subprocess
 import threading
@@ -20,6 +19,7 @@ from orchard.net.endpoints import LOOPBACK, ONE_THREAD, RUNTIME, with_port
 from orchard.net.lifeline import Line
 from orchard.net.options import FROM_STDIN, ProcessOptions
 from orchard.start_module import command_for
+from orchard.terminal.open_files import allow_files
 from orchard.view.files import window
 
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
@@ -241,23 +241,6 @@ def allow_processes(number: int) -> None:
     """
     needed = OWN_FILES + FILES_OF_A_PROCESS * number
     allow_files(needed, f"{number} processes need", ", and --mode local needs fewer")
-
-
-def allow_files(needed: int, who_needs: str, otherwise: str = "") -> None:
-    """Let this program open so many files. `who_needs`: what needs them, with its verb.
-
-    Raises ValueError if the system does not allow it; `otherwise`: what can be done instead.
-    """
-    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if allowed >= needed or allowed == resource.RLIM_INFINITY:
-        return
-    try:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, most))
-    except (ValueError, OSError):
-        raise ValueError(
-            f"this program may open {most} files at once, and {who_needs} {needed}; "
-            f"`ulimit -n {needed}` allows them{otherwise}"
-        ) from None
 
 
 def free_port() -> int:

@@ -1,8 +1,7 @@
 """The ports with which a run or a recording is shown in a browser."""
 
-from orchard.launch.supervisor import allow_files
 from orchard.net.endpoints import check_free
-
+from orchard.terminal.open_files import allow_files
 
 # Files that this program may have open at once while it serves a viewer: 32 were enough.
 VIEWER_FILES = 48

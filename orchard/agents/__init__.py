@@ -1,1 +1,4 @@
-"""The behaviours of robots, people and animals, the steps and routes that they are made of, and the evaluation of scans."""
+"""The behaviours of robots, people and animals, and of what they are made.
+
+That is steps and routes, dispatch policies, and what an agent infers from its scan.
+"""

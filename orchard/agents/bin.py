@@ -1,7 +1,28 @@
-"""The bin: holds fruit, follows its robot, and calls a carrier when it stands full in the mouth of a lane.
+"""The bin: holds fruit, follows its robot, and calls a carrier when it stands full.
 
-If the scenario's dispatch policy is `early`, the bin calls before that, while its picker still fills it.
+It stands in the mouth of a lane then. If the scenario's dispatch policy is `early`, it calls before
+that, while its picker still fills it.
+
+Theory of operation. A bin has at most one call open. Whom it asks depends on the policy: without a
+dispatcher all carriers, else the dispatcher. These are the states of a call, with what leads to the
+next one:
+
+    state of a call | what happens                                  | next state
+    ----------------+-----------------------------------------------+-----------------
+    none            | it stands full, or will soon, if `early`      | calling
+    calling         | a carrier is chosen, or the dispatcher names  | sent for
+                    | one; else it asks again after CALL_AGAIN      |
+    sent for        | the carrier agrees                            | coming
+    sent for        | it refuses                                    | calling
+    sent for        | GIVE_UP questions are not answered; until the | calling
+                    | next call it is chosen only if no other offers|
+    coming          | it is asked each ASK_AGAIN ticks, and agrees  | coming
+    coming          | it refuses, or is silent for so long          | calling
+    any             | a carrier has coupled the bin                 | none
+
 """
+
+from typing import NamedTuple
 
 import msgspec
 
@@ -16,33 +37,66 @@ from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 
-CALL_AGAIN = 20  # ticks from a call that found no carrier to the next call
-ASK_AGAIN = 50  # ticks between two questions to a carrier whether it still comes
-KEEPS = 1e-6  # m/s and rad/s by which a bin's velocity may differ from its robot's without a correction: 1e-7 m in a tick
-ALIGNED = 1e-9  # rad/s: a bin that would have to turn faster drifts off the way of its robot while it holds
-GIVE_UP = 6  # questions in a row without an answer, after which a carrier is given up
+# Ticks from a call that found no carrier to the next call.
+CALL_AGAIN = 20
+# Ticks between two questions to a carrier whether it still comes.
+ASK_AGAIN = 50
+# m/s and rad/s by which a bin's velocity may differ from its robot's without a correction: 1e-7 m
+# in a tick.
+KEEPS = 1e-6
+# rad/s. A bin that would have to turn faster drifts off the way of its robot while it holds.
+ALIGNED = 1e-9
+# Questions in a row without an answer, after which a carrier is given up.
+GIVE_UP = 6
 
 
 class BinMemory(msgspec.Struct):
     """A bin's call for a carrier."""
 
-    carrier: str = ""  # the carrier that it sent for
-    coming: bool = False  # whether that carrier has agreed
-    asked: int = -1000  # tick of its last question
-    silent: int = 0  # questions since the last answer
-    shunned: list[
-        str
-    ] = []  # carriers that did not answer when they were sent for, during this call
-    picker: str = ""  # the picker that left it
-    since: int = -1  # tick at which the call began; -1: no call is open
-    done: int = 0  # calls that ended in an exchange
-    picking_speed: float = 0.0  # m/s, in the present row
-    speed: float = 0.0  # m/s at which the picker drove when the bin last looked
-    fill: float = 0.0  # m in it when it last looked
-    left_at: messages.LeftAt | None = None  # where its picker will leave it next
+    # The carrier that it sent for.
+    carrier: str = ""
+    # Whether that carrier has agreed.
+    coming: bool = False
+    # Tick of its last question.
+    asked: int = -1000
+    # Questions since the last answer.
+    silent: int = 0
+    # Carriers that did not answer when they were sent for, during this call.
+    shunned: list[str] = []
+    # The picker that left it.
+    picker: str = ""
+    # Tick at which the call began; -1: no call is open.
+    since: int = -1
+    # Calls that ended in an exchange.
+    done: int = 0
+    # m/s, in the present row.
+    picking_speed: float = 0.0
+    # m/s at which the picker drove when the bin last looked.
+    speed: float = 0.0
+    # m in it when it last looked.
+    fill: float = 0.0
+    # Where its picker will leave it next.
+    left_at: messages.LeftAt | None = None
+
+    @property
+    def ask_again(self) -> int:
+        """Ticks from the last question to the next one."""
+        return ASK_AGAIN if self.coming else CALL_AGAIN
+
+
+class Standing(NamedTuple):
+    """Where a bin stands full, or will."""
+
+    lane: int
+    # End of the lane.
+    side: str
+    # s until it stands there full; 0 once it does.
+    seconds_to_full: float = 0.0
 
 
 class Bin:
+    """Drives a bin behind its robot, and calls for it."""
+
     Memory = BinMemory
     holds = True
 
@@ -50,75 +104,74 @@ class Bin:
         self.layout = layout
         self.carriers = [start.name for start in layout.starts if start.kind == "carrier"]
         policy = dispatch_of(layout)
-        self.policy = (
-            None if DISPATCH in layout.scenario.bodiless_agents else policy
-        )  # None: the dispatcher decides
-        self.forecast = (
-            Forecast(layout) if self.policy is None and is_early(policy) else None
-        )  # None: it calls when it is full
+        has_dispatcher = DISPATCH in layout.scenario.bodiless_agents
+        # None: the dispatcher decides.
+        self.policy = None if has_dispatcher else policy
+        # None: it calls when it is full.
+        self.forecast = Forecast(layout) if has_dispatcher and is_early(policy) else None
 
     def tick(self, seen: Observation, mail: Mail, memory: BinMemory | None) -> Action:
+        """Follow the robot, if it is coupled; call, if it is to be fetched; answer."""
         memory = memory or self.Memory()
-        action = Action(
-            memory=memory,
-            answers=[(heard, self.answer(seen, memory, heard)) for heard in mail.requests],
-        )
-        action.hold = Hold(messages.LAST_TICK)
+        answers = [(heard, self.answer(seen, memory, heard)) for heard in mail.requests]
+        action = Action(memory=memory, answers=answers, hold=Hold(messages.LAST_TICK))
         if seen.hitch is not None:
             self.follow(seen, seen.hitch, memory, action)
             if self.forecast is not None and kind_of(seen.hitch.name) == "picker":
                 self.foresee(self.forecast, seen, seen.hitch, mail, memory, action)
         elif seen.full:
-            self.call(seen, mail, memory, action, *self.where(seen.x, seen.y))
-            action.doing = f"full, {memory.carrier} comes" if memory.coming else "full, calling"
-            action.state = "waiting" if memory.coming else "calling"
-            action.waits_for = memory.carrier or "a carrier"
+            self.call(seen, mail, memory, action, self.where(seen.x, seen.y))
+            _show_call(memory, action)
         else:
-            action.doing, action.state = "standing empty", "resting"
+            action.doing = "standing empty"
+            action.state = "resting"
         action.steps_done = memory.done
         return action
 
     def answer(self, seen: Observation, memory: BinMemory, heard: Heard) -> messages.Answer:
-        if isinstance(heard.body, messages.StateRequest):
-            return messages.BinState(
-                full=seen.full, fill=seen.fill, coupled_to=seen.hitch.name if seen.hitch else ""
-            )
-        if isinstance(heard.body, messages.EmptyBin):
-            return messages.CarrierComing(memory.carrier if memory.coming else "")
-        if isinstance(heard.body, messages.LeftAt):
-            memory.left_at = heard.body
-            return messages.Yes()
-        if isinstance(heard.body, messages.Confirm):
-            return (
-                messages.Yes()
-                if memory.carrier == heard.sender
-                else messages.No("another carrier comes")
-            )
+        """Answer a request: of its state, its carrier, where it will be left, whom it waits for."""
+        match heard.body:
+            case messages.StateRequest():
+                robot = seen.hitch.name if seen.hitch else ""
+                return messages.BinState(full=seen.full, fill=seen.fill, coupled_to=robot)
+            case messages.EmptyBin():
+                return messages.CarrierComing(memory.carrier if memory.coming else "")
+            case messages.LeftAt() as left_at:
+                memory.left_at = left_at
+                return messages.Yes()
+            case messages.Confirm() if memory.carrier == heard.sender:
+                return messages.Yes()
+            case messages.Confirm():
+                return messages.No("another carrier comes")
         return messages.No("a bin knows nothing of that")
 
     def follow(self, seen: Observation, hitch: Hitch, memory: BinMemory, action: Action) -> None:
-        """Move to the place behind the robot where the bin belongs after this tick, if the robot keeps its velocity."""
-        exact, straight = (
-            twist_to(seen.pose, place_behind(hitch, seen.pose.yaw)),
-            along(hitch, seen.pose.yaw),
-        )
+        """Move to where the bin belongs after this tick, if its robot keeps its velocity.
+
+        That is the place behind the robot. `hitch`: the robot.
+        """
+        yaw = seen.pose.yaw
+        exact = twist_to(seen.pose, place_behind(hitch, yaw))
+        straight = straight_twist(hitch, yaw)
         action.twist = straight if is_near(exact, straight, KEEPS) else exact
-        if hitch.twist.yaw or abs(exact.yaw) > ALIGNED or not is_near(exact, straight, KEEPS / 2):
+        is_turning = bool(hitch.twist.yaw) or abs(exact.yaw) > ALIGNED
+        if is_turning or not is_near(exact, straight, KEEPS / 2):
             action.hold = None
         action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
         if kind_of(hitch.name) == "picker":
-            memory.since = memory.since if self.forecast else -1
-            memory.picker, action.state = hitch.name, "waiting" if seen.full else "picking"
+            memory.picker = hitch.name
+            if self.forecast is None:
+                memory.since = -1
+            action.state = "waiting" if seen.full else "picking"
             return
         action.state = "hauling" if seen.full else "driving"
-        memory.since, memory.left_at = -1, None
+        memory.since = -1
+        memory.left_at = None
         if memory.carrier:
-            memory.carrier, memory.coming, memory.shunned, memory.done = (
-                "",
-                False,
-                [],
-                memory.done + 1,
-            )
+            memory.carrier = ""
+            memory.coming = False
+            memory.shunned = []
+            memory.done += 1
 
     def foresee(
         self,
@@ -129,28 +182,42 @@ class Bin:
         memory: BinMemory,
         action: Action,
     ) -> None:
-        """Call while the picker still fills the bin, from the time at which a carrier for the farthest lane would have to leave."""
-        is_steady, memory.speed = abs(picker.twist.x - memory.speed) < KEEPS, picker.twist.x
+        """Call while the picker still fills the bin.
+
+        It begins when a carrier for the farthest lane would have to leave.
+        """
+        is_steady = abs(picker.twist.x - memory.speed) < KEEPS
+        memory.speed = picker.twist.x
         if not is_steady:
-            action.hold = None  # the last step before a picker stands is shorter, and tells nothing: the next tick tells
-        if not seen.fill:
-            memory.picking_speed = self.layout.scenario.mean_picking_speed
-        elif (
-            is_steady
-            and memory.speed >= LEAST_SPEED
-            and seen.fill > memory.fill
-            and abs(memory.speed - memory.picking_speed) >= KEEPS
-        ):
-            memory.picking_speed = memory.speed  # its last bits differ from tick to tick: those of the first one stay, whenever it is asked
-        elif not memory.picking_speed:  # it begins without a memory, on a picker that has begun
-            memory.picking_speed = self.layout.scenario.mean_picking_speed
+            # The last step before a picker stands is shorter, and tells nothing. The next tick
+            # does.
+            action.hold = None
+        self._measure_picking_speed(seen, memory, is_steady)
         memory.fill = seen.fill
         ripening = forecast.of(seen, picker, memory.picking_speed, memory.left_at)
-        is_time = ripening is not None and ripening.seconds < forecast.horizon
-        if ripening is not None and (is_time or memory.carrier):
-            self.call(seen, mail, memory, action, ripening.lane, ripening.side, ripening.seconds)
-        elif ripening is not None:
-            action.hold = action.hold and Hold(seen.tick + forecast.ticks(ripening))
+        if ripening is None:
+            return
+        if ripening.seconds < forecast.horizon or memory.carrier:
+            standing = Standing(ripening.lane, ripening.side, ripening.seconds)
+            self.call(seen, mail, memory, action, standing)
+        elif action.hold is not None:
+            action.hold = Hold(seen.tick + forecast.ticks(ripening))
+
+    def _measure_picking_speed(self, seen: Observation, memory: BinMemory, is_steady: bool) -> None:
+        """Note how fast the picker picks in this row.
+
+        `is_steady`: whether it drives as fast as in the tick before. The last bits of its speed
+        differ from tick to tick: those of the first one stay, whenever the bin is asked.
+        """
+        picks = memory.speed >= LEAST_SPEED and seen.fill > memory.fill
+        is_new = abs(memory.speed - memory.picking_speed) >= KEEPS
+        if not seen.fill:
+            memory.picking_speed = self.layout.scenario.mean_picking_speed
+        elif is_steady and picks and is_new:
+            memory.picking_speed = memory.speed
+        elif not memory.picking_speed:
+            # The bin begins without a memory, on a picker that has begun.
+            memory.picking_speed = self.layout.scenario.mean_picking_speed
 
     def call(
         self,
@@ -158,111 +225,136 @@ class Bin:
         mail: Mail,
         memory: BinMemory,
         action: Action,
-        lane: int,
-        side: str,
-        seconds_to_full: float = 0.0,
+        standing: Standing,
     ) -> None:
-        """Call until a carrier is chosen, send for it, and ask it again and again whether it comes."""
-        memory.since = seen.tick if memory.since < 0 else memory.since
+        """Call until a carrier is chosen, send for it, and ask it again and again if it comes."""
+        if memory.since < 0:
+            memory.since = seen.tick
         self.hear(mail, memory, seen.tick)
-        chosen = "" if memory.carrier else self.chosen(seen, mail, memory, lane, side)
+        chosen = "" if memory.carrier else self.chosen(seen, mail, memory, standing)
         if chosen:
-            memory.carrier, memory.silent = chosen, 0
-        if chosen or seen.tick - memory.asked >= (ASK_AGAIN if memory.coming else CALL_AGAIN):
+            memory.carrier = chosen
+            memory.silent = 0
+        if chosen or seen.tick - memory.asked >= memory.ask_again:
             memory.asked = seen.tick
-            self.ask(lane, side, seconds_to_full, memory, action)
-        action.hold = action.hold and Hold(
-            memory.asked + (ASK_AGAIN if memory.coming else CALL_AGAIN)
-        )
+            self.ask(memory, action, standing)
+        if action.hold is not None:
+            action.hold = Hold(memory.asked + memory.ask_again)
 
-    def ask(
-        self, lane: int, side: str, seconds_to_full: float, memory: BinMemory, action: Action
-    ) -> None:
-        """Ask the carrier that was chosen whether it comes; without one the dispatcher, or all carriers."""
+    def ask(self, memory: BinMemory, action: Action, standing: Standing) -> None:
+        """Ask the carrier that was chosen whether it comes.
+
+        Without one, ask the dispatcher, or all carriers.
+        """
+        lane, side, seconds_to_full = standing
         if memory.carrier:
             action.requests.append((memory.carrier, messages.Come(lane, side, memory.picker)))
             memory.silent += 1
         elif self.policy is None:
-            action.requests.append(
-                (DISPATCH, messages.Fetch(lane, side, memory.picker, memory.since, seconds_to_full))
-            )
+            fetch = messages.Fetch(lane, side, memory.picker, memory.since, seconds_to_full)
+            action.requests.append((DISPATCH, fetch))
         else:
-            action.requests += [
-                (carrier, messages.Call(lane, side, memory.since)) for carrier in self.carriers
-            ]
+            call = messages.Call(lane, side, memory.since)
+            action.requests += [(carrier, call) for carrier in self.carriers]
 
-    def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, lane: int, side: str) -> str:
-        """Return the carrier that the dispatcher names, or that the policy chooses among those that offer to come; '' if there is none.
+    def chosen(self, seen: Observation, mail: Mail, memory: BinMemory, standing: Standing) -> str:
+        """Return the carrier that shall come; '' if there is none.
 
-        A carrier that was silent during this call is chosen only if no other carrier offers.
+        The dispatcher names it, or the policy chooses among those that offer to come. A carrier
+        that was silent during this call is chosen only if no other carrier offers.
         """
+        bodies = [(reply.sender, reply.body) for reply in mail.replies]
         if self.policy is None:
-            named = [
-                reply.body.carrier
-                for reply in mail.replies
-                if isinstance(reply.body, messages.CarrierComing)
-            ]
+            named = [body.carrier for _, body in bodies if isinstance(body, messages.CarrierComing)]
             return named[0] if named else ""
         offers = [
-            CarrierReport(r.sender, "", True, r.body.distance)
-            for r in mail.replies
-            if isinstance(r.body, messages.Offer)
+            CarrierReport(name=sender, job="", is_next=True, metres=body.distance)
+            for sender, body in bodies
+            if isinstance(body, messages.Offer)
         ]
+        if not offers:
+            return ""
         willing = [offer for offer in offers if offer.name not in memory.shunned] or offers
-        report = BinReport(seen.name, lane, side, memory.picker, memory.since, 0.0)
-        assignments = (
-            self.policy.assign(seen.tick, [report], willing, self.policy.Memory())
-            if willing
-            else []
+        report = BinReport(
+            name=seen.name,
+            lane=standing.lane,
+            side=standing.side,
+            picker=memory.picker,
+            since=memory.since,
+            metres=0.0,
         )
+        assignments = self.policy.assign(seen.tick, [report], willing, self.policy.Memory())
         return assignments[0].carrier if assignments else ""
 
     def hear(self, mail: Mail, memory: BinMemory, tick: int) -> None:
-        """Read the answer of the carrier that was sent for. A carrier that refuses, or stays silent, is given up."""
+        """Read the answer of the carrier that was sent for.
+
+        A carrier that refuses, or stays silent, is given up.
+        """
         for reply in mail.replies:
             if not isinstance(reply.request, messages.Come) or reply.sender != memory.carrier:
                 continue
+            is_silent = reply.body is None
             if isinstance(reply.body, messages.Yes):
-                memory.coming, memory.silent = True, 0
-            elif reply.body is not None or memory.silent >= GIVE_UP:
-                memory.shunned += (
-                    [memory.carrier]
-                    if reply.body is None and memory.carrier not in memory.shunned
-                    else []
-                )
-                memory.carrier, memory.coming, memory.asked = "", False, tick - CALL_AGAIN
+                memory.coming = True
+                memory.silent = 0
+            elif not is_silent or memory.silent >= GIVE_UP:
+                if is_silent and memory.carrier not in memory.shunned:
+                    memory.shunned += [memory.carrier]
+                memory.carrier = ""
+                memory.coming = False
+                memory.asked = tick - CALL_AGAIN
 
-    def where(self, x: float, y: float) -> tuple[int, str]:
+    def where(self, x: float, y: float) -> Standing:
         """Return the lane, and the end of it, in the mouth of which the bin stands."""
         lane = min(self.layout.lanes, key=lambda lane: abs(lane.y - y))
-        return lane.number, "east" if x > self.layout.middle else "west"
+        return Standing(lane.number, "east" if x > self.layout.middle else "west")
 
 
-def along(hitch: Hitch, yaw: float) -> Twist:
-    """Return the velocity of a bin that keeps its place behind a robot which does not turn, at the quarter turn nearest to its own yaw."""
-    x, y = from_frame(
-        Pose(0.0, 0.0, -quarter_turn(hitch.pose.yaw, yaw)), hitch.twist.x, hitch.twist.y
-    )
+def _show_call(memory: BinMemory, action: Action) -> None:
+    """Set what a bin that stands full is shown to do."""
+    action.waits_for = memory.carrier or "a carrier"
+    if memory.coming:
+        action.doing = f"full, {memory.carrier} comes"
+        action.state = "waiting"
+    else:
+        action.doing = "full, calling"
+        action.state = "calling"
+
+
+# -- the geometry of a bin on the bar
+
+
+def straight_twist(hitch: Hitch, yaw: float) -> Twist:
+    """Return the velocity of a bin that keeps its place behind a robot which does not turn.
+
+    The bin is at the quarter turn nearest to its own yaw, rad.
+    """
+    bin_frame = Pose(0.0, 0.0, -quarter_turn(hitch.pose.yaw, yaw))
+    x, y = from_frame(bin_frame, hitch.twist.x, hitch.twist.y)
     return Twist(x, y)
 
 
-def is_near(one: Twist, other: Twist, much: float) -> bool:
-    """Whether no component of two velocities differs by `much`, m/s or rad/s."""
-    return (
-        abs(one.x - other.x) < much
-        and abs(one.y - other.y) < much
-        and abs(one.yaw - other.yaw) < much
-    )
+def is_near(a: Twist, b: Twist, within: float) -> bool:
+    """Whether no component of two velocities differs by `within`, m/s or rad/s."""
+    return abs(a.x - b.x) < within and abs(a.y - b.y) < within and abs(a.yaw - b.yaw) < within
 
 
 def quarter_turn(robot: float, yaw: float) -> float:
-    """Return how far a bin is turned from its robot: the quarter turn that is nearest to the difference of their yaws, rad."""
+    """Return how far a bin is turned from its robot, rad.
+
+    It is the quarter turn that is nearest to the difference of their yaws, rad.
+    """
     off = angle_between(robot, yaw)
-    return repeatable.QUARTER * int(off / repeatable.QUARTER + (0.5 if off >= 0 else -0.5))
+    half = 0.5 if off >= 0 else -0.5
+    return repeatable.QUARTER * int(off / repeatable.QUARTER + half)
 
 
 def place_behind(hitch: Hitch, yaw: float) -> Pose:
-    """Return the bin's pose after the next tick: behind its robot, at the quarter turn that is nearest to the bin's own yaw."""
+    """Return the bin's pose after the next tick: behind its robot.
+
+    It is at the quarter turn that is nearest to the bin's own yaw, rad.
+    """
     robot = moved(hitch.pose, hitch.twist)
     x, y = from_frame(robot, -KINDS[kind_of(hitch.name)].tows, 0.0)
     return Pose(x, y, repeatable.wrap(robot.yaw + quarter_turn(robot.yaw, yaw)))
@@ -270,7 +362,8 @@ def place_behind(hitch: Hitch, yaw: float) -> Pose:
 
 def moved(pose: Pose, twist: Twist) -> Pose:
     """Return a pose after one tick of a forward and turning velocity: the end of an arc."""
-    ahead, turn = twist.x * TIME_STEP, twist.yaw * TIME_STEP
+    ahead = twist.x * TIME_STEP
+    turn = twist.yaw * TIME_STEP
     a, b = chord(turn)
     x, y = from_frame(pose, a * ahead, b * ahead)
     return Pose(x, y, repeatable.wrap(pose.yaw + turn))

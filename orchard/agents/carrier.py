@@ -1,6 +1,6 @@
-"""The carrier: waits in the queue, brings an empty bin to a picker, and takes the full bin to the bay.
+"""The carrier: brings an empty bin to a picker, and takes the full bin to the bay.
 
-It goes when a full bin calls, or when the dispatcher has sent it.
+It waits in the queue until a full bin calls, or the dispatcher has sent it.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,10 @@ class HeardCall(msgspec.Struct):
 
 
 class Job(msgspec.Struct):
-    """The present task of a carrier: the full bin, where it stands, and the picker that needs an empty bin."""
+    """The present task of a carrier.
+
+    It is the full bin, where it stands, and the picker that needs an empty bin.
+    """
 
     bin: str
     lane: int
@@ -108,9 +111,10 @@ class Carrier:
         return robot.finish()
 
     def stand(self, robot: PlanExecutor) -> Action:
-        """Return the action of a carrier whose battery was flat: it stands until the battery is full.
+        """Return the action of a carrier whose battery was flat.
 
-        Otherwise it would drive on by each bit of charge, and be flat again at once.
+        It stands until the battery is full. Otherwise it would drive on by each bit of charge,
+        and be flat again at once.
         """
         if robot.seen.charge > 0.0 or robot.memory.charged:
             robot.hold()
@@ -148,7 +152,10 @@ class Carrier:
         return Yes()
 
     def status(self, robot: PlanExecutor) -> CarrierStatus:
-        """Return what the dispatcher asks for: its job, whether it can leave, and its way to the head."""
+        """Return what the dispatcher asks for.
+
+        That is its job, whether it can leave, and its way to the head.
+        """
         job = robot.memory.job
         return CarrierStatus(
             job=job.bin if job else "",
@@ -168,7 +175,10 @@ class Carrier:
         return Offer(x, y, self.route.distance(x, y, call.lane, self.route.sides[call.side]))
 
     def course(self, memory: CarrierMemory) -> list[Step]:
-        """Return the steps of which the plan in a memory is a part, for whichever line of the queue."""
+        """Return the steps of which the plan in a memory is a part.
+
+        They hold for whichever line of the queue.
+        """
         steps = [*self.route.wait_in_queue()]
         if memory.job is None:
             return steps
@@ -180,7 +190,7 @@ class Carrier:
         return steps
 
     def fetch(self, number: int, job: Job) -> list[Step]:
-        """Return the steps of a job, from a place of the queue, counted from 1, and back to its line."""
+        """Return the steps of a job, from a place of the queue (from 1) and back to its line."""
         return self.route.fetch(number, job.lane, self.route.sides[job.side], job.picker, job.bin)
 
     def is_next(self, robot: PlanExecutor) -> bool:

@@ -1,4 +1,7 @@
-"""Which class drives which agent, a built-in one or the one that the scenario names; and which agents are trusted."""
+"""Which class drives which agent, and which agents are trusted.
+
+The class is a built-in one, or the one that the scenario names.
+"""
 
 import logging
 from collections.abc import Collection
@@ -49,7 +52,10 @@ def make_agents(layout: Layout, names: Collection[str] | None = None) -> dict[st
 
 
 def agent_classes(layout: Layout) -> dict[str, str]:
-    """Return the scenario's own classes, by agent. A name overrides a kind. Raises ValueError for a word that is neither."""
+    """Return the scenario's own classes, by agent.
+
+    A name overrides a kind. Raises ValueError for a word that is neither.
+    """
     classes = layout.scenario.agents
     paths: dict[str, str] = dict(layout.scenario.agents_without_body)
     for word in sorted(classes, key=lambda word: word in layout.agents):
@@ -61,7 +67,10 @@ def agent_classes(layout: Layout) -> dict[str, str]:
 
 
 def check_plugins(layout: Layout) -> None:
-    """Check a scenario's plug-ins. Raises ScenarioError or ValueError if a rule or route cannot be used, or an agent is unknown."""
+    """Check a scenario's plug-ins.
+
+    Raises ScenarioError or ValueError if a rule or route cannot be used, or an agent is unknown.
+    """
     agent_classes(layout)
     for block in layout.blocks.values():
         layout.passes(block)
@@ -70,7 +79,10 @@ def check_plugins(layout: Layout) -> None:
 
 
 def _check_route(layout: Layout) -> None:
-    """Make each plan of the route once. Raises ScenarioError where that fails, or a plan has a step that is not in `Steps`."""
+    """Make each plan of the route once.
+
+    Raises ScenarioError where that fails, or a plan has a step that is not in `Steps`.
+    """
     route, path = route_of(layout), layout.scenario.route
     if path in ROUTES:
         return
@@ -78,37 +90,44 @@ def _check_route(layout: Layout) -> None:
         unpack(pack(with_steps(Plan, route.Steps)()), with_steps(Plan, route.Steps))
         for block in layout.blocks.values():
             of_known_steps(route.harvest(block), route.Steps)
-            for one in layout.passes(block):
-                of_known_steps(
-                    route.fetch(1, one.row, route.sides[one.end], "picker_01", "bin_01"),
-                    route.Steps,
-                )
-        route.roads(), route.holds(), route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
+            for pass_ in layout.passes(block):
+                side = route.sides[pass_.end]
+                job = route.fetch(1, pass_.row, side, "picker_01", "bin_01")
+                of_known_steps(job, route.Steps)
+        route.roads()
+        route.holds()
+        route.distance(layout.queue.head, TOP_ROAD, 1, route.east)
     except MISTAKES as error:
         raise unusable("route", path, error, place=place_of_class(type(route))) from error
 
 
 def guarded(layout: Layout, name: str, agent: Agent) -> Guard:
-    """Return an agent with its guard: trusted if it is built in, with its policy and route. Raises TypeError for a wrong `Memory`."""
+    """Return an agent with its guard: trusted if it is built in, with its policy and route.
+
+    Raises TypeError for a wrong `Memory`.
+    """
     if isinstance(agent, Guard):
         return agent
     for class_ in AGENTS.values():
         if isinstance(agent, class_) and not (
             isinstance(agent.Memory, type) and issubclass(agent.Memory, class_.Memory)
         ):
-            memory = class_.Memory.__name__
-            raise TypeError(
-                f"its Memory must extend that of {class_.__name__}: `class Memory({memory})`, with a default for each field"
-            )
+            extend = f"its Memory must extend that of {class_.__name__}"
+            example = f"`class Memory({class_.Memory.__name__})`, with a default for each field"
+            raise TypeError(f"{extend}: {example}")
     are_ours = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
     return Guard(name, agent, layout.agents, trusted=are_ours and type(agent) in AGENTS.values())
 
 
 def _made(path: str | None, layout: Layout, name: str) -> Guard:
-    """Make a built-in agent, or one of a user's class. If that fails, log the error and return an agent that stands."""
+    """Make a built-in agent, or one of a user's class.
+
+    If that fails, log the error and return an agent that stands.
+    """
     if path is None:
         return guarded(layout, name, AGENTS[kind_of(name)](layout, name))
-    key, place = f"agents.{name}", ""
+    key = f"agents.{name}"
+    place = ""
     try:
         class_ = load_plugin(key, path)
         place = place_of_class(class_)
@@ -117,9 +136,8 @@ def _made(path: str | None, layout: Layout, name: str) -> Guard:
             raise TypeError("it has no method tick(observation, mail, memory)")
         return guarded(layout, name, agent)
     except MISTAKES as error:
-        log.error(
-            "%s stands: %s",
-            name,
-            error if isinstance(error, ScenarioError) else unusable(key, path, error, place=place),
-        )
+        fault: BaseException = error
+        if not isinstance(error, ScenarioError):
+            fault = unusable(key, path, error, place=place)
+        log.error("%s stands: %s", name, fault)
         return Guard(name, None, layout.agents)

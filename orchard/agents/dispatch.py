@@ -1,7 +1,8 @@
-"""Dispatch policies, which decide which carrier fetches which bin, and when it leaves: what they get and what they return.
+"""Dispatch policies: which carrier fetches which bin, and when it leaves.
 
-A policy is pure: `assign` decides from reports and its own memory alone. With `nearest` each full bin asks all carriers and decides for
-itself. With any other policy the agent `dispatch` gathers the reports of all bins and carriers, and decides for all.
+A policy is pure: `assign` decides from reports and its own memory alone. With `nearest` each full
+bin asks all carriers and decides for itself. With any other policy the agent `dispatch` gathers the
+reports of all bins and carriers, and decides for all.
 """
 
 from collections.abc import Sequence
@@ -16,24 +17,32 @@ class BinReport(msgspec.Struct, frozen=True):
     """A bin that needs a carrier: it is full or, if the policy is `early`, soon will be."""
 
     name: str
-    lane: int  #: from 1, at the top
-    side: End  #: at which end of the lane it stands, or will stand: 'east' or 'west'
-    picker: str  #: the picker that waits there for an empty bin, or that still fills this one
+    #: From 1, at the top.
+    lane: int
+    #: At which end of the lane it stands, or will stand: 'east' or 'west'.
+    side: End
+    #: The picker that waits there for an empty bin, or that still fills this one.
+    picker: str
     since: int  #: tick at which it began to call
-    metres: float  #: by road from the queue's head to its lane
-    seconds_to_full: float = 0.0  #: estimated time until it stands full in the lane; 0 once it does
-    seconds_to_reach: float = 0.0  #: from a carrier's departure at the queue's head until it can stand at the lane, without traffic
+    #: By road from the queue's head to its lane.
+    metres: float
+    #: Estimated time until it stands full in the lane; 0 once it does.
+    seconds_to_full: float = 0.0
+    #: From a carrier's departure at the queue's head until it can stand at the lane, without
+    #: traffic.
+    seconds_to_reach: float = 0.0
 
 
 class CarrierReport(msgspec.Struct, frozen=True):
     """A carrier."""
 
     name: str
-    job: str  #: the full bin that it fetches; '' while it waits in the queue
-    is_next: (
-        bool  #: whether it can leave now: it waits, and no carrier of its line stands before it
-    )
-    metres: float  #: by road from its place to the queue's head
+    #: The full bin that it fetches; '' while it waits in the queue.
+    job: str
+    #: Whether it can leave now: it waits, and no carrier of its line stands before it.
+    is_next: bool
+    #: By road from its place to the queue's head.
+    metres: float
 
 
 class Assignment(NamedTuple):
@@ -46,8 +55,9 @@ class Assignment(NamedTuple):
 class Dispatch(Protocol):
     """A dispatch policy. Its class is called with the layout.
 
-    `Memory` is the type of its memory: a msgspec.Struct with a default for each field. `assign` may change the memory in place.
-    A policy with `early = True` in its class is also told of bins that are not full yet.
+    `Memory` is the type of its memory: a msgspec.Struct with a default for each field. `assign` may
+    change the memory in place. A policy with `early = True` in its class is also told of bins that
+    are not full yet.
     """
 
     Memory: type
@@ -55,7 +65,10 @@ class Dispatch(Protocol):
     def assign(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any, /
     ) -> list[Assignment]:
-        """Return which of the carriers with `is_next` fetches which bin; each at most once. `now`: the tick."""
+        """Return which of the carriers with `is_next` fetches which bin; each at most once.
+
+        `now`: the tick.
+        """
         ...
 
 

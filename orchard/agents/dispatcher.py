@@ -1,4 +1,7 @@
-"""The dispatcher: it gathers the reports of bins and carriers, and sends carriers by the scenario's policy."""
+"""The dispatcher: it gathers the reports of bins and carriers, and sends carriers.
+
+The scenario's policy decides.
+"""
 
 import logging
 
@@ -298,7 +301,10 @@ def _no_list(decision: object) -> TypeError:
 
 
 def _check_names(kind: str, names: list[str], available: list[str]) -> None:
-    """Raise ValueError if a name is not available, or comes twice. `kind`: of what these names are."""
+    """Raise ValueError if a name is not available, or comes twice.
+
+    `kind`: of what these names are.
+    """
     for name in names:
         if name not in available:
             known = ", ".join(available) or "none"

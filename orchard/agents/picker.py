@@ -8,19 +8,23 @@ from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Here, No, Yes
 from orchard.field.layout import Layout
 
-FORESEEN = 50  # steps: more than a picker does in a tick, and few, because the memory is sent with each action
+# Steps: more than a picker does in a tick, and few, because the memory is sent with each action.
+FORESEEN = 50
 
 
 class PickerMemory(Plan):
     """A picker's plan, and the state of the present exchange of bins."""
 
-    full_bin: str = ""  # the bin that it left
-    carrier: str = ""  # the carrier that brings, or brought, an empty bin
-    offered: str = ""  # the empty bin that was brought
-    taken: str = ""  # the empty bin that it took, with the place where it stood
-    planned: int = (
-        -1
-    )  # steps of its harvest that were put into its plan so far; -1: it has another plan
+    # The bin that it left.
+    full_bin: str = ""
+    # The carrier that brings, or brought, an empty bin.
+    carrier: str = ""
+    # The empty bin that was brought.
+    offered: str = ""
+    # The empty bin that it took, with the place where it stood.
+    taken: str = ""
+    # Steps of its harvest that were put into its plan so far; -1: it has another plan.
+    planned: int = -1
 
 
 class Picker:
@@ -30,15 +34,14 @@ class Picker:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.block, self.route, self.bystanders = (
-            layout.blocks[name],
-            route_of(layout),
-            bystanders_of(layout),
-        )
+        self.block = layout.blocks[name]
+        self.route = route_of(layout)
+        self.bystanders = bystanders_of(layout)
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
         self.steps = of_known_steps(self.route.harvest(self.block), self.route.Steps)
 
     def tick(self, seen: Observation, mail: Mail, memory: PickerMemory | None) -> Action:
+        """Go on with the plan, and answer carriers."""
         if memory is None:
             memory = self.Memory(plan=[Realign()], planned=0)
         if len(memory.plan) < FORESEEN and 0 <= memory.planned < len(self.steps):
@@ -54,17 +57,19 @@ class Picker:
         return self.steps if memory.planned >= 0 else []
 
     def answer(self, robot: PlanExecutor, heard: Heard) -> Answer:
-        """Answer a carrier that brings a bin: yes, once the bin is coupled and the place where it stands is taken over."""
+        """Answer a carrier that brings a bin.
+
+        It is yes once the bin is coupled and the place where it stands is taken over.
+        """
         if not isinstance(heard.body, Here):
             return No("a picker knows nothing of that")
         memory = robot.memory
         if heard.body.bin in (memory.taken, memory.full_bin):
             return Yes()
         if robot.seen.hitch is not None:
-            return (
-                No("no bin is wanted")
-                if heard.body.bin != robot.seen.hitch.name
-                else No("the place is not taken over yet")
-            )
-        memory.offered, memory.carrier = heard.body.bin, heard.sender
+            if heard.body.bin != robot.seen.hitch.name:
+                return No("no bin is wanted")
+            return No("the place is not taken over yet")
+        memory.offered = heard.body.bin
+        memory.carrier = heard.sender
         return No("not coupled yet")

@@ -1,4 +1,7 @@
-"""The built-in dispatch policies by name, and the one that a scenario names. docs/bounds.md compares them."""
+"""The built-in dispatch policies by name, and the one that a scenario names.
+
+docs/bounds.md compares them.
+"""
 
 from types import MappingProxyType
 

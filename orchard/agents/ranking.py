@@ -1,4 +1,7 @@
-"""The dispatch policies that rank the bins: the first of those that are due gets the next free carrier. docs/bounds.md compares them."""
+"""The dispatch policies that rank the bins.
+
+The first of those that are due gets the next free carrier. docs/bounds.md compares them.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,9 +16,13 @@ MARGIN = 5.0  # s by which an order of a predictive policy is given too early ra
 
 
 class Ranking:
-    """The first of the bins that are due gets the free carrier that is nearest to the queue's head, and so on."""
+    """Ranks the bins that are due.
 
-    Memory: type = dict  # empty
+    The first one gets the free carrier that is nearest to the queue's head, and so on.
+    """
+
+    # Empty.
+    Memory: type = dict
 
     def __init__(self, layout: Layout) -> None:
         pass
@@ -31,11 +38,9 @@ class Ranking:
     def assign(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport], memory: Any
     ) -> list[Assignment]:
-        due = self.due(bins, memory)
-        return [
-            Assignment(report.name, carrier.name)
-            for report, carrier in zip(due, free_carriers(carriers), strict=False)
-        ]
+        """Return the decisions as `Dispatch.assign` does."""
+        pairs = zip(self.due(bins, memory), free_carriers(carriers), strict=False)
+        return [Assignment(report.name, carrier.name) for report, carrier in pairs]
 
     def due(self, bins: Sequence[BinReport], memory: Any) -> list[BinReport]:
         """Return the bins that are due, by their rank."""
@@ -43,22 +48,29 @@ class Ranking:
 
 
 def free_carriers(carriers: Sequence[CarrierReport]) -> list[CarrierReport]:
-    """Return the carriers that can leave now, the nearest to the queue's head first, to a millimetre. Ties by name."""
-    return sorted(
-        (carrier for carrier in carriers if carrier.is_next),
-        key=lambda carrier: (round(carrier.metres, 3), carrier.name),
-    )
+    """Return the carriers that can leave now, by their way to the queue's head, to a millimetre.
+
+    The nearest comes first. Ties by name.
+    """
+    free = [carrier for carrier in carriers if carrier.is_next]
+    return sorted(free, key=lambda carrier: (round(carrier.metres, 3), carrier.name))
 
 
 class Nearest(Ranking):
-    """The manual's policy: the bin that has called for longest gets the nearest carrier. Ties by name. It needs no dispatcher."""
+    """The manual's policy: the bin that has called for longest gets the nearest carrier.
+
+    Ties by name. It needs no dispatcher.
+    """
 
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return report.since, report.name
 
 
 class LongestWaiting(Ranking):
-    """The bin that has waited for longest gets a carrier first; of several the farthest. Ties by name."""
+    """The bin that has waited for longest gets a carrier first; of several the farthest.
+
+    Ties by name.
+    """
 
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return report.since, -report.metres, report.name
@@ -74,16 +86,23 @@ class FarthestFirst(Ranking):
 class PredictiveMemory(msgspec.Struct):
     """When bins are full."""
 
-    full: dict[str, int] = {}  # bin -> the tick at which it will be full, or was
+    # Bin -> the tick at which it will be full, or was.
+    full: dict[str, int] = {}
 
     def note(self, now: int, report: BinReport) -> None:
-        """Take the estimate of a bin that still fills. A full bin keeps its last one; without one it has just become full."""
+        """Take the estimate of a bin that still fills.
+
+        A full bin keeps its last one; without one it has just become full.
+        """
         if report.seconds_to_full > 0.0 or self.full.get(report.name, -1) < report.since:
             self.full[report.name] = now + round(report.seconds_to_full / TIME_STEP)
 
 
 class Predictive(Ranking):
-    """A carrier leaves so that it arrives when the picker is done; the bin for which it is latest first. Ties by name."""
+    """A carrier leaves so that it arrives when the picker is done.
+
+    The bin for which it is latest comes first. Ties by name.
+    """
 
     Memory: type = PredictiveMemory
     early = True
@@ -103,12 +122,17 @@ class Predictive(Ranking):
 
 
 class PredictiveFarthest(FarthestFirst, Predictive):
-    """A carrier leaves so that it arrives when the picker is done; of the bins due the farthest first. Ties by name."""
+    """A carrier leaves so that it arrives when the picker is done.
+
+    Of the bins that are due the farthest comes first. Ties by name.
+    """
 
 
 class GlobalAssignment(Ranking):
-    """All full bins and free carriers are matched at once, so that the ways together are shortest: all lead by the queue's head, so the
-    nearest bins get carriers."""
+    """All full bins and free carriers are matched at once, so that the ways together are shortest.
+
+    All ways lead by the queue's head, so the nearest bins get carriers.
+    """
 
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return report.metres, report.since, report.name

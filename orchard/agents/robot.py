@@ -64,7 +64,8 @@ PATIENCE = 5
 ASK = 2
 # Ticks after a claim at which a robot may tell that it has given places back.
 GIVEN_BACK = 2
-# Ticks between two questions to a bin whether it is left: its picker needs 65 more to clear the way.
+# Ticks between two questions to a bin whether it is left. Its picker needs 65 more to clear the
+# way.
 LOOK_AGAIN = 20
 # Standard deviations of its position within which a robot takes itself to be.
 SURE = 3.0
@@ -239,7 +240,7 @@ class PlanExecutor:
 
     @property
     def position_bound(self) -> float:
-        """How far from where it takes itself to be the robot may be, m; 0 if its receiver is exact."""
+        """How far the robot may be from where it takes itself to be, m; 0 if it is sure."""
         return SURE * self.seen.accuracy
 
     def move(self, twist: Twist, blind_to: list[sense.Box], queueing: bool = False) -> None:
@@ -395,7 +396,10 @@ class PlanExecutor:
         return bool(self.memory.moving and self.seen.twist == STILL)
 
     def hold(self, ticks: int = MOST_HOLD) -> None:
-        """Say that the present step would command the same for so many ticks, unless it hears or meets something."""
+        """Say that the present step would command the same for so many ticks.
+
+        It is asked earlier if it hears or meets something.
+        """
         self._until = self.seen.tick + min(ticks, MOST_HOLD)
 
     def next(self, steps: Sequence[Step]) -> None:
@@ -455,7 +459,10 @@ class PlanExecutor:
         self.memory.reserved = [place for place in self.memory.reserved if place not in places]
 
     def is_left(self, bin_name: str) -> bool:
-        """Whether a full bin stands by itself in its lane. While it does not, ask it again and again."""
+        """Whether a full bin stands by itself in its lane.
+
+        While it does not, ask it again and again.
+        """
         if self.memory.left != bin_name:
             answer = self.ask(bin_name, StateRequest(), every=LOOK_AGAIN)
             if isinstance(answer, BinState) and answer.full and not answer.coupled_to:
@@ -483,7 +490,10 @@ class PlanExecutor:
             self.hold()
 
     def _act(self, step: Step) -> bool:
-        """Let a step command the robot, unless it must come back to its course. Return whether it is done."""
+        """Let a step command the robot, unless it must come back to its course.
+
+        Return whether the step is done.
+        """
         if not step.keeps_course and self.comes_back([]):
             return False
         done = step.act(self)
@@ -494,7 +504,7 @@ class PlanExecutor:
         return done
 
     def finish(self) -> Action:
-        """Return the action of this tick: what the steps command, without motion that would hit something."""
+        """Return the action of this tick: what the steps command, if nothing is hit by it."""
         self._claim()
         action = self.action
         memory = self.memory
@@ -529,9 +539,9 @@ class PlanExecutor:
         """Return how long the robot keeps this velocity.
 
         A robot that acts, or corrects its place, is asked at every tick. Where it drives or turns,
-        its hold ends when something comes into the way, or leaves it. A robot that is blind to boxes
-        in its way must look at every tick; so must one that turns with a bin, because a hold does
-        not watch the bin's laser.
+        its hold ends when something comes into the way, or leaves it. A robot that is blind to
+        boxes in its way must look at every tick; so must one that turns with a bin, because a hold
+        does not watch the bin's laser.
         """
         until = min(self._until, *self._timers) if self._timers else self._until
         if until <= self.seen.tick + 1 or self.action.deeds or self.seen.accuracy:

@@ -1,4 +1,7 @@
-"""The routes by name, the one that a scenario names, built-in or a user's class, and how long motion takes without traffic."""
+"""The routes by name, and how long motion takes without traffic.
+
+A scenario names a built-in route or a user's class.
+"""
 
 from collections.abc import Iterator
 
@@ -14,12 +17,12 @@ ROUTES = {ONE_WAY: OneWay, TWO_WAY: TwoWay}
 
 
 def route_of(layout: Layout) -> OneWay:
-    """The route that the scenario names. Raises ScenarioError for one that cannot be used."""
+    """Return the route that the scenario names. Raises ScenarioError if it cannot be used."""
     return make_plugin("route", layout.scenario.route, ROUTES, layout, base=OneWay)
 
 
 def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:
-    """Return a carrier's way from the queue's head to its stop at a lane: metres by road, and seconds."""
+    """Return a carrier's way from the queue's head to its stop at a lane, m by road, and s."""
     head = route.queue.place(0)
     return route.distance(head.x, head.y, lane, side), duration(route.approach(lane, side), head)
 
@@ -30,9 +33,14 @@ def duration(steps: list[Step], start: Pose) -> float:
 
 
 def timetable(steps: list[Step], start: Pose) -> Iterator[tuple[Step, Pose, float, float]]:
-    """Each step of a plan, the pose in which it begins, and when it begins and ends, s. Only motion takes time."""
-    pose, begins = start, 0.0
+    """Yield each step of a plan, the pose in which it begins, and when it begins and ends, s.
+
+    Only motion takes time.
+    """
+    pose = start
+    begins = 0.0
     for step in steps:
         end, seconds = step.motion(pose)
         yield step, pose, begins, begins + seconds
-        pose, begins = end, begins + seconds
+        pose = end
+        begins += seconds

@@ -1,11 +1,11 @@
-"""What an agent finds in its scan and in the answers of bystanders: whether a way or a turn is free.
+"""What an agent finds in its scan and in answers of bystanders: whether a way or a turn is free.
 
 Points are in the agent's own frame: metres ahead of its centre, metres to its left.
 
-A laser looks forward, but a turn also sweeps the space beside and behind. So a robot that turns asks
-people and animals that could be near for their positions, and stands while one of them is, or may
-be, within the circle that the turn sweeps. It asks a distant one again only after the time that this
-one needs to come near.
+A laser looks forward, but a turn also sweeps the space beside and behind. So a robot that turns
+asks people and animals that could be near for their positions, and stands while one of them is, or
+may be, within the circle that the turn sweeps. It asks a distant one again only after the time that
+this one needs to come near.
 """
 
 import math
@@ -42,7 +42,10 @@ _CENTRE = Pose(0.0, 0.0, 0.0)
 
 
 class Box(NamedTuple):
-    """A box with sides along x and y of the frame `map`, m. A robot that is blind to it ignores its returns."""
+    """A box with sides along x and y of the frame `map`, m.
+
+    A robot that is blind to it ignores its returns.
+    """
 
     x: float
     y: float
@@ -52,7 +55,7 @@ class Box(NamedTuple):
 
 @cache
 def corridor(half_width: float, ahead: float) -> Zone:
-    """Return the zone from a body's front edge to `ahead` metres before it, `half_width` to either side."""
+    """Return the zone before a body: `ahead` m long, `half_width` m to either side."""
     return Zone(0.0, ahead, -half_width, half_width)
 
 
@@ -188,7 +191,10 @@ def _swept(points: np.ndarray, parts: list[_Part], turn: float) -> bool:
 
 
 def _points_around(seen: Observation, kind: Kind, radius: float) -> np.ndarray:
-    """Return where the lasers of robot and bin return within a radius, (m, 2). The robot itself does not count."""
+    """Return where the lasers of robot and bin return within a radius, (m, 2).
+
+    The robot itself does not count.
+    """
     own = _returns(seen.scan, kind.laser, seen.scan < radius)
     if seen.hitch is None or seen.hitch.scan is None:
         return own
@@ -288,7 +294,7 @@ def bystanders_of(layout: Layout) -> tuple[Bystander, ...]:
 
 
 def sweep_radius(kind: Kind, towing: bool) -> float:
-    """Return the distance from a robot's centre to the furthest corner of the robot, or of its bin, m."""
+    """Return the distance from a robot's centre to the furthest corner of it or its bin, m."""
     if not towing:
         return kind.radius
     return math.sqrt((kind.tows + _BIN_HALF) ** 2 + _BIN_HALF * _BIN_HALF)

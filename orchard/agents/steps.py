@@ -1,7 +1,13 @@
-"""The steps of which plans are made. A step is data with one method, `act`, which is called until the step is done.
+"""The steps of which plans are made.
 
-`act` sets the velocity of this tick, asks, or waits. A step itself remembers nothing. Its target is absolute, so a robot still ends at the
+Theory of operation. A step is data with one method, `act`, which is called at each tick until it
+returns True: the step is done then, and the next one of the plan follows in the same tick. `act`
+sets the velocity of this tick, asks, or waits. It may also put further steps before or after
+itself. A step itself remembers nothing, and its target is absolute, so a robot still ends at the
 right place after it was held up, or after its agent was started again.
+
+`motion` tells where a step leads without traffic, and how long that takes, for plans and bounds;
+`ticks` and `handles` how long other steps take at most, and the part of that for handling a bin.
 """
 
 from collections.abc import Sequence
@@ -55,21 +61,34 @@ from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
 
 CRUISE = 1.0  # m/s
-SELDOM = 50  # ticks between two questions if the answer changes nothing
-CLEAR_OF_TURNS = 3.0  # m past a gate at which a robot that stands is clear of one that turns behind it, whose front corner no laser sees
-LONGEST_WAIT = 300.0  # s in one step of a repair; a run is jammed after 600 s without progress
-THERE = 0.01  # m: where a robot that searches for the coupling point counts as there
-PULL = 1.0  # m which it drives ahead to come to one side
-COUPLE = 2  # ticks to couple a bin: the robot must have stood for one tick
-BIN_FOLLOWS = 2  # ticks after its robot at which a bin stands
+# Ticks between two questions if the answer changes nothing.
+SELDOM = 50
+# m past a gate at which a robot that stands is clear of one that turns behind it, whose front
+# corner no laser sees.
+CLEAR_OF_TURNS = 3.0
+# s in one step of a repair. A run is jammed after 600 s without progress.
+LONGEST_WAIT = 300.0
+# m from a place at which a robot that searches for the coupling point counts as there.
+THERE = 0.01
+# m which it drives ahead to come to one side.
+PULL = 1.0
+# Ticks to couple a bin: the robot must have stood for one tick.
+COUPLE = 2
+# Ticks after its robot at which a bin stands.
+BIN_FOLLOWS = 2
+# Ticks to uncouple a bin.
 UNCOUPLE = BIN_FOLLOWS + COUPLE
-TRIES = 5  # ticks for which it tries to couple in one place
-GRID = 0.14  # m from one place to the next: none of the area between is farther from a place than a bin can be coupled
-SEARCH = [
-    (GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)
-]  # from the first, m
-PASSED = 0.5  # m past a gate from which a robot that is not sure of its place takes it to be behind
-LOOK_AHEAD = 3.0  # s before a robot is at a gate, at which it asks for its places: earlier would keep others off
+# Ticks for which a robot tries to couple in one place.
+TRIES = 5
+# m from one place to the next. None of the area between is farther from a place than a bin can be
+# coupled.
+GRID = 0.14
+# The places of the search for the coupling point: m to the left and ahead of the first one.
+SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]
+# m past a gate from which a robot that is not sure of its place takes it to be behind.
+PASSED = 0.5
+# s before a robot is at a gate, at which it asks for its places. Earlier would keep others off.
+LOOK_AHEAD = 3.0
 
 
 class Say(Step, frozen=True):
@@ -80,52 +99,64 @@ class Say(Step, frozen=True):
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        robot.memory.doing, robot.memory.state = self.doing, self.state
+        """Set it, and be done."""
+        robot.memory.doing = self.doing
+        robot.memory.state = self.state
         return True
 
 
 class DriveTo(Step, frozen=True):
-    """Drive straight on until x (or y) is exactly the target; slower in the last step."""
+    """Drive straight on until x (or y) is exactly the target; slower in the last step.
 
+    The robot stops before the first of the gates `needs` whose places are not reserved for it. It
+    gives the places of the gates `frees` back once it has passed them.
+    """
+
+    #: m; None: the robot drives along y.
     x: float | None = None
+    #: m; None: the robot drives along x.
     y: float | None = None
+    #: m/s
     speed: float = CRUISE
     needs: list[Gate] = []
     frees: list[Gate] = []
+    #: What is no obstacle on the way.
     blind_to: list[Box] = []
-    queueing: bool = False  #: to stand behind other robots is normal here, and is not reported
+    #: To stand behind other robots is normal here, and is not reported.
+    queueing: bool = False
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        course, axis = robot.course, "y" if self.x is None else "x"
-        here, before, target = (getattr(it, axis) for it in (robot.pose, course, self))
+        """Drive on up to the target or a closed gate. Return whether the robot is at the target."""
+        course = robot.course
+        axis = "y" if self.x is None else "x"
+        # Positions along the axis, m.
+        here = getattr(robot.pose, axis)
+        before = getattr(course, axis)
+        target = getattr(self, axis)
         ahead = 1.0 if course.heading in ("EAST", "NORTH") else -1.0
-        robot.free(
-            [
-                place
-                for gate in self.frees
-                if ahead * (here - gate.at) > -EXACT
-                for place in gate.places
-            ]
-        )
-        limit = self._limit(
-            robot, here, min(here, before, key=lambda at: ahead * at), ahead, target
-        )
+        for gate in self.frees:
+            if ahead * (here - gate.at) > -EXACT:
+                robot.free(gate.places)
+        # A robot that was pushed ahead has not passed the gates there.
+        passed = min(here, before, key=lambda at: ahead * at)
+        limit = self._limit(robot, here, passed, ahead, target)
         setattr(course, axis, limit)
-        left = ahead * (limit - here)
+        remaining = ahead * (limit - here)
         if robot.comes_back(self.blind_to, self.speed):
             return False
-        if left <= EXACT:
+        if remaining <= EXACT:
             robot.hold()
             return bool(ahead * (target - here) <= EXACT)
-        robot.move(Twist(x=min(self.speed, left / TIME_STEP)), self.blind_to, self.queueing)
-        robot.hold(self._ticks(robot, here, ahead, left))
+        robot.move(Twist(x=min(self.speed, remaining / TIME_STEP)), self.blind_to, self.queueing)
+        robot.hold(self._ticks(robot, here, ahead, remaining))
         return False
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
-        end = start._replace(
-            x=start.x if self.x is None else self.x, y=start.y if self.y is None else self.y
-        )
+        """Return the pose at the target, and the time of the drive, s."""
+        x = start.x if self.x is None else self.x
+        y = start.y if self.y is None else self.y
+        end = start._replace(x=x, y=y)
         return end, (abs(end.x - start.x) + abs(end.y - start.y)) / self.speed
 
     @property
@@ -133,41 +164,52 @@ class DriveTo(Step, frozen=True):
         """How far before a gate the robot asks for its places, m."""
         return LOOK_AHEAD * self.speed
 
-    def _ticks(self, robot: PlanExecutor, here: float, ahead: float, left: float) -> int:
+    def _ticks(self, robot: PlanExecutor, here: float, ahead: float, remaining: float) -> int:
+        """Return for how many ticks the robot keeps its velocity, if nothing comes in its way.
+
+        `here`: where it is along the axis, m. `ahead`: the sign of its direction. `remaining`: the
+        way up to the target or a closed gate, m.
+        """
         if self.speed <= 0.0:
             return 1
-        reserved, asks_before = set(robot.memory.reserved), self.asks_before
-        frees = [
-            ahead * (gate.at - here) for gate in self.frees if not reserved.isdisjoint(gate.places)
-        ]
-        needs = [
-            ahead * (gate.at - here) - asks_before
-            for gate in self.needs
-            if not reserved.issuperset(gate.places)
-        ]
-        rooms = [left - self.speed * TIME_STEP, *frees, *(room for room in needs if room >= 0.0)]
+        reserved = set(robot.memory.reserved)
+        # m up to where it drives slower, gives places back, or asks for places.
+        rooms = [remaining - self.speed * TIME_STEP]
+        for gate in self.frees:
+            if not reserved.isdisjoint(gate.places):
+                rooms.append(ahead * (gate.at - here))
+        for gate in self.needs:
+            room = ahead * (gate.at - here) - self.asks_before
+            if room >= 0.0 and not reserved.issuperset(gate.places):
+                rooms.append(room)
         return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
 
     def _limit(
-        self, robot: PlanExecutor, here: float, past: float, ahead: float, target: float
+        self, robot: PlanExecutor, here: float, passed: float, ahead: float, target: float
     ) -> float:
-        """The target, or the first gate before it with places that are not reserved. `past`: to where it has passed gates."""
+        """Return up to where the robot may drive along the axis, m.
+
+        That is the target, or the first gate before it with places that are not reserved. It asks
+        for these places if it is near. `passed`: up to where it has passed gates, m. `ahead`: the
+        sign of its direction.
+        """
+        tolerance = PASSED if robot.position_bound else EXACT
         for gate in self.needs:
-            if ahead * (gate.at - past) >= -(
-                PASSED if robot.position_bound else EXACT
-            ) and not robot.has(gate.places):
-                if ahead * (gate.at - here) < self.asks_before and (
-                    not gate.bin or robot.is_left(gate.bin)
-                ):
-                    robot.want(gate.places)
-                return gate.at if ahead * (target - gate.at) > 0 else target
+            is_behind = ahead * (gate.at - passed) < -tolerance
+            if is_behind or robot.has(gate.places):
+                continue
+            is_near = ahead * (gate.at - here) < self.asks_before
+            if is_near and (not gate.bin or robot.is_left(gate.bin)):
+                robot.want(gate.places)
+            return gate.at if ahead * (target - gate.at) > 0 else target
         return target
 
 
 class Face(Step, frozen=True):
-    """Turn on the spot, pi/8 rad/s, until the robot faces EAST, NORTH, WEST or SOUTH exactly: 4 s for a quarter turn.
+    """Turn on the spot until the robot faces EAST, NORTH, WEST or SOUTH exactly.
 
-    `swings`: the share of a quarter turn after which a bin on the bar is no longer in the way of a robot behind it.
+    It turns with pi/8 rad/s, 4 s for a quarter turn. `swings`: the share of a quarter turn after
+    which a bin on the bar is no longer in the way of a robot behind it.
     """
 
     heading: str
@@ -176,21 +218,24 @@ class Face(Step, frozen=True):
     swings: ClassVar[float] = 0.4
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Turn on. Return whether the robot faces the heading."""
         robot.course.heading = self.heading
         if robot.is_moved:
             return not robot.comes_back(self.blind_to)
         return _turns_to(robot, HEADINGS[self.heading], self.blind_to)
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
+        """Return the pose after the turn, and its time, s."""
         yaw = HEADINGS[self.heading]
         return start._replace(yaw=yaw), abs(angle_between(start.yaw, yaw)) / EIGHTH
 
 
 def _turns_to(robot: PlanExecutor, yaw: float, blind_to: list[Box]) -> bool:
-    left = angle_between(robot.pose.yaw, yaw)
-    if abs(left) > EXACT:
-        robot.turn_by(left, blind_to)
-    return abs(left) <= EXACT
+    """Turn towards a yaw, rad. Return whether the robot has it."""
+    remaining = angle_between(robot.pose.yaw, yaw)
+    if abs(remaining) > EXACT:
+        robot.turn_by(remaining, blind_to)
+    return abs(remaining) <= EXACT
 
 
 class Realign(Step, frozen=True):
@@ -199,9 +244,11 @@ class Realign(Step, frozen=True):
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Turn on. Return whether the robot faces a heading."""
         return Face(nearest_heading(robot.pose.yaw)).act(robot)
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
+        """Return the pose after the turn, and its time, s."""
         return Face(nearest_heading(start.yaw)).motion(start)
 
 
@@ -211,16 +258,14 @@ class Ahead(Step, frozen=True):
     metres: float
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Put the drive to that point into the plan."""
         heading = nearest_heading(robot.pose.yaw)
         sign = 1.0 if heading in ("EAST", "NORTH") else -1.0
-        along_x = heading in ("EAST", "WEST")
-        robot.next(
-            [
-                DriveTo(x=robot.pose.x + sign * self.metres)
-                if along_x
-                else DriveTo(y=robot.pose.y + sign * self.metres)
-            ]
-        )
+        if heading in ("EAST", "WEST"):
+            drive = DriveTo(x=robot.pose.x + sign * self.metres)
+        else:
+            drive = DriveTo(y=robot.pose.y + sign * self.metres)
+        robot.next([drive])
         return True
 
 
@@ -231,19 +276,21 @@ class MoveTo(Step, frozen=True):
     y: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        east_west = _towards("EAST", "WEST", self.x - robot.pose.x), DriveTo(x=self.x)
-        north_south = _towards("NORTH", "SOUTH", self.y - robot.pose.y), DriveTo(y=self.y)
-        legs = (
-            [east_west, north_south]
-            if nearest_heading(robot.pose.yaw) in ("EAST", "WEST")
-            else [north_south, east_west]
-        )
-        robot.next([step for face, drive in legs for step in ((Face(face), drive) if face else ())])
+        """Put the turns and drives to that point into the plan."""
+        along_x = _leg("EAST", "WEST", self.x - robot.pose.x, DriveTo(x=self.x))
+        along_y = _leg("NORTH", "SOUTH", self.y - robot.pose.y, DriveTo(y=self.y))
+        if nearest_heading(robot.pose.yaw) in ("EAST", "WEST"):
+            robot.next([*along_x, *along_y])
+        else:
+            robot.next([*along_y, *along_x])
         return True
 
 
-def _towards(positive: str, negative: str, distance: float) -> str:
-    return "" if abs(distance) <= EXACT else positive if distance > 0 else negative
+def _leg(positive: str, negative: str, distance: float, drive: DriveTo) -> list[Step]:
+    """Return the turn and the drive over a distance, m, with a sign; none if it is 0."""
+    if abs(distance) <= EXACT:
+        return []
+    return [Face(positive if distance > 0 else negative), drive]
 
 
 class Wait(Step, frozen=True):
@@ -252,11 +299,13 @@ class Wait(Step, frozen=True):
     seconds: float
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Stand. Return whether the time is over."""
         waited = (robot.seen.tick - robot.memory.since) * TIME_STEP
         robot.hold(max(1, int(min(MOST_HOLD, (self.seconds - waited) / TIME_STEP))))
         return bool(waited >= self.seconds - EXACT)
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
+        """Return the same pose, and the time, s."""
         return start, self.seconds
 
 
@@ -267,6 +316,7 @@ class Need(Step, frozen=True):
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Claim the places. Return whether they are reserved."""
         if robot.has(self.places):
             return True
         robot.want(self.places)
@@ -280,6 +330,7 @@ class Free(Step, frozen=True):
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Give them back, and be done."""
         robot.free(self.places)
         return True
 
@@ -290,18 +341,23 @@ class Alone(Step, frozen=True):
     place: str
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Stand. Return whether the robot is alone there."""
         robot.hold()
         return robot.is_alone_in(self.place)
 
 
 class Deliver(Step, frozen=True):
-    """For carriers: leave the empty bin on the picker's coupling point, until the picker has taken it."""
+    """For carriers: leave the empty bin on the picker's coupling point.
+
+    The carrier waits there until the picker has taken the bin.
+    """
 
     handles = UNCOUPLE
     ticks = handles + PATIENCE + ASK
     picker: str
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Uncouple, then ask the picker. Return whether it has the bin."""
         if robot.seen.hitch is not None:
             robot.memory.delivered = robot.seen.hitch.name
             robot.uncouple()
@@ -311,33 +367,42 @@ class Deliver(Step, frozen=True):
 
 
 class Coupling(Step, frozen=True, kw_only=True):
-    """A step that couples a bin. A robot that is not sure of its place searches for the coupling point."""
+    """A step that couples a bin.
+
+    A robot that is not sure of its place searches for the coupling point.
+    """
 
     handles = COUPLE
-    tried: int = 0  #: places of the search in which it has tried
-    at: tuple[float, float] | None = None  #: x and y of the first of them, m
+    #: Number of the place of the search in which it tries.
+    tried: int = 0
+    #: x and y of the first of them, m.
+    at: tuple[float, float] | None = None
 
     def couple(self, robot: PlanExecutor, bin_name: str) -> bool:
-        """Couple a bin. Return whether this step was put off, because the robot tries another place first."""
+        """Couple a bin.
+
+        Return whether this step was put off, because the robot tries another place first.
+        """
         robot.couple(bin_name)
         began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
         if not robot.seen.accuracy or robot.seen.tick - began < TRIES:
             return False
-        tried = (self.tried + 1) % len(
-            SEARCH
-        )  # the error changes slowly: a place that was tried may do later
+        # The error changes slowly, so a place that was tried may do later.
+        tried = (self.tried + 1) % len(SEARCH)
         x, y = self.at or (robot.pose.x, robot.pose.y)
-        yaw, (before, _), (left, ahead) = (
-            HEADINGS[nearest_heading(robot.pose.yaw)],
-            SEARCH[self.tried],
-            SEARCH[tried],
-        )
+        yaw = HEADINGS[nearest_heading(robot.pose.yaw)]
         s, c = repeatable.sin_cos(yaw)
-        here = Shift(x + c * ahead - s * left, y + s * ahead + c * left)
-        aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
-        slant = repeatable.atan2(aside.y - robot.pose.y, aside.x - robot.pose.x)
-        around = [Aim(slant), aside, Aim(yaw)] if left != before else []
-        robot.next([*around, here, replace(self, tried=tried, at=(x, y))])
+        left, ahead = SEARCH[tried]
+        last_left, _ = SEARCH[self.tried]
+        steps: list[Step] = []
+        if left != last_left:
+            # It drives ahead to come to the other side, and backs up there.
+            aside = Shift(x + c * PULL - s * left, y + s * PULL + c * left)
+            slant = repeatable.atan2(aside.y - robot.pose.y, aside.x - robot.pose.x)
+            steps += [Aim(slant), aside, Aim(yaw)]
+        steps.append(Shift(x + c * ahead - s * left, y + s * ahead + c * left))
+        steps.append(replace(self, tried=tried, at=(x, y)))
+        robot.next(steps)
         robot.action.deeds = []
         return True
 
@@ -348,20 +413,26 @@ class Aim(Step, frozen=True):
     yaw: float
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Turn on. Return whether the robot has the yaw."""
         return _turns_to(robot, self.yaw, [])
 
 
 class Shift(Step, frozen=True):
-    """Drive slowly, ahead or back, to the point nearest to (x, y) on the robot's line, or up to an obstacle."""
+    """Drive slowly, ahead or back, to the point of the robot's line that is nearest to (x, y).
+
+    An obstacle ends the step too.
+    """
 
     x: float
     y: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        left, _ = to_frame(robot.pose, self.x, self.y)
-        if abs(left) <= THERE or (robot.memory.moving and robot.seen.twist == STILL):
+        """Drive on. Return whether the robot is there, or cannot go on."""
+        remaining, _ = to_frame(robot.pose, self.x, self.y)
+        has_met_something = robot.memory.moving and robot.seen.twist == STILL
+        if abs(remaining) <= THERE or has_met_something:
             return True
-        robot.move(Twist(x=max(-SHIFT, min(SHIFT, left / TIME_STEP))), [])
+        robot.move(Twist(x=max(-SHIFT, min(SHIFT, remaining / TIME_STEP))), [])
         return False
 
 
@@ -372,24 +443,28 @@ class TakeBin(Coupling, frozen=True):
     bin: str
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Couple the bin. Return whether it is coupled, or the step is put off."""
         if robot.seen.hitch is not None and robot.seen.hitch.name == self.bin:
             return True
         return self.couple(robot, self.bin)
 
 
 class Announce(Step, frozen=True):
-    """For pickers: announce to the bin at which end of which row it will be left next, and with how many metres in it."""
+    """For pickers: announce to the bin where it will be left next, and how full."""
 
     ticks = ASK
     row: int
+    #: Of the row: 'east' or 'west'.
     end: str
+    #: m
     fill: float
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Tell the bin. Return whether it has answered, or will not."""
         bin_ = robot.seen.hitch
-        if (
-            bin_ is None or robot.seen.tick - robot.memory.since > 2 * PATIENCE
-        ):  # a bin that was not told calls when it is left
+        is_too_late = robot.seen.tick - robot.memory.since > 2 * PATIENCE
+        # A bin that does not know calls when it is left.
+        if bin_ is None or is_too_late:
             return True
         return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
 
@@ -400,17 +475,24 @@ class PickFrom(Step, frozen=True):
     x: float  #: m
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Ask physics for it, and be done."""
         robot.action.deeds.append(messages.PickFrom(self.x))
         return True
 
 
 class Fill(Step, frozen=True):
-    """For pickers that are not sure of their place: at a row's end, drive on little by little until the bin holds so much."""
+    """For pickers that are not sure of their place: at a row's end, drive on until the bin is full.
 
-    most: float  #: m
-    fill: float  #: m
+    They do so little by little, and ask the bin each time.
+    """
+
+    #: m that they drive on at most.
+    most: float
+    #: m that the bin shall hold.
+    fill: float
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Ask the bin, and drive on if it lacks something. Return whether it has answered."""
         if robot.seen.hitch is None or self.most <= 0.0:
             return True
         answer = robot.ask(robot.seen.hitch.name, StateRequest())
@@ -426,37 +508,38 @@ class LeaveBin(Step, frozen=True):
     ticks = handles
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Uncouple. Return whether the bin is left."""
         if robot.seen.hitch is None:
             return True
-        robot.memory.full_bin, robot.memory.offered, robot.memory.carrier = (
-            robot.seen.hitch.name,
-            "",
-            "",
-        )
+        robot.memory.full_bin = robot.seen.hitch.name
+        robot.memory.offered = ""
+        robot.memory.carrier = ""
         robot.uncouple()
         return False
 
 
 class FetchEmpty(Coupling, frozen=True):
-    """For pickers: wait until a carrier has brought an empty bin, couple the bin, and take over the place where it stands."""
+    """For pickers: take an empty bin that a carrier brings, with the place where it stands."""
 
     place: str
 
     def act(self, robot: PlanExecutor) -> bool:
-        if not robot.memory.offered:
-            answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)
-            robot.memory.carrier = (
-                answer.carrier if isinstance(answer, CarrierComing) else robot.memory.carrier
-            )
+        """Wait for the bin, couple it, and take over its place. Return whether all is done."""
+        memory = robot.memory
+        if not memory.offered:
+            answer = robot.ask(memory.full_bin, EmptyBin(), every=SELDOM)
+            if isinstance(answer, CarrierComing):
+                memory.carrier = answer.carrier
             robot.hold()
             return False
         if robot.seen.hitch is None:
-            return self.couple(robot, robot.memory.offered)
+            return self.couple(robot, memory.offered)
         if not robot.has([self.place]):
-            robot.want([self.place], beside=robot.memory.carrier)
+            robot.want([self.place], beside=memory.carrier)
             robot.hold()
             return False
-        robot.memory.taken, robot.memory.carrier = robot.memory.offered, ""
+        memory.taken = memory.offered
+        memory.carrier = ""
         return True
 
 
@@ -466,37 +549,40 @@ class MayFail(Step, frozen=True):
     seed: int
     mean_between: float  #: s of work
     mean_repair: float  #: s
-    keeps_course: ClassVar[bool] = True  # of the drive that follows
+    # The course is that of the drive that follows.
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        memory, drive = robot.memory, cast(DriveTo, robot.memory.plan[1])
+        """Put a failure into the drive that follows, if one is due, and be done."""
+        memory = robot.memory
+        drive = cast(DriveTo, memory.plan[1])
         until, repair = failure(
             self.seed, robot.seen.name, memory.failures, self.mean_between, self.mean_repair
         )
         axis = "y" if drive.x is None else "x"
         here = getattr(robot.pose, axis)
-        way = getattr(drive, axis) - here
-        needed, sound = (
-            abs(way) / drive.speed,
-            max(0.0, until - memory.worked),
-        )  # s of work: for the rest of the drive; to the failure
+        distance = getattr(drive, axis) - here
+        # s of work: for the rest of the drive, and up to the failure.
+        needed = abs(distance) / drive.speed
+        sound = max(0.0, until - memory.worked)
         if sound >= needed:
             memory.worked += needed
             return True
-        memory.failures, memory.worked = memory.failures + 1, 0.0
-        at = here + way * sound / needed
-        needs = [
-            gate for gate in drive.needs if (at - gate.at) * way > 0.0
-        ]  # it asks for no place that it does not come to
-        frees = [
-            gate for gate in drive.frees if abs(at - gate.at) > CLEAR_OF_TURNS
-        ]  # and keeps what it stands near
-        stand = (
-            Say("failed, is repaired", "failed"),
-            Repair(repair),
-            Say(memory.doing, memory.state),
+        memory.failures += 1
+        memory.worked = 0.0
+        stop = here + distance * sound / needed
+        # It asks for no place that it does not come to, and keeps what it stands near.
+        needs = [gate for gate in drive.needs if (stop - gate.at) * distance > 0.0]
+        frees = [gate for gate in drive.frees if abs(stop - gate.at) > CLEAR_OF_TURNS]
+        robot.next(
+            [
+                replace(drive, **{axis: stop}, needs=needs, frees=frees),
+                Say("failed, is repaired", "failed"),
+                Repair(repair),
+                Say(memory.doing, memory.state),
+                self,
+            ]
         )
-        robot.next([replace(drive, **{axis: at}, needs=needs, frees=frees), *stand, self])
         return True
 
 
@@ -506,33 +592,48 @@ class Repair(Step, frozen=True):
     seconds: float
 
     def act(self, robot: PlanExecutor) -> bool:
-        left = self.seconds - LONGEST_WAIT
-        robot.next([Wait(LONGEST_WAIT), Repair(left)] if left > 0.0 else [Wait(self.seconds)])
+        """Put the first part, and what remains, into the plan."""
+        remaining = self.seconds - LONGEST_WAIT
+        if remaining > 0.0:
+            robot.next([Wait(LONGEST_WAIT), Repair(remaining)])
+        else:
+            robot.next([Wait(self.seconds)])
         return True
 
 
 class Unload(Step, frozen=True):
-    """For carriers: stand in the bay until the bin, asked every PATIENCE ticks, is no longer full."""
+    """For carriers: stand in the bay until the bin is no longer full.
 
-    ticks = (
-        -(-(BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1) // PATIENCE) * PATIENCE + ASK
-    )
+    It is asked every PATIENCE ticks.
+    """
+
+    # The bin is asked first after so many ticks that are a multiple of PATIENCE.
+    _until_empty: ClassVar[int] = BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1
+    ticks = -(-_until_empty // PATIENCE) * PATIENCE + ASK
 
     def act(self, robot: PlanExecutor) -> bool:
-        answer = robot.ask(robot.seen.hitch.name, StateRequest()) if robot.seen.hitch else None
+        """Ask the bin. Return whether it is empty."""
+        answer = None
+        if robot.seen.hitch is not None:
+            answer = robot.ask(robot.seen.hitch.name, StateRequest())
         robot.hold()
         return isinstance(answer, BinState) and not answer.full
 
 
 class Confirmed(Step, frozen=True):
-    """For carriers, before they leave: go on only if the bin still wants the carrier, else do the steps `otherwise`."""
+    """For carriers, before they leave: go on only if the bin still wants the carrier.
+
+    Else do the steps `otherwise`.
+    """
 
     ticks = ASK
     bin: str
     otherwise: list["AnyStep"]
-    keeps_course: ClassVar[bool] = True  # wherever in the queue it is asked
+    # The carrier asks wherever in the queue it is.
+    keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Ask the bin. Return whether it has answered."""
         answer = robot.ask(self.bin, Confirm())
         robot.hold()
         if isinstance(answer, No):
@@ -541,24 +642,32 @@ class Confirmed(Step, frozen=True):
 
 
 class MayCharge(Step, frozen=True):
-    """For carriers, once they have unloaded: if the charge is at the reserve, do the steps `otherwise`."""
+    """For carriers, once they have unloaded: do the steps `otherwise` if they must charge."""
 
-    reserve: float  #: of the charge, 0 to 1
+    #: The charge at which they must, 0 to 1.
+    reserve: float
     otherwise: list["AnyStep"]
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Change the plan, if the charge is at the reserve, and be done."""
         if robot.seen.charge <= self.reserve:
             robot.memory.plan[1:] = self.otherwise
         return True
 
 
 class Charge(Step, frozen=True):
-    """For carriers that are in a charging line: from here on they charge where they stand, once a charger is free."""
+    """For carriers that are in a charging line: charge from here on.
+
+    They charge where they stand, once a charger is free.
+    """
 
     keeps_course: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
-        robot.memory.doing, robot.memory.state, robot.memory.charged = "charging", "resting", False
+        """Say so, and be done."""
+        robot.memory.doing = "charging"
+        robot.memory.state = "resting"
+        robot.memory.charged = False
         return True
 
 
@@ -566,6 +675,7 @@ class Charged(Step, frozen=True):
     """For carriers: stand until the battery has been full."""
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Stand. Return whether the battery has been full."""
         robot.hold()
         return bool(robot.memory.charged)
 
@@ -574,6 +684,7 @@ class Home(Step, frozen=True):
     """For carriers: the job is done, and the carrier can be called again."""
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Forget the job, and be done."""
         robot.memory.job = None
         return True
 
@@ -584,22 +695,27 @@ class Again(Step, frozen=True):
     steps: list["AnyStep"]
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Put the steps, and this one after them, into the plan."""
         robot.next([*self.steps, self])
         return True
 
 
 if TYPE_CHECKING:
     AnyStep = Step
-else:  # for msgspec, which decodes the steps of a memory: these, and those that `with_steps` adds
+else:
+    # msgspec decodes the steps of a memory: these, and those that `with_steps` adds.
     AnyStep = (
-        Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver | TakeBin | LeaveBin
-        | FetchEmpty | Announce | PickFrom | Fill | Aim | Shift | MayFail | Repair | Unload | Confirmed
-        | MayCharge | Charge | Charged | Home | Again
+        Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver
+        | TakeBin | LeaveBin | FetchEmpty | Announce | PickFrom | Fill | Aim | Shift | MayFail
+        | Repair | Unload | Confirmed | MayCharge | Charge | Charged | Home | Again
     )  # fmt: skip
 
 
 class Plan(RobotMemory):
-    """The memory of a robot that follows a plan. `plan`: the steps that are left, the present one first."""
+    """The memory of a robot that follows a plan.
+
+    `plan`: the steps that remain, the present one first.
+    """
 
     plan: list[AnyStep] = []
 
@@ -608,24 +724,30 @@ P = TypeVar("P", bound=Plan)
 
 
 def of_known_steps(steps: list[Step], own: Sequence[type[Step]]) -> list[Step]:
-    """Return these steps. Raises TypeError for one that a memory could not hold: its class is neither built-in nor in `own`, or it is
-    a step of `own` within `Again` or `Confirmed`, which hold built-in steps only."""
+    """Return these steps. Raises TypeError for one that a memory could not hold.
+
+    The class of such a step is neither built-in nor in `own`; or it is a step of `own` within
+    `Again` or `Confirmed`, which hold built-in steps only.
+    """
     for step in steps:
         if type(step) not in own and type(step).__module__ != __name__:
-            raise TypeError(
-                f"{type(step).__name__} is not in `Steps`, or is within a step that holds built-in steps only"
-            )
+            fault = "is not in `Steps`, or is within a step that holds built-in steps only"
+            raise TypeError(f"{type(step).__name__} {fault}")
         of_known_steps([*getattr(step, "steps", ()), *getattr(step, "otherwise", ())], ())
     return steps
 
 
 def with_steps(memory: type[P], steps: Sequence[type[Step]]) -> type[P]:
-    """Return a memory type derived from `memory`. Its plan may also hold these steps: they are checked and encoded like built-in steps."""
+    """Return a memory type derived from `memory`, whose plan may also hold these steps.
+
+    They are checked and encoded like built-in steps.
+    """
     return cast(type[P], _with_steps(memory, tuple(steps))) if steps else memory
 
 
 @cache
 def _with_steps(memory: type[Plan], steps: tuple[type[Step], ...]) -> Any:
+    """Return as `with_steps`: the same class for the same arguments."""
     kinds: Any = reduce(or_, steps, AnyStep)
     plan: Any = ("plan", list[kinds], msgspec.field(default_factory=list))
     return msgspec.defstruct(memory.__name__, [plan], bases=(memory,))

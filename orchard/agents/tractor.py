@@ -1,4 +1,7 @@
-"""The tractor: drives up and down the driveway, waits at each end, turns about, and stops for obstacles."""
+"""The tractor: drives up and down the driveway, and waits and turns about at each end.
+
+It stops for obstacles.
+"""
 
 from orchard.agents.robot import PlanExecutor, Step
 from orchard.agents.sense import bystanders_of
@@ -6,7 +9,9 @@ from orchard.agents.steps import Again, DriveTo, Face, Plan, Realign, Say, Wait
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.field.layout import Layout
 
-WEST_END, EAST_END = -45.0, -25.0  # x, m: 20 m apart (docs/reference.md)
+# x, m: 20 m apart (docs/reference.md).
+WEST_END = -45.0
+EAST_END = -25.0
 WORK = 5.0  # s at each end
 
 ROUND: list[Step] = [
@@ -26,6 +31,8 @@ ROUND: list[Step] = [
 
 
 class Tractor:
+    """Repeats its round without end."""
+
     Memory = Plan
     holds = True
 
@@ -33,8 +40,8 @@ class Tractor:
         self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
-        robot = PlanExecutor(
-            seen, mail, memory or self.Memory(plan=[Realign(), Again(ROUND)]), self.bystanders
-        )
+        """Go on with the round."""
+        memory = memory or self.Memory(plan=[Realign(), Again(ROUND)])
+        robot = PlanExecutor(seen, mail, memory, self.bystanders)
         robot.follow()
         return robot.finish()

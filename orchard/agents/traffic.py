@@ -1,9 +1,10 @@
 """Traffic: the agent without a body that grants places on the roads.
 
-Theory of operation. A robot names the places that it keeps and those that it wants. It gets all that
-it wants or none. Robots are served in the order in which they asked (ties by name): a claim that
-waits keeps its places from all that asked later. A place belongs to one robot, or to two partners
-in an exchange of bins. Each claim is complete, so claims that are lost or come twice do no harm.
+Theory of operation. A robot names the places that it keeps and those that it wants. It gets all
+that it wants or none. Robots are served in the order in which they asked (ties by name): a claim
+that waits keeps its places from all that asked later. A place belongs to one robot, or to two
+partners in an exchange of bins. Each claim is complete, so claims that are lost or come twice do no
+harm.
 
     a claim of a robot   | what traffic does
     ---------------------+------------------------------------------------------------------------

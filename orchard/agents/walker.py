@@ -17,13 +17,19 @@ from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
 STEER_WITHIN = 4.0  # m (docs/reference.md)
 TURN_WITHIN = 1.0  # m
 STEER = PI / 8  # rad/s while it walks on
-BACK, LEFT, RIGHT, ON = Twist(x=-0.5), Twist(yaw=PI / 4), Twist(yaw=-PI / 4), Twist(x=0.5)
-WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)  # what a walker tries after a collision
+BACK = Twist(x=-0.5)
+LEFT = Twist(yaw=PI / 4)
+RIGHT = Twist(yaw=-PI / 4)
+ON = Twist(x=0.5)
+# What a walker tries after a collision.
+WAYS = (BACK, BACK, BACK, LEFT, RIGHT, ON)
 RECOVERY = 12  # ticks for which it tries one of them
-LINGER = 6.0  # m: a walker that has got no farther from a place, and so may still be within a circle of 3 m, ...
-LINGER_TICKS = 200  # ... breaks out of it after 20 s
+# m. A walker that has got no farther from a place may still be within a circle of 3 m: it lingers.
+LINGER = 6.0
+LINGER_TICKS = 200  # ticks after which it breaks out, 20 s
 OUT_TICKS = 80  # ticks for which it walks in one direction to get out
-FREE = (3.0, 1.5)  # m that must be free in that direction; if no direction is, the second value
+# m that must be free in that direction; if no direction is, the second value.
+FREE = (3.0, 1.5)
 
 MIND_CHANGES = 3 * TICKS_PER_SECOND  # ticks between two choices of an animal (manual)
 SLACK = 1e-6  # m, far more than rounding
@@ -36,9 +42,12 @@ class WalkerMemory(msgspec.Struct):
     x: float
     y: float
     since: int  # tick at which it came here
-    turning: bool = False  # it stopped for something near, and turns until its way is free
-    moving: bool = False  # it wanted to move in the last tick
-    way: int = 0  # index in WAYS of what it tries
+    # It stopped for something near, and turns until its way is free.
+    turning: bool = False
+    # It wanted to move in the last tick.
+    moving: bool = False
+    # Index in WAYS of what it tries.
+    way: int = 0
     recovers_until: int = 0  # tick
     out: float | None = None  # rad, the yaw in which it breaks out
     until: int = 0  # tick at which breaking out ends
@@ -51,21 +60,21 @@ class Person:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+        self.seed = layout.scenario.seed
+        self.kind = KINDS[kind_of(name)]
 
     def tick(self, seen: Observation, mail: Mail, memory: WalkerMemory | None) -> Action:
+        """Walk straight on, unless something is in the way."""
         memory = memory or self.Memory(seen.x, seen.y, seen.tick)
-        twist, evading = walk(
-            seen, memory, self.seed, self.kind.speed, self.kind, Twist(x=self.kind.speed)
-        )
-        hold, doing = hold_of(seen, memory, twist, evading), evading or "walking"
+        whim = Twist(x=self.kind.speed)
+        twist, evading = walk(seen, memory, self.seed, self.kind.speed, self.kind, whim)
         return Action(
             twist=twist,
             answers=tell_where(seen, mail),
             memory=memory,
-            doing=doing,
+            doing=evading or "walking",
             state="driving",
-            hold=hold,
+            hold=hold_of(seen, memory, twist, evading),
         )
 
 
@@ -75,7 +84,8 @@ class AnimalMemory(WalkerMemory):
     speed: float = 0.0  # m/s
     rate: float = 0.0  # rad/s
     turning_until: int = 0  # tick
-    mind: int = -1  # number of the present choice; -1: none yet
+    # Number of the present choice; -1: none yet.
+    mind: int = -1
 
 
 class Animal:
@@ -85,65 +95,84 @@ class Animal:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
-        self.seed, self.kind = layout.scenario.seed, KINDS[kind_of(name)]
+        self.seed = layout.scenario.seed
+        self.kind = KINDS[kind_of(name)]
+        # Ticks by which its choices come earlier than those of an animal without a phase.
         self.phase = int(MIND_CHANGES * draw(self.seed, f"phase of {name}", 0)[0])
 
     def tick(self, seen: Observation, mail: Mail, memory: AnimalMemory | None) -> Action:
+        """Follow the present whim, unless something is in the way."""
         memory = memory or self.Memory(seen.x, seen.y, seen.tick)
-        if (mind := (seen.tick + self.phase) // MIND_CHANGES) != memory.mind:
+        mind = (seen.tick + self.phase) // MIND_CHANGES
+        if mind != memory.mind:
             memory.mind = mind
             self.change_mind(seen, memory)
-        whim = Twist(x=memory.speed, yaw=memory.rate if seen.tick < memory.turning_until else 0.0)
+        whim_ends = (mind + 1) * MIND_CHANGES - self.phase
+        whim = Twist(x=memory.speed)
+        if seen.tick < memory.turning_until:
+            whim_ends = min(whim_ends, memory.turning_until)
+            whim = Twist(x=memory.speed, yaw=memory.rate)
         twist, evading = walk(seen, memory, self.seed, min(memory.speed, 1.0), self.kind, whim)
-        doing = evading or ("wandering" if memory.speed >= SLOW else "standing")
-        state: State = "resting" if doing == "standing" else "driving"
-        whims = [
-            (mind + 1) * MIND_CHANGES - self.phase,
-            *([memory.turning_until] if seen.tick < memory.turning_until else []),
-        ]
-        hold = hold_of(seen, memory, twist, evading, min(whims))
+        stands = not evading and memory.speed < SLOW
+        state: State = "resting" if stands else "driving"
         return Action(
             twist=twist,
             answers=tell_where(seen, mail),
             memory=memory,
-            doing=doing,
+            doing="standing" if stands else evading or "wandering",
             state=state,
-            hold=hold,
+            hold=hold_of(seen, memory, twist, evading, whim_ends),
         )
 
     def change_mind(self, seen: Observation, memory: AnimalMemory) -> None:
-        """Choose a turn to either side at up to 2 pi rad/s, for up to a second, and a speed of up to 3 m/s."""
+        """Choose a turn to either side, and a speed.
+
+        The turn has up to 2 pi rad/s, and lasts for up to a second; the speed is up to 3 m/s.
+        """
         rate, speed, length = draw(self.seed, seen.name, memory.mind * MIND_CHANGES, 3)
-        memory.rate, memory.speed = (2 * rate - 1) * self.kind.turn, speed * self.kind.speed
+        memory.rate = (2 * rate - 1) * self.kind.turn
+        memory.speed = speed * self.kind.speed
         memory.turning_until = seen.tick + int(TICKS_PER_SECOND * length)
 
 
 def tell_where(seen: Observation, mail: Mail) -> list[tuple[Heard, Answer]]:
-    """Return the walker's answers: its position to robots that ask for it, a refusal to all other requests."""
+    """Return the walker's answers.
+
+    They are its position to robots that ask for it, and a refusal to all other requests.
+    """
     here = Position(seen.x, seen.y)
-    return [
-        (heard, here if isinstance(heard.body, Where) else No("I only walk here"))
-        for heard in mail.requests
-    ]
+    answers: list[tuple[Heard, Answer]] = []
+    for heard in mail.requests:
+        is_asked_where = isinstance(heard.body, Where)
+        answers.append((heard, here if is_asked_where else No("I only walk here")))
+    return answers
 
 
 def walk(
     seen: Observation, memory: WalkerMemory, seed: int, speed: float, kind: Kind, whim: Twist
 ) -> tuple[Twist, str]:
-    """Return a walker's velocity, and 'turning away' if something makes it steer, at `speed` m/s, else `whim` and ''."""
-    twist = bump(seen, memory, seed) or break_out(
-        seen, memory, seed, min(1.0, kind.speed), kind.turn
+    """Return a walker's velocity, and what it does to evade: 'turning away', or ''.
+
+    `whim`: its velocity if nothing makes it steer. `speed`: m/s, if something does.
+    """
+    twist = (
+        bump(seen, memory, seed)
+        or break_out(seen, memory, seed, min(1.0, kind.speed), kind.turn)
+        or avoid(seen, memory, speed, kind.turn)
     )
-    twist = twist or avoid(seen, memory, speed, kind.turn)
     memory.moving = (twist or whim) != STILL
     return twist or whim, "turning away" if twist else ""
 
 
 def bump(seen: Observation, memory: WalkerMemory, seed: int) -> Twist | None:
-    """Return the velocity with which a walker backs off, or turns aside, for a while after a collision; else None."""
+    """Return the velocity of a walker for a while after a collision; else None.
+
+    It backs off, turns aside or goes on, by chance.
+    """
     if memory.moving and seen.twist == STILL:
         memory.way = int(len(WAYS) * draw(seed, seen.name, seen.tick, 2)[1])
-        memory.recovers_until, memory.out = seen.tick + RECOVERY, None
+        memory.recovers_until = seen.tick + RECOVERY
+        memory.out = None
     return WAYS[memory.way] if seen.tick < memory.recovers_until else None
 
 
@@ -161,17 +190,23 @@ def avoid(seen: Observation, memory: WalkerMemory, speed: float, most_turn: floa
 def break_out(
     seen: Observation, memory: WalkerMemory, seed: int, speed: float, most_turn: float
 ) -> Twist | None:
-    """Return the velocity with which a lingering walker leaves in a free direction; None if it does not linger."""
+    """Return the velocity with which a lingering walker leaves; None if it does not linger.
+
+    It leaves in a direction that is free.
+    """
     if (seen.x - memory.x) ** 2 + (seen.y - memory.y) ** 2 > LINGER**2:
-        memory.x, memory.y, memory.since, memory.out = seen.x, seen.y, seen.tick, None
+        memory.x = seen.x
+        memory.y = seen.y
+        memory.since = seen.tick
+        memory.out = None
     if seen.tick - memory.since < LINGER_TICKS:
         return None
     if memory.out is None or seen.tick >= memory.until:
-        out = wrap(seen.pose.yaw + way_out(seen, draw(seed, seen.name, seen.tick)[0]))
-        memory.out, memory.until = out, seen.tick + OUT_TICKS
-    left = angle_between(seen.pose.yaw, memory.out)
-    if abs(left) > 1e-9:
-        return Twist(yaw=max(-most_turn, min(most_turn, left / TIME_STEP)))
+        memory.out = wrap(seen.pose.yaw + way_out(seen, draw(seed, seen.name, seen.tick)[0]))
+        memory.until = seen.tick + OUT_TICKS
+    turn = angle_between(seen.pose.yaw, memory.out)
+    if abs(turn) > 1e-9:
+        return Twist(yaw=max(-most_turn, min(most_turn, turn / TIME_STEP)))
     if not is_path_free(seen, TURN_WITHIN / 2):
         memory.out = None
         return Twist()
@@ -181,7 +216,10 @@ def break_out(
 def hold_of(
     seen: Observation, memory: WalkerMemory, twist: Twist, evading: str, until: int = LAST_TICK
 ) -> Hold | None:
-    """Return how long a walker keeps its velocity: as long as it does the same. `until`: when its whim ends."""
+    """Return how long a walker keeps its velocity: as long as it does the same.
+
+    `until`: when its whim ends.
+    """
     if seen.tick < memory.recovers_until:
         return Hold(min(until, memory.recovers_until))
     until = min(
@@ -199,17 +237,20 @@ def hold_of(
 
 
 def ticks_within(seen: Observation, memory: WalkerMemory, twist: Twist) -> int:
-    """Return the ticks for which a walker surely stays within LINGER of the place where it lingers."""
+    """Return the ticks for which a walker surely stays within LINGER of where it lingers."""
     dx, dy = seen.x - memory.x, seen.y - memory.y
     room = max(0.0, LINGER - math.sqrt(dx * dx + dy * dy) - SLACK)
-    return (
-        int(room / (twist.x * TIME_STEP)) if twist.x * TIME_STEP * MOST_HOLD > room else MOST_HOLD
-    )
+    step = twist.x * TIME_STEP
+    return int(room / step) if step * MOST_HOLD > room else MOST_HOLD
 
 
 def way_out(seen: Observation, chance: float) -> float:
-    """Return the angle to a free direction, rad, chosen by `chance` (0 to 1); if none is free, to one behind."""
+    """Return the angle to a free direction, rad; if none is free, to one behind.
+
+    `chance`: 0 to 1, chooses one of several.
+    """
     for reach in FREE:
-        if free := free_directions(seen, reach):
+        free = free_directions(seen, reach)
+        if free:
             return free[int(chance * len(free))]
     return PI / 2 + chance * PI

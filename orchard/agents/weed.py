@@ -12,13 +12,15 @@ from orchard.field import repeatable
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 
-# m from its centre: 1 m from its farthest point, a corner at 0.354 m. In this reach it looks for motion.
+# m from its centre: 1 m from its farthest point, a corner at 0.354 m. In this reach it looks for
+# motion.
 NEAR = 1.36
 AROUND_IT = Zone(-NEAR, NEAR, -NEAR, NEAR)
 # m from its edge to a return. Physics decides by 1 m to the body, and a corner of the body may lie
 # between two beams, nearer than both of their returns.
 REACH = 1.05
-SURE = 5.0  # standard deviations of the lasers' noise by which the silhouette must change
+# Standard deviations of the lasers' noise by which the silhouette must change.
+SURE = 5.0
 
 _LASER = KINDS["weed"].laser
 _SIN_COS = np.array(
@@ -27,12 +29,18 @@ _SIN_COS = np.array(
 
 
 class WeedMemory(msgspec.Struct):
-    """What a weed saw when something last moved: so what moves so slowly that noise hides each step is noticed after some."""
+    """What a weed saw when something last moved.
 
-    silhouette: int = 0  # mm, sum over the beams of the distance from each return out to NEAR
+    So it notices after some time what moves so slowly that noise hides each step.
+    """
+
+    # Mm, sum over the beams of the distance from each return out to NEAR.
+    silhouette: int = 0
 
 
 class Weed:
+    """Asks to be flattened by what moves beside it."""
+
     Memory = WeedMemory
     holds = True
 
@@ -40,8 +48,9 @@ class Weed:
         self.noise = layout.scenario.laser.noise
 
     def tick(self, seen: Observation, mail: Mail, memory: WeedMemory | None) -> Action:
+        """Compare the silhouette with that in the memory."""
         now, beams = silhouette(seen.scan)
-        change = abs(now - memory.silhouette) if memory else 0
+        change = 0 if memory is None else abs(now - memory.silhouette)
         has_changed = change > 1000 * SURE * self.noise * math.sqrt(beams)
         memory = memory or self.Memory(now)
         if has_changed:
@@ -59,9 +68,12 @@ class Weed:
 
 
 def silhouette(scan: np.ndarray) -> tuple[int, int]:
-    """Return a number for all that is near, and the number of beams. Whole millimetres make sums exact."""
+    """Return a number for all that is near, and the number of beams.
+
+    Whole millimetres make sums exact.
+    """
     near = scan[scan < NEAR]
-    return (int(((NEAR - near) * 1000).astype(np.int64).sum()) if near.size else 0), near.size
+    return int(((NEAR - near) * 1000).astype(np.int64).sum()), near.size
 
 
 def is_within_reach(scan: np.ndarray) -> bool:

@@ -2,7 +2,8 @@
 
     python -m orchard.processes.agents --connect tcp/127.0.0.1:7447 --only picker --only bin_03
 
-The scenario comes from physics. Without --only and --without it hosts all agents; --share 0/3 hosts every third agent.
+The scenario comes from physics. Without --only and --without it hosts all agents; --share 0/3 hosts
+every third agent.
 """
 
 import logging
@@ -36,11 +37,15 @@ log = logging.getLogger("orchard")
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 Opened = Callable[[Inbox], AbstractContextManager[Bus]]
-SESSIONS = 6  # that are tried after a reset, all but the last one for a sixth of the tries
+# That are tried after a reset, all but the last one for a sixth of the tries.
+SESSIONS = 6
 
 
 def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
-    """Return what the factory 'package.module:name' makes, name -> agent. Raises ValueError for its faults."""
+    """Return what the factory 'package.module:name' makes, name -> agent.
+
+    Raises ValueError for its faults.
+    """
     module, _, name = path.partition(":")
     try:
         make: Factory = getattr(import_own(module), name)
@@ -51,12 +56,12 @@ def made(path: str, layout: Layout, names: Collection[str]) -> dict[str, Agent]:
         return {name: agents[name] for name in names}
     except Exception as error:
         expected = "a function of (layout, names) that returns a map with an agent for each name"
-        raise ValueError(
-            f"agents {path}: {type(error).__name__}: {error}{place_of_error(error)}; expected {expected}"
-        ) from error
+        fault = f"{type(error).__name__}: {error}{place_of_error(error)}"
+        raise ValueError(f"agents {path}: {fault}; expected {expected}") from error
 
 
 def watched(host: Host) -> None:
+    """Get a host ready: let it log agents that are too slow."""
     settle()
     monitor(host)
 
@@ -67,14 +72,14 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(inbox: Inbox, options: HostOptions) -> NoReturn:
+    """Host agents over Zenoh. Raises HostEnded."""
     identity = identity_in(options.secure, options.prefix)
+
+    def opened(inbox: Inbox) -> AbstractContextManager[Bus]:
+        return client(options.connect, inbox, identity=identity)
+
     with printed(log.warning):
-        host(
-            inbox,
-            options,
-            lambda inbox: client(options.connect, inbox, identity=identity),
-            identity,
-        )
+        host(inbox, options, opened, identity)
 
 
 def host(
@@ -84,17 +89,18 @@ def host(
     identity: Identity | None = None,
     ready: Callable[[Host], None] = watched,
 ) -> NoReturn:
-    """Host agents until the run ends, again after each reset. `ready` gets each host first. Raises HostEnded."""
-    sessions = (
-        1  # that may still be opened: after a reset, the first may be at a router that just closes
-    )
+    """Host agents until the run ends, again after each reset.
+
+    `ready` gets each host first. Raises HostEnded.
+    """
+    # Sessions that may still be opened. After a reset the first may be at a router that closes.
+    sessions = 1
     while True:
         sessions -= 1
+        tries = TRIES if sessions == 0 else TRIES // SESSIONS
         try:
             with opened(inbox) as bus:
-                agents = _host(
-                    bus, options, identity, TRIES if sessions == 0 else TRIES // SESSIONS
-                )
+                agents = _host(bus, options, identity, tries)
                 ready(agents)
                 agents.run()
         except HostEnded as end:
@@ -104,21 +110,22 @@ def host(
         except BusError:
             if sessions == 0:
                 raise
-        inbox.forget()  # the run begins again: nothing of it is kept
+        # The run begins again: nothing of it is kept.
+        inbox.forget()
 
 
 def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int) -> Host:
+    """Return a host with its agents, which listens to a run. Raises BusError, ValueError."""
     keys = Keys(options.prefix)
     run = fetch_run(bus, keys, end_if_asked, tries)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
-    agents = made(options.agents, layout, names)  # only these: a class may end its process
+    # No other agents are made: a class may end its process.
+    agents = made(options.agents, layout, names)
     if options.replay is not None:
-        from orchard.bags.replay import (
-            read_commands,
-            replayed,
-        )  # not at the top: its packages are an extra
+        # It is imported here, because its packages are an extra.
+        from orchard.bags.replay import read_commands, replayed
 
         commands = read_commands(Path(options.replay), options.from_first_stamp)
         agents = replayed(agents, commands)

@@ -2,7 +2,8 @@
 
     python -m orchard.processes.logger --connect tcp/127.0.0.1:7447 --record runs/harvest.rrd
 
-Killing it does not disturb the run. If it is started again with the same file, it continues in a further part of the recording.
+Killing it does not disturb the run. If it is started again with the same file, it continues in a
+further part of the recording.
 """
 
 import logging
@@ -27,31 +28,21 @@ log = logging.getLogger("orchard")
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Record a run until it ends; the exit code."""
-    with suppress(
-        AttributeError, OSError
-    ):  # where the system knows how, it interrupts no process for which the run waits
+    """Record a run until it ends. Return the exit code."""
+    # Where the system knows how, it interrupts no process for which the run waits.
+    with suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-    return run_process(
-        "logger",
-        LoggerOptions,
-        argv,
-        _run,
-        BusError,
-        ScenarioError,
-        ValueError,
-        OSError,
-        RuntimeError,
-    )
+    mistakes = (BusError, ScenarioError, ValueError, OSError, RuntimeError)
+    return run_process("logger", LoggerOptions, argv, _run, *mistakes)
 
 
 def _run(inbox: Inbox, options: LoggerOptions) -> int:
+    """Record over Zenoh. Return the exit code."""
     part = None if options.record is None else Path(options.record)
     if part is not None:
         check_recording(part)
-    with client(
-        options.connect, inbox, identity=identity_in(options.secure, options.prefix)
-    ) as bus:
+    identity = identity_in(options.secure, options.prefix)
+    with client(options.connect, inbox, identity=identity) as bus:
         code, file = record(bus, Keys(options.prefix), part, options.serve, options.session)
     if file is not None and code == 0:
         try:

@@ -39,46 +39,42 @@ def opened_over_zenoh(options: RunOptions, inbox: Inbox) -> AbstractContextManag
     identity = identity_in(options.secure, options.prefix)
     if options.connect:
         return client(options.connect, inbox, identity=identity)
-    return router(
-        options.listen or (LOOPBACK if identity is None else SECURE_LOOPBACK), inbox, identity
-    )
+    default = LOOPBACK if identity is None else SECURE_LOOPBACK
+    return router(options.listen or default, inbox, identity)
 
 
 def rehearsed(loop: "RunLoop") -> None:
+    """Get a run ready for its first tick: load its kernels, and settle its memory."""
     loop.run.engine.rehearse()
     settle()
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run an orchard. Return the exit code: 0; 1 for a bad run, unless --result tells it; 2 for bad input."""
-    return run_process(
-        "physics",
-        RunOptions,
-        argv,
-        simulate,
-        BusError,
-        ScenarioError,
-        SnapshotError,
-        ValueError,
-        OSError,
-    )
+    """Run an orchard.
+
+    Return the exit code: 0; 1 for a bad run, unless --result tells it; 2 for bad input.
+    """
+    mistakes = (BusError, ScenarioError, SnapshotError, ValueError, OSError)
+    return run_process("physics", RunOptions, argv, simulate, *mistakes)
 
 
 def simulate(
     inbox: Inbox, options: RunOptions, opened: Opened = opened_over_zenoh, ready: Ready = rehearsed
 ) -> int:
-    """Simulate an orchard until its run ends, again after each reset. `ready` comes before the first tick."""
-    keys, snapshots = Keys(options.prefix), options.snapshot_folder
+    """Simulate an orchard until its run ends, again after each reset.
+
+    `ready` comes before the first tick.
+    """
+    keys = Keys(options.prefix)
+    snapshots = options.snapshot_folder
     with sole(snapshots):
         before = last(snapshots, options.run) if options.resume and snapshots else None
-        if before is None and isinstance(
-            options.scenario, str
-        ):  # a snapshot holds it, and the file may be gone
+        if before is None and isinstance(options.scenario, str):
+            # A snapshot holds the scenario, and its file may be gone then.
             options = msgspec.structs.replace(options, scenario=load(options.scenario).model_dump())
         if options.table is not None and not options.resume:
-            from orchard.tables.folder import (
-                check_folder,
-            )  # not at the top: pyarrow takes some time to load
+            # It is imported here, because pyarrow takes some time to load.
+            from orchard.tables.folder import check_folder
 
             check_folder(Path(options.table), check(options.scenario, "the scenario"))
         while True:
@@ -87,41 +83,44 @@ def simulate(
             if again is None:
                 return code
             inbox.forget()
-            options, before = again, None
+            options = again
+            before = None
 
 
 def _simulate_once(
     bus: Bus, keys: Keys, before: Snapshot | None, options: RunOptions, ready: Ready
 ) -> tuple[int, RunOptions | None]:
-    from orchard.server.loop import (
-        RunLoop,
-    )  # not at the top: while numba loads, other processes can connect
+    """Simulate a run up to its end.
+
+    Return the exit code, and the options with which the run begins again; None if it does not.
+    """
+    # These are imported here, because other processes can connect while numba loads.
+    from orchard.server.loop import RunLoop
     from orchard.sim.engine import Engine
     from orchard.sim.lookahead import HOLDS, IgnoredHolds
 
-    holds = (
-        IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]
-    )  # in realtime all are asked
-    engine = (
-        Engine.begin(check(options.scenario, "the scenario"), holds)
-        if before is None
-        else Engine.resume(before, holds)
-    )
+    # In realtime all agents are asked at each tick.
+    holds = IgnoredHolds if options.mode == "realtime" else HOLDS[options.holds]
+    if before is None:
+        engine = Engine.begin(check(options.scenario, "the scenario"), holds)
+    else:
+        engine = Engine.resume(before, holds)
     absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
     physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
     if before is None:
-        physics.run.keep_at_once()  # a host may not know a scenario that physics, killed at once, would not begin with again
+        # A host may not know a scenario that physics, killed at once, would not begin with again.
+        physics.run.keep_at_once()
     physics.arrivals.listen()
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
     end = physics.play(lambda: ready(physics))
-    print(
-        f"{end.why}: tick {end.tick}, {end.summary['wall_seconds']} s, hash {end.hash}", flush=True
-    )
+    seconds = end.summary["wall_seconds"]
+    print(f"{end.why}: tick {end.tick}, {seconds} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
     is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]
-    return 1 if is_bad and options.result is None else 0, physics.again
+    code = 1 if is_bad and options.result is None else 0
+    return code, physics.again
 
 
 if __name__ == "__main__":

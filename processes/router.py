@@ -1,4 +1,6 @@
-"""The router process: a router of its own, to which all other processes connect. For several machines.
+"""The router process: a router of its own, to which all other processes connect.
+
+For several machines.
 
     python -m orchard.processes.router --listen tcp/0.0.0.0:7447
 
@@ -22,8 +24,10 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(inbox: Inbox, options: RouterOptions) -> int:
+    """Route messages until a signal comes. Return the exit code."""
     identity = identity_in(options.secure, PREFIX)
-    endpoint = with_port(options.listen or f"{'tcp' if identity is None else 'tls'}/127.0.0.1:7447")
+    protocol = "tcp" if identity is None else "tls"
+    endpoint = with_port(options.listen or f"{protocol}/127.0.0.1:7447")
     check_free(endpoint)
     with router(endpoint, inbox, identity) as bus:
         print(f"listening on {bus.endpoint}", flush=True)

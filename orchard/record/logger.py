@@ -1,6 +1,7 @@
 """Receives a run and records it with Rerun.
 
-One thread receives and another writes, with a bounded queue between them: a slow disk delays no other process.
+One thread receives and another writes, with a bounded queue between them: a slow disk delays no
+other process.
 """
 
 import logging
@@ -31,21 +32,27 @@ from orchard.wire.messages import (
     Events,
     Letters,
     Lost,
+    Message,
     Picture,
     Refusal,
     SimulationState,
 )
 
-MOST = 2000  # frames that wait: 200 simulated seconds; some 70 MB for the largest orchard
-MOST_NOTES = 10_000  # events that wait for a frame; a tick never has more than some hundreds
-ENOUGH = 100  # bundles, of ten ticks or fewer, for which the logger does not wait longer
-LOOK_SECONDS, LIVE_SECONDS = (
-    0.5,
-    0.05,
-)  # between two looks at what has come quietly; for a file, and while viewers are served
+# Frames that wait: 200 simulated seconds; some 70 MB for the largest orchard.
+MOST = 2000
+# Events that wait for a frame; a tick never has more than some hundreds.
+MOST_NOTES = 10_000
+# Bundles, of ten ticks or fewer, for which the logger does not wait longer.
+ENOUGH = 100
+# Between two looks at what has come quietly, if a file is written.
+LOOK_SECONDS = 0.5
+# The same while viewers are served.
+LIVE_SECONDS = 0.05
 
-THE_RUN = "the run"  # it is paused, and plays on
-NAMELESS = "a client"  # a sender that does not say its session
+# In events: what is paused, and plays on.
+THE_RUN = "the run"
+# In events: a sender that does not say its session.
+NAMELESS = "a client"
 
 log = logging.getLogger("orchard")
 
@@ -53,7 +60,10 @@ log = logging.getLogger("orchard")
 
 
 class FrameQueue:
-    """The frames that wait. When it is full, the two newest become one, without the older's poses and scans."""
+    """The frames that wait.
+
+    When it is full, the two newest become one, without the older's poses and scans.
+    """
 
     def __init__(self, most: int = MOST) -> None:
         self._most = most
@@ -61,7 +71,8 @@ class FrameQueue:
         self._is_closed = False
         self._change = threading.Condition()
         self.left_out = 0
-        self.rest: list[Event] = []  # events after the last frame
+        # Events after the last frame.
+        self.rest: list[Event] = []
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -76,6 +87,7 @@ class FrameQueue:
             self._change.notify()
 
     def close(self) -> None:
+        """Let the reader end once the queue is empty."""
         with self._change:
             self._is_closed = True
             self._change.notify()
@@ -90,41 +102,51 @@ class FrameQueue:
 def open_recording(
     layout: Layout, run: str, file: Path | None, port: int | None
 ) -> tuple[Recorder, int | None]:
-    """Begin a recording, or a further part of one. Return also the last tick of the earlier parts; None without."""
+    """Begin a recording, or a further part of one.
+
+    Return also the last tick of the earlier parts; None without.
+    """
     last: int | None = None
-    said: Mapping[str, Mapping[str, Colour]] = {}
+    shown: Mapping[str, Mapping[str, Colour]] = {}
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file, last, said = before(file, run)
+        file, last, shown = before(file, run)
     recorder = Recorder(layout, run, file, port)
-    recorder.bodies.remember(said)
+    recorder.bodies.remember(shown)
     print("recording", recorder.uri or file, flush=True)
     return recorder, last
 
 
 def write(queue: FrameQueue, recording: Recorder, last: int | None) -> Path | None:
-    """Write all frames, and the gaps after tick `last` and between them, until the queue is closed. Return the file if all is in it."""
+    """Write all frames, and the gaps after tick `last` and between them, until the queue is closed.
+
+    Return the file if all is in it.
+    """
     recording.waiting = queue.__len__
     try:
         while (frame := queue.take()) is not None:
-            first = frame.tick - frame.left_out  # tick of the first frame that this one stands for
+            # The tick of the first frame that this one stands for.
+            first = frame.tick - frame.left_out
             if last is not None and first > last + 1:
                 recording.gap(last, first, "the logger was away")
-            for event in (late := [event for event in frame.events if event.tick < frame.tick - 1]):
-                recording.tell(event)
-            recording.tick(
-                replace(
-                    frame, events=[event for event in frame.events if event.tick >= frame.tick - 1]
-                )
-                if late
-                else frame
-            )
             last = frame.tick
+            _write_frame(recording, frame)
         for event in queue.rest:
             recording.tell(event)
     finally:
         file = recording.close()
     return file
+
+
+def _write_frame(recording: Recorder, frame: Frame) -> None:
+    """Write a frame. Events of earlier steps, which came late, are written before it."""
+    late = [event for event in frame.events if event.tick < frame.tick - 1]
+    for event in late:
+        recording.tell(event)
+    if late:
+        own = [event for event in frame.events if event.tick >= frame.tick - 1]
+        frame = replace(frame, events=own)
+    recording.tick(frame)
 
 
 # -- the thread that receives
@@ -143,36 +165,43 @@ class Logger:
         look: float = LOOK_SECONDS,
     ) -> None:
         """`look`: s between two looks at the bundles that have come."""
-        self._look, self.bus, self.keys, self.run_id, self.layout, self.queue = (
-            look,
-            bus,
-            keys,
-            run,
-            layout,
-            queue,
-        )
+        self._look = look
+        self.bus = bus
+        self.keys = keys
+        self.run_id = run
+        self.layout = layout
+        self.queue = queue
         self.refusals = Refusals()
-        self._notes: list[Event] = []  # events that wait for the next frame
+        # Events that wait for the next frame.
+        self._notes: list[Event] = []
         # s, on the bus's clock, when physics counts as gone; inf while it is alive.
         self._gone_until = math.inf
         self._ending = Ending(bus.clock)
-        self._tick: int | None = None  # of the newest frame that was passed on
+        # Of the newest frame that was passed on.
+        self._tick: int | None = None
 
     def listen(self) -> None:
-        """Subscribe to the run. What comes often is read together: to wake a thread for each costs more than what it does."""
+        """Subscribe to the run.
+
+        What comes often is read together: to wake a thread for each costs more than what it does.
+        """
         for what in ("bundle", "lost", "refusals", "simulation_state", "end"):
             self.bus.subscribe(self.keys.of(what), quietly=what == "bundle")
         self.bus.watch(self.keys.of("physics", self.run_id))
 
     def run(self, writing: Future[Path | None]) -> tuple[int, Path | None]:
-        """Record until the run ends. Return the exit code, and the part that is whole, if any. Raises what `writing` raises."""
+        """Record until the run ends.
+
+        Return the exit code, and the part that is whole, if any. Raises what `writing` raises.
+        """
         code = 1
         # From here on: to open a recording may take longer on a busy machine, and that physics is
         # there waits in the inbox.
         self._gone_until = self.bus.clock() + GONE_SECONDS
         try:
             while not writing.done() and self.bus.clock() < self._gone_until:
-                if (item := self.bus.inbox.take(LOOK_SECONDS, ENOUGH, self._look)) is not None:
+                item = self.bus.inbox.take(LOOK_SECONDS, ENOUGH, self._look)
+                if item is not None:
                     self._handle(item)
         except HostEnded as end:
             code = end.code
@@ -180,14 +209,14 @@ class Logger:
             self.queue.rest = self._notes
             self.queue.close()
         part = writing.result()
-        if self.queue.left_out:
-            log.warning(
-                "%d frames came faster than they could be recorded, and are left out",
-                self.queue.left_out,
-            )
+        left_out = self.queue.left_out
+        if left_out:
+            fault = "came faster than they could be recorded, and are left out"
+            log.warning("%d frames %s", left_out, fault)
         return code, part
 
     def _handle(self, item: Item) -> None:
+        """Handle an item. Raises HostEnded if the run is over."""
         end_if_asked(item)
         if isinstance(item, Alive):
             self._ending.track(item.key, item.up)
@@ -198,19 +227,19 @@ class Logger:
             except Refused as refusal:
                 self.refusals.note(item.key, refusal)
                 publish_refusals(self.bus, self.keys, self.run_id, self.refusals)
-        if (end := self._ending.end) is not None:
+        end = self._ending.end
+        if end is not None:
             raise HostEnded(0, end.why)
 
     def _hear(self, sample: Sample) -> None:
+        """Take what is published. Raises Refused."""
         match self.keys.parts(sample.key):
             case ["bundle"]:
                 self._unpack(read_message(sample.payload, Bundle, self.run_id))
             case ["lost"]:
                 lost = read_message(sample.payload, Lost, self.run_id)
-                self._note(
-                    Event(lost.tick, "lost", name, "", "its agent does not answer; the body stands")
-                    for name in lost.names
-                )
+                detail = "its agent does not answer; the body stands"
+                self._note([Event(lost.tick, "lost", name, "", detail) for name in lost.names])
             case ["refusals"]:
                 self._note([refusal_event(read_message(sample.payload, Refusal, self.run_id))])
             case ["simulation_state"]:
@@ -222,11 +251,12 @@ class Logger:
                 raise Refused("no such key")
 
     def _unpack(self, bundle: Bundle) -> None:
-        """Take each picture after the events and letters of its step, which are of the tick before."""
-        told = [*bundle.events, *bundle.letters, *bundle.pictures]
-        for message in sorted(
-            told, key=lambda message: message.tick - isinstance(message, Picture)
-        ):
+        """Take each picture after the events and letters of its step.
+
+        These are of the tick before.
+        """
+        messages = [*bundle.events, *bundle.letters, *bundle.pictures]
+        for message in sorted(messages, key=_step_of):
             match message:
                 case Picture():
                     with refused_for("malformed"):
@@ -237,18 +267,27 @@ class Logger:
                     self._note(message.events)
 
     def _note(self, events: Iterable[Event]) -> None:
+        """Keep events for the next frame. Raises Refused if there are too many."""
         if len(self._notes) >= MOST_NOTES:
             raise Refused("too many", f"{MOST_NOTES} events wait for a frame")
         self._notes += events
 
     def _see(self, frame: Frame) -> None:
-        """Pass a frame on. After a missed one, wait for a whole one: others contain only what has changed."""
+        """Pass a frame on.
+
+        After a missed one, wait for a whole one: others contain only what has changed.
+        """
         if frame.is_whole or (self._tick is not None and frame.tick == self._tick + 1):
             self._tick = frame.tick
             # What comes on a key of its own may be ahead of the bundles: it waits for its frame.
             frame.events = [event for event in self._notes if event.tick < frame.tick]
             self._notes = [event for event in self._notes if event.tick >= frame.tick]
             self.queue.put(frame)
+
+
+def _step_of(message: Message) -> int:
+    """Return the tick of the step of which a message tells. A picture has that of its end."""
+    return message.tick - 1 if isinstance(message, Picture) else message.tick
 
 
 def refusal_event(refusal: Refusal) -> Event:
@@ -264,12 +303,11 @@ def record(
     """Record a run into a file, and serve viewers on a port. Return as `Logger.run` does."""
     run = fetch_run(bus, keys, end_if_asked)
     layout = lay_out(check(run.scenario, "the scenario that physics sent"))
-    logger = Logger(
-        bus, keys, run.run, layout, FrameQueue(), LOOK_SECONDS if port is None else LIVE_SECONDS
-    )
-    logger.listen()  # so what comes while earlier parts are read is not lost
+    look = LOOK_SECONDS if port is None else LIVE_SECONDS
+    logger = Logger(bus, keys, run.run, layout, FrameQueue(), look)
+    # It listens before, so what comes while earlier parts are read is not lost.
+    logger.listen()
     recorder, last = open_recording(layout, run.run, file, port)
-    bus.declare_alive(
-        keys.of("alive", LOGGER, session or bus.id)
-    )  # the first tick waits for it, and a whole frame comes
+    # The first tick waits for this token, and a whole frame comes after it.
+    bus.declare_alive(keys.of("alive", LOGGER, session or bus.id))
     return logger.run(bus.executor.submit(write, logger.queue, recorder, last))

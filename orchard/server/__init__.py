@@ -1,1 +1,4 @@
-"""The inside of the physics process, which owns the world and the clock. It decides nothing about how an agent behaves."""
+"""The inside of the physics process, which owns the world and the clock.
+
+It decides nothing about how an agent behaves.
+"""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orchard.contract.events import Event
+from orchard.contract.events import Event, Frame
 from orchard.contract.messages import Written
 from orchard.server.figures import RunFigures
 from orchard.server.snapshots import SnapshotWriter
@@ -27,27 +27,47 @@ class RunAccount:
         table: str | Path | None,
         clock: Callable[[], float],
     ) -> None:
-        """`before`: the snapshot from which the engine was resumed. `table`: the folder for tables; None: none are written."""
-        self._engine, self.frame_builder = engine, FrameBuilder(engine)
+        """`before`: the snapshot from which the engine was resumed.
+
+        `table`: the folder for tables; None: none are written.
+        """
+        self._engine = engine
+        self.frame_builder = FrameBuilder(engine)
         self.figures = RunFigures(engine, clock, before.figures if before else {})
         self.snapshot_writer = snapshot_writer
         self._tables: Tables | None = None
         if table is not None:
-            from orchard.tables import tables  # not at the top: pyarrow takes some time to load
+            # Not at the top: pyarrow takes some time to load.
+            from orchard.tables import tables
 
             self._tables = tables.Tables(Path(table), engine)
 
+    def frame(self, events: list[Event]) -> Frame:
+        """Return the frame of the step that has just been done, with its events."""
+        return self.frame_builder.frame(events)
+
+    def begin_whole(self) -> None:
+        """Make the next frame a whole one, for a viewer that has just come."""
+        self.frame_builder.forget()
+
+    def is_due_to_keep(self, tick: int) -> bool:
+        """Whether a snapshot is due at a tick."""
+        return self.snapshot_writer.is_due(tick)
+
     def update(self, events: list[Event], letters: Mapping[str, Written]) -> None:
+        """Count the step that has just been done. `letters`: sender -> its letters."""
         self.figures.update(events)
         if self._tables is not None:
             self._tables.update(self._engine, events, letters)
 
     def keep(self, snapshot: Snapshot) -> None:
+        """Write a snapshot, and the rows of tables up to it."""
         if self._tables is not None:
             self._tables.flush()
         self.snapshot_writer.keep(snapshot)
 
     def close(self) -> None:
+        """Wait until all is on the disk."""
         self.snapshot_writer.finish()
         if self._tables is not None:
             self._tables.close()
@@ -66,7 +86,11 @@ class RunAccount:
         refused: Mapping[str, int],
         answers: Mapping[str, Any],
     ) -> dict[str, Any]:
-        """`hosts`: number of agent processes; `refused`: reason -> number of messages; `answers`: figures of them."""
+        """Return the summary of the run.
+
+        `hosts`: number of agent processes; `refused`: reason -> number of messages; `answers`:
+        figures of the answers to ticks.
+        """
         engine = self._engine
         begin = {
             "hash": engine.hash,

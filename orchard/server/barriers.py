@@ -1,4 +1,24 @@
-"""When all answers to a tick are in: in lockstep physics waits for each agent, in realtime the newest counts."""
+"""When all answers to a tick are in.
+
+Theory of operation. Physics publishes a tick, and opens the barrier for the agents that are asked.
+The step is done when the barrier lets it. In lockstep physics waits for each agent, so a run has
+one result. In realtime the newest answer of each agent counts, so time goes on.
+
+    what happens                 | lockstep                        | realtime
+    -----------------------------+---------------------------------+------------------------------
+    all that are asked answer    | the step is done                | the step is done
+    an answer is for this tick   | it counts once; a repetition is | it counts, and drives until
+                                 | passed over                     | a newer one or the watchdog
+    an answer is for an older    | refused                         | it counts, if no newer one has
+    tick                         |                                 | come, and it is recent
+    an agent is silent           | its session gets the tick again | it is not waited for at the
+                                 | after AGAIN_SECONDS; after      | end of the tick's time; it
+                                 | `patience` all agents of the    | keeps its owner
+                                 | session are released            |
+    a session takes an agent     | the tick waits for it anew      | the tick waits for it
+    the session's token is gone  | it may come back until then     | its agents are released
+    no session owns the agent    | the robot stands, unless a client drives it
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -15,10 +35,15 @@ from orchard.server.options import PATIENCE
 from orchard.server.roster import Roster
 from orchard.wire.messages import Mode, Report
 
-AGAIN_SECONDS = 0.5  # after which a tick is sent again to the sessions that have not answered
-SLACK = 0.2  # s beyond the tick's time, to wait for agents that were in time last; less than Pacer.CATCH_UP
-SHARE = 0.5  # of a tick's time, to wait for agents that missed the last tick, and for all when the clock is behind
-LATE = 0.5  # of a tick's time: a tick that begins later than this after it was due counts as late
+# After which a tick is sent again to the sessions that have not answered.
+AGAIN_SECONDS = 0.5
+# s beyond the tick's time, to wait for agents that were in time last; less than Pacer.CATCH_UP.
+SLACK = 0.2
+# Of a tick's time, to wait for agents that missed the last tick, and for all when the clock is
+# behind.
+SHARE = 0.5
+# Of a tick's time: a tick that begins later than this after it was due counts as late.
+LATE = 0.5
 
 
 class Barrier:
@@ -27,17 +52,25 @@ class Barrier:
     mode: Mode
 
     def __init__(self, roster: Roster, clock: Callable[[], float]) -> None:
-        self._roster, self._clock = roster, clock
+        self._roster = roster
+        self._clock = clock
         self.tick = -1
         self.missing: set[str] = set()
         self.reports: dict[str, Report] = {}
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
-        """Open a tick, and wait for the agents that are `due`; None: all that are owned. `lag`: how late it begins, s."""
-        self.tick, self.missing = tick, set(self._roster.owners if due is None else due)
+        """Open a tick, and wait for the agents that are `due`; None: all that are owned.
+
+        `lag`: how late it begins, s.
+        """
+        self.tick = tick
+        self.missing = set(self._roster.owners if due is None else due)
 
     def expect(self, name: str) -> None:
-        """Wait for an agent that a session has just taken; an answer of its previous owner does not count."""
+        """Wait for an agent that a session has just taken.
+
+        An answer of its previous owner does not count.
+        """
         self.release(name)
         self.missing.add(name)
 
@@ -46,48 +79,61 @@ class Barrier:
         self.missing.discard(name)
 
     def _refuse_other_owner(self, name: str, owner: str) -> None:
+        """Raise Refused unless a session owns an agent."""
         if owner != self._roster.owners[name]:
             raise Refused("not the owner", "another session owns this agent")
 
     def give_up(self) -> set[str]:
         """Stop waiting for the missing agents. Return the agents that lose their owner."""
-        lost, self.missing = self.missing, set()
+        lost = self.missing
+        self.missing = set()
         return lost
 
     def digests(self) -> dict[str, bytes]:
+        """Return agent -> the digest of what it heard, for the run's hash."""
         return {name: report.mail for name, report in self.reports.items()}
 
     def figures(self) -> dict[str, Any]:
+        """Return the figures of the answers, for the summary."""
         return {}
 
 
 class LockstepBarrier(Barrier):
-    """Physics waits until no velocity is missing. A robot that no session owns stands, unless a client drives it."""
+    """Physics waits until no velocity is missing.
+
+    A robot that no session owns stands, unless a client drives it.
+    """
 
     mode = "lockstep"
     watchdog = 0.0  # s of wall time that a velocity drives at least: none, for ticks alone count
-    newest_wins = False  # each tick must reach each agent
-    releases_at_once = (
-        False  # a session that is gone may come back, or be replaced, until the deadline
-    )
+    # Each tick must reach each agent.
+    newest_wins = False
+    # A session that is gone may come back, or be replaced, until the deadline.
+    releases_at_once = False
 
     def __init__(
         self, roster: Roster, clock: Callable[[], float], patience: float = PATIENCE
     ) -> None:
         super().__init__(roster, clock)
         self._patience = patience
-        self.deadline = math.inf  # on the clock: the time to wait for missing answers
-        self._back: set[str] = set()  # agents that sessions have taken since the tick began
+        # On the clock: the time to wait for missing answers.
+        self.deadline = math.inf
+        # Agents that sessions have taken since the tick began.
+        self._back: set[str] = set()
         # Agent -> the session that answered last, the tick, and the answer.
         self._last: dict[str, tuple[str, int, Report]] = {}
 
     def open(self, tick: int, lag: float = 0.0, due: Iterable[str] | None = None) -> None:
         super().open(tick, lag, due)
-        self.reports, self._back = {}, set()
+        self.reports = {}
+        self._back = set()
         self.deadline = self._clock() + self._patience
 
     def expect(self, name: str) -> None:
-        """The deadline moves for all agents, as many sessions start slowly; each agent moves it once in a tick."""
+        """Wait for an agent that a session has just taken, and move the deadline for all agents.
+
+        Many sessions start slowly. Each agent moves the deadline once in a tick.
+        """
         super().expect(name)
         self.reports.pop(name, None)
         if name not in self._back:
@@ -95,7 +141,9 @@ class LockstepBarrier(Barrier):
             self.deadline = self._clock() + self._patience
 
     def take(self, name: str, owner: str, tick: int, report: Report) -> None:
-        """Take the action of an owned agent. Raises Refused if it is not one that physics waits for.
+        """Take the action of an owned agent.
+
+        Raises Refused if it is not one that physics waits for.
 
         A repetition is passed over: a host sends it in case the first was lost.
         """
@@ -116,6 +164,8 @@ class LockstepBarrier(Barrier):
 
 
 class TimedReport(NamedTuple):
+    """An action, the tick that it answers, and when it came."""
+
     tick: int
     report: Report
     at: float  # s, on the clock
@@ -124,14 +174,17 @@ class TimedReport(NamedTuple):
 class RealtimeBarrier(Barrier):
     """The newest action of each owned agent.
 
-    A tick's answers have until the next tick is due; where the machine hiccups they have a moment longer, which the ticks after it make up
-    for. Then the step is done without those that are missing.
+    A tick's answers have until the next tick is due; where the machine hiccups they have a moment
+    longer, which the ticks after it make up for. Then the step is done without those that are
+    missing.
     """
 
     mode = "realtime"
     watchdog = WATCHDOG
-    newest_wins = True  # sessions need only the newest tick
-    releases_at_once = True  # the robots of a session that is gone are released at once, and stand
+    # Sessions need only the newest tick.
+    newest_wins = True
+    # The robots of a session that is gone are released at once, and stand.
+    releases_at_once = True
 
     def __init__(self, roster: Roster, step: float, clock: Callable[[], float]) -> None:
         """`step`: s of wall time between two ticks."""
@@ -139,9 +192,12 @@ class RealtimeBarrier(Barrier):
         self._step = step
         self._recent = RecentTicks(clock)
         self._newest: dict[str, TimedReport] = {}
-        self._fresh: dict[str, Report] = {}  # actions that no step has used
-        self._moved: dict[str, int] = {}  # name -> the last tick in which it moved
-        self._tardy: set[str] = set()  # agents that did not answer the last tick in time
+        # Actions that no step has used.
+        self._fresh: dict[str, Report] = {}
+        # Name -> the last tick in which it moved.
+        self._moved: dict[str, int] = {}
+        # Agents that did not answer the last tick in time.
+        self._tardy: set[str] = set()
         self._begun = self._patient = clock()
         self._late = self._missed = 0
         self._delays = Delays()
@@ -157,8 +213,13 @@ class RealtimeBarrier(Barrier):
 
     @property
     def deadline(self) -> float:
-        """The time, on the clock, to wait for answers. Agents that missed the last tick do not delay others."""
-        return self._patient if self.missing - self._tardy else self._begun + self._step * SHARE
+        """The time, on the clock, to wait for answers.
+
+        Agents that missed the last tick do not delay others.
+        """
+        if self.missing - self._tardy:
+            return self._patient
+        return self._begun + self._step * SHARE
 
     def release(self, name: str) -> None:
         super().release(name)
@@ -172,7 +233,8 @@ class RealtimeBarrier(Barrier):
         last = self._newest[name].tick if name in self._newest else -1
         if tick == last:
             if report == self._newest[name].report:
-                return  # a repetition, sent in case the first was lost
+                # A repetition, sent in case the first was lost.
+                return
             raise Refused("answered already", f"tick {tick}")
         refuse_other_tick(tick, max(self._recent.oldest, last), self.tick)
         self._fresh[name] = _with_unused(self._fresh.get(name), report)
@@ -191,29 +253,25 @@ class RealtimeBarrier(Barrier):
     def actions(self) -> dict[str, Action]:
         """Return the actions to apply, in the order of names; each deed is in them once."""
         owned = sorted(self._roster.owners)
-        self._tardy = {
-            name
-            for name in owned
-            if name not in self._newest or self._newest[name].tick != self.tick
-        }
+        answered = {name for name, put in self._newest.items() if put.tick == self.tick}
+        self._tardy = set(owned) - answered
         self._missed += len(self._tardy)
-        self.reports, self._fresh = self._fresh, {}
-        puts, is_over = sorted(self._newest.items()), self._recent.is_over
-        return {
-            name: self._action(name, put)
-            for name, put in puts
-            if not is_over(put.tick, put.at, self.tick)
-        }
+        self.reports = self._fresh
+        self._fresh = {}
+        actions = {}
+        for name, put in sorted(self._newest.items()):
+            if not self._recent.is_over(put.tick, put.at, self.tick):
+                actions[name] = self._action(name, put)
+        return actions
 
     def _action(self, name: str, put: TimedReport) -> Action:
-        action = (
-            self.reports[name]
-            if name in self.reports
-            else replace(put.report, deeds=[], requests=[], answers=[])
-        )
-        if (
-            put.report.once and self._moved.get(name, -1) >= put.tick
-        ):  # it has moved since the pose that this answers
+        """Return the action to apply. Its deeds and letters are in it at its first step only."""
+        if name in self.reports:
+            action: Action = self.reports[name]
+        else:
+            action = replace(put.report, deeds=[], requests=[], answers=[])
+        # It has moved since the pose that this answers.
+        if put.report.once and self._moved.get(name, -1) >= put.tick:
             action = replace(action, twist=STILL)
         if action.twist != STILL:
             self._moved[name] = self.tick
@@ -229,33 +287,42 @@ class RealtimeBarrier(Barrier):
 
 
 class Delays:
-    """The delays from the observations to the velocities, as counts in steps of 0.1 ms: memory does not grow."""
+    """The delays from the observations to the velocities, as counts in steps of 0.1 ms: memory does
+    not grow.
+    """
 
     STEP = 1e-4  # s
 
     def __init__(self) -> None:
-        self._counts = np.zeros(10_001, dtype=np.int64)  # the last one counts all of 1 s or longer
+        # The last one counts all of 1 s or longer.
+        self._counts = np.zeros(10_001, dtype=np.int64)
 
     def add(self, seconds: float) -> None:
-        self._counts[min(max(int(seconds / self.STEP), 0), len(self._counts) - 1)] += 1
+        """Count a delay."""
+        last = len(self._counts) - 1
+        step = int(seconds / self.STEP)
+        self._counts[min(max(step, 0), last)] += 1
 
     def below(self, share: float) -> float:
         """Return the delay in ms that `share` per cent do not exceed; 0 without any."""
         total = int(self._counts.sum())
-        step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total)) if total else -1
+        if total == 0:
+            return 0.0
+        step = int(np.searchsorted(np.cumsum(self._counts), share / 100 * total))
         return round((step + 1) * self.STEP * 1e3, 1)
 
 
 def _with_unused(before: Report | None, report: Report) -> Report:
-    """Add to an action the memory, letters and deeds of the one that it replaces, which no step has used."""
+    """Add to an action what no step has used of the one that it replaces.
+
+    That is its memory, letters and deeds.
+    """
     if before is None:
         return report
-    memory = before.memory if report.memory is None else report.memory
-    requests, answers = [*before.requests, *report.requests], [*before.answers, *report.answers]
     return replace(
         report,
-        memory=memory,
+        memory=before.memory if report.memory is None else report.memory,
         deeds=all_deeds(before.deeds, report.deeds),
-        requests=requests,
-        answers=answers,
+        requests=[*before.requests, *report.requests],
+        answers=[*before.answers, *report.answers],
     )

@@ -1,7 +1,11 @@
-"""Velocities of clients: for robots that no session owns, and advice for robots whose agents go on."""
+"""Velocities of clients: for robots that no session owns, and advice.
+
+Advice is for robots whose agents go on.
+"""
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -13,19 +17,25 @@ from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Velocity
 
 WATCHDOG = 0.5  # s of wall time that one velocity drives a robot at least, in realtime
-WATCHDOG_TICKS = 5  # steps that one velocity, or one advice, drives a robot
+# Steps that one velocity, or one advice, drives a robot.
+WATCHDOG_TICKS = 5
 
 
 class RecentTicks:
-    """The ticks of which velocities may still drive: less than WATCHDOG_TICKS ticks, or `seconds`, ago."""
+    """The ticks of which velocities may still drive.
+
+    They are less than WATCHDOG_TICKS ticks, or `seconds`, ago.
+    """
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
-        self.clock, self.newest, self._seconds = clock, 0, seconds
-        self._begun: deque[tuple[int, float]] = deque(
-            [(0, clock())]
-        )  # (tick, time of its publication, s)
+        self.clock = clock
+        self.newest = 0
+        self._seconds = seconds
+        # (tick, time of its publication, s).
+        self._begun: deque[tuple[int, float]] = deque([(0, clock())])
 
     def begin(self, tick: int) -> None:
+        """Record that a tick is published, and forget those that are over."""
         self.newest = tick
         self._begun.append((tick, self.clock()))
         while self.is_over(*self._begun[0], tick):
@@ -33,60 +43,79 @@ class RecentTicks:
 
     @property
     def oldest(self) -> int:
+        """The oldest of these ticks."""
         return self._begun[0][0]
 
     def is_over(self, tick: int, at: float, now: int) -> bool:
-        """Whether a velocity for `tick`, received at time `at`, does not drive any more at the tick `now`."""
+        """Whether a velocity does not drive any more at the tick `now`.
+
+        `tick`: of the velocity. `at`: when it came, s, on the clock.
+        """
         return now - tick >= WATCHDOG_TICKS and self.clock() - at >= self._seconds
 
 
+class _Put(NamedTuple):
+    """A velocity of a client, for a tick; `at`: when it came, s, on the clock."""
+
+    tick: int
+    twist: Twist
+    at: float
+
+
 class UnownedCommands:
-    """The velocities of robots that no session owns: the newest one drives a robot, for half a second."""
+    """The velocities of robots that no session owns.
+
+    The newest one drives a robot, for half a second.
+    """
 
     def __init__(self, clock: Callable[[], float], seconds: float = WATCHDOG) -> None:
         """`seconds`: of wall time that a velocity drives at least; 0 in lockstep."""
         self._recent = RecentTicks(clock, seconds)
-        self._puts: dict[
-            str, tuple[int, Twist, float]
-        ] = {}  # name -> tick, velocity, time of arrival, s
-        self._deeds: dict[str, list[Deed]] = {}  # deeds that no step has used
+        self._puts: dict[str, _Put] = {}
+        # Deeds that no step has used.
+        self._deeds: dict[str, list[Deed]] = {}
 
     def begin(self, tick: int) -> None:
+        """Record that a tick is published."""
         self._recent.begin(tick)
 
     def take(self, name: str, velocity: Velocity) -> None:
         """Take a velocity for a robot. Raises Refused if it names an owner, or for its tick."""
         if velocity.owner:
             raise Refused("not owned", "no session owns this agent; join first")
-        newest_put = self._puts[name][0] if name in self._puts else 0
+        newest_put = self._puts[name].tick if name in self._puts else 0
         refuse_other_tick(velocity.tick, max(self._recent.oldest, newest_put), self._recent.newest)
-        self._puts[name] = velocity.tick, twist_of(velocity), self._recent.clock()
+        self._puts[name] = _Put(velocity.tick, twist_of(velocity), self._recent.clock())
         self._deeds[name] = all_deeds(self._deeds.get(name, []), velocity.deeds)
 
     def drives(self, name: str) -> bool:
+        """Whether a velocity drives a robot, as of the last step."""
         return name in self._puts
 
     def actions(self, tick: int) -> dict[str, Action]:
         """Return the actions to apply at a tick, by name; each deed is in them once."""
-        deeds, self._deeds = self._deeds, {}
-        self._puts = {
-            name: put
-            for name, put in self._puts.items()
-            if not self._recent.is_over(put[0], put[2], tick)
-        }
-        return {
-            name: Action(twist, deeds.get(name, [])) for name, (_, twist, _) in self._puts.items()
-        }
+        deeds = self._deeds
+        self._deeds = {}
+        for name, put in list(self._puts.items()):
+            if self._recent.is_over(put.tick, put.at, tick):
+                del self._puts[name]
+        return {name: Action(put.twist, deeds.get(name, [])) for name, put in self._puts.items()}
 
 
 class Advised:
-    """The newest advice for each robot. It counts by simulated time: a paused or slow run changes nothing."""
+    """The newest advice for each robot.
+
+    It counts by simulated time: a paused or slow run changes nothing.
+    """
 
     def __init__(self) -> None:
         self._newest: dict[str, Advice] = {}
 
     def take(self, name: str, advice: Advice, tick: int) -> None:
-        """Take advice for a robot. Raises Refused if it is too old, older than the last one, or of the future."""
+        """Take advice for a robot.
+
+        Raises Refused if it is too old, older than the last one, or of the future.
+        """
         last = self._newest[name].tick if name in self._newest else 0
         refuse_other_tick(advice.tick, max(last, tick - WATCHDOG_TICKS + 1), tick)
         self._newest[name] = advice
@@ -94,22 +123,22 @@ class Advised:
     def actions(
         self, tick: int, own: Mapping[str, Action], newest: Mapping[str, Action]
     ) -> dict[str, Action]:
-        """Return the action of each advised robot: its `own`, else its `newest`, with another velocity."""
-        self._newest = {
-            name: advice
-            for name, advice in self._newest.items()
-            if tick - advice.tick < WATCHDOG_TICKS
-        }
-        quiet = {
-            name: replace(newest[name], deeds=[], requests=[], answers=[])
-            for name in self._newest
-            if name in newest
-        }
-        known = {**quiet, **own}
-        return {
-            name: replace(known.get(name) or Action(), twist=twist_of(advice), hold=None)
-            for name, advice in self._newest.items()
-        }
+        """Return the action of each advised robot, with the velocity of its advice.
+
+        It is its `own` one, or without one its `newest`, name -> action.
+        """
+        actions = {}
+        for name, advice in list(self._newest.items()):
+            if tick - advice.tick >= WATCHDOG_TICKS:
+                del self._newest[name]
+                continue
+            action = own.get(name)
+            if action is None:
+                # It has done its deeds and sent its letters already.
+                before = newest.get(name) or Action()
+                action = replace(before, deeds=[], requests=[], answers=[])
+            actions[name] = replace(action, twist=twist_of(advice), hold=None)
+        return actions
 
 
 def all_deeds(before: list[Deed], now: list[Deed]) -> list[Deed]:

@@ -1,4 +1,7 @@
-"""Whether simulated time goes on, and how fast; pause, step and play as in ROS's simulation_interfaces."""
+"""Whether simulated time goes on, and how fast.
+
+A run pauses, steps and plays as in ROS's simulation_interfaces.
+"""
 
 import math
 from collections.abc import Callable
@@ -12,31 +15,39 @@ from orchard.wire.messages import SimulationState, StateOfSimulation
 
 
 class RunClock:
-    """Deadlines, pace and watchdogs of a run read this clock, so a pause makes no agent late and no velocity old.
+    """The clock of a run: it stands while the run is paused.
 
-    A pause takes effect between two steps. `pause`, `play` and `count_step` are called by the thread that reads the clock.
+    Deadlines, pace and watchdogs of a run read it, so a pause makes no agent late and no velocity
+    old. A pause takes effect between two steps. `pause`, `play` and `count_step` are called by the
+    thread that reads the clock.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._left: float = math.inf  # steps that are done before the run is paused
-        self._since: float | None = (
-            None  # s, on `clock`: the begin of the pause; None while the run plays
-        )
-        self._paused = 0.0  # s in all pauses that are over
+        # Steps that are done before the run is paused.
+        self._left: float = math.inf
+        # s, on `clock`: the begin of the pause; None while the run plays.
+        self._since: float | None = None
+        # s in all pauses that are over.
+        self._paused = 0.0
 
     def __call__(self) -> float:
-        return (self._clock() if self._since is None else self._since) - self._paused
+        """Return the time, s, without that of pauses."""
+        now = self._clock() if self._since is None else self._since
+        return now - self._paused
 
     @property
     def is_paused(self) -> bool:
+        """Whether the clock stands."""
         return self._since is not None
 
     def pause(self) -> None:
+        """Stop the clock, unless it stands."""
         if self._since is None:
             self._since = self._clock()
 
     def play(self, steps: float = math.inf) -> None:
+        """Let the clock go on, until so many steps are done."""
         self._left = steps
         if self._since is not None:
             self._paused += self._clock() - self._since
@@ -50,7 +61,10 @@ class RunClock:
 
 
 class Pacer:
-    """Paces ticks in wall time: `speed` simulated seconds per second; with infinity it never waits."""
+    """Paces ticks in wall time: `speed` simulated seconds per second.
+
+    With infinity it never waits.
+    """
 
     CATCH_UP = 0.25  # s: the largest delay that later ticks make up for
 
@@ -84,18 +98,27 @@ class SimulationControl:
         """`clock`: that of the run, which a pause stops. `tick`: returns the tick of the run."""
         self.clock = clock
         self._send, self._run, self._tick = send, run, tick
-        self._state: StateOfSimulation = "stopped"  # as it was published last
+        # As it was published last.
+        self._state: StateOfSimulation = "stopped"
         self._begun = self._ended = False
-        self._stepping: Query | None = None  # a query whose steps are not all done
+        # A query whose steps are not all done.
+        self._stepping: Query | None = None
 
     @property
     def state(self) -> SimulationState:
-        running: StateOfSimulation = (
-            "paused" if self.clock.is_paused else "playing" if self._begun else "stopped"
-        )
-        return SimulationState(self._run, self._tick(), "quitting" if self._ended else running)
+        """The message of the present state."""
+        return SimulationState(self._run, self._tick(), self._word())
+
+    def _word(self) -> StateOfSimulation:
+        """Return the word for the present state."""
+        if self._ended:
+            return "quitting"
+        if self.clock.is_paused:
+            return "paused"
+        return "playing" if self._begun else "stopped"
 
     def begin(self) -> None:
+        """Record that the first tick is about to be published."""
         self._begun = True
         self.publish()
 
@@ -111,7 +134,10 @@ class SimulationControl:
         self.publish()
 
     def step(self, query: Query, steps: int) -> None:
-        """Do some steps. `finish_steps` replies to the query. Raises Refused unless the run is paused."""
+        """Do some steps.
+
+        `finish_steps` replies to the query. Raises Refused unless the run is paused.
+        """
         if not self.clock.is_paused:
             raise Refused("not paused", "only a paused run does single steps; pause it first")
         self.finish_steps()
@@ -120,16 +146,19 @@ class SimulationControl:
         self.publish()
 
     def keeps(self, query: Query) -> bool:
+        """Whether the reply to a query is still to come."""
         return query is self._stepping
 
     def finish_steps(self) -> None:
         """Reply to the query for steps, if there is one: they are over."""
-        query, self._stepping = self._stepping, None
+        query = self._stepping
+        self._stepping = None
         if query is not None:
             query.reply(pack(self.state))
             query.drop()
 
     def publish(self) -> None:
+        """Publish the state, if it is another than before."""
         now = self.state
         if now.state != self._state:
             self._state = now.state

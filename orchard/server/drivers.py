@@ -1,10 +1,14 @@
-"""Collects the velocities for each tick: of sessions that own agents, and for robots that no session owns."""
+"""Collects the velocities for each tick.
+
+They are of sessions that own agents, and of clients for robots that no session owns.
+"""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 
 from orchard.contract.agent import Action, Observations
+from orchard.contract.messages import Written
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS
 from orchard.net.refusals import Refused
@@ -16,11 +20,15 @@ from orchard.sim.engine import Engine
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Report, Velocities, Velocity
 
-BROKEN = Report(doing="broken", state="broken")  # in place of an action that is refused
+# In place of an action that is refused.
+BROKEN = Report(doing="broken", state="broken")
 
 
 class Drivers:
-    """Physics' side of each tick's exchange. `answers` is the barrier that decides when all answers are in."""
+    """Physics' side of each tick's exchange.
+
+    `answers` is the barrier that decides when all answers are in.
+    """
 
     def __init__(
         self,
@@ -31,13 +39,17 @@ class Drivers:
         publisher: Publisher,
         clock: Callable[[], float],
     ) -> None:
-        self._engine, self._publisher = engine, publisher
-        self.roster, self.answers, self.recovery_log = roster, answers, recovery_log
-        self.unowned, self.advised = UnownedCommands(clock, answers.watchdog), Advised()
-        self.lost: dict[
-            str, int
-        ] = {}  # agent -> the first tick for which lockstep has not waited for it
-        self.due: dict[str, list[str]] = {}  # session id -> its agents that are asked at this tick
+        self._engine = engine
+        self._publisher = publisher
+        self.roster = roster
+        self.answers = answers
+        self.recovery_log = recovery_log
+        self.unowned = UnownedCommands(clock, answers.watchdog)
+        self.advised = Advised()
+        # Agent -> the first tick for which lockstep has not waited for it.
+        self.lost: dict[str, int] = {}
+        # Session id -> its agents that are asked at this tick.
+        self.due: dict[str, list[str]] = {}
         self._seen: Observations | None = None
         # The agents whose last action was refused as malformed.
         self._malformed: set[str] = set()
@@ -45,17 +57,29 @@ class Drivers:
     # -- which session owns which agent
 
     def token(self, name: str, owner: str, up: bool) -> None:
-        """Record a token as `Roster.token` does. In realtime, release an agent if its session is gone."""
+        """Record a token as `Roster.token` does.
+
+        In realtime, release an agent if its session is gone.
+        """
         self.roster.token(name, owner, up)
         if self.answers.releases_at_once and not up and self.roster.owners.get(name) == owner:
             self.release({name})
 
+    def leave(self, owner: str) -> None:
+        """Record that a session has said that it leaves."""
+        self.roster.leave(owner)
+
     def join(self, names: Sequence[str], owner: str) -> dict[str, str]:
-        """Let a session own all these agents, or none. Return name -> why it cannot; empty if it holds all."""
-        refused = {name: why for name in names if (why := self.roster.may_join(name, owner))}
+        """Let a session own all these agents, or none.
+
+        Return name -> why it cannot; empty if it holds all.
+        """
+        reasons = {name: self.roster.may_join(name, owner) for name in names}
+        refused = {name: why for name, why in reasons.items() if why}
         before = set(self.roster.owners.values())
-        for name in () if refused else names:
-            self.roster.join(name, owner)
+        if not refused:
+            for name in names:
+                self.roster.join(name, owner)
         self._publisher.retire(before.difference(self.roster.owners.values()))
         return refused
 
@@ -70,6 +94,7 @@ class Drivers:
         self._engine.wake(names)
 
     def release(self, names: set[str]) -> None:
+        """Take these agents from their sessions, and tell these."""
         for name in names:
             self.answers.release(name)
         self._engine.wake(names)
@@ -79,51 +104,81 @@ class Drivers:
         self._publisher.retire(set(released).difference(self.roster.owners.values()))
 
     def give_up(self) -> None:
-        """Stop waiting for the missing answers. A session of which none has answered this tick loses all its agents."""
+        """Stop waiting for the missing answers.
+
+        A session of which none has answered this tick loses all its agents.
+        """
         missing = self.answers.give_up()
-        silent = [
-            owner for owner, names in self.due.items() if missing.issuperset(names)
-        ]  # another session may have taken over from it
-        self.release(
-            missing | {name for name, owner in self.roster.owners.items() if owner in silent}
-        )
+        silent = [owner for owner, names in self.due.items() if missing.issuperset(names)]
+        # Another session may have taken agents over from a silent one.
+        theirs = {name for name, owner in self.roster.owners.items() if owner in silent}
+        self.release(missing | theirs)
 
     def miss(self, names: Collection[str]) -> None:
+        """Note that lockstep does not wait for these agents from now on."""
         if not self.answers.releases_at_once:
             self.lost = dict.fromkeys(sorted(names), self._engine.tick) | self.lost
 
     def drives(self, name: str) -> bool:
+        """Whether a session or a client drives an agent."""
         return name in self.roster.owners or self.unowned.drives(name)
+
+    # -- what sessions need to take over agents
+
+    def memories(self) -> dict[str, bytes | None]:
+        """Return the newest memory of each agent."""
+        return self.recovery_log.memories
+
+    def letters(self) -> list[tuple[int, dict[str, Written]]]:
+        """Return the letters of the last two ticks, (tick, sender -> its letters)."""
+        return sorted(self.recovery_log.letters.items())
+
+    def letters_of(self, tick: int) -> dict[str, Written]:
+        """Return the letters of one of the last two ticks, sender -> its letters."""
+        return self.recovery_log.letters.get(tick, {})
 
     # -- a tick
 
     def begin(self, seen: Observations, lag: float) -> None:
-        """Ask the agents that are due, and publish the tick. `lag`: seconds that the tick begins late."""
-        self._seen, self.due = seen, {}
+        """Ask the agents that are due, and publish the tick.
+
+        `lag`: seconds that the tick begins late.
+        """
+        self._seen = seen
+        self.due = {}
         self.unowned.begin(seen.tick)
         for name in self._engine.due(self.recovery_log.hearing(seen.tick)):
-            if (owner := self.roster.owners.get(name)) is not None:
+            owner = self.roster.owners.get(name)
+            if owner is not None:
                 self.due.setdefault(owner, []).append(name)
         self.answers.open(seen.tick, lag, chain.from_iterable(self.due.values()))
         self._show(seen, self.due)
 
     def silent(self) -> set[str]:
+        """Return the sessions that have not answered for all their agents."""
         return {self.roster.owners[name] for name in self.answers.missing}
 
     def show(self, owners: Collection[str]) -> None:
-        """Send the tick that is under way to these sessions, again or because they have just joined."""
+        """Send the tick that is under way to these sessions.
+
+        They have not answered it, or have just joined.
+        """
         assert self._seen is not None
         self._publisher.refresh_subscribers()
         self._show(self._seen, {owner: self.due[owner] for owner in sorted(owners)})
 
     def _show(self, seen: Observations, due: Mapping[str, Sequence[str]]) -> None:
-        self._publisher.show(seen, due, self.recovery_log.asked(seen.tick - 1) if due else [])
-        self._publisher.publish_tick(
-            seen, {"truth": self._engine.truth, "odometry": self._engine.odometry}
-        )
+        """Publish a tick. `due`: session id -> its agents that are asked."""
+        asked = self.recovery_log.asked(seen.tick - 1) if due else []
+        self._publisher.show(seen, due, asked)
+        views = {"truth": self._engine.truth, "odometry": self._engine.odometry}
+        self._publisher.publish_tick(seen, views)
 
     def actions(self, tick: int) -> dict[str, Action]:
-        """Return the actions for the step from this tick. Memories and letters are kept for sessions that join later."""
+        """Return the actions for the step from this tick.
+
+        Memories and letters are kept for sessions that join later.
+        """
         self.recovery_log.keep(tick, self.answers.reports)
         own = {**self.answers.actions(), **self.unowned.actions(tick)}
         advised = self.advised.actions(tick, own, self._engine.actions)
@@ -133,7 +188,10 @@ class Drivers:
     # -- velocities
 
     def advise(self, name: str, advice: Advice) -> None:
-        """Take a velocity that replaces that of a robot's agent. Raises Refused if it does not count."""
+        """Take a velocity that replaces that of a robot's agent.
+
+        Raises Refused if it does not count.
+        """
         if name not in self._engine.layout.index:
             raise Refused("no such robot", name)
         self._refuse_sideways(name, twist_of(advice))
@@ -159,18 +217,24 @@ class Drivers:
             raise Refused("no such robot", name)
 
     def _act(self, name: str, owner: str, tick: int, report: Report) -> None:
+        """Take the action of an owned agent. Raises Refused."""
         if name not in self.roster.owners:
-            raise Refused("not owned" if name in self.roster.names else "no such robot", name)
+            is_known = name in self.roster.names
+            raise Refused("not owned" if is_known else "no such robot", name)
         self._refuse_sideways(name, report.twist)
         self.answers.take(name, owner, tick, report)
 
     def act_all(self, message: Velocities, malformed: Mapping[str, Refused]) -> list[Refused]:
-        """Take the actions of a session, each by itself. Return the refusals. `malformed`: name -> why its action is not in the message.
+        """Take the actions of a session, each by itself.
 
-        An action that is malformed or out of bounds may have changed on its way: its session sends it again. If the next one is
-        no better, the robot stands in this tick, so that the others need not wait for it.
+        Return the refusals. `malformed`: name -> why its action is not in the message.
+
+        An action that is malformed or out of bounds may have changed on its way: its session sends
+        it again. If the next one is no better, the robot stands in this tick, so that the others
+        need not wait for it.
         """
-        refused, is_heard = dict(malformed), self._publisher.are_robots_heard()
+        refused = dict(malformed)
+        is_heard = self._publisher.are_robots_heard()
         for name, report in message.velocities.items():
             try:
                 self._act(name, message.owner, message.tick, report)

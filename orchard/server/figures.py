@@ -27,97 +27,120 @@ class RunFigures:
     def __init__(
         self, engine: Engine, clock: Callable[[], float], before: Mapping[str, Any] | None = None
     ) -> None:
-        """`clock`: s, of the run. `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError."""
-        self._engine, self._world, self._clock = engine, engine.world, clock
+        """`clock`: s, of the run.
+
+        `before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError.
+        """
+        self._engine = engine
+        self._world = engine.world
+        self._clock = clock
         before = before or {}
+        harvest = before.get("harvest", {"progress_tick": engine.tick})
         try:
-            self._figures = msgspec.convert(
-                before.get("harvest", {"progress_tick": engine.tick}), HarvestFigures
-            )
+            self._figures = msgspec.convert(harvest, HarvestFigures)
             self._history = msgspec.convert(before.get("history", {}), History)
             self._wall_before = msgspec.convert(before.get("wall_seconds", 0.0), Seconds)
-            self._is_changed = msgspec.convert(before.get("is_changed", False), bool)  # by a fork
+            # Whether a fork has changed the scenario under way.
+            self._is_changed = msgspec.convert(before.get("is_changed", False), bool)
         except ValueError as error:
             raise SnapshotError(f"the figures in the snapshot are malformed: {error}") from error
         self._begun = self._reported = self._clock()
 
     def as_data(self) -> dict[str, Any]:
-        counted = {
+        """Return the figures as plain data, for a snapshot."""
+        return {
             "harvest": msgspec.to_builtins(self._figures),
             "history": msgspec.to_builtins(self._history),
+            "wall_seconds": self._wall(),
+            "is_changed": self._is_changed,
+            **self._engine.figures_as_data(),
         }
-        return (
-            counted
-            | {"wall_seconds": self._wall(), "is_changed": self._is_changed}
-            | self._engine.figures_as_data()
-        )
 
     def _wall(self) -> float:
+        """Return the wall time of the run, s, without pauses and interruptions."""
         return self._wall_before + self._clock() - self._begun
 
     def begin(self) -> None:
+        """Begin to count wall time: the first tick is about to be published."""
         self._begun = self._reported = self._clock()
 
     def update(self, events: list[Event]) -> None:
+        """Count the step that has just been done, with its events."""
         self._figures.update(self._world, events, self._engine.answers)
         self._history.update(self._world, self._engine.states, self._figures.busy_ticks)
 
     @property
     def jam(self) -> list[str]:
-        """Which robot waits for what, one line each, if there was no progress for ten simulated minutes; else empty."""
+        """Which robot waits for what, one line each, if the run is jammed; else empty.
+
+        It is if there was no progress for ten simulated minutes.
+        """
         return jam_of(self._engine, self._figures)
 
     @property
     def fault(self) -> str:
-        """Why the run must end before the harvest: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+        """Why the run must end before the harvest; '' if it goes on.
+
+        It is 'broken', 'jammed', or 'refused' if the scenario says so.
+        """
         return fault_of(self._engine, self._figures)
 
     def figures(self) -> dict[str, Any]:
+        """Return the figures so far."""
         wall = self._wall()
         times = self._world.tick * TIME_STEP / wall if wall else 0.0
-        speed = {"wall_seconds": round(wall, 3), "times_real_time": round(times, 1)}
-        asked = {"asked_share": self._engine.asked_share}
-        return (
-            harvest_figures(self._world, self._figures)
-            | self._engine.states.figures()
-            | asked
-            | speed
-        )
+        return {
+            **harvest_figures(self._world, self._figures),
+            **self._engine.states.figures(),
+            "asked_share": self._engine.asked_share,
+            "wall_seconds": round(wall, 3),
+            "times_real_time": round(times, 1),
+        }
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures of the whole run, its scenario, and its course over time (see `History`)."""
-        is_own = not self._is_changed and not any(
-            self._engine.states.counts.stopped.values()
-        )  # the scenario alone has led to it
-        lost = (
-            lost_seconds(self._world.layout, self._world.seconds)
-            if self._engine.over and is_own
-            else {}
-        )
-        now = sample_of(self._world, self._engine.states, self._figures.busy_ticks)
-        scenario = self._world.layout.scenario.model_dump()
+        """Return the figures of the whole run, its scenario, and its course over time.
+
+        The course is that of `History`.
+        """
+        states = self._engine.states
+        # Losses are known if the scenario alone has led to this end.
+        was_stopped = any(states.counts.stopped.values())
+        lost = {}
+        if self._engine.over and not self._is_changed and not was_stopped:
+            lost = lost_seconds(self._world.layout, self._world.seconds)
+        now = sample_of(self._world, states, self._figures.busy_ticks)
         figures = self.figures()
-        least = {
-            "schedule_sim_seconds": max(figures["schedule_sim_seconds"], lost.get("optimum", 0.0))
-        }  # no schedule is shorter
-        return (
-            figures
-            | least
-            | {"lost_seconds": lost, "scenario": scenario, "history": self._history.until(now)}
-        )
+        # No schedule is shorter than the optimum.
+        least = max(figures["schedule_sim_seconds"], lost.get("optimum", 0.0))
+        return figures | {
+            "schedule_sim_seconds": least,
+            "lost_seconds": lost,
+            "scenario": self._world.layout.scenario.model_dump(),
+            "history": self._history.until(now),
+        }
 
     def message(self, run: str, refused: dict[str, int]) -> messages.Figures:
-        """Return the figures so far, and what each robot does. `refused`: reason -> number of refused messages."""
-        actions = as_shown(self._world, self._engine.actions)
-        doing = {
-            name: action.doing or state_of(action)
-            for name, action in actions.items()
-            if action.doing or action.state
-        }
-        states = {name: state_of(actions[name]) for name in doing}
-        waits = {name: action.waits_for for name, action in actions.items() if action.waits_for}
+        """Return the figures so far, and what each robot does.
+
+        `refused`: reason -> number of refused messages.
+        """
+        doing = {}
+        states = {}
+        waits_for = {}
+        for name, action in as_shown(self._world, self._engine.actions).items():
+            if action.doing or action.state:
+                doing[name] = action.doing or state_of(action)
+                states[name] = state_of(action)
+            if action.waits_for:
+                waits_for[name] = action.waits_for
         return messages.Figures(
-            run, self._world.tick, self.figures(), doing, waits, refused, states
+            run=run,
+            tick=self._world.tick,
+            figures=self.figures(),
+            doing=doing,
+            waits_for=waits_for,
+            messages_refused=refused,
+            states=states,
         )
 
     def is_due(self) -> bool:

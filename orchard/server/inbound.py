@@ -1,4 +1,7 @@
-"""Handles what arrives at physics: samples, liveliness tokens and queries; counts the messages that are refused."""
+"""Handles what arrives at physics: samples, liveliness tokens and queries.
+
+Messages that are refused are counted.
+"""
 
 import math
 from collections.abc import Callable
@@ -25,33 +28,37 @@ from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
 from orchard.wire.keys import LOGGER, Keys
 
-NO_PAYLOAD = ("scenario", "layout", "simulation_state")  # the queries that only ask
-MOST_TOLD = 100  # refusals that are published in a second
-OTHER_RUN_SECONDS = 3.0  # after physics begins to listen; a run that appears later must end itself
+# The queries that only ask.
+NO_PAYLOAD = ("scenario", "layout", "simulation_state")
+# Refusals that are published in a second.
+MOST_TOLD = 100
+# After physics begins to listen; a run that appears later must end itself.
+OTHER_RUN_SECONDS = 3.0
 
 
 class Queries:
     """Replies to the queries that physics receives."""
 
     def __init__(self, keys: Keys, run: Run) -> None:
-        self._keys, self._run = keys, run
-        self.replies = {
+        self._keys = keys
+        self._run = run
+        # Kind of key -> what replies to a query for it.
+        self.replies: dict[str, Callable[[Query], None]] = {
             "scenario": self._scenario,
-            "layout": lambda query: query.reply(
-                pack(orchard_of(run.id, run.engine.tick, run.engine.layout))
-            ),
+            "layout": self._layout,
             "recall": self._recall,
             "stop": self._stop,
-            "simulation_state": lambda query: query.reply(pack(run.control.state)),
+            "simulation_state": self._simulation_state,
             "set_simulation_state": self._set_simulation_state,
-            "step_simulation": lambda query: run.control.step(
-                query, read_message(query.payload, wire.StepSimulation, run.id).steps
-            ),
+            "step_simulation": self._step_simulation,
             "reset_simulation": self._reset_simulation,
         }
 
     def reply(self, query: Query) -> None:
-        """Reply to a query, and drop it, or later if it is for steps. One that is refused gets an error reply, and raises Refused."""
+        """Reply to a query, and drop it, or later if it is for steps.
+
+        One that is refused gets an error reply, and raises Refused.
+        """
         try:
             self._method_for(query)(query)
         except Refused as refusal:
@@ -61,6 +68,7 @@ class Queries:
             query.drop()
 
     def _method_for(self, query: Query) -> Callable[[Query], None]:
+        """Return what replies to a query. Raises Refused for an unknown key."""
         match self._keys.parts(query.key):
             case [what] if what in self.replies:
                 if query.payload and what in NO_PAYLOAD:
@@ -71,44 +79,59 @@ class Queries:
         raise Refused("no such key")
 
     def _scenario(self, query: Query) -> None:
-        engine, drivers = self._run.engine, self._run.drivers
-        scenario = engine.layout.scenario.model_dump()
-        query.reply(
-            pack(
-                wire.RunInfo(
-                    self._run.id,
-                    engine.tick,
-                    drivers.answers.mode,
-                    list(drivers.roster.names),
-                    scenario,
-                )
-            )
+        """Reply with what a process must know of the run before it joins."""
+        engine = self._run.engine
+        drivers = self._run.drivers
+        info = wire.RunInfo(
+            run=self._run.id,
+            tick=engine.tick,
+            mode=drivers.answers.mode,
+            agents=list(drivers.roster.names),
+            scenario=engine.layout.scenario.model_dump(),
         )
+        query.reply(pack(info))
+
+    def _layout(self, query: Query) -> None:
+        """Reply with the orchard that follows from the scenario."""
+        engine = self._run.engine
+        query.reply(pack(orchard_of(self._run.id, engine.tick, engine.layout)))
+
+    def _simulation_state(self, query: Query) -> None:
+        """Reply whether simulated time goes on."""
+        query.reply(pack(self._run.control.state))
+
+    def _step_simulation(self, query: Query) -> None:
+        """Do some steps. The reply comes when they are done."""
+        steps = read_message(query.payload, wire.StepSimulation, self._run.id).steps
+        self._run.control.step(query, steps)
 
     def _join(self, session: str, query: Query) -> None:
+        """Let a session own agents. The reply has their memories."""
         join = read_message(query.payload, wire.Join, self._run.id)
         _refuse_other_session(join.owner, session)
         drivers = self._run.drivers
         refused = drivers.join(join.names, join.owner)
         owned = [] if refused else join.names
-        memories = {name: drivers.recovery_log.memories.get(name) for name in owned}
+        known = drivers.memories()
+        memories = {name: known.get(name) for name in owned}
         query.reply(pack(wire.Joined(self._run.id, self._run.engine.tick, memories, refused)))
         drivers.expect(owned, join.owner)
 
     def _recall(self, query: Query) -> None:
-        recall, tick = read_message(query.payload, wire.Recall, self._run.id), self._run.engine.tick
+        """Reply with the letters of the last two ticks."""
+        run = self._run
+        recall = read_message(query.payload, wire.Recall, run.id)
+        tick = run.engine.tick
         refuse_other_tick(recall.tick, tick, tick)
-        query.reply(
-            pack(
-                wire.Recalled(
-                    self._run.id, tick, sorted(self._run.drivers.recovery_log.letters.items())
-                )
-            )
-        )
+        query.reply(pack(wire.Recalled(run.id, tick, run.drivers.letters())))
 
     def _stop(self, query: Query) -> None:
-        """Stop or reset robots; nothing overrides a stop. The reply says whether it is in a snapshot."""
-        run, engine = self._run, self._run.engine
+        """Stop or reset robots; nothing overrides a stop.
+
+        The reply says whether it is in a snapshot.
+        """
+        run = self._run
+        engine = run.engine
         request = read_message(query.payload, wire.Stop, run.id)
         run.report()
         with refused_for("no such robot"):
@@ -117,10 +140,9 @@ class Queries:
         query.reply(pack(wire.Stopped(run.id, engine.tick, changed, stopped(engine.world), kept)))
 
     def _set_simulation_state(self, query: Query) -> None:
-        wanted, control = (
-            read_message(query.payload, wire.SetSimulationState, self._run.id),
-            self._run.control,
-        )
+        """Let the run play, pause it, or end it. Raises RunEnded for the end."""
+        wanted = read_message(query.payload, wire.SetSimulationState, self._run.id)
+        control = self._run.control
         control.set(wanted.state)
         query.reply(pack(control.state))
         query.drop()
@@ -128,24 +150,21 @@ class Queries:
             raise RunEnded("stopped")
 
     def _reset_simulation(self, query: Query) -> None:
+        """Let the run begin again, with another seed if one is named. Raises RunReset."""
         run = self._run
         wanted = read_message(query.payload, wire.ResetSimulation, run.id)
         if run.drivers.roster.has_logger:
-            raise Refused(
-                "recorded",
-                "the recording would hold two runs; start the run without one (--record none)",
-            )
-        scenario = run.engine.layout.scenario.model_dump() | (
-            {} if wanted.seed is None else {"seed": wanted.seed}
-        )
+            way_out = "start the run without one (--record none)"
+            raise Refused("recorded", f"the recording would hold two runs; {way_out}")
+        scenario = run.engine.layout.scenario.model_dump()
+        if wanted.seed is not None:
+            scenario["seed"] = wanted.seed
         with refused_for("malformed"):
             check(scenario, "the scenario")
         run.report()
-        if run.account.snapshot_writer.folder is not None and not run.keep_at_once():
-            raise Refused(
-                "not kept",
-                "no snapshot can be written, and the death of physics would undo the reset; is the disk full?",
-            )
+        if run.may_be_kept and not run.keep_at_once():
+            risk = "the death of physics would undo the reset"
+            raise Refused("not kept", f"no snapshot can be written, and {risk}; is the disk full?")
         query.reply(pack(run.control.state))
         query.drop()
         raise RunReset(scenario)
@@ -155,18 +174,21 @@ class Inbound:
     """Passes on what arrives at physics, and counts what is refused."""
 
     def __init__(self, bus: Bus, keys: Keys, run: Run) -> None:
-        self._bus, self._keys, self._run = bus, keys, run
+        self._bus = bus
+        self._keys = keys
+        self._run = run
         self._queries = Queries(keys, run)
-        self._told: set[tuple[str, wire.Reason]] = (
-            set()
-        )  # the refusals that were published in this second
+        # The refusals that were published in this second.
+        self._told: set[tuple[str, wire.Reason]] = set()
         self._told_since = -math.inf  # s, on the clock of the bus
-        self._newer_from = (
-            math.inf
-        )  # s, on the clock of the bus: a run that appears after that is newer
+        # s, on the clock of the bus: a run that appears after that is newer.
+        self._newer_from = math.inf
 
     def listen(self) -> None:
-        """Subscribe, and declare the queryables. The liveliness token comes last: it shows that physics is ready."""
+        """Subscribe, and declare the queryables.
+
+        The liveliness token comes last: it shows that physics is ready.
+        """
         for what in ("velocities", "velocity"):
             self._bus.subscribe(self._keys.of(what), quietly=True)
         for what in ("advice", "refused", "left"):
@@ -184,10 +206,14 @@ class Inbound:
 
     @property
     def _token_of_physics(self) -> str:
+        """The key of the liveliness token of physics, with the run and the session."""
         return self._keys.of("physics", self._run.id, self._bus.id)
 
     def take(self, seconds: float, enough: int = 1) -> bool:
-        """Handle one item. Return False if none came in `seconds`. Raises RunEnded. `enough`: as for `Inbox.take`."""
+        """Handle one item.
+
+        Return False if none came in `seconds`. Raises RunEnded. `enough`: as for `Inbox.take`.
+        """
         item = self._bus.inbox.take(seconds, enough)
         if item is not None:
             try:
@@ -197,11 +223,15 @@ class Inbound:
         return item is not None
 
     def _refuse(self, key: str, refusal: Refused) -> None:
-        """Count a refusal, and publish it for its sender: each key and reason once a second, and so many in all."""
+        """Count a refusal, and publish it for its sender.
+
+        Each key and reason is published once a second, and at most MOST_TOLD in all.
+        """
         self._run.refusal_totals.note(key, refusal)
         now = self._bus.clock()
         if now - self._told_since >= 1.0:
-            self._told, self._told_since = set(), now
+            self._told = set()
+            self._told_since = now
         if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
             self._told.add((key, refusal.reason))
             parts = self._keys.parts(key)
@@ -217,18 +247,23 @@ class Inbound:
             self._bus.publish(self._keys.of("refusals"), pack(shown), newest_wins=True)
 
     def take_after_end(self, seconds: float) -> Item | None:
-        """Handle one item after the run's end, when only tokens and `left` count. Return it; None without one."""
+        """Handle one item after the run's end, when only tokens and `left` count.
+
+        Return it; None without one.
+        """
         item = self._bus.inbox.take(seconds)
         with suppress(Refused):
             if isinstance(item, Query):
                 item.drop()
             elif isinstance(item, Alive):
-                self._run.drivers.roster.token(*self._owner_of(item.key), item.up)
+                roster = self._run.drivers.roster
+                roster.token(*self._owner_of(item.key), item.up)
             elif isinstance(item, Sample) and self._keys.parts(item.key)[-1] == "left":
                 self._hear(item)
         return item
 
     def _handle(self, item: Item) -> None:
+        """Handle an item. Raises Refused if it does not count, RunEnded for a signal."""
         if isinstance(item, Sample):
             self._hear(item)
         elif isinstance(item, Alive):
@@ -239,6 +274,7 @@ class Inbound:
             raise RunEnded("stopped")
 
     def _hear(self, sample: Sample) -> None:
+        """Take a message of a session or client. Raises Refused."""
         run = self._run.id
         match self._keys.parts(sample.key):
             case ["hosts", session, "refused"]:
@@ -246,7 +282,7 @@ class Inbound:
                 self._run.refusal_totals.hear(_session(session), counts)
             case ["hosts", session, "left"]:
                 read_message(sample.payload, wire.Left, run)
-                self._run.drivers.roster.leave(_session(session))
+                self._run.drivers.leave(_session(session))
             case [name, "velocity"]:
                 self._drive(name, read_message(sample.payload, wire.Velocity, run))
             case [name, "advice"]:
@@ -258,6 +294,7 @@ class Inbound:
                 raise Refused("no such key")
 
     def _drive(self, name: str, velocity: wire.Velocity) -> None:
+        """Take a velocity for one robot. Raises Refused."""
         try:
             self._run.drivers.drive(name, velocity)
         except Refused as refusal:
@@ -265,7 +302,10 @@ class Inbound:
             raise
 
     def _drive_all(self, payload: bytes, session: str) -> list[Refused]:
-        """Take the actions of a session. Return the refusals. Raises Refused if the whole message does not count."""
+        """Take the actions of a session.
+
+        Return the refusals. Raises Refused if the whole message does not count.
+        """
         with refused_for("malformed"):
             actions, faults = velocities_of(payload)
         refuse_other_run(actions, self._run.id)
@@ -274,36 +314,38 @@ class Inbound:
         return self._run.drivers.act_all(actions, refused)
 
     def _token(self, alive: Alive) -> None:
-        """Record a token. Raises BusError if another run uses this router and prefix: the newer run ends itself."""
+        """Record a token.
+
+        Raises BusError if another run uses this router and prefix: the newer run ends itself.
+        """
         match self._keys.parts(alive.key):
             case ["alive", "physics", run, _]:
-                if (
-                    alive.up
-                    and run != self._run.id
-                    and not self._run.has_begun
-                    and self._bus.clock() < self._newer_from
-                ):
-                    where = f"with prefix {self._keys.prefix}; choose another router or prefix"
-                    raise BusError(
-                        f"{self._bus.endpoint}: run {printable(run)} is active there, {where}"
-                    )
+                is_other = alive.up and run != self._run.id
+                is_newer = self._run.has_begun or self._bus.clock() >= self._newer_from
+                if is_other and not is_newer:
+                    fault = f"{self._bus.endpoint}: run {printable(run)} is active there"
+                    way_out = "choose another router or prefix"
+                    raise BusError(f"{fault}, with prefix {self._keys.prefix}; {way_out}")
             case _:
                 name, owner = self._owner_of(alive.key)
                 if name == LOGGER and alive.up:
-                    self._run.account.frame_builder.forget()  # its first frame is a whole one
+                    self._run.account.begin_whole()
                 self._run.drivers.token(name, owner, alive.up)
 
     def _owner_of(self, token: str) -> tuple[str, str]:
+        """Return the agent, or logger, and the session of a liveliness token. Raises Refused."""
         match self._keys.parts(token):
-            case ["alive", name, session] if (
-                name in self._run.drivers.roster.names or name == LOGGER
-            ):
-                return name, _session(session)
+            case ["alive", name, session]:
+                roster = self._run.drivers.roster
+                if name == LOGGER or name in roster.names:
+                    return name, _session(session)
         raise Refused("no such agent")
 
 
 def _refuse_other_session(owner: str, session: str) -> None:
-    """Raise Refused unless the owner is the session of the key: a secured router lets a session use only its own."""
+    """Raise Refused unless the owner is the session of the key: a secured router lets a session use
+    only its own.
+    """
     if owner != session:
         raise Refused("not the owner", f"{owner!r} is not the session of the key")
 

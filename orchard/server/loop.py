@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import msgspec
 
@@ -20,11 +20,14 @@ from orchard.wire.messages import RESET, End
 
 log = logging.getLogger("orchard")
 
-WARN_SECONDS = 3.0  # between two log lines that name the missing agents
+# Between two log lines that name the missing agents.
+WARN_SECONDS = 3.0
 # s for which the first tick waits for a logger. On a busy machine it takes long to load.
 LOGGER_SECONDS = 60.0
-LEAVE_SECONDS = 2.0  # that the other processes may take to leave after the end
-END_SECONDS = 0.2  # after which the end is told again to those that have not left
+# That the other processes may take to leave after the end.
+LEAVE_SECONDS = 2.0
+# After which the end is told again to those that have not left.
+END_SECONDS = 0.2
 
 
 class RunLoop:
@@ -39,21 +42,24 @@ class RunLoop:
         before: Snapshot | None = None,
     ) -> None:
         """`before`: the snapshot from which the engine was resumed."""
-        self.bus, self._engine, self.options = bus, engine, options
+        self.bus = bus
+        self._engine = engine
+        self.options = options
         self.run = Run(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
-        self._owned_before = (
-            before.owned if before and engine.tick > 0 else None
-        )  # before the first tick not all had come
+        # Before the first tick not all had come.
+        self._owned_before = before.owned if before and engine.tick > 0 else None
         self._clock = self.run.control.clock
         self._pacer = Pacer(options.pace, self._clock)
-        self.again: RunOptions | None = (
-            None  # the options with which the run begins again after its end; None: it does not
-        )
+        # The options with which the run begins again after its end; None: it does not.
+        self.again: RunOptions | None = None
 
     def play(self, get_ready: Callable[[], None]) -> End:
-        """Run all ticks, and publish the end. Return it. `get_ready`: called before the first tick."""
+        """Run all ticks, and publish the end. Return it.
+
+        `get_ready`: called before the first tick.
+        """
         ticks = last_tick(self.options.duration)
         try:
             for _ in range(len(self.bus.inbox)):
@@ -64,17 +70,15 @@ class RunLoop:
             while not (why := self.run.account.why_over(ticks)):
                 self._tick()
         except RunReset as ended:
-            why, listen = (
-                str(ended),
-                self.options.listen if self.options.connect else self.bus.endpoint,
+            why = str(ended)
+            self.again = msgspec.structs.replace(
+                self.options,
+                listen=self.options.listen if self.options.connect else self.bus.endpoint,
+                scenario=ended.scenario,
+                run=self.run.id,
+                resume=False,
+                paused=self._clock.is_paused,
             )
-            news = {
-                "scenario": ended.scenario,
-                "run": self.run.id,
-                "resume": False,
-                "paused": self._clock.is_paused,
-            }
-            self.again = msgspec.structs.replace(self.options, listen=listen, **news)
         except RunEnded as ended:
             why = str(ended)
         self.run.control.set("quitting")
@@ -92,32 +96,42 @@ class RunLoop:
         return end
 
     def gather(self) -> None:
-        """Wait for all expected agents, and for the logger if the run is recorded, so that the recording begins with the run.
+        """Wait for all expected agents, and for the logger if the run is recorded.
 
-        A run that is resumed waits for those that had an owner, for `patience` seconds, renewed by each that returns: many start slowly.
+        So the recording begins with the run. A run that is resumed waits for those that had an
+        owner, for `patience` seconds, renewed by each that returns: many start slowly.
         """
         names = self._drivers.roster.names if self._owned_before is None else self._owned_before
         names = [name for name in names if name not in self.options.absent]
         patience = math.inf if self._owned_before is None else self.options.patience
-        end, fewest = self.bus.clock() + patience, len(names)
-        while (missing := [name for name in names if not self._drivers.drives(name)]) and (
-            left := end - self.bus.clock()
-        ) > 0.0:
-            if len(missing) < fewest:
-                end, fewest = self.bus.clock() + patience, len(missing)
-            elif not self.arrivals.take(min(left, WARN_SECONDS)):
-                log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
+        missing = self._gather_agents(names, patience)
         if missing:
-            log.warning(
-                "no host has come back with %s: no longer waited for; the hash changes",
-                ", ".join(missing),
-            )
+            effect = "no longer waited for; the hash changes"
+            log.warning("no host has come back with %s: %s", ", ".join(missing), effect)
             self._drivers.miss(missing)
         if self.options.recorded:
             self._gather_logger()
 
+    def _gather_agents(self, names: Sequence[str], patience: float) -> list[str]:
+        """Wait for agents, for `patience` seconds after the last one came. Return those missing."""
+        end = self.bus.clock() + patience
+        fewest = len(names)
+        while True:
+            missing = [name for name in names if not self._drivers.drives(name)]
+            remaining = end - self.bus.clock()
+            if not missing or remaining <= 0.0:
+                return missing
+            if len(missing) < fewest:
+                end = self.bus.clock() + patience
+                fewest = len(missing)
+            elif not self.arrivals.take(min(remaining, WARN_SECONDS)):
+                log.warning("waiting for %d agents: %s", len(missing), ", ".join(missing))
+
     def _gather_logger(self) -> None:
-        """Wait until the logger is there, but not for ever: a run without a recording is better than none."""
+        """Wait until the logger is there, but not for ever.
+
+        A run without a recording is better than none.
+        """
         deadline = self.bus.clock() + LOGGER_SECONDS
         while not self._drivers.roster.has_logger:
             remaining = deadline - self.bus.clock()
@@ -128,57 +142,64 @@ class RunLoop:
                 log.warning("waiting for the logger")
 
     def _tick(self) -> None:
+        """Publish a tick, report the step before it meanwhile, and step."""
         self._drivers.begin(self._engine.observe(), self._pacer.begin())
         self._engine.account()
         self.run.report()
-        if self.run.account.snapshot_writer.is_due(self._engine.tick):
+        if self.run.account.is_due_to_keep(self._engine.tick):
             self.run.keep()
         self._await_step()
         self.run.step()
 
     def _await_step(self) -> None:
-        """Wait until all answers are in or their time is over, the next tick is due, and the run plays."""
+        """Wait until the step may be done.
+
+        Then all answers are in or their time is over, the next tick is due, and the run plays.
+        """
         self._await_answers()
         while self._clock.is_paused or self.arrivals.take(self._pacer.wait()) or self._pacer.wait():
             self._await_answers()
 
     def _await_answers(self) -> None:
-        """Wait until all answers are in, or their time is over. Send the tick again to silent sessions."""
+        """Wait until all answers are in, or their time is over.
+
+        Send the tick again to silent sessions.
+        """
         self._stand_by()
-        drivers, answers, again = (
-            self._drivers,
-            self._drivers.answers,
-            self._clock() + AGAIN_SECONDS,
-        )
+        drivers = self._drivers
+        answers = drivers.answers
+        again_at = self._clock() + AGAIN_SECONDS
         warn_at = self._clock() + WARN_SECONDS if answers.deadline < math.inf else math.inf
         while answers.missing:
-            until, enough = (
-                min(answers.deadline, again),
-                1 if len(self.bus.inbox) else len(drivers.silent()),
-            )
+            until = min(answers.deadline, again_at)
+            enough = 1 if len(self.bus.inbox) else len(drivers.silent())
             self.arrivals.take(max(0.0, until - self._clock()), enough)
             now = self._clock()
             if now >= warn_at:
-                warn_at, words = (
-                    math.inf,
-                    "no answer to tick %d yet from %s: waiting for up to %.0f s more",
-                )
-                log.warning(
-                    words,
-                    self._engine.tick,
-                    ", ".join(sorted(answers.missing)),
-                    max(0.0, answers.deadline - now),
-                )
+                warn_at = math.inf
+                self._warn_of_missing(max(0.0, answers.deadline - now))
             if now >= answers.deadline:
                 drivers.give_up()
-            elif now >= again:
-                again = now + AGAIN_SECONDS
+            elif now >= again_at:
+                again_at = now + AGAIN_SECONDS
                 drivers.show(drivers.silent())
                 self.run.publisher.send_bundle(self._engine.tick)
             self._stand_by()
 
+    def _warn_of_missing(self, seconds: float) -> None:
+        """Log which agents have not answered, and for how long they are waited for."""
+        log.warning(
+            "no answer to tick %d yet from %s: waiting for up to %.0f s more",
+            self._engine.tick,
+            ", ".join(sorted(self._drivers.answers.missing)),
+            seconds,
+        )
+
     def _stand_by(self) -> None:
-        """While the run is paused, take what arrives: no agent is late, and the tick is published repeatedly."""
+        """Take what arrives while the run is paused.
+
+        No agent is late meanwhile, and the tick is published repeatedly.
+        """
         control = self.run.control
         while self._clock.is_paused:
             control.publish()
@@ -190,14 +211,26 @@ class RunLoop:
                 self._drivers.show(self._drivers.silent())
 
     def _await_leaving(self, end: End, seconds: float) -> None:
-        """Publish the end until all tokens are gone, at most so long, and all sessions leave, at most LEAVE_SECONDS."""
-        now, roster = self.bus.clock(), self._drivers.roster
-        deadline, told_by, again = now + seconds, now + LEAVE_SECONDS, now + END_SECONDS
-        while now < deadline and (roster.tokens or (now < told_by and not roster.all_have_left())):
-            if now >= again:
-                again = now + END_SECONDS
+        """Publish the end until all sessions have left.
+
+        It waits at most `seconds` until all tokens are gone, and at most LEAVE_SECONDS until all
+        have said that they leave.
+        """
+        roster = self._drivers.roster
+        now = self.bus.clock()
+        deadline = now + seconds
+        leave_until = now + LEAVE_SECONDS
+        again_at = now + END_SECONDS
+        while now < deadline:
+            may_still_leave = now < leave_until and not roster.all_have_left()
+            if not roster.tokens and not may_still_leave:
+                return
+            if now >= again_at:
+                again_at = now + END_SECONDS
                 self.run.publisher.publish("end", end)
-            if isinstance(item := self.arrivals.take_after_end(min(deadline, again) - now), Signal):
-                self.bus.inbox.put(item)  # it ends the next run too, if this one was reset
+            item = self.arrivals.take_after_end(min(deadline, again_at) - now)
+            if isinstance(item, Signal):
+                # It ends the next run too, if this one was reset.
+                self.bus.inbox.put(item)
                 return
             now = self.bus.clock()

@@ -26,9 +26,10 @@ def last_tick(duration: float | None) -> float:
 class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     """Simulate the world of an orchard."""
 
+    # Or its file.
     scenario: Annotated[
         dict[str, Any] | str, option("SCENARIO.yaml", "default: the built-in scenario", nargs="?")
-    ] = {}  # or its file
+    ] = {}
     listen: Annotated[str | None, option("ENDPOINT", "default: a free port of 127.0.0.1")] = None
     connect: Annotated[
         str | None, option("ENDPOINT", "endpoint of another router, instead of listening")
@@ -92,10 +93,11 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     @property
     def pace(self) -> float:
         """Simulated seconds per second of wall time."""
-        return (
-            self.speed if self.speed is not None else 1.0 if self.mode == "realtime" else math.inf
-        )
+        if self.speed is not None:
+            return self.speed
+        return 1.0 if self.mode == "realtime" else math.inf
 
     @property
     def snapshot_folder(self) -> Path | None:
+        """The folder for snapshots; None if there are none."""
         return None if self.snapshots is None else Path(self.snapshots)

@@ -28,8 +28,10 @@ from orchard.wire.messages import (
 
 log = logging.getLogger("orchard")
 
-RECHECK_SECONDS = 0.05  # between two checks for subscribers
-BUNDLE_TICKS, BUNDLE_SECONDS = 10, 0.05  # of a bundle at most, on the clock of the bus
+# Between two checks for subscribers.
+RECHECK_SECONDS = 0.05
+# Of a bundle at most, on the clock of the bus.
+BUNDLE_TICKS, BUNDLE_SECONDS = 10, 0.05
 
 
 class Publisher:
@@ -38,23 +40,21 @@ class Publisher:
     def __init__(
         self, bus: Bus, keys: Keys, run: str, layout: Layout, newest_wins: bool = False
     ) -> None:
-        """`newest_wins`: publish what belongs to a tick without waiting; a slow subscriber misses some."""
-        self._bus, self._keys, self.run, self._layout, self._newest_wins = (
-            bus,
-            keys,
-            run,
-            layout,
-            newest_wins,
-        )
-        self._heard: dict[
-            str, bool
-        ] = {}  # keys -> whether a session subscribes, as of the last check
+        """Publish nothing yet.
+
+        `newest_wins`: publish what belongs to a tick without waiting; a slow subscriber misses
+        some.
+        """
+        self._bus = bus
+        self._keys = keys
+        self.run = run
+        self._layout = layout
+        self._newest_wins = newest_wins
+        # Keys -> whether a session subscribes, as of the last check.
+        self._heard: dict[str, bool] = {}
         self._recheck_at = 0.0  # s, on the clock of the bus
-        self._bundle: dict[str, list[Any]] = {
-            "events": [],
-            "letters": [],
-            "picture": [],
-        }  # what is told, and not sent yet
+        # What is told, and not sent yet.
+        self._bundle: dict[str, list[Any]] = {"events": [], "letters": [], "picture": []}
         self._bundled_at = 0.0  # s, on the clock of the bus, when it was last sent
 
     # -- a tick
@@ -62,71 +62,76 @@ class Publisher:
     def show(
         self, seen: Observations, due: Mapping[str, Sequence[str]], asked: Sequence[AskedOf]
     ) -> None:
-        """Send each session in `due` what its agents observe that are asked; and the requests in `asked` to them."""
+        """Send each session what its agents observe that are asked, and the requests to them.
+
+        `due`: session id -> its agents. `asked`: all requests of the tick before.
+        """
         for owner, names in due.items():
-            heard = [of for of in asked if of.to in names]
+            heard = [request for request in asked if request.to in names]
             self._put(self._keys.of("seen", session=owner), seen_of(self.run, seen, names, heard))
 
     def publish_tick(
         self, seen: Observations, others: Mapping[str, Callable[[], Observations]]
     ) -> None:
-        """Publish poses, scans, the views in `others` (`truth`, `odometry`), and the clock: each if a session subscribes to it."""
+        """Publish poses, scans, other views and the clock: each if a session subscribes to it.
+
+        `others`: 'truth', 'odometry' -> what makes the view.
+        """
         if self._bus.clock() >= self._recheck_at:
             self.refresh_subscribers()
         if self.are_robots_heard():
-            heard = {what: view() for what, view in others.items() if self.is_heard(what)}
-            for what, view in [("pose", seen), *heard.items(), ("scan", seen)]:
-                for body, name in enumerate(seen.names):
-                    self._put_single(what, view, body, name)
+            self._put_poses("pose", seen)
+            for kind, make_view in others.items():
+                if self.is_heard(kind):
+                    self._put_poses(kind, make_view())
+            self._put_scans(seen)
         if self.is_heard("clock"):
-            sec, ticks = divmod(seen.tick, TICKS_PER_SECOND)
-            self._put(
-                self._keys.of("clock"),
-                Clock(self.run, seen.tick, Stamp(sec, ticks * (10**9 // TICKS_PER_SECOND))),
-            )
+            seconds, ticks = divmod(seen.tick, TICKS_PER_SECOND)
+            stamp = Stamp(seconds, ticks * (10**9 // TICKS_PER_SECOND))
+            self._put(self._keys.of("clock"), Clock(self.run, seen.tick, stamp))
 
     def retire(self, owners: Iterable[str]) -> None:
         """Remove the publishers of sessions that do not own an agent any more."""
         for owner in owners:
             self._bus.retire(self._keys.of("seen", session=owner))
 
-    def _put_single(self, what: str, seen: Observations, body: int, name: str) -> None:
-        key = self._keys.of(what, name)
-        if self._is_heard(key) and what != "scan":
-            self._put(key, odometry_of(self.run, seen[name]))
-        elif self._is_heard(key):
-            self._put(
-                key,
-                scan_of(
-                    self.run,
-                    seen[name],
-                    KINDS[self._layout.starts[body].kind].laser,
-                    KINDS["bin"].laser,
-                ),
-            )
+    def _put_poses(self, kind: str, seen: Observations) -> None:
+        """Publish the pose of each body on its key of a kind, if a session subscribes to it."""
+        for name in seen.names:
+            key = self._keys.of(kind, name)
+            if self._is_heard(key):
+                self._put(key, odometry_of(self.run, seen[name]))
+
+    def _put_scans(self, seen: Observations) -> None:
+        """Publish the scan of each body, if a session subscribes to it."""
+        for name, start in zip(seen.names, self._layout.starts, strict=True):
+            key = self._keys.of("scan", name)
+            if self._is_heard(key):
+                laser = KINDS[start.kind].laser
+                self._put(key, scan_of(self.run, seen[name], laser, KINDS["bin"].laser))
 
     def publish_velocity(self, name: str, owner: str, tick: int, report: Report) -> None:
-        if self._is_heard(key := self._keys.of("velocity", name)):
+        """Publish the velocity of one agent of a session, if a session subscribes to it."""
+        key = self._keys.of("velocity", name)
+        if self._is_heard(key):
             x, y, turn = report.twist
-            self._bus.publish(
-                key,
-                pack(
-                    Velocity(
-                        self.run,
-                        tick,
-                        Linear(x, y),
-                        Angular(turn),
-                        owner,
-                        report.once,
-                        report.deeds,
-                    )
-                ),
+            velocity = Velocity(
+                run=self.run,
+                tick=tick,
+                linear=Linear(x, y),
+                angular=Angular(turn),
+                owner=owner,
+                once=report.once,
+                deeds=report.deeds,
             )
+            self._bus.publish(key, pack(velocity))
 
     def _put(self, key: str, message: SubMessage) -> None:
+        """Publish what belongs to a tick."""
         self._bus.publish(key, pack(message), self._newest_wins)
 
     def publish_lost(self, tick: int, released: dict[str, list[str]]) -> None:
+        """Tell sessions that physics no longer waits for their agents, session id -> names."""
         self.send_bundle(tick)
         for owner, names in released.items():
             log.warning(
@@ -136,47 +141,57 @@ class Publisher:
 
     # -- what observers get
 
-    def tell(self, what: str, message: Callable[[], Message]) -> None:
-        """Publish what belongs to a step, on its own key and in the next bundle: each if a session subscribes to it."""
-        alone, together = what == "events" or self.is_heard(what), self.is_heard("bundle")
-        if alone or together:
-            told = message()
-            if alone:
-                self.publish(what, told)
-            if together:
-                self._bundle[what].append(told)
+    def tell(self, kind: str, message: Callable[[], Message]) -> None:
+        """Publish what belongs to a step, on its own key and in the next bundle.
+
+        It does each if a session subscribes to it. `message`: makes the message.
+        """
+        is_alone = kind == "events" or self.is_heard(kind)
+        is_bundled = self.is_heard("bundle")
+        if not is_alone and not is_bundled:
+            return
+        made = message()
+        if is_alone:
+            self.publish(kind, made)
+        if is_bundled:
+            self._bundle[kind].append(made)
 
     def is_bundle_due(self) -> bool:
-        return (
-            len(self._bundle["picture"]) >= BUNDLE_TICKS
-            or self._bus.clock() >= self._bundled_at + BUNDLE_SECONDS
-        )
+        """Whether enough waits to be sent, or for long enough."""
+        is_late = self._bus.clock() >= self._bundled_at + BUNDLE_SECONDS
+        return is_late or len(self._bundle["picture"]) >= BUNDLE_TICKS
 
     def send_bundle(self, tick: int) -> None:
         """Send what waits to be sent, before all that a logger must hear after it."""
         self._bundled_at = self._bus.clock()
         if any(self._bundle.values()):
             self.publish("bundle", Bundle(self.run, tick, *self._bundle.values()))
-            self._bundle = {each: [] for each in self._bundle}
+            self._bundle = {kind: [] for kind in self._bundle}
 
     # -- subscribers
 
     def refresh_subscribers(self) -> None:
-        """Forget which keys have subscribers: every RECHECK_SECONDS, and when a tick is sent again."""
-        self._heard, self._recheck_at = {}, self._bus.clock() + RECHECK_SECONDS
+        """Forget which keys have subscribers.
 
-    def is_heard(self, what: str) -> bool:
-        """Whether a session subscribes to a key of `wire.keys.TABLE`."""
-        return self._is_heard(self._keys.of(what))
+        That is done every RECHECK_SECONDS, and when a tick is sent again.
+        """
+        self._heard = {}
+        self._recheck_at = self._bus.clock() + RECHECK_SECONDS
+
+    def is_heard(self, kind: str) -> bool:
+        """Whether a session subscribes to a kind of key of `wire.keys.TABLE`."""
+        return self._is_heard(self._keys.of(kind))
 
     def are_robots_heard(self) -> bool:
-        """Whether a session subscribes to any key of a robot, such as its pose, scan or velocity."""
+        """Whether a session subscribes to any key of a robot: its pose, scan or velocity."""
         return self._is_heard(f"{self._keys.prefix}/*/*")
 
     def _is_heard(self, keys: str) -> bool:
+        """Whether a session subscribes to these keys, as of the last check."""
         if keys not in self._heard:
             self._heard[keys] = self._bus.is_heard(keys)
         return self._heard[keys]
 
-    def publish(self, what: str, message: Message) -> None:
-        self._bus.publish(self._keys.of(what), pack(message))
+    def publish(self, kind: str, message: Message) -> None:
+        """Publish a message on a kind of key."""
+        self._bus.publish(self._keys.of(kind), pack(message))

@@ -1,4 +1,21 @@
-"""Which session owns which agent, and what a session needs to take over agents: their memories and their mail."""
+"""Which session owns which agent, and what a session needs to take over agents.
+
+Theory of operation. A session owns an agent from its join on, if it shows that it lives by a
+liveliness token. Physics keeps the newest memory of each agent and the letters of the last two
+ticks, so another session can take over at any tick, and the run keeps its hash.
+
+    state of an agent | what happens                                   | next state
+    ------------------+------------------------------------------------+----------------------------
+    free              | a session with a token joins with it           | owned
+    owned             | the token of the owner is gone                 | owned; others may join now
+    owned             | another session joins while the token is there | owned; the join is refused
+    owned             | another session joins after that               | owned by the other one
+    owned             | the barrier gives its session up, or in        | free
+                      | realtime the token is gone                     |
+
+At the end of a run physics waits until each last owner has said that it leaves: a session that is
+only cut off still has to hear the end.
+"""
 
 from collections.abc import Iterable, Mapping
 
@@ -7,7 +24,8 @@ from orchard.net.refusals import NO_TOKEN, TAKEN, Refused
 from orchard.wire.keys import LOGGER
 from orchard.wire.messages import AskedOf, Report
 
-MOST_TOKENS = 10_000  # liveliness tokens that are stored
+# Liveliness tokens that are stored.
+MOST_TOKENS = 10_000
 
 
 class Roster:
@@ -15,18 +33,25 @@ class Roster:
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
-        self.owners: dict[str, str] = {}  # name -> session id
+        # Name -> session id.
+        self.owners: dict[str, str] = {}
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
-        self._last_owners: dict[
-            str, str
-        ] = {}  # name -> session id, also of one whose agents are released
-        self._leaving: set[str] = set()  # owners that have said that they leave
+        # Name -> session id, also of one whose agents are released.
+        self._last_owners: dict[str, str] = {}
+        # Owners that have said that they leave.
+        self._leaving: set[str] = set()
 
     def token(self, name: str, owner: str, up: bool) -> None:
-        """Record a liveliness token that appeared (`up`) or is gone: its session keeps its agents. Raises Refused."""
+        """Record a liveliness token that appeared (`up`) or is gone: its session keeps its agents.
+
+        Raises Refused.
+        """
         if up and len(self.tokens) >= MOST_TOKENS:
             raise Refused("too many", f"there are {MOST_TOKENS} liveliness tokens")
-        (self.tokens.add if up else self.tokens.discard)((name, owner))
+        if up:
+            self.tokens.add((name, owner))
+        else:
+            self.tokens.discard((name, owner))
 
     def may_join(self, name: str, owner: str) -> str:
         """Return why a session cannot own an agent; '' if it can."""
@@ -35,23 +60,32 @@ class Roster:
         if (name, owner) not in self.tokens:
             return NO_TOKEN
         before = self.owners.get(name, owner)
-        words = f"{TAKEN}, by session {before}; a run that is started --without {name} leaves it to others"
-        return words if before != owner and (name, before) in self.tokens else ""
+        if before == owner or (name, before) not in self.tokens:
+            return ""
+        way_out = f"a run that is started --without {name} leaves it to others"
+        return f"{TAKEN}, by session {before}; {way_out}"
 
     @property
     def has_logger(self) -> bool:
+        """Whether a logger is there."""
         return any(name == LOGGER for name, _ in self.tokens)
 
     def join(self, name: str, owner: str) -> None:
-        self.owners[name] = self._last_owners[name] = owner
+        """Let a session own an agent."""
+        self.owners[name] = owner
+        self._last_owners[name] = owner
         self._leaving.discard(owner)
 
     def leave(self, owner: str) -> None:
+        """Record that a session has said that it leaves."""
         if owner in self._last_owners.values():
             self._leaving.add(owner)
 
     def all_have_left(self) -> bool:
-        """Whether no token is there, and each agent's last owner has said that it leaves: another may only be cut off."""
+        """Whether no token is there, and each agent's last owner has said that it leaves.
+
+        Another owner may only be cut off.
+        """
         return not self.tokens and self._leaving.issuperset(self._last_owners.values())
 
     def release(self, names: Iterable[str]) -> dict[str, list[str]]:
@@ -66,7 +100,10 @@ Letters = Iterable[tuple[int, dict[str, Written]]]  # (tick, sender -> its lette
 
 
 class RecoveryLog:
-    """The newest memory of each agent, and the letters of the last two ticks; physics does not interpret them."""
+    """The newest memory of each agent, and the letters of the last two ticks.
+
+    Physics does not interpret them.
+    """
 
     def __init__(
         self, memories: Mapping[str, bytes | None] | None = None, letters: Letters = ()
@@ -76,32 +113,31 @@ class RecoveryLog:
 
     def keep(self, tick: int, reports: Mapping[str, Report]) -> None:
         """Store the memories and letters in the reports of the tick that was stepped last."""
-        self.memories |= {
-            name: report.memory for name, report in reports.items() if report.memory is not None
-        }
-        spoken = {
-            name: report for name, report in reports.items() if report.requests or report.answers
-        }
-        written = {
-            name: Written(report.requests, report.answers) for name, report in spoken.items()
-        }
+        written = {}
+        for name, report in reports.items():
+            if report.memory is not None:
+                self.memories[name] = report.memory
+            if report.requests or report.answers:
+                written[name] = Written(report.requests, report.answers)
         self.letters = {at: letters for at, letters in self.letters.items() if at >= tick - 1}
         if written:
             self.letters[tick] = written
 
     def hearing(self, tick: int) -> set[str]:
-        """Return the agents that hear mail at a tick: requests of the last tick, and replies to those before."""
-        asked = {
-            to for letters in self.letters.get(tick - 1, {}).values() for to, _ in letters.requests
-        }
-        return asked | {
-            name for name, letters in self.letters.get(tick - 2, {}).items() if letters.requests
-        }
+        """Return the agents that hear mail at a tick.
+
+        They hear requests of the last tick, and replies to those before.
+        """
+        names = {asked.to for asked in self.asked(tick - 1)}
+        for name, letters in self.letters.get(tick - 2, {}).items():
+            if letters.requests:
+                names.add(name)
+        return names
 
     def asked(self, tick: int) -> list[AskedOf]:
-        written = self.letters.get(tick, {}).items()
-        return [
-            AskedOf(to, sender, number)
-            for sender, letters in written
-            for number, (to, _) in enumerate(letters.requests)
-        ]
+        """Return the requests of a tick: who is asked by whom, and its number."""
+        requests = []
+        for sender, letters in self.letters.get(tick, {}).items():
+            for number, (to, _) in enumerate(letters.requests):
+                requests.append(AskedOf(to, sender, number))
+        return requests

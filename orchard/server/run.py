@@ -37,7 +37,7 @@ class RunReset(RunEnded):
 
 
 class Run:
-    """The parts of one run, its steps and their reports. `RunLoop` decides when each step is done."""
+    """The parts of one run, its steps and their reports. `RunLoop` decides when a step is done."""
 
     def __init__(
         self,
@@ -47,107 +47,148 @@ class Run:
         options: RunOptions,
         before: Snapshot | None = None,
     ) -> None:
+        """Make the parts. `before`: the snapshot from which the engine was resumed.
+
+        Raises SnapshotError if its figures are malformed.
+        """
         self.engine = engine
-        self._elsewhere = (
-            select_agents(engine.layout.agents, options.without, []) if options.without else []
-        )
-        self._owned_before = (
-            before.owned if before else []
-        )  # the agents that had a session; some may not come back
+        self.id = _id_of(options, before)
+        # The agents that are left to clients elsewhere.
+        self._elsewhere: list[str] = []
+        if options.without:
+            self._elsewhere = select_agents(engine.layout.agents, options.without, [])
+        # The agents that had a session before. Some may not come back.
+        self._owned_before = before.owned if before else []
         self.refusal_totals = RefusalTotals(before.figures.get("refused") if before else None)
-        self.id = options.run or (before.run if before else uuid.uuid4().hex[:16])
-        roster, recovery_log = (
-            Roster(engine.layout.agents),
-            RecoveryLog(before.memories, before.letters) if before else RecoveryLog(),
-        )
-        is_paced = options.mode == "realtime"
         clock = RunClock(bus.clock)
         if options.paused:
             clock.pause()
-        answers = (
-            RealtimeBarrier(roster, TIME_STEP / options.pace, clock)
-            if is_paced
-            else LockstepBarrier(roster, clock, options.patience)
-        )
+        roster = Roster(engine.layout.agents)
+        answers = _barrier(options, roster, clock)
+        recovery_log = RecoveryLog()
+        if before is not None:
+            recovery_log = RecoveryLog(before.memories, before.letters)
         self.publisher = Publisher(bus, keys, self.id, engine.layout, answers.newest_wins)
-        self.control = SimulationControl(
-            clock, partial(self.publisher.publish, "simulation_state"), self.id, lambda: engine.tick
-        )
+        publish_state = partial(self.publisher.publish, "simulation_state")
+        self.control = SimulationControl(clock, publish_state, self.id, lambda: engine.tick)
         self.drivers = Drivers(engine, roster, answers, recovery_log, self.publisher, clock)
-        self.drivers.lost |= before.lost if before else {}
+        if before is not None:
+            self.drivers.lost |= before.lost
         snapshot_writer = SnapshotWriter(
-            options.snapshot_folder,
-            bus.executor,
-            bus.clock,
-            options.snapshot_every,
-            options.keyframes,
+            folder=options.snapshot_folder,
+            executor=bus.executor,
+            clock=bus.clock,
+            seconds=options.snapshot_every,
+            keyframe_seconds=options.keyframes,
         )
         self.account = RunAccount(engine, before, snapshot_writer, options.table, clock)
-        self._pending: tuple[int, list[Event]] | None = None  # a step that is not reported yet
+        # The tick and the events of a step that is not reported yet.
+        self._pending: tuple[int, list[Event]] | None = None
 
     @property
     def has_begun(self) -> bool:
+        """Whether the first tick has been published."""
         return self.drivers.answers.tick >= 0
 
     def begin(self) -> None:
+        """Begin with the first tick: all that are waited for are there."""
         self.control.begin()
         self.account.figures.begin()
         self._publish_figures()
 
     def step(self) -> None:
-        """Step with the velocities that have come. `report` reports it later, while the agents think."""
+        """Step with the velocities that have come.
+
+        `report` reports it later, while the agents think.
+        """
         tick = self.engine.tick
         actions = self.drivers.actions(tick)
         events = self.engine.step(actions, self.drivers.answers.digests())
-        self._pending = tick, events
+        self._pending = (tick, events)
         self.control.clock.count_step()
 
     def report(self) -> None:
         """Count and publish the results of the last step, unless that is done."""
         if self._pending is None:
             return
-        (tick, events), self._pending = self._pending, None
-        letters = self.drivers.recovery_log.letters.get(tick, {})
+        tick, events = self._pending
+        self._pending = None
+        letters = self.drivers.letters_of(tick)
         self.account.update(events, letters)
         if events:
             self.publisher.tell("events", lambda: Events(self.id, tick, events))
         if letters:
             self.publisher.tell("letters", lambda: Letters(self.id, tick, letters))
-        self.publisher.tell(
-            "picture", lambda: picture_of(self.id, self.account.frame_builder.frame(events))
-        )
+        self.publisher.tell("picture", lambda: picture_of(self.id, self.account.frame(events)))
         if self.publisher.is_bundle_due():
             self.publisher.send_bundle(tick)
         if self.account.figures.is_due():
             self._publish_figures()
 
     def _publish_figures(self) -> None:
-        self.publisher.publish(
-            "figures", self.account.figures.message(self.id, self.refusal_totals.total())
-        )
+        """Publish the figures so far."""
+        refused = self.refusal_totals.total()
+        self.publisher.publish("figures", self.account.figures.message(self.id, refused))
+
+    @property
+    def may_be_kept(self) -> bool:
+        """Whether the run has a folder for snapshots."""
+        return self.account.snapshot_writer.folder is not None
 
     def keep_at_once(self) -> bool:
+        """Write a snapshot, and wait for it. Return whether it is on the disk."""
         self.keep()
         return self.is_kept()
 
     def is_kept(self) -> bool:
+        """Wait for the last snapshot, at most KEPT_SECONDS. Return whether it is on the disk."""
         return self.account.snapshot_writer.finish(KEPT_SECONDS)
 
     def keep(self) -> None:
-        engine, recovery_log = self.engine, self.drivers.recovery_log
-        scenario = engine.layout.scenario.model_dump()
-        owned = sorted(self.drivers.roster.owners) if self.has_begun else self._owned_before
-        letters, figures = (
-            sorted(recovery_log.letters.items()),
-            self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()},
+        """Write a snapshot of the run as it is, unless it has no folder for snapshots."""
+        engine = self.engine
+        drivers = self.drivers
+        owned = sorted(drivers.roster.owners) if self.has_begun else self._owned_before
+        figures = self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
+        snapshot = Snapshot(
+            run=self.id,
+            scenario=engine.layout.scenario.model_dump(),
+            world=engine.as_data(),
+            digest=engine.digest,
+            memories=drivers.memories(),
+            letters=drivers.letters(),
+            figures=figures,
+            owned=owned,
+            lost=drivers.lost,
+            elsewhere=self._elsewhere,
         )
-        memories, rest = recovery_log.memories, (figures, owned, self.drivers.lost, self._elsewhere)
-        self.account.keep(
-            Snapshot(self.id, scenario, engine.as_data(), engine.digest, memories, letters, *rest)
-        )
+        self.account.keep(snapshot)
 
     def end(self, why: str) -> End:
-        engine, answers = self.engine, self.drivers.answers
-        hosts, refused = len(set(self.drivers.roster.owners.values())), self.refusal_totals.total()
-        summary = self.account.summary(why, answers.mode, hosts, refused, answers.figures())
+        """Return the message of the end, with the summary. `why`: a word of `End.why`."""
+        engine = self.engine
+        answers = self.drivers.answers
+        summary = self.account.summary(
+            why=why,
+            mode=answers.mode,
+            hosts=len(set(self.drivers.roster.owners.values())),
+            refused=self.refusal_totals.total(),
+            answers=answers.figures(),
+        )
         return End(self.id, engine.tick, engine.over, why, engine.hash, summary)
+
+
+def _id_of(options: RunOptions, before: Snapshot | None) -> str:
+    """Return the run's id: that of the options, or of the run that is resumed, or a new one."""
+    if options.run:
+        return options.run
+    return before.run if before else uuid.uuid4().hex[:16]
+
+
+def _barrier(
+    options: RunOptions, roster: Roster, clock: RunClock
+) -> LockstepBarrier | RealtimeBarrier:
+    """Return the barrier of the run's mode."""
+    if options.mode == "realtime":
+        return RealtimeBarrier(roster, TIME_STEP / options.pace, clock)
+    return LockstepBarrier(roster, clock, options.patience)

@@ -1,4 +1,7 @@
-"""Writes snapshots of a run at intervals, and finds the newest one, from which a run can be resumed."""
+"""Writes snapshots of a run at intervals, and finds the newest one to go on from.
+
+orchard/sim/snapshot.py says which files a folder holds.
+"""
 
 import fcntl
 import logging
@@ -16,16 +19,21 @@ from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, Snapshot, SnapshotError, as
 
 SNAPSHOT_SECONDS = 2.0  # s of wall time between two snapshots
 KEYFRAME_SECONDS = 60.0  # s, simulated, between two keyframes
-KEPT_SECONDS = 2.0  # that the reply to an emergency stop waits for the disk
+# That the reply to an emergency stop waits for the disk.
+KEPT_SECONDS = 2.0
 
 log = logging.getLogger("orchard")
 
 
 @contextmanager
 def sole(folder: Path | None) -> Iterator[None]:
-    """Lock a folder, so that only one process writes snapshots there. Raises SnapshotError if another one does."""
+    """Lock a folder, so that only one process writes snapshots there.
+
+    Raises SnapshotError if another one does.
+    """
     opened: int | None = None
-    with suppress(OSError):  # then there is no lock: SnapshotWriter logs the error
+    # Then there is no lock: SnapshotWriter logs the error.
+    with suppress(OSError):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -42,9 +50,12 @@ def sole(folder: Path | None) -> Iterator[None]:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a folder, if there is one. An executor does that: a slow disk does not delay the run.
+    """Writes snapshots into a folder, if there is one.
 
-    Those at multiples of a distance in simulated time are keyframes too: they stay when the run goes on, and after its end.
+    An executor does that: a slow disk does not delay the run.
+
+    Those at multiples of a distance in simulated time are keyframes too: they stay when the run
+    goes on, and after its end.
     """
 
     def __init__(
@@ -55,22 +66,35 @@ class SnapshotWriter:
         seconds: float = SNAPSHOT_SECONDS,
         keyframe_seconds: float = KEYFRAME_SECONDS,
     ) -> None:
-        """`seconds`: of wall time between two snapshots. `keyframe_seconds`: simulated, between two keyframes."""
-        self.folder, self._executor, self._clock, self._seconds = folder, executor, clock, seconds
+        """`seconds`: of wall time between two snapshots.
+
+        `keyframe_seconds`: simulated, between two keyframes.
+        """
+        self.folder = folder
+        self._executor = executor
+        self._clock = clock
+        self._seconds = seconds
         self._keyframe_ticks = max(1, round(min(keyframe_seconds, LAST_TICK) / TIME_STEP))
         self._due = -math.inf  # s, on the clock
         self._writing: Future[bool] | None = None
-        self._is_keyframe = False  # what is being written, or waits
+        # What is being written, or waits.
+        self._is_keyframe = False
         self._failed = False
 
     def is_due(self, tick: int) -> bool:
+        """Whether a snapshot is due at a tick: a keyframe always, another one if none waits."""
+        if self.folder is None:
+            return False
+        if tick % self._keyframe_ticks == 0:
+            return True
         is_idle = self._writing is None or self._writing.done()
-        return self.folder is not None and (
-            tick % self._keyframe_ticks == 0 or (is_idle and self._clock() >= self._due)
-        )
+        return is_idle and self._clock() >= self._due
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Write a snapshot after the one that is being written. It replaces an older one that still waits, but no keyframe."""
+        """Write a snapshot after the one that is being written.
+
+        It replaces an older one that still waits, but no keyframe.
+        """
         if self.folder is None:
             return
         if self._writing is not None and not self._is_keyframe:
@@ -84,23 +108,23 @@ class SnapshotWriter:
         self._due = self._clock() + self._seconds
 
     def _store(self, names: list[str], content: bytes, folder: Path, run: str) -> bool:
+        """Write a snapshot under these names. Return whether that worked."""
         try:
             for name in names:
                 store(name, content, folder, run)
         except OSError as error:
             if not self._failed:
-                why = error.strerror or error
-                log.error(
-                    "a snapshot could not be written in %s: %s; without one the run cannot be resumed",
-                    folder,
-                    why,
-                )
+                fault = f"a snapshot could not be written in {folder}: {error.strerror or error}"
+                log.error("%s; without one the run cannot be resumed", fault)
             self._failed = True
             return False
         return True
 
     def finish(self, seconds: float | None = None) -> bool:
-        """Wait until the last snapshot is on the disk, at most `seconds`. Return whether it is there."""
+        """Wait until the last snapshot is on the disk, at most `seconds`.
+
+        Return whether it is there.
+        """
         try:
             return self._writing is not None and self._writing.result(seconds)
         except TimeoutError:
@@ -108,8 +132,12 @@ class SnapshotWriter:
 
 
 def examine(snapshot: Snapshot) -> None:
-    """Raise SnapshotError unless a run can go on from this snapshot: its content may be impossible."""
-    from orchard.server.figures import RunFigures  # not at the top: numba takes seconds to load
+    """Raise SnapshotError unless a run can go on from this snapshot.
+
+    Its content may be impossible.
+    """
+    # Not at the top: numba takes seconds to load.
+    from orchard.server.figures import RunFigures
     from orchard.sim.engine import Engine
 
     RunFigures(Engine.resume(snapshot), lambda: 0.0, snapshot.figures)
@@ -117,17 +145,18 @@ def examine(snapshot: Snapshot) -> None:
 
 
 def last(folder: Path, run: str = "") -> Snapshot | None:
-    """Return the newest usable snapshot of a run in a folder; None if there is none: then the run begins anew, from its first tick.
+    """Return the newest usable snapshot of a run in a folder; None if there is none.
 
-    `run`: its id; '' for that of the folder. Snapshots that are not usable are logged.
+    Without one the run begins anew, from its first tick. `run`: its id; '' for that of the folder.
+    Snapshots that are not usable are logged.
     """
-    refused, found = list[str](), None
+    refused: list[str] = []
+    snapshot = None
     with suppress(SnapshotError):
-        found = newest(folder, refused, run, examine)
+        snapshot = newest(folder, refused, run, examine)
     for why in refused:
         log.warning("not used: %s", why)
-    if refused and found is None:
-        log.warning(
-            "%s: no usable snapshot; the run begins anew, and no robot is stopped any more", folder
-        )
-    return found
+    if refused and snapshot is None:
+        effect = "the run begins anew, and no robot is stopped any more"
+        log.warning("%s: no usable snapshot; %s", folder, effect)
+    return snapshot

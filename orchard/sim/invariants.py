@@ -235,8 +235,10 @@ def _fill_faults(world: World, fills: list[float]) -> Iterator[Violation]:
 
 
 def _misplaced_bins(world: World) -> Iterator[Violation]:
+    """Yield a violation for each bin that is at no place, or at two, and each wrong coupling."""
     names = world.layout.names
     coupled = world.coupled.tolist()
+    # Bin -> the names of the robots that are coupled to it.
     robots_at: dict[int, list[str]] = {
         body: [] for body, name in enumerate(names) if kind_of(name) == "bin"
     }
@@ -251,16 +253,24 @@ def _misplaced_bins(world: World) -> Iterator[Violation]:
             yield f"bar {names[body]}", f"{fault}; {wanted}"
     bay_ticks = world.bay_ticks.tolist()
     for bin_, robots in robots_at.items():
-        partner = coupled[bin_]
-        expected = [] if partner == NONE else [_name(names, partner)]
-        is_on_carrier = partner != NONE and kind_of(_name(names, partner)) == "carrier"
-        if robots != expected:
-            itself = f"on {expected[0]}" if expected else "by itself"
-            theirs = " and ".join(robots) or "no robot"
-            fault = f"is not at one place: it is {itself}, and coupled to {theirs}"
+        robot = "" if coupled[bin_] == NONE else _name(names, coupled[bin_])
+        fault = _place_fault(robot, robots, is_unloading=bay_ticks[bin_] > 0)
+        if fault:
             yield f"place {names[bin_]}", f"{names[bin_]} {fault}"
-        elif bay_ticks[bin_] and not is_on_carrier:
-            yield f"place {names[bin_]}", f"{names[bin_]} is being unloaded, but is on no carrier"
+
+
+def _place_fault(robot: str, robots: list[str], is_unloading: bool) -> str:
+    """Return what is wrong with the place of a bin; '' if nothing is.
+
+    `robot`: to which the bin is coupled, '' for none. `robots`: those that are coupled to the bin.
+    """
+    if robots != ([robot] if robot else []):
+        itself = f"on {robot}" if robot else "by itself"
+        theirs = " and ".join(robots) or "no robot"
+        return f"is not at one place: it is {itself}, and coupled to {theirs}"
+    if is_unloading and kind_of(robot) != "carrier":
+        return "is being unloaded, but is on no carrier"
+    return ""
 
 
 def _name(names: tuple[str, ...], body: int) -> str:

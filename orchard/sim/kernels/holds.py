@@ -35,13 +35,30 @@ def end_holds(
             is_freer = is_left_freer(ranges, first, end, freer_within[i])
             if is_freer != was_left_freer[i]:
                 until[i] = 0
-        for z in range(watched.shape[1]):
-            if watched[i, z] != NONE:
-                is_occupied = occupied(ranges, first, end, spans[watched[i, z]])
-                if is_occupied != was_occupied[i, z]:
-                    until[i] = 0
-            if still[i, z] != NONE and changed(ranges, before, first, end, spans[still[i, z]]):
-                until[i] = 0
+        if _is_zone_other(ranges, first, end, watched[i], was_occupied[i], spans):
+            until[i] = 0
+        if _is_zone_disturbed(ranges, before, first, end, still[i], spans):
+            until[i] = 0
+
+
+@inlined
+def _is_zone_other(ranges, first, end, zones, was_occupied, spans):
+    """Whether one of a body's watched zones is occupied though it was free, or free now."""
+    is_other = False
+    for z in range(len(zones)):
+        if zones[z] != NONE:
+            is_other |= occupied(ranges, first, end, spans[zones[z]]) != was_occupied[z]
+    return is_other
+
+
+@inlined
+def _is_zone_disturbed(ranges, before, first, end, zones, spans):
+    """Whether a return in one of a body's still zones is another than in the tick before."""
+    is_disturbed = False
+    for z in range(len(zones)):
+        if zones[z] != NONE:
+            is_disturbed |= changed(ranges, before, first, end, spans[zones[z]])
+    return is_disturbed
 
 
 @inlined

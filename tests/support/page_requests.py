@@ -13,6 +13,7 @@ import time
 import urllib.request
 from pathlib import Path
 
+from nicegui import Client
 from nicegui.element import Element
 from patience import PATIENCE
 
@@ -61,6 +62,8 @@ def _in_memory() -> dict[str, int]:
 
 
 if __name__ == "__main__":
+    # NiceGUI deletes a page without a browser after a minute: this is not what is tested.
+    Client.prune_instances = lambda **_: None
     port, requests, folder = sys.argv[1:]
     asking = (f"http://127.0.0.1:{port}/", int(requests))
     threading.Thread(target=ask, args=asking, daemon=True).start()

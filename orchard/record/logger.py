@@ -203,6 +203,10 @@ class Logger:
                 item = self.bus.inbox.take(LOOK_SECONDS, ENOUGH, self._look)
                 if item is not None:
                     self._handle(item)
+            if not writing.done():
+                log.error(
+                    "physics is gone; waited for %g s: %s", GONE_SECONDS, self._what_is_kept()
+                )
         except HostEnded as end:
             code = end.code
         finally:
@@ -214,6 +218,11 @@ class Logger:
             fault = "came faster than they could be recorded, and are left out"
             log.warning("%d frames %s", left_out, fault)
         return code, part
+
+    def _what_is_kept(self) -> str:
+        if self._tick is None:
+            return "nothing is recorded"
+        return f"the recording ends at tick {self._tick}"
 
     def _handle(self, item: Item) -> None:
         """Handle an item. Raises HostEnded if the run is over."""

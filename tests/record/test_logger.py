@@ -117,6 +117,21 @@ def test_a_logger_records_however_long_its_recording_took_to_open(monkeypatch):
     assert code == 0, "it has taken physics for gone, and recorded nothing"
 
 
+def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
+    now = [0.0]
+    bus = StandIn(Net(), "logger")
+    monkeypatch.setattr(bus, "clock", lambda: now[0])
+
+    def pass_time(*_):
+        now[0] += GONE_SECONDS / 4
+
+    monkeypatch.setattr(bus.inbox, "take", pass_time)
+    logger = Logger(bus, KEYS, "run1", Local(Scenario(rows=3)).engine.layout, FrameQueue())
+    code, _ = logger.run(SimpleNamespace(done=lambda: False, result=lambda: None))
+    assert code == 1
+    assert caplog.messages == ["physics is gone; waited for 20 s: nothing is recorded"]
+
+
 def test_the_changes_of_all_pictures_together_are_what_a_whole_one_says():
     """Also while robots are stopped, reset and in each other's way, and after a tick without a picture."""
     local, said = Local(Scenario(rows=10, pickers=10, seed=4)), dict[str, str]()

@@ -10,7 +10,7 @@ from chaos.simulated.clients import KEYS, RUN
 from orchard.contract.messages import pack
 from orchard.net.bus import Alive, Bus, Inbox, Item, Sample, Signal
 from orchard.net.ending import Ending
-from orchard.net.host import GONE_SECONDS, HostEnded
+from orchard.net.host import ANSWER_AGAIN_SECONDS, GONE_SECONDS, HostEnded
 from orchard.net.refusals import Refused, read_message
 from orchard.net.requests import ANSWER_SECONDS, ask, fetch_run
 from orchard.wire import messages as wire
@@ -28,6 +28,7 @@ class BareClient:
         self._bus, self._ending = bus, Ending(bus.clock)
         self._name, self._speed = NAMES[mode], SPEEDS[mode]
         self._answered = -1  # the last tick
+        self._answered_at = 0.0  # s, on the clock of the bus
         self._joins = 0  # how often it must join
         self._has_joined = -1  # the number of its last join
 
@@ -87,8 +88,13 @@ class BareClient:
             self._ending.hear(read_message(payload, wire.End, RUN))
 
     def _answer(self, tick: int) -> None:
-        if tick > self._answered:
+        now = self._bus.clock()
+        # A tick that comes again later was sent without its answer: the answer was lost, or changed.
+        is_again = tick == self._answered and now >= self._answered_at + ANSWER_AGAIN_SECONDS
+        # A tick that changed on its way may be far ahead: the true one comes after it.
+        if tick != self._answered or is_again:
             self._answered = tick
+            self._answered_at = now
             velocity = wire.Velocity(
                 RUN, tick, wire.Linear(self._speed), wire.Angular(0.0), self._bus.id
             )

@@ -69,12 +69,13 @@ def test_physics_that_is_killed_while_it_writes_leaves_half_a_file_that_goes():
     assert half_writes > 0
 
 
+@pytest.mark.parametrize("others", [{"hosts": 3}, {"has_bare_client": True}], ids=str)
 @pytest.mark.parametrize("tears", [Tears(torn=0.05), Tears(changed=0.05)], ids=["torn", "changed"])
-def test_no_agent_is_lost_where_payloads_change_on_their_way(tears):
+def test_no_agent_is_lost_where_payloads_change_on_their_way(tears, others):
     """Physics sends the tick again, and the host its answer."""
     torn = malformed = 0
     for seed in range(6):
-        carried = Carried(replace(plan(ticks=150, hosts=3), seed=seed), tears)
+        carried = Carried(replace(plan(ticks=150, **others), seed=seed), tears)
         complaints = carried.verdict.complaints
         assert [said for said in complaints if said.startswith(PROMISED)] == []
         torn += carried.schedule.world.network.torn

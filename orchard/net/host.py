@@ -57,6 +57,8 @@ TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive f
 
 # s after an answer, from which on a tick that comes again was sent without knowing the answer.
 ANSWER_AGAIN_SECONDS = 0.25
+# Messages in turn of ticks that are past, after which the newest tick was none of physics: it has changed on its way.
+MOST_PAST = 3
 REFUSED_TRIES = 5  # of a join that is refused for another reason: it may have changed on its way
 
 
@@ -305,8 +307,16 @@ class Host:
             self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
 
     def _take_seen(self, payload: bytes) -> None:
-        """Take what the agents observe. Answer a tick again that comes again: its answer may be lost, or have changed on its way."""
-        self.latest.seen(payload)
+        """Take what the agents observe. Answer a tick again that comes again: its answer may be lost, or have changed on its way.
+
+        Join again if only past ticks come: the newest one was false, and physics would wait in vain.
+        """
+        try:
+            self.latest.seen(payload)
+        except Refused:
+            if self.latest.past >= MOST_PAST:
+                raise _JoinAgain from None
+            raise
         answer, now = self._answer, self.bus.clock()
         if answer.tick == self.latest.tick and now >= answer.at + ANSWER_AGAIN_SECONDS:
             answer.at = now

@@ -32,6 +32,8 @@ class LatestObservations:
     def forget(self) -> None:
         """Drop the observations. The next tick that arrives is the newest."""
         self.tick = -1  # -1: no tick has arrived
+        # The number of messages in turn that were refused as older than the newest tick.
+        self.past = 0
         self.due: list[str] = []  # the agents that are asked at this tick
         self.asked: list[AskedOf] = []  # the requests that they hear
         self.observations: dict[
@@ -42,7 +44,9 @@ class LatestObservations:
         """Take a `Seen` message, unless it repeats the newest tick. Raises Refused."""
         message = read_message(payload, Seen, self._run)
         if message.tick < self.tick:
+            self.past += 1
             raise Refused("past tick", f"{message.tick}; {self.tick} has begun")
+        self.past = 0
         if message.tick == self.tick:
             return
         if not self._names.issuperset(message.due):

@@ -223,6 +223,24 @@ def test_an_action_that_was_changed_is_sent_again(fleet, undisturbed, monkeypatc
     assert fleet.end() == undisturbed
 
 
+def test_a_host_that_took_a_false_tick_joins_again(fleet, undisturbed, monkeypatch):
+    """It would refuse all that physics sends as past, until physics gives it up."""
+    publish, changed = Router.publish, []
+
+    def publish_with_change(router, link, key, payload, may_drop):
+        message = msgpack.unpackb(payload) if key.endswith("/seen") else {}
+        if message.get("tick", 0) >= 10 and not changed:
+            changed.append(message["tick"])
+            payload = msgpack.packb(message | {"tick": 5000, "asked": []})
+        publish(router, link, key, payload, may_drop)
+
+    monkeypatch.setattr(Router, "publish", publish_with_change)
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    fleet.host(agents=TOY)
+    assert fleet.end() == undisturbed
+    assert fleet.scheduler.now < 10.0
+
+
 def test_a_robot_stands_whose_action_is_malformed_twice_in_turn(fleet, monkeypatch):
     """So a client that always sends such actions keeps nobody waiting."""
     fleet.physics(SMALL, "--duration", "2")

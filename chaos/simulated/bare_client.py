@@ -12,7 +12,7 @@ from orchard.net.bus import Alive, Bus, Inbox, Item, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.host import ANSWER_AGAIN_SECONDS, GONE_SECONDS, HostEnded
 from orchard.net.refusals import Refused, read_message
-from orchard.net.requests import ANSWER_SECONDS, ask, fetch_run
+from orchard.net.requests import ANSWER_SECONDS, ErrorReply, ask, fetch_run
 from orchard.wire import messages as wire
 
 BARE_CLIENT = "bare_client"  # the process
@@ -52,16 +52,21 @@ class BareClient:
             KEYS.of("join", session=self._bus.id),
             lambda reply: read_message(reply, wire.Joined, RUN),
         )
-        joined = ask(
-            self._bus,
-            key,
-            request,
-            understand,
-            ANSWER_SECONDS,
-            self._handle,
-            None,
-            self._check_gone,
-        )
+        try:
+            joined = ask(
+                self._bus,
+                key,
+                request,
+                understand,
+                ANSWER_SECONDS,
+                self._handle,
+                None,
+                self._check_gone,
+            )
+        except ErrorReply:
+            # The request may have changed on its way.
+            self._bus.sleep(AGAIN_SECONDS)
+            return
         if joined.refused:
             self._bus.sleep(AGAIN_SECONDS)
         else:
@@ -88,6 +93,7 @@ class BareClient:
             self._ending.hear(read_message(payload, wire.End, RUN))
 
     def _answer(self, tick: int) -> None:
+        """Answer a tick, also one that comes again: its answer may be lost."""
         now = self._bus.clock()
         # A tick that comes again later was sent without its answer: the answer was lost, or changed.
         is_again = tick == self._answered and now >= self._answered_at + ANSWER_AGAIN_SECONDS

@@ -8,7 +8,7 @@ from random import Random
 from chaos.fuzzer import ASKED, NAMES, invalid_message
 from orchard.contract.messages import Confirm, pack, unpack
 from orchard.field.geometry import Twist
-from orchard.net.bus import Bus, Final, Item, Replied, Sample
+from orchard.net.bus import Bus, Final, Item, Query, Replied, Sample
 from orchard.net.endpoints import BusError
 from orchard.net.requests import fetch_run
 from orchard.wire import messages as wire
@@ -188,6 +188,41 @@ def stay_mute(client: Client) -> None:
     client.wait(client.seconds)
 
 
+def answer_falsely(client: Client) -> None:
+    """Answer the questions of hosts before physics does: with nonsense, with errors, and for another run."""
+    for what in ("scenario", "join", "recall"):
+        client.bus.answer(KEYS.of(what))
+    for item in client.hear(client.seconds):
+        if isinstance(item, Query):
+            what = KEYS.parts(item.key)[-1]
+            kind = client.random.choice(("nonsense", "error", "another run"))
+            if kind == "error":
+                item.refuse("no")
+            else:
+                item.reply(_false_answer(client.random, what, kind))
+                item.drop()
+
+
+def _false_answer(random: Random, what: str, kind: str) -> bytes:
+    """Return a reply to a question that is no message, or one of another run."""
+    if kind == "nonsense" or what == "scenario":
+        return random.randbytes(random.randrange(30))
+    if what == "join":
+        return pack(wire.Joined("another", random.randrange(1000), {}, {}))
+    return pack(wire.Recalled("another", random.randrange(1000), []))
+
+
+def flap(client: Client) -> None:
+    """Declare that physics is there, and withdraw that, again and again."""
+    bus = client.bus
+    token = KEYS.of("physics", RUN, bus.id)
+    for _ in range(5):
+        bus.declare_alive(token)
+        client.wait(client.seconds / 10.0)
+        bus.withdraw(token)
+        client.wait(client.seconds / 10.0)
+
+
 def stop_robots(client: Client) -> None:
     """Stop all robots in an emergency, and reset them."""
     for what in ("stopped", "reset"):
@@ -233,6 +268,8 @@ CLIENTS: dict[str, Callable[[Client], None]] = {
     "survey": survey,
     "late letters": write_late,
     "mute": stay_mute,
+    "false answers": answer_falsely,
+    "flap": flap,
     "stop robots": stop_robots,
     "advise": advise,
     "reset": reset,

@@ -4,10 +4,12 @@
   declarations. A lane keeps its order.
 - A link that is silent for LEASE seconds is closed by each side that notices it; what is under way is lost; the client connects again.
 - A receiver that takes nothing fills its link: samples that may be dropped are lost, others close the link after a moment.
+- A large payload takes longer than a small one, and what is sent after it waits.
 """
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from math import inf
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,20 +27,32 @@ DATA, CONTROL = 0, 1  # lanes
 UP, DOWN = 0, 1  # directions: to the router, and from it
 
 
+# The bytes of a payload from which on its size counts: a smaller one is sent together with others.
+LARGE = 1500
+# The bytes of the messages of a tick that wait for each other on a link, in the scenes of schedules.
+OF_A_TICK = 20_000
+
+
 class Delays(NamedTuple):
     """How long messages take on one link. `typical`, `slow`: s; `share`: of messages that are slow."""
 
     typical: float = 1e-3
     slow: float = 0.1
     share: float = 0.02
+    bytes_per_second: float = inf
 
     @property
     def there_and_back(self) -> float:
         """How long a message and its reply take on average, s."""
-        return self.share * self.slow + 2.0 * self.typical
+        size = OF_A_TICK / self.bytes_per_second
+        return self.share * self.slow + 2.0 * (self.typical + size)
 
     def draw(self, random: Random) -> float:
         return random.random() * (self.slow if random.random() < self.share else 2.0 * self.typical)
+
+    def to_send(self, size: int) -> float:
+        """Return how long a payload of so many bytes keeps the link busy, s."""
+        return size / self.bytes_per_second if size >= LARGE else 0.0
 
 
 class Link:
@@ -51,6 +65,7 @@ class Link:
         self._scheduler, self._delays, self._random = router.scheduler, delays, random
         self.is_open = [True, True]  # as the session sees it, as the router sees it
         self._last = [[0.0, 0.0], [0.0, 0.0]]  # direction -> lane -> s: the newest arrival
+        self._free_at = [0.0, 0.0]  # direction -> s: when all that was sent has left
         self._silent = [0, 0]  # how many faults silence each direction
         self._since = [0, 0]  # the number of the silence that lasts, 0 without one
         self._silences = 0
@@ -58,14 +73,19 @@ class Link:
         self._is_full = False
         self.tearer: Tearer | None = None
 
-    def carried(self, payload: bytes) -> bytes:
+    def carried(self, key: str, payload: bytes, is_reply: bool = False) -> bytes:
         """Return a payload as it arrives at the other side, in either direction."""
-        return payload if self.tearer is None else self.tearer.carry(payload)
+        return payload if self.tearer is None else self.tearer.carry(key, payload, is_reply)
 
     def send(
-        self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False
+        self,
+        way: int,
+        act: Callable[[], None],
+        lane: int = DATA,
+        may_drop: bool = False,
+        size: int = 0,
     ) -> None:
-        """Let `act` happen at the other side, unless the message is lost."""
+        """Let `act` happen at the other side, unless the message is lost. `size`: of its payload, bytes."""
         if not self.is_open[way]:
             return
         if self._silent[way] and len(self._waiting[way]) >= ROOM:
@@ -74,7 +94,9 @@ class Link:
             self._close_if_full()  # its sender waits until then
         last, now = self._last[way], self._scheduler.now
         before = last[CONTROL] if lane == CONTROL else max(last)
-        at = max(before, now + self._delays.draw(self._random))
+        leaves_at = max(now, self._free_at[way]) + self._delays.to_send(size)
+        self._free_at[way] = leaves_at
+        at = max(before, leaves_at + self._delays.draw(self._random))
         last[lane] = at
         self._scheduler.after(at - now, partial(self._arrive, way, act))
 
@@ -145,7 +167,10 @@ class Link:
 
 
 class DirectLink(Link):
-    """The link of a router's own session: it has no delay and no fault."""
+    """The link of a router's own session: it has no fault.
+
+    What the session sends is at the router at once. What arrives for it comes from another thread: a moment later.
+    """
 
     def silence(self, ways: Iterable[int]) -> None:
         pass
@@ -154,7 +179,14 @@ class DirectLink(Link):
         pass
 
     def send(
-        self, way: int, act: Callable[[], None], lane: int = DATA, may_drop: bool = False
+        self,
+        way: int,
+        act: Callable[[], None],
+        lane: int = DATA,
+        may_drop: bool = False,
+        size: int = 0,
     ) -> None:
-        if all(self.is_open):
+        if way == DOWN:
+            super().send(way, act, lane, may_drop)
+        elif all(self.is_open):
             act()

@@ -15,7 +15,7 @@ from chaos.simulated.link import DOWN, UP, Delays, DirectLink, Link
 from chaos.simulated.router import Router
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import Fuse, SimulatedBus
-from chaos.simulated.tearing import Tearer, Tears
+from chaos.simulated.tearing import NO_TEARS, Tearer
 from orchard.net.endpoints import BusError
 from orchard.net.zenoh_bus import CONNECT_SECONDS
 
@@ -26,6 +26,10 @@ RETRY = (
     0.3375,
     0.5,
 )  # s between the tries to connect again; the last one for all others
+
+
+# How long it takes until the thread that reads the inbox of the router's own session has the processor.
+OF_A_THREAD = Delays(typical=2e-5, slow=2e-3, share=0.01)
 
 
 class Network:
@@ -41,7 +45,7 @@ class Network:
         self.router: Router | None = None
         self.sessions: list[SimulatedBus] = []
         self.late = 0.0  # s by which tokens come later than messages
-        self.tears = Tears()
+        self.tears = NO_TEARS
         self.torn = 0  # payloads that have changed on their way
         self.lines: list[str] = []  # the trace
         self.is_traced = False
@@ -72,7 +76,7 @@ class Network:
         router = self.start_router(name)
         bus = SimulatedBus(self, name, task, inbox, executor)
         self.sessions.append(bus)
-        bus.use(DirectLink(bus, router, Delays(), Random(0)))
+        bus.use(DirectLink(bus, router, OF_A_THREAD, Random(f"{self.seed} {bus.id}")))
         try:
             yield bus
         finally:

@@ -1,6 +1,7 @@
 """The plan of one schedule: its run, and the faults that a seed draws for it."""
 
 from dataclasses import dataclass, replace
+from math import inf
 from random import Random
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ from chaos.simulated.clients import CHANGES_THE_HASH
 from chaos.simulated.harvest import FAILED, HARVESTED, REPAIRED, Harvest, harvest_of
 from chaos.simulated.link import Delays
 from chaos.simulated.scenes import SCENES
+from chaos.simulated.tearing import NO_TEARS, Tears
 from orchard.server.options import PATIENCE
 from orchard.wire.keys import LOGGER, PHYSICS
 
@@ -63,6 +65,7 @@ class Plan:
     late: float = 0.0  # s by which tokens come later than messages, as over several routers
     begin: int = 0  # the tick of the keyframe from which it begins
     has_tables: bool = False
+    tears: Tears = NO_TEARS  # how often payloads change on their way
 
     @property
     def scenario(self) -> dict[str, Any]:
@@ -176,6 +179,10 @@ FAULTS = {
         "late letters",
         "late letters",
         "mute",
+        "false answers",
+        "false answers",
+        "flap",
+        "flap",
         "reset",
         "reset",
         "stop robots",
@@ -222,12 +229,16 @@ RARE = (HARVESTED, "charging", "charged", FAILED, REPAIRED)  # mostly far from e
 BEFORE_WHAT_IS_RARE = 0.06  # the share of schedules that begin before that
 # The share of schedules with other faults in which a person at the controls acts, too.
 WITH_OPERATOR = 0.35
+# The share of schedules in which large payloads take longer.
+WITH_BANDWIDTH = 0.3
+# The share of schedules in which payloads change on their way.
+WITH_TEARS = 0.2
 OF_AN_OPERATOR = ("stop robots", "pause")
 
 
 def draw(seed: int) -> Plan:
     """Return the plan of a seed."""
-    random = Random(f"plan {seed}")
+    random, of_links = Random(f"plan {seed}"), Random(f"links {seed}")
     scene = random.choice(list(SCENES))
     harvest = harvest_of(scene)
     begin, ticks = _span(random, harvest)
@@ -245,6 +256,7 @@ def draw(seed: int) -> Plan:
             typical=10.0 ** random.uniform(-4.0, -2.0),
             slow=random.choice((0.05, 0.3, 1.0)),
             share=random.choice((0.0, 0.003, 0.02, 0.1)),
+            bytes_per_second=_bandwidth(of_links),
         ),
         faults=(),
         mode=mode,
@@ -254,10 +266,25 @@ def draw(seed: int) -> Plan:
         late=random.random() if has_router and random.random() < 0.3 else 0.0,
         begin=begin,
         has_tables=random.random() < 0.1,
+        tears=_tears(of_links),
     )
     moments = Moments(plan, harvest)
     faults = sorted(_faults(random, plan, moments), key=lambda fault: fault.tick)
     return replace(plan, faults=tuple(faults))
+
+
+def _bandwidth(random: Random) -> float:
+    """Return the bytes a second that a link carries: between a slow radio and a fast cable; infinity where size does not count."""
+    return 10.0 ** random.uniform(6.0, 8.0) if random.random() < WITH_BANDWIDTH else inf
+
+
+def _tears(random: Random) -> Tears:
+    """Return how often payloads change on the links of a plan: in most plans never."""
+    if random.random() >= WITH_TEARS:
+        return NO_TEARS
+    return Tears(
+        torn=10.0 ** random.uniform(-4.0, -2.0), changed=10.0 ** random.uniform(-4.0, -2.0)
+    )
 
 
 def _span(random: Random, harvest: Harvest) -> tuple[int, int]:
@@ -330,9 +357,9 @@ def _faults(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
     if plan.mode == "lockstep" and kind < 0.03:
         # What an open run cannot tell from the truth while a link is cut or physics is gone.
         return [Fault("false end", CLIENT, *moments.draw(random), seconds=1.0)]
-    if kind < 0.12:
+    if kind < 0.13:
         return [Fault("advise", CLIENT, *moments.draw(random), seconds=0.5)]
-    if kind < 0.3:
+    if kind < 0.31:
         return _troubles(random, plan, moments)
     if kind < 0.35:  # a link that breaks as the end is published
         seconds = 10.0 ** random.uniform(-1.5, -0.2)

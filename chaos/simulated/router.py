@@ -151,7 +151,7 @@ class Router:
     # -- data
 
     def publish(self, link: Link, key: str, payload: bytes, may_drop: bool) -> None:
-        payload = link.carried(payload)
+        payload = link.carried(key, payload)
         if key not in self._receivers:
             self._receivers[key] = [
                 session
@@ -161,11 +161,11 @@ class Router:
         for session in self._receivers[key]:
             if session != link.session.id:
                 to = self.links[session]
-                arrives = partial(to.session.hear_sample, key, to.carried(payload))
-                to.send(DOWN, arrives, DATA, may_drop)
+                arrives = partial(to.session.hear_sample, key, to.carried(key, payload))
+                to.send(DOWN, arrives, DATA, may_drop, len(payload))
 
     def ask(self, link: Link, number: int, key: str, payload: bytes) -> None:
-        asker, payload = link.session.id, link.carried(payload)
+        asker, payload = link.session.id, link.carried(key, payload)
         repliers = [
             session
             for session, keys in self._queryables.items()
@@ -174,18 +174,20 @@ class Router:
         self._pending[number] = asker, list(repliers)
         for session in repliers:
             to = self.links[session]
-            arrives = partial(to.session.hear_query, to, number, key, to.carried(payload))
-            to.send(DOWN, arrives)
+            arrives = partial(to.session.hear_query, to, number, key, to.carried(key, payload))
+            to.send(DOWN, arrives, size=len(payload))
         if not repliers:
             self.finish(number, "")
 
-    def reply(self, number: int, payload: bytes, error: str) -> None:
+    def reply(self, number: int, key: str, payload: bytes, error: str) -> None:
+        """Pass on a reply to the query of a key."""
         if (
             number in self._pending
             and (link := self.links.get(self._pending[number][0])) is not None
         ):
-            arrives = partial(link.session.hear_reply, number, link.carried(payload), error)
-            link.send(DOWN, arrives)
+            carried = link.carried(key, payload, is_reply=True)
+            arrives = partial(link.session.hear_reply, number, carried, error)
+            link.send(DOWN, arrives, size=len(payload))
 
     def finish(self, number: int, session: str) -> None:
         """Record that a session has sent all its replies to a query."""

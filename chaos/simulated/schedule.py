@@ -80,7 +80,7 @@ class Schedule:
         self.world = World(scheduler, network, Random(f"world {plan.seed}"), folder)
         self.observer = Observer(plan.scene, network.census)
         self.world.observer = self.observer
-        network.late = plan.late
+        network.late, network.tears = plan.late, plan.tears
         self.elsewhere = SimulatedSupervisor(self.world)  # of another machine
         self.inflicted: list[Inflicted] = []
         self.snapshots, self.tables = folder / "snapshots", folder / "tables"

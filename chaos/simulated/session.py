@@ -109,10 +109,16 @@ class SimulatedBus(Bus):
         if self._random.random() < self._network.pauses and not self.is_dead:
             self.sleep(self._random.random() * 2e-3)
 
-    def _send(self, act: Callable[[Link], None], lane: int = DATA, may_drop: bool = False) -> None:
+    def _send(
+        self,
+        act: Callable[[Link], None],
+        lane: int = DATA,
+        may_drop: bool = False,
+        size: int = 0,
+    ) -> None:
         link = self.link
         if link is not None and not self.is_dead:
-            link.send(UP, partial(act, link), lane, may_drop)
+            link.send(UP, partial(act, link), lane, may_drop, size)
 
     # -- publish and query
 
@@ -120,7 +126,12 @@ class SimulatedBus(Bus):
         self._work()
         self._network.census.send(key, payload)
         may_drop = self._dropping.setdefault(key, newest_wins)
-        self._send(lambda link: link.router.publish(link, key, payload, may_drop), DATA, may_drop)
+        self._send(
+            lambda link: link.router.publish(link, key, payload, may_drop),
+            DATA,
+            may_drop,
+            len(payload),
+        )
 
     def retire(self, key: str) -> None:
         self._dropping.pop(key, None)
@@ -152,7 +163,7 @@ class SimulatedBus(Bus):
                     self._network.census,
                 )
             )
-        self._send(lambda link: link.router.ask(link, number, key, payload))
+        self._send(lambda link: link.router.ask(link, number, key, payload), size=len(payload))
         self._scheduler.after(seconds, lambda: self._time_out(number))
 
     def _time_out(self, number: int) -> None:
@@ -253,7 +264,8 @@ class SimulatedBus(Bus):
         left = len(declared)
 
         def reply(payload: bytes, error: str) -> None:
-            link.send(UP, lambda: link.router.reply(number, payload, error))
+            arrives = partial(link.router.reply, number, key, payload, error)
+            link.send(UP, arrives, size=len(payload))
 
         def drop() -> None:
             nonlocal left

@@ -109,6 +109,8 @@ def _is_near(schedule: "Schedule") -> bool:
 def _occurred(schedule: "Schedule", summary: dict[str, Any]) -> dict[str, list[str]]:
     census = schedule.world.network.census
     faults = {f"{one.fault.what}, {kind_of_process(one.fault.who)}" for one in schedule.inflicted}
+    if schedule.world.network.torn:
+        faults.add("a payload changes, link")
     begin = "a keyframe" if schedule.plan.begin else "its first tick"
     found = {
         "messages": census.messages,
@@ -141,7 +143,8 @@ def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator
         yield f"ended by itself: {why}, at tick {summary['ticks']}"
     elif why == "duration" and summary["ticks"] != plan.end:
         yield f"wrong tick: {summary['ticks']} of {plan.end}"
-    if plan.mode == "lockstep" and not plan.faults and summary["messages_refused"]:
+    is_quiet = not plan.faults and not plan.tears
+    if plan.mode == "lockstep" and is_quiet and summary["messages_refused"]:
         yield f"refused without a fault: {summary['messages_refused']}"
     elif (
         plan.mode == "lockstep"
@@ -154,7 +157,7 @@ def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator
 def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
     """Complain about a run in lockstep without faults that is slow: something waits, though it need not."""
     plan, over_at = schedule.plan, schedule.over_at
-    if plan.mode != "lockstep" or plan.faults or over_at is None:
+    if plan.mode != "lockstep" or plan.faults or plan.tears or over_at is None:
         return
     a_tick = TICK + MESSAGES_OF_A_TICK * plan.delays.there_and_back
     most = START + plan.late + (summary["ticks"] - plan.begin) * a_tick

@@ -61,7 +61,7 @@ def faults_of_recording(schedule: "Schedule", summary: dict[str, Any]) -> Iterat
         frames = [frame for _ in range(len(queue)) if (frame := queue.take()) is not None]
         is_disturbed = any(fault.who in (LOGGER, PHYSICS, RUN_PY) for fault in plan.faults)
         # A logger that has heard a false end leaves as soon as the token of physics goes.
-        is_disturbed = is_disturbed or plan.has("false end") or plan.has_router
+        is_disturbed = is_disturbed or plan.has("false end") or plan.has_router or bool(plan.tears)
         if not is_disturbed and world.begins == 1 and frames:
             ticks = [frame.tick for frame in frames]
             wanted = list(range(plan.begin + 1, summary["ticks"] + 1))

@@ -3,19 +3,23 @@
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
 
-from chaos.simulated.link import Delays
+from chaos.simulated.link import DOWN, Delays
+from chaos.simulated.network import Network
 from chaos.simulated.plan import Fault, Plan, draw
 from chaos.simulated.schedule import Schedule
-from chaos.simulated.tearing import Tears
+from chaos.simulated.scheduler import Scheduler, VirtualInbox
+from chaos.simulated.tearing import NO_TEARS, Tearer, Tears, is_message
 from chaos.simulated.verdict import Verdict
+from orchard.contract.messages import pack
 from orchard.server.options import PATIENCE
 from orchard.sim.snapshot import snapshots_in
 from orchard.wire.keys import PHYSICS
+from orchard.wire.messages import Left
 
-NO_TEARS = Tears()
 # What is promised also where a payload is torn into another valid message, which nobody notices.
 PROMISED = ("lost: ", "no end: ", "crash: ", "wrong tick: ", "physics has waited")
 
@@ -42,8 +46,7 @@ class Carried:
 
     def __init__(self, plan: Plan, tears: Tears = NO_TEARS, disk_seconds: float = 0.1) -> None:
         with tempfile.TemporaryDirectory() as folder:
-            self.schedule = Schedule(plan, Path(folder))
-            self.schedule.world.network.tears = tears
+            self.schedule = Schedule(replace(plan, tears=tears), Path(folder))
             self.schedule.world.disk_seconds = disk_seconds
             self.verdict: Verdict = self.schedule.run()
             snapshots = Path(folder) / "snapshots"
@@ -69,8 +72,67 @@ def test_physics_that_is_killed_while_it_writes_leaves_half_a_file_that_goes():
     assert half_writes > 0
 
 
+def test_a_large_payload_takes_longer_and_the_next_one_waits_for_it():
+    arrived = {}
+    scheduler = Scheduler()
+    network = Network(scheduler, "", Delays(1e-3, share=0.0, bytes_per_second=1e6))
+    network.start_router("router")
+    sender, receiver = (network.open(name, VirtualInbox(scheduler)) for name in ("one", "other"))
+    receiver.subscribe("*")
+    receiver.listener = lambda key, payload: arrived.setdefault(key, scheduler.now)
+    scheduler.run(lambda: bool(network.router.links), 1.0)
+    scheduler.run(lambda: False, 1.0)
+    begun = scheduler.now
+    sender.publish("small", b"1")
+    sender.publish("large", b"1" * 100_000)
+    sender.publish("after it", b"1")
+    scheduler.run(lambda: len(arrived) == 3, 10.0)
+    assert arrived["small"] - begun < 0.01
+    # It goes over two links.
+    assert 0.2 <= arrived["large"] - begun <= arrived["after it"] - begun < 0.22
+
+
+def test_what_arrives_for_the_session_of_physics_comes_from_another_thread():
+    """So it may have done something else meanwhile. What it sends is at the router at once."""
+    scheduler = Scheduler()
+    network = Network(scheduler, "", Delays())
+    task = scheduler.spawn("physics", lambda: None)
+    with network.router_session("physics", task, VirtualInbox(scheduler), None) as bus:
+        bus.subscribe("a")
+        assert network.router.subscribers_beside("another") == ["a"]
+        bus.link.send(DOWN, lambda: bus.hear_sample("a", b"1"))
+        assert len(bus.inbox) == 0
+        scheduler.run(lambda: len(bus.inbox) > 0, 1.0)
+        assert 0.0 < scheduler.now < 0.01
+
+
+def test_schedules_draw_only_payloads_that_no_receiver_takes():
+    key, payload = "orchard/hosts/a/left", pack(Left("run1"))
+    assert is_message(key, payload)
+    tearer = Tearer(Tears(0.5, 0.5), Random(1), lambda: None)
+    arrived = {tearer.carry(key, payload, is_reply=False) for _ in range(200)}
+    assert len(arrived) > 10
+    assert [one for one in arrived if one != payload and is_message(key, one)] == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_run_whose_payloads_change_on_their_way_has_the_hash_of_local_mode(seed):
+    """What is no message any more is asked for again."""
+    carried = Carried(replace(plan(ticks=100, hosts=3), seed=seed), Tears(0.01, 0.01))
+    assert carried.schedule.world.network.torn > 0
+    assert carried.verdict.complaints == []
+
+
+def test_some_schedules_have_slow_links_and_payloads_that_change():
+    plans = [draw(seed) for seed in range(100)]
+    assert 10 <= sum(bool(plan.tears) for plan in plans) <= 40
+    assert 10 <= sum(plan.delays.bytes_per_second < 1e9 for plan in plans) <= 50
+
+
 @pytest.mark.parametrize("others", [{"hosts": 3}, {"has_bare_client": True}], ids=str)
-@pytest.mark.parametrize("tears", [Tears(torn=0.05), Tears(changed=0.05)], ids=["torn", "changed"])
+@pytest.mark.parametrize(
+    "tears", [Tears(0.05, 0.0, True), Tears(0.0, 0.05, True)], ids=["torn", "changed"]
+)
 def test_no_agent_is_lost_where_payloads_change_on_their_way(tears, others):
     """Physics sends the tick again, and the host its answer."""
     torn = malformed = 0

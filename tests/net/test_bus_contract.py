@@ -3,6 +3,7 @@
 import itertools
 import threading
 from contextlib import ExitStack
+from math import inf
 from random import Random
 
 import pytest
@@ -18,6 +19,8 @@ from orchard.net.zenoh_bus import client, router
 
 LONG = 5.0  # s in which all arrives, also on a busy machine
 SHORT = 0.5  # s in which nothing arrives
+BANDWIDTHS = (inf, 1e6)  # bytes a second
+LARGE = 500_000  # bytes of a payload
 
 
 class OverZenoh:
@@ -84,7 +87,10 @@ def simulated(script) -> None:
 def _simulated(script, seed: int) -> None:
     scheduler = Scheduler()
     network = Network(
-        scheduler, f"contract {seed}", Delays(share=Random(seed).random()), pauses=0.1
+        scheduler,
+        f"contract {seed}",
+        Delays(share=Random(seed).random(), bytes_per_second=BANDWIDTHS[seed % len(BANDWIDTHS)]),
+        pauses=0.1,
     )
 
     def body() -> None:
@@ -137,6 +143,27 @@ def test_samples_of_one_session_arrive_in_order_and_no_session_hears_itself(net)
         one.publish(f"a/{number % 3}", str(number).encode())
     assert [int(sample.payload) for sample in heard(other, 200)] == list(range(200))
     assert is_silent(one)
+
+
+@on_both
+def test_a_large_payload_arrives_whole_and_before_a_small_one_that_follows_it(net):
+    one, other = net.client(), net.client()
+    net.router.subscribe("a")
+    other.subscribe("a")
+    when(one, lambda: one.is_heard("a"))
+    payloads = [bytes([number]) * LARGE for number in range(3)] + [b"small"]
+    for payload in payloads:
+        one.publish("a", payload)
+    for bus in (other, net.router):
+        assert [sample.payload for sample in heard(bus, len(payloads))] == payloads
+
+
+@on_both
+def test_a_large_reply_arrives_whole(net):
+    asker, _, query = asked(net)
+    query.reply(b"!" * LARGE)
+    query.drop()
+    assert heard(asker, 2, Replied | Final) == [Replied(1, b"!" * LARGE, ""), Final(1)]
 
 
 @on_both

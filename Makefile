@@ -84,8 +84,8 @@ soak: $(VENV)/installed-dev  ## the long matrix of equal hashes, then all tests 
 chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one
 	$(RUN) -m chaos --seconds $(SECONDS)
 
-schedules: $(VENV)/installed-dev  ## runs on a simulated network, with faults, one for each seed; COUNT=1000
-	$(RUN) -m chaos.simulated --count $(COUNT)
+schedules: $(VENV)/installed-dev  ## runs on a simulated network, with faults, one for each seed; COUNT=1000; WITHIN=180: as many of them as fit into 180 s
+	$(RUN) -m chaos.simulated --count $(COUNT) $(if $(WITHIN),--seconds $(WITHIN))
 
 bench: $(VENV)/installed-dev  ## how fast it is, beside what else one could use: bench/results.md
 	$(RUN) -m bench

@@ -10,11 +10,11 @@ The exit code is 1 if a promise is broken, or if a safety net can be cut out wit
 
 import json
 import os
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from datetime import date
 from functools import partial
-from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic
@@ -33,6 +33,7 @@ from chaos.simulated.verdict import NEAR_TICKS, Outcome
 from orchard.memory import collect_seldom
 
 TABLE = Path(__file__).parent / "mutations.md"
+AHEAD = 8  # schedules that are handed out to the workers at a time
 MOST = 2000  # schedules in which a mutation is to be found
 
 collect_seldom()  # also in each worker, which imports this file
@@ -145,12 +146,23 @@ def _workers(count: int | None = None) -> ProcessPoolExecutor:
 
 
 def _in_turn(
-    workers: ProcessPoolExecutor, seeds: Iterable[int], deadline: float
+    workers: Executor, seeds: Iterable[int], deadline: float, clock: Callable[[], float] = monotonic
 ) -> Iterator[Outcome]:
-    """Yield the outcome of each schedule that begins before the deadline."""
+    """Yield the outcome of each schedule that is handed out before the deadline, in the order of their seeds.
+
+    What a schedule does follows from its seed alone; the deadline decides only how many there are.
+    """
     rest = iter(seeds)
-    while monotonic() < deadline and (batch := list(islice(rest, 40))):
-        yield from workers.map(outcome_of, batch, chunksize=5)
+    under_way: deque[Future[Outcome]] = deque()
+    is_over = False
+    while not is_over or under_way:
+        while not is_over and len(under_way) < AHEAD:
+            seed = next(rest, None)
+            is_over = seed is None or clock() >= deadline
+            if seed is not None and not is_over:
+                under_way.append(workers.submit(outcome_of, seed))
+        if under_way:
+            yield under_way.popleft().result()
 
 
 def _tell(seed: int) -> int:

@@ -107,7 +107,8 @@ def test_what_arrives_for_the_session_of_physics_comes_from_another_thread():
 
 
 def test_schedules_draw_only_payloads_that_no_receiver_takes():
-    key, payload = "orchard/hosts/a/left", pack(Left("run1"))
+    key = "orchard/hosts/a/left"
+    payload = pack(Left("run1"))
     assert is_message(key, payload)
     tearer = Tearer(Tears(0.5, 0.5), Random(1), lambda: None)
     arrived = {tearer.carry(key, payload, is_reply=False) for _ in range(200)}

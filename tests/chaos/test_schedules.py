@@ -1,10 +1,13 @@
 """The whole protocol on a simulated network: `python -m chaos.simulated` carries out thousands of such schedules."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from math import inf
 
 import pytest
 from command_line import python
 
+from chaos.simulated import __main__ as command
 from chaos.simulated.bare_client import BARE_CLIENT
 from chaos.simulated.clients import CLIENTS
 from chaos.simulated.link import Delays
@@ -279,6 +282,17 @@ def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
 def test_a_run_that_ends_again_before_its_hosts_are_back_waits_for_them_when_it_goes_on(delay):
     faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)
     assert carry_out(plan(*faults, ticks=200, delays=Delays(5e-3))).complaints == []
+
+
+def test_no_schedule_begins_after_the_time_is_over(monkeypatch):
+    """Those before are the same as without a limit, in their order."""
+    times = iter(range(1000))
+    monkeypatch.setattr(command, "outcome_of", lambda seed: seed)
+    with ThreadPoolExecutor(2) as workers:
+        within = list(command._in_turn(workers, range(50), 20, lambda: next(times)))
+        without = list(command._in_turn(workers, range(50), inf))
+    assert within == list(range(20))
+    assert without == list(range(50))
 
 
 def test_the_command_carries_out_schedules_in_several_processes():

@@ -203,7 +203,8 @@ def test_a_host_joins_although_a_byte_of_its_join_was_changed(
 
 def changing_actions(monkeypatch, times: float) -> None:
     """Let the network change the action of a picker in so many messages: it is no action any more, and all others are."""
-    publish, changed = Router.publish, []
+    publish = Router.publish
+    changed = []
 
     def publish_with_change(router, link, key, payload, may_drop):
         message = msgpack.unpackb(payload) if key.endswith("/velocities") else {}
@@ -225,7 +226,8 @@ def test_an_action_that_was_changed_is_sent_again(fleet, undisturbed, monkeypatc
 
 def test_a_host_that_took_a_false_tick_joins_again(fleet, undisturbed, monkeypatch):
     """It would refuse all that physics sends as past, until physics gives it up."""
-    publish, changed = Router.publish, []
+    publish = Router.publish
+    changed = []
 
     def publish_with_change(router, link, key, payload, may_drop):
         message = msgpack.unpackb(payload) if key.endswith("/seen") else {}

@@ -228,12 +228,22 @@ TRIES = 3  # that are made to find a moment that is not so far away
 RARE = (HARVESTED, "charging", "charged", FAILED, REPAIRED)  # mostly far from each deed
 BEFORE_WHAT_IS_RARE = 0.06  # the share of schedules that begin before that
 # The share of schedules with other faults in which a person at the controls acts, too.
-WITH_OPERATOR = 0.35
+WITH_OPERATOR = 0.5
+# What that person does: each as often as it stands here. Without it some messages would be rare.
+OF_AN_OPERATOR = (
+    "stop robots",
+    "stop robots",
+    "pause",
+    "pause",
+    "listen",
+    "listen",
+    "survey",
+    "reset",
+)
 # The share of schedules in which large payloads take longer.
 WITH_BANDWIDTH = 0.3
 # The share of schedules in which payloads change on their way.
 WITH_TEARS = 0.2
-OF_AN_OPERATOR = ("stop robots", "pause")
 
 
 def draw(seed: int) -> Plan:

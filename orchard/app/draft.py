@@ -10,6 +10,7 @@ from typing import Any, get_args
 from urllib.parse import urlencode
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from orchard.agents.catalogue import check_plugins
 from orchard.app.own_classes import AGENTS, CHOICES
@@ -137,22 +138,48 @@ class Entry:
 
 @cache
 def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, Entry]:
-    """Return all entries by path, in the order of the file. `model`: a section of it, with the path `before`."""
-    found: dict[str, Entry] = {}
+    """Return all entries by path, in the order of the file.
+
+    `model`: the scenario, or a section of it. `before`: the path of the section, with a dot.
+    """
+    of_model: dict[str, Entry] = {}
     for name, field in model.model_fields.items():
-        path, kinds = before + name, get_args(field.annotation) or (field.annotation,)
         if name in FROM_FILE:
             continue
-        if isinstance(kinds[0], type) and issubclass(kinds[0], BaseModel):
-            found |= entries(kinds[0], f"{path}.")
+        path = before + name
+        section = _section_of(field)
+        if section is None:
+            of_model[path] = _entry_of(path, field)
         else:
-            limits = {type(limit).__name__: limit for limit in field.metadata}
-            low, high = (limits["Ge"].ge, limits["Le"].le) if "Ge" in limits else (-inf, inf)
-            choices = tuple(map(str, field.examples or ()))
-            found[path] = Entry(
-                path, field.description or "", kinds[0], type(None) in kinds, low, high, choices
-            )
-    return found
+            of_model |= entries(section, f"{path}.")
+    return of_model
+
+
+def _kinds_of(field: FieldInfo) -> tuple[Any, ...]:
+    """Return the types that a value may have."""
+    return get_args(field.annotation) or (field.annotation,)
+
+
+def _section_of(field: FieldInfo) -> type[BaseModel] | None:
+    """Return the section that stands at a field; None for a value."""
+    kind = _kinds_of(field)[0]
+    is_section = isinstance(kind, type) and issubclass(kind, BaseModel)
+    return kind if is_section else None
+
+
+def _entry_of(path: str, field: FieldInfo) -> Entry:
+    """Return the entry for a value of the scenario."""
+    kinds = _kinds_of(field)
+    limits = {type(limit).__name__: limit for limit in field.metadata}
+    return Entry(
+        path=path,
+        words=field.description or "",
+        kind=kinds[0],
+        optional=type(None) in kinds,
+        low=limits["Ge"].ge if "Ge" in limits else -inf,
+        high=limits["Le"].le if "Le" in limits else inf,
+        choices=tuple(map(str, field.examples or ())),
+    )
 
 
 def flat(scenario: Scenario) -> dict[str, Any]:

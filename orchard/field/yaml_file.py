@@ -1,4 +1,7 @@
-"""A YAML file as plain data, with the line of each key. What a scenario does not need, and what could harm, is refused."""
+"""A YAML file as plain data, with the line of each key.
+
+What a scenario does not need, and what could harm, is refused.
+"""
 
 import re
 from pathlib import Path
@@ -27,9 +30,8 @@ def read(path: str | Path, source: str) -> str:
     except FileNotFoundError:
         raise ScenarioError([Problem(source, "no such file")]) from None
     except (OSError, ValueError) as error:
-        raise ScenarioError(
-            [Problem(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")]
-        ) from None
+        reason = getattr(error, "strerror", None) or error
+        raise ScenarioError([Problem(source, f"cannot be read: {reason}")]) from None
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -38,33 +40,44 @@ def read(path: str | Path, source: str) -> str:
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain data only, after YAML 1.2: 010 is not 8, 1:30 is not 90, `on` is not true, 1e-1 is a number."""
+    """Plain data only, after YAML 1.2.
+
+    So 010 is not 8, 1:30 is not 90, `on` is not true, and 1e-1 is a number.
+    """
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its base class has it
     _depth = 0
 
     def get_event(self) -> Any:
-        """Refuse, before it is built: aliases (a few lines of them fill the memory), tags (they name types), deep nesting."""
+        """Return the next part of the text. Refuse what is not allowed before it is built."""
         event = super().get_event()  # type: ignore[no-untyped-call]
-        self._depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(
-            event, yaml.CollectionEndEvent
-        )
-        what = (
-            "nested too deeply"
-            if self._depth > DEEPEST
-            else "aliases (*name)"
-            if isinstance(event, yaml.AliasEvent)
-            else ""
-        )
-        if what := what or ("tags (!name)" if getattr(event, "tag", None) else ""):
-            raise ScenarioError(
-                [_at(event.start_mark, self.name, f"{what}: not allowed in a scenario")]
-            )
+        if isinstance(event, yaml.CollectionStartEvent):
+            self._depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            self._depth -= 1
+        refused = self._refused(event)
+        if refused:
+            text = f"{refused}: not allowed in a scenario"
+            raise ScenarioError([_at(event.start_mark, self.name, text)])
         return event
+
+    def _refused(self, event: yaml.Event) -> str:
+        """Return what is not allowed in a part of a text; "" if all is.
+
+        A few lines of aliases fill the memory, and tags name types.
+        """
+        if self._depth > DEEPEST:
+            return "nested too deeply"
+        if isinstance(event, yaml.AliasEvent):
+            return "aliases (*name)"
+        return "tags (!name)" if getattr(event, "tag", None) else ""
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes each text that YAML 1.1 or the loader takes for something else: 1e3 is a number for the loader only."""
+    """Quotes each text that YAML 1.1 or the loader takes for something else.
+
+    For example, 1e3 is a number for the loader only.
+    """
 
 
 for _tag, _pattern, _first in (
@@ -83,63 +96,69 @@ for _tag, _pattern, _first in (
 
 
 def values_of(text: str, source: str) -> tuple[Any, Lines, list[Problem]]:
-    """Return the values of a YAML text, the line of each key, and a problem for each repeated key. Raises ScenarioError."""
+    """Return the values of a YAML text, the line of each key, and a problem for each repeated key.
+
+    `source`: names the text in errors. Raises ScenarioError.
+    """
     if len(text.encode("utf-8", "replace")) > LARGEST_FILE:
-        raise ScenarioError(
-            [
-                Problem(
-                    source, f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000"
-                )
-            ]
-        )
+        too_large = f"is larger than {LARGEST_FILE} bytes; a scenario needs less than 2000"
+        raise ScenarioError([Problem(source, too_large)])
     try:
         loader = _Loader(text)
         loader.name = source
         node = loader.get_single_node()
-        lines: Lines = {}
-        repeated = _walk(node, source, lines)
-        return (loader.construct_document(node) if node else None), lines, repeated
+        keys = _Keys(source)
+        keys.read(node)
+        values = loader.construct_document(node) if node else None
+        return values, keys.lines, keys.repeated
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        raise ScenarioError(
-            [_at(mark, source, f"is not YAML: {error.problem or error.context}")]
-        ) from None
+        fault = f"is not YAML: {error.problem or error.context}"
+        raise ScenarioError([_at(mark, source, fault)]) from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:
-        raise ScenarioError(
-            [Problem(source, f"is not YAML: {' '.join(str(error).split())}")]
-        ) from None
+        fault = f"is not YAML: {' '.join(str(error).split())}"
+        raise ScenarioError([Problem(source, fault)]) from None
 
 
 def _at(mark: Any, source: str, text: str) -> Problem:
+    """Return a problem at a place of a text. `mark`: the place, as YAML tells it, or None."""
     if mark is None:
         return Problem(source, text)
-    return Problem(
-        source, f"{text} (line {mark.line + 1}, column {mark.column + 1})", line=mark.line + 1
-    )
+    line = mark.line + 1
+    return Problem(source, f"{text} (line {line}, column {mark.column + 1})", line=line)
 
 
-def _walk(
-    node: yaml.Node | None, source: str, lines: Lines, at: tuple[str, ...] = ()
-) -> list[Problem]:
-    repeated = []
-    for number, item in enumerate(node.value) if isinstance(node, yaml.SequenceNode) else ():
-        lines[(*at, str(number))] = item.start_mark.line + 1
-        repeated += _walk(item, source, lines, (*at, str(number)))
-    for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
-        if not isinstance(key, yaml.ScalarNode):
-            continue
-        path, line = (*at, key_text(key.value)), key.start_mark.line + 1
-        if path in lines:
-            text = f"given twice, in lines {lines[path]} and {line}; once is allowed"
-            repeated.append(
-                Problem(
-                    source,
-                    text,
-                    dotted(path),
-                    value.value[:60] if isinstance(value, yaml.ScalarNode) else "...",
-                    line,
-                )
-            )
-        lines[path] = line
-        repeated += _walk(value, source, lines, path)
-    return repeated
+LONGEST_VALUE = 60  # characters of a value in a problem
+
+
+class _Keys:
+    """The keys of a YAML text: the line of each, and a problem for each that is repeated."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self.lines: Lines = {}
+        self.repeated: list[Problem] = []
+
+    def read(self, node: yaml.Node | None, at: tuple[str, ...] = ()) -> None:
+        """Note the keys of a part of the text. `at`: its path."""
+        if isinstance(node, yaml.SequenceNode):
+            for number, item in enumerate(node.value):
+                path = (*at, str(number))
+                self.lines[path] = item.start_mark.line + 1
+                self.read(item, path)
+        elif isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                if isinstance(key, yaml.ScalarNode):
+                    path = (*at, key_text(key.value))
+                    self._note(path, key.start_mark.line + 1, value)
+                    self.read(value, path)
+
+    def _note(self, path: tuple[str, ...], line: int, value: yaml.Node) -> None:
+        """Note the line of a key, and whether there is another one with the same path."""
+        before = self.lines.get(path)
+        self.lines[path] = line
+        if before is None:
+            return
+        text = f"given twice, in lines {before} and {line}; once is allowed"
+        shown = value.value[:LONGEST_VALUE] if isinstance(value, yaml.ScalarNode) else "..."
+        self.repeated.append(Problem(self._source, text, dotted(path), shown, line))

@@ -51,33 +51,37 @@ from orchard.terminal.typed import typed
 from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import RESET, End, Figures
 
-STOP_SECONDS = 2.0  # that the processes may take to close their files and sessions after Ctrl-C
+STOP_SECONDS = 2.0  # that the processes may take to close their files after Ctrl-C
 LOAD_SECONDS = 20.0  # the same before the first tick: physics may still load its modules
 POLL_SECONDS = 0.02  # between two checks whether the processes have ended
+POLL_BUS_SECONDS = 0.2  # between two looks at the processes while nothing comes from the bus
 THINK_SECONDS = 5.0  # that an agent may still think after a run has ended by itself
-PACK_SECONDS = (
-    60.0  # that the logger may take to pack its recording after a run has ended by itself
-)
-WEB_VIEWER = "web viewer"  # the name of its process
-SERVING = 3  # processes beside the hosts: physics, the logger, and the web viewer
-BEGIN_SECONDS = (
-    60.0  # that physics may take to listen after this program has started it, on a busy machine
-)
+PACK_SECONDS = 60.0  # that the logger may take to pack its recording after such an end
+BEGIN_SECONDS = 60.0  # that physics may take to listen after its start, on a busy machine
 TRY_SECONDS = 0.7  # of one attempt to connect; between two, dead processes are restarted
 LOOK_SECONDS = 5.0  # in which a router must answer at an endpoint that a user gave
-HOW_PHYSICS_ENDED: dict[int | None, str] = {  # by exit code, without its last message
+WEB_VIEWER = "web viewer"  # the name of its process
+SERVING = 3  # processes beside the hosts: physics, the logger, and the web viewer
+# Exit code of physics -> what has happened, if its last message is not there.
+HOW_PHYSICS_ENDED: dict[int | None, str] = {
     BAD_ORDER: "physics could not start; its line above says why",
-    0: "the run is over, and its result is lost: physics has ended, and its last message has not arrived",
+    0: (
+        "the run is over, and its result is lost: physics has ended, "
+        "and its last message has not arrived"
+    ),
 }
 RESULT = "end.msgpack"  # file: the last message of physics
 
-Connect = Callable[
-    [str, Inbox, float, Identity | None], AbstractContextManager[Bus]
-]  # to an endpoint, within so many seconds
+# Opens a session at an endpoint, within so many seconds.
+Connect = Callable[[str, Inbox, float, Identity | None], AbstractContextManager[Bus]]
+Result = tuple[dict[str, Any] | None, str]  # the summary, if any, and why the run ended
 
 
-def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None, str]:
-    """Run a whole harvest. Return its summary, None if there is none, and why it ended. Raises BusError."""
+def run(request: RunRequest, progress: Progress) -> Result:
+    """Run a whole harvest. Return its summary, None without one, and why it ended.
+
+    Raises BusError, OSError or ValueError.
+    """
     credentials = Credentials(request.options)
     check_runtime()
     # A folder without the role of physics is told before what else it lacks.
@@ -85,29 +89,35 @@ def run(request: RunRequest, progress: Progress) -> tuple[dict[str, Any] | None,
     allow_processes(len(credentials.shares(*_hosted(request))) + SERVING)
     endpoint = _endpoint_of(request.options, credentials)
     inbox = Inbox()
-    inbox.take_signals()  # Ctrl-C must not come between a process's start and its entry in the supervisor
+    # Ctrl-C must not come between a process's start and its entry in the supervisor.
+    inbox.take_signals()
     with Supervisor(progress.say, request.run_id) as supervisor:
         return LaunchedRun(request, credentials, endpoint, supervisor, progress).carry_out(inbox)
 
 
 def _await_exits(supervisor: Supervisor, names: list[str], inbox: Inbox, seconds: float) -> None:
     """Wait until all processes have ended, at most `seconds`. After THINK_SECONDS kill `names`."""
-    begun = supervisor.clock()
-    while supervisor.is_any_left() and supervisor.clock() - begun < seconds:
+    begin = supervisor.clock()
+    waited = 0.0
+    while supervisor.is_any_left() and waited < seconds:
         if isinstance(inbox.take(POLL_SECONDS), Signal):
             supervisor.stop(STOP_SECONDS)
-        if supervisor.clock() - begun >= THINK_SECONDS:
-            for name in [
-                name
-                for name in names
-                if name in supervisor.running and supervisor.exit_code(name) is None
-            ]:
-                agents = ", ".join(supervisor.running[name].program.agents)
-                its = f"; its agents: {agents}" if agents else ""
-                supervisor.say(
-                    f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force{its}"
-                )
-                supervisor.kill(name)
+        waited = supervisor.clock() - begin
+        if waited >= THINK_SECONDS:
+            _kill_running(supervisor, names)
+
+
+def _kill_running(supervisor: Supervisor, names: list[str]) -> None:
+    """Kill those of some processes that still run, and say so."""
+    for name in names:
+        if not supervisor.is_running(name):
+            continue
+        agents = ", ".join(supervisor.running[name].program.agents)
+        hosted = f"; its agents: {agents}" if agents else ""
+        supervisor.say(
+            f"{name} has not ended {THINK_SECONDS:g} s after the run, and is ended by force{hosted}"
+        )
+        supervisor.kill(name)
 
 
 def _hosted(request: RunRequest) -> tuple[list[str], list[str]]:
@@ -117,45 +127,77 @@ def _hosted(request: RunRequest) -> tuple[list[str], list[str]]:
 
 
 def _endpoint_of(options: HarvestOptions, credentials: Credentials) -> str:
+    """Return the endpoint of the run's router. Raises BusError if it cannot be had."""
     if options.connect:
-        with client(
-            options.connect, seconds=LOOK_SECONDS, identity=credentials.identity("operator")
-        ):
+        operator = credentials.identity("operator")
+        with client(options.connect, seconds=LOOK_SECONDS, identity=operator):
             return options.connect
     endpoints.check_loopback()
-    endpoint = with_port(options.listen or (SECURE_LOOPBACK if credentials.keyring else LOOPBACK))
+    default = SECURE_LOOPBACK if credentials.keyring else LOOPBACK
+    endpoint = with_port(options.listen or default)
     check_security(endpoint, credentials.identity(PHYSICS) is not None)
     endpoints.check_free(endpoint)
     return endpoint
 
 
 def how_to_join(options: HarvestOptions, endpoint: str) -> str:
-    """Return how others join: the command for agents left to them, or the run's address; '' if none can."""
+    """Return how others join; "" if none can.
+
+    It is the command for agents that are left to them, or the address of the run.
+    """
     there = from_elsewhere(endpoint)
     if options.without:
-        only = [word for left in options.without for word in ("--only", left)]
-        role = ["--secure", "DIR/ROLE"] if options.secure else []
-        return f"{', '.join(options.without)}: left to other processes: {typed('--connect', there, *role, *only)}"
+        command: list[str] = ["--connect", there]
+        if options.secure:
+            command += ["--secure", "DIR/ROLE"]
+        for agents in options.without:
+            command += ["--only", agents]
+        return f"{', '.join(options.without)}: left to other processes: {typed(*command)}"
     return f"Other machines reach this run at {there}" if is_public(endpoint) else ""
 
 
 def start_hosts(
     supervisor: Supervisor, endpoint: str, shares: Shares, credentials: Credentials
 ) -> None:
-    checks, bag = credentials.options.check_agents, credentials.options.replay
-    replay = None if bag is None else str(bag.resolve())
-    for name, share in shares:
+    """Start the processes that host agents. `shares`: name of a process -> its agents."""
+    options = credentials.options
+    for name, agents in shares:
         order = HostOptions(
             connect=endpoint,
             secure=credentials.folder(name),
-            only=[*share],
-            check_agents=checks,
-            replay=replay,
-            from_first_stamp=credentials.options.from_first_stamp,
+            only=list(agents),
+            check_agents=options.check_agents,
+            replay=None if options.replay is None else str(options.replay.resolve()),
+            from_first_stamp=options.from_first_stamp,
         )
         supervisor.start(
-            ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=share)
+            ProcessSpec(name, "orchard.processes.agents", order, again=True, agents=agents)
         )
+
+
+class _Following:
+    """What is known of a run that is followed."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self.ending = Ending(clock)
+        self.refusals = Refusals()
+        self.has_begun = False  # all agents were there, and figures have come
+        self.deadline = math.inf  # s, on the clock, until which the processes may end
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether the processes are asked to end."""
+        return self.deadline < math.inf
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the processes had their time to end."""
+        return self._clock() >= self.deadline
+
+    def end_within(self, seconds: float) -> None:
+        """Give the processes at most some seconds more."""
+        self.deadline = min(self.deadline, self._clock() + seconds)
 
 
 class LaunchedRun:
@@ -171,139 +213,157 @@ class LaunchedRun:
         connect: Connect = client,
     ) -> None:
         """`listen`: the endpoint of the run's router. `connect`: opens a session there."""
-        self.request, self.credentials, self.supervisor, self.progress = (
-            request,
-            credentials,
-            supervisor,
-            progress,
-        )
-        self.listen, self.endpoint, self.run_id = listen, reachable(listen), supervisor.run
+        self.request = request
+        self.credentials = credentials
+        self.supervisor = supervisor
+        self.progress = progress
+        self.listen = listen
+        self.endpoint = reachable(listen)
+        self.run_id = supervisor.run
         self.watchdog = Watchdog(supervisor, LOGGER)
-        self._connect, self._clock = connect, supervisor.clock
+        self._connect = connect
+        self._clock = supervisor.clock
 
-    def carry_out(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
+    def carry_out(self, inbox: Inbox) -> Result:
         """Start the processes, and follow the run until they have ended. Return as `run` does."""
-        request, supervisor, say = self.request, self.supervisor, self.progress.say
-        options = request.options
+        request = self.request
+        say = self.progress.say
         shares = self.credentials.shares(*_hosted(request))
+        hosts = [name for name, _ in shares]
         with TemporaryDirectory() as folder, announced(request, self.run_id, self.endpoint, say):
             if not are_compiled():
                 self.progress.get_ready(COMPILING)
-            result = Path(folder) / RESULT
-            viewer = self._start(result)
-            start_hosts(supervisor, self.endpoint, shares, self.credentials)
-            if join := how_to_join(options, self.listen):
-                say(join)
-            summary, why = self._ended(result, [name for name, _ in shares], *self.follow(inbox))
-            if request.recording is not None:  # the recording is read next, and Rerun loads slowly
-                threading.Thread(
-                    target=import_module, args=("orchard.view.reader",), daemon=True
-                ).start()
-            supervisor.terminate(WEB_VIEWER)
-            if summary is None:  # the other processes do not know that the run is over
-                supervisor.stop(STOP_SECONDS)
-            _await_exits(
-                supervisor,
-                [PHYSICS, *(name for name, _ in shares)],
-                inbox,
-                STOP_SECONDS if why == "stopped" else PACK_SECONDS,
-            )
+            file = Path(folder) / RESULT
+            viewer = self._start(file)
+            start_hosts(self.supervisor, self.endpoint, shares, self.credentials)
+            invitation = how_to_join(request.options, self.listen)
+            if invitation:
+                say(invitation)
+            heard = self.follow(inbox)
+            summary, why = self._ended(file, hosts, heard)
+            if request.recording is not None:
+                self._load_reader()
+            self.supervisor.terminate(WEB_VIEWER)
+            if summary is None:
+                # The other processes do not know that the run is over.
+                self.supervisor.stop(STOP_SECONDS)
+            seconds = STOP_SECONDS if why == "stopped" else PACK_SECONDS
+            _await_exits(self.supervisor, [PHYSICS, *hosts], inbox, seconds)
             let_go(viewer, why == "stopped", say)
             return summary, why
 
-    def _ended(
-        self, result: Path, hosts: list[str], summary: dict[str, Any] | None, why: str
-    ) -> tuple[dict[str, Any] | None, str]:
-        """Let the processes end whose run is over, and write its summary. Return what physics has written.
+    def _load_reader(self) -> None:
+        """Load Rerun, which is slow, while the processes end: the recording is read next."""
+        reader = "orchard.view.reader"
+        threading.Thread(target=import_module, args=(reader,), daemon=True).start()
 
-        `summary`, `why`: what has been heard, which any client may send; or None and why the run cannot go on.
+    def _ended(self, file: Path, hosts: list[str], heard: Result) -> Result:
+        """Let the processes end whose run is over, and write its summary.
+
+        `file`: in which physics writes its result, which is the one that counts. `heard`: what the
+        bus told, which any client may send; or None, and why the run cannot go on.
         """
-        end, supervisor = read_end(result, self.run_id), self.supervisor
+        summary, why = heard
+        end = read_end(file, self.run_id)
         if summary is not None:
             self.watchdog.end()
-            supervisor.terminate(*hosts)  # one that was still connecting has not received the end
+            # A host that was still connecting has not received the end.
+            self.supervisor.terminate(*hosts)
         elif end is not None:
-            supervisor.terminate(*supervisor.running)  # they have not received the end either
+            # No process has received the end.
+            self.supervisor.terminate(*self.supervisor.running)
         if end is not None:
-            summary, why = end.summary, end.why
+            summary = end.summary
+            why = end.why
         if summary is not None:
-            summary["broken_agents"] += [
-                f"{agent}, its process died again and again" for agent in supervisor.lost_agents
-            ]
-            if self.request.options.summary is not None:
-                with suppress(
-                    OSError
-                ):  # `report` writes it all, but to pack the recording may take long
-                    write_summary(self.request.options.summary, summary)
+            self._complete(summary)
         return summary, why
+
+    def _complete(self, summary: dict[str, Any]) -> None:
+        """Add the lost agents to a summary, and write it: to pack the recording may take long."""
+        for agent in self.supervisor.lost_agents:
+            summary["broken_agents"].append(f"{agent}, its process died again and again")
+        file = self.request.options.summary
+        if file is not None:
+            # What cannot be written is told when the summary is complete.
+            with suppress(OSError):
+                write_summary(file, summary)
 
     # -- its processes
 
-    def _start(self, result: Path) -> subprocess.Popen[bytes] | None:
-        request, given = self.request, self.request.options
+    def _start(self, file: Path) -> subprocess.Popen[bytes] | None:
+        """Start physics, the logger and the viewers. Return the process of the viewer's window.
+
+        `file`: in which physics writes its result.
+        """
+        self.supervisor.start(self._physics(file))
+        self._start_logger()
+        options = self.request.options
+        if options.web is not None:
+            self._serve_web(options.web)
+        return open_viewer(self.request.uri) if options.view else None
+
+    def _physics(self, file: Path) -> ProcessSpec:
+        """Return the process of physics. If it dies, it goes on from its newest snapshot."""
+        request = self.request
+        chosen = request.options
         options = RunOptions(
             scenario=request.scenario.model_dump(),
-            listen=None if given.connect else self.listen,
-            connect=given.connect,
+            listen=None if chosen.connect else self.listen,
+            connect=chosen.connect,
             secure=self.credentials.folder(PHYSICS),
             run=self.run_id,
-            mode="realtime" if given.mode == "realtime" else "lockstep",
-            speed=None if math.isinf(given.pace) else given.pace,
-            duration=given.duration,
-            holds=given.holds,
-            patience=given.patience or PATIENCE,
-            recorded=request.recording is not None or given.is_live,
+            mode="realtime" if chosen.mode == "realtime" else "lockstep",
+            speed=None if math.isinf(chosen.pace) else chosen.pace,
+            duration=chosen.duration,
+            holds=chosen.holds,
+            patience=chosen.patience or PATIENCE,
+            recorded=request.recording is not None or chosen.is_live,
             snapshots=str(request.snapshots.resolve()),
-            keyframes=given.keyframes,
-            without=given.without or [],
-            table=None if given.table is None else str(given.table.resolve()),
-            result=str(result),
+            keyframes=chosen.keyframes,
+            without=chosen.without or [],
+            table=None if chosen.table is None else str(chosen.table.resolve()),
+            result=str(file),
             resume=request.resumed is not None,
         )
-        again = msgspec.structs.replace(options, resume=True)
-        physics = ProcessSpec(
+        return ProcessSpec(
             PHYSICS,
             "orchard.processes.physics",
             options,
             again=True,
-            afterwards=again,
+            afterwards=msgspec.structs.replace(options, resume=True),
             may_refuse=False,
-            result=result,
+            result=file,
         )
-        self.supervisor.start(physics)
-        self._start_logger()
-        if given.web is not None:
-            from orchard.view.web import how_to_open
-
-            self.supervisor.start(
-                ProcessSpec(
-                    WEB_VIEWER,
-                    "orchard.view.web",
-                    [request.uri, "--port", str(given.web)],
-                    again=True,
-                )
-            )
-            for line in how_to_open("Live", given.web, request.uri):
-                self.supervisor.say(line)
-        return open_viewer(request.uri) if given.view else None
 
     def _start_logger(self) -> None:
-        request, is_live = self.request, self.request.options.is_live
-        if request.recording is not None or is_live:
-            order = LoggerOptions(
-                connect=self.endpoint,
-                secure=self.credentials.folder(LOGGER),
-                record=None if request.recording is None else str(request.recording.resolve()),
-                serve=request.data_port if is_live else None,
-                session=self.run_id,
-            )
-            self.supervisor.start(
-                ProcessSpec(LOGGER, "orchard.processes.logger", order, again=True)
-            )
+        """Start the logger, if the run is recorded or watched."""
+        request = self.request
+        is_live = request.options.is_live
+        if request.recording is None and not is_live:
+            return
+        order = LoggerOptions(
+            connect=self.endpoint,
+            secure=self.credentials.folder(LOGGER),
+            record=None if request.recording is None else str(request.recording.resolve()),
+            serve=request.data_port if is_live else None,
+            session=self.run_id,
+        )
+        self.supervisor.start(ProcessSpec(LOGGER, "orchard.processes.logger", order, again=True))
+
+    def _serve_web(self, port: int) -> None:
+        """Start the process that serves the viewer to browsers, and say how to open it."""
+        # Rerun takes half a second to load.
+        from orchard.view.web import how_to_open
+
+        words = [self.request.uri, "--port", str(port)]
+        self.supervisor.start(ProcessSpec(WEB_VIEWER, "orchard.view.web", words, again=True))
+        for line in how_to_open("Live", port, self.request.uri):
+            self.supervisor.say(line)
 
     # -- its progress
 
-    def follow(self, inbox: Inbox) -> tuple[dict[str, Any] | None, str]:
+    def follow(self, inbox: Inbox) -> Result:
         """Show the progress until the run is over. Return its summary, if any, and why it ended."""
         keys = Keys()
         try:
@@ -311,98 +371,135 @@ class LaunchedRun:
                 bus = self._reach(inbox, stack)
                 if bus is None:
                     return None, "stopped"
-                for what in ("figures", "end"):
-                    bus.subscribe(keys.of(what))
-                for token in (
-                    keys.of("alive", LOGGER, self.run_id),
-                    keys.of("physics", self.run_id),
-                ):
-                    bus.watch(token)
+                bus.subscribe(keys.of("figures"))
+                bus.subscribe(keys.of("end"))
+                bus.watch(keys.of("alive", LOGGER, self.run_id))
+                bus.watch(keys.of("physics", self.run_id))
                 return self._listen(bus, keys)
         except BusError as error:
             return None, str(error)
 
     def _reach(self, inbox: Inbox, stack: ExitStack) -> Bus | None:
-        """A session with physics, once it listens; None after a second Ctrl-C. Dead processes are restarted.
+        """Return a session with physics, once it listens; None after a second Ctrl-C.
 
-        After the first Ctrl-C physics is asked to stop as soon as it listens: it gives the summary of a run without a tick.
+        Dead processes are restarted. After the first Ctrl-C physics is asked to stop as soon as it
+        listens: it gives the summary of a run without a tick. `stack`: closes the session. Raises
+        BusError if physics does not listen.
         """
-        deadline, identity, asked = (
-            self._clock() + BEGIN_SECONDS,
-            self.credentials.identity("operator"),
-            None,
-        )
+        deadline = self._clock() + BEGIN_SECONDS
+        signal: Signal | None = None
         while True:
             try:
-                bus = stack.enter_context(
-                    self._connect(self.endpoint, inbox, TRY_SECONDS, identity)
-                )
-                if asked is not None:
-                    inbox.put(asked)
-                return bus
+                bus = stack.enter_context(self._try_to_connect(inbox))
             except BusError as error:
                 self.supervisor.watch()
-                if asked is not None and self._clock() >= deadline:
+                is_late = self._clock() >= deadline
+                if signal is not None and is_late:
                     return None
-                if self._why_over(True):
+                if self._why_over(has_begun=True):
                     raise
-                if self._clock() >= deadline:
-                    late = f"physics does not listen {BEGIN_SECONDS:g} s after its start; is the machine too busy?"
-                    raise BusError(f"{self.endpoint}: {late}") from error
-            if isinstance(item := inbox.take(0.0), Signal):
-                if asked is not None:
-                    return None
-                asked, deadline = item, min(deadline, self._clock() + LOAD_SECONDS)
-
-    def _listen(self, bus: Bus, keys: Keys) -> tuple[dict[str, Any] | None, str]:
-        deadline, refusals, begun, ending = math.inf, Refusals(), False, Ending(self._clock)
-        while self._clock() < deadline:
-            item = bus.inbox.take(0.2)
+                if is_late:
+                    raise BusError(
+                        f"{self.endpoint}: physics does not listen {BEGIN_SECONDS:g} s after its "
+                        "start; is the machine too busy?"
+                    ) from error
+            else:
+                if signal is not None:
+                    inbox.put(signal)
+                return bus
+            item = inbox.take(0.0)
             if isinstance(item, Signal):
-                self.supervisor.terminate(PHYSICS)
-                is_loading = not begun and deadline == math.inf
-                deadline = min(
-                    deadline, self._clock() + (LOAD_SECONDS if is_loading else STOP_SECONDS)
-                )
-            elif isinstance(item, Alive):
-                if item.key == keys.of("alive", LOGGER, self.run_id):
-                    self.watchdog.hear(item.up)
-                else:
-                    ending.track(item.key, item.up)
-                    self.watchdog.hear_of_physics(ending.gone_at == math.inf)
-            elif isinstance(item, Sample):
-                try:
-                    if (said := _hear(item, self.run_id, self.progress)) and said.why != RESET:
-                        ending.hear(said)
-                    begun = begun or said is None
-                except Refused as refusal:
-                    refusals.note(item.key, refusal)
-            elif why := self._why_over(begun):
-                return None, why
-            if (end := ending.end) and (
-                self.supervisor.exit_code(PHYSICS) is None or self.supervisor.is_over(PHYSICS)
-            ):
+                if signal is not None:
+                    return None
+                signal = item
+                deadline = min(deadline, self._clock() + LOAD_SECONDS)
+
+    def _try_to_connect(self, inbox: Inbox) -> AbstractContextManager[Bus]:
+        """Return a session at the endpoint. Raises BusError if none can be opened for now."""
+        identity = self.credentials.identity("operator")
+        return self._connect(self.endpoint, inbox, TRY_SECONDS, identity)
+
+    def _listen(self, bus: Bus, keys: Keys) -> Result:
+        """Hear the run until it is over. Return its summary, if any, and why it ended.
+
+        After a signal the processes have some seconds to end, and are not restarted.
+        """
+        state = _Following(self._clock)
+        of_logger = keys.of("alive", LOGGER, self.run_id)
+        while not state.is_late:
+            match bus.inbox.take(POLL_BUS_SECONDS):
+                case Signal():
+                    self._stop_soon(state)
+                case Alive() as token if token.key == of_logger:
+                    self.watchdog.hear(token.up)
+                case Alive() as token:
+                    state.ending.track(token.key, token.up)
+                    self.watchdog.hear_of_physics(up=state.ending.gone_at == math.inf)
+                case Sample() as sample:
+                    self._hear_sample(state, sample)
+                case _:
+                    why = self._why_over(state.has_begun)
+                    if why:
+                        return None, why
+            end = state.ending.end
+            if end is not None and self._may_believe_end():
                 return end.summary, end.why
             self.watchdog.look()
-            if deadline == math.inf:  # what ends after a request to stop is not restarted
-                self.supervisor.watch()
-            elif self.supervisor.exit_code(PHYSICS) is not None:
-                deadline = min(deadline, self._clock() + STOP_SECONDS)
+            self._look_after_processes(state)
         return None, "stopped"
 
-    def _why_over(self, begun: bool) -> str:
-        """Why the run cannot go on; '' if it can. `begun`: whether all agents were there."""
+    def _stop_soon(self, state: _Following) -> None:
+        """Ask physics to end the run. It has longer while it may still load its modules."""
+        self.supervisor.terminate(PHYSICS)
+        is_loading = not state.has_begun and not state.is_stopping
+        state.end_within(LOAD_SECONDS if is_loading else STOP_SECONDS)
+
+    def _hear_sample(self, state: _Following, sample: Sample) -> None:
+        """Take figures or an end from the bus. What cannot be read is refused, and noted."""
+        try:
+            end = _hear(sample, self.run_id, self.progress)
+        except Refused as refusal:
+            state.refusals.note(sample.key, refusal)
+            return
+        if end is None:
+            state.has_begun = True
+        elif end.why != RESET:
+            state.ending.hear(end)
+
+    def _may_believe_end(self) -> bool:
+        """Whether an end that the bus told can be that of physics, which may have died since."""
+        return self.supervisor.exit_code(PHYSICS) is None or self.supervisor.is_over(PHYSICS)
+
+    def _look_after_processes(self, state: _Following) -> None:
+        """Restart what has died. What ends after a request to stop is not restarted."""
+        if not state.is_stopping:
+            self.supervisor.watch()
+        elif self.supervisor.exit_code(PHYSICS) is not None:
+            state.end_within(STOP_SECONDS)
+
+    def _why_over(self, has_begun: bool) -> str:
+        """Return why the run cannot go on; "" if it can. `has_begun`: all agents were there."""
         if self.supervisor.is_over(PHYSICS):
             code = self.supervisor.exit_code(PHYSICS)
             return HOW_PHYSICS_ENDED.get(code, f"physics ended with code {code}")
         if PHYSICS in self.supervisor.given_up:
             return f"physics died repeatedly; to go on: {typed('--resume', self.request.snapshots)}"
-        if not begun and (missing := self.supervisor.lost_agents):
-            return f"the run cannot begin without {', '.join(missing)}: the processes that hosted them died repeatedly"
+        if has_begun:
+            return ""
+        lost = self.supervisor.lost_agents
+        if lost:
+            return (
+                f"the run cannot begin without {', '.join(lost)}: "
+                "the processes that hosted them died repeatedly"
+            )
         return ""
 
 
 def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
+    """Return the end of a run that a sample tells; None of figures, which are shown.
+
+    Raises Refused for what cannot be read.
+    """
     with refused_for("malformed"):
         if sample.key.endswith("/end"):
             end = read_message(sample.payload, End, run_id)
@@ -420,7 +517,10 @@ def _hear(sample: Sample, run_id: str, progress: Progress) -> End | None:
 def join_run(
     endpoint: str, only: list[str], without: list[str], credentials: Credentials, progress: Progress
 ) -> int:
-    """Host these agents of a run elsewhere until it ends. Return the exit code."""
+    """Host these agents of a run elsewhere until it ends. Return the exit code.
+
+    `only`, `without`: names or kinds of agents. Raises BusError or ValueError.
+    """
     with client(endpoint, seconds=LOOK_SECONDS, identity=credentials.only_identity()) as bus:
         all_names = fetch_run(bus, Keys()).agents
     names = select_agents(all_names, only, without)
@@ -432,7 +532,7 @@ def join_run(
         start_hosts(supervisor, endpoint, shares, credentials)
         progress.say(f"hosting {', '.join(names)} at {endpoint}")
         while not all(map(supervisor.is_over, supervisor.running)):
-            if isinstance(inbox.take(0.2), Signal):
+            if isinstance(inbox.take(POLL_BUS_SECONDS), Signal):
                 supervisor.stop(STOP_SECONDS)
                 return 0
             if supervisor.has_refused():

@@ -42,81 +42,113 @@ class StillThinks(BaseException):
 
 @contextmanager
 def interruptible(local: Local) -> Iterator[Callable[[], bool]]:
-    """Yield what tells whether to stop, after a signal. An agent that thinks on gets StillThinks; then the process ends."""
-    asked: list[int] = []  # the signals that have come
+    """Yield what tells whether to stop, after a signal.
+
+    An agent that thinks on gets StillThinks. If it thinks on even then, the process ends.
+    """
+    signals: list[int] = []
     raised: list[StillThinks] = []
 
     def ask(number: int, frame: FrameType | None) -> None:
-        if not asked:
+        if not signals:
             signal.setitimer(signal.ITIMER_REAL, THINK_SECONDS, THINK_SECONDS)
-        asked.append(number)
+        signals.append(number)
 
     def hurry(number: int, frame: FrameType | None) -> None:
         """End the agent in which the process is; what the program itself does ends soon."""
-        if place := place_in_agent(frame):
-            thought = StillThinks(
-                f"{local.thinking} still thinks about tick {local.engine.tick}{place}"
-            )
-            if raised:
-                print_error(f"{thought}; the run is ended by force, without a result")
-                os._exit(FAILED)
-            raised.append(thought)
-            raise thought
+        place = place_in_agent(frame)
+        if not place:
+            return
+        thought = StillThinks(
+            f"{local.thinking} still thinks about tick {local.engine.tick}{place}"
+        )
+        if raised:
+            print_error(f"{thought}; the run is ended by force, without a result")
+            os._exit(FAILED)
+        raised.append(thought)
+        raise thought
 
     try:
         with handled({signal.SIGINT: ask, signal.SIGTERM: ask, signal.SIGALRM: hurry}):
-            yield lambda: bool(asked)
+            yield lambda: bool(signals)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
-def run(
-    request: RunRequest,
-    look: Callable[[Frame], None] | None,
-    show: Callable[[dict[str, Any], dict[str, str], dict[str, str]], None],
-) -> tuple[dict[str, Any], str]:
-    """Run a harvest. Return its summary, and why it ended. `look` gets each frame, `show` the figures."""
-    checks, holds = request.options.check_agents, HOLDS[request.options.holds]
-    agents = _replayed(request)
-    local = (
-        Local(request.scenario, agents, checks, holds)
-        if request.resumed is None
-        else Local.resume(request.resumed, checks, holds)
-    )
-    engine = local.engine
-    executor, keyframes = ThreadPoolExecutor(max_workers=1), request.options.keyframes
-    snapshot_writer = SnapshotWriter(
-        request.snapshots, executor, time.monotonic, keyframe_seconds=keyframes
-    )
-    account = RunAccount(
-        engine, request.resumed, snapshot_writer, request.options.table, time.monotonic
-    )
-    pacer, ticks = Pacer(request.options.pace, time.monotonic), last_tick(request.options.duration)
+Look = Callable[[Frame], None]
+Show = Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
+
+
+def run(request: RunRequest, look: Look | None, show: Show) -> tuple[dict[str, Any], str]:
+    """Run a harvest. Return its summary, and why it ended.
+
+    `look`: gets each frame; None: nobody looks. `show`: gets the figures, and what each robot does
+    and waits for. Raises SnapshotError.
+    """
+    local = _local_of(request)
+    account = _account_of(request, local)
+    pacer = Pacer(request.options.pace, time.monotonic)
+    ticks = last_tick(request.options.duration)
     with sole(request.snapshots), interruptible(local) as is_stopped:
         try:
-            engine.rehearse()  # it may compile: that is no time of the run
+            # This may compile, which is no time of the run.
+            local.engine.rehearse()
             account.figures.begin()
-            while not (why := account.why_over(ticks) or ("stopped" if is_stopped() else "")):
-                if left := pacer.wait():
-                    time.sleep(min(left, NAP_SECONDS))
-                    continue
-                pacer.begin()
-                if account.snapshot_writer.is_due(engine.tick):
-                    account.keep(_snapshot(local, account, request))
-                events = local.tick()
-                letters = local.post.written.get(engine.tick - 1, {})
-                account.update(events, letters)
-                if look is not None:
-                    look(account.frame_builder.frame([*events, *talk_of(engine.tick - 1, letters)]))
-                if account.figures.is_due():
-                    message = account.figures.message("", {})
-                    show(message.figures, message.doing, message.waits_for)
+            while True:
+                why = account.why_over(ticks) or ("stopped" if is_stopped() else "")
+                if why:
+                    break
+                seconds_to_tick = pacer.wait()
+                if seconds_to_tick:
+                    time.sleep(min(seconds_to_tick, NAP_SECONDS))
+                else:
+                    pacer.begin()
+                    _tick(local, account, request, look, show)
             account.keep(_snapshot(local, account, request))
-        except StillThinks as thought:  # some memories are of this tick already: no snapshot of it
+        except StillThinks as thought:
+            # Some memories are of this tick already: there is no snapshot of it.
             print_error(f"{thought}; the run ends before this tick")
             why = "stopped"
     account.close()
     return account.summary(why, "local", 1, {}, {}), why
+
+
+def _local_of(request: RunRequest) -> Local:
+    """Return the orchard and all its agents, at the beginning of a run. Raises SnapshotError."""
+    checks_agents = request.options.check_agents
+    holds = HOLDS[request.options.holds]
+    if request.resumed is None:
+        return Local(request.scenario, _replayed(request), checks_agents, holds)
+    return Local.resume(request.resumed, checks_agents, holds)
+
+
+def _account_of(request: RunRequest, local: Local) -> RunAccount:
+    """Return what keeps the figures, tables and snapshots of a run."""
+    snapshots = SnapshotWriter(
+        request.snapshots,
+        ThreadPoolExecutor(max_workers=1),
+        time.monotonic,
+        keyframe_seconds=request.options.keyframes,
+    )
+    table = request.options.table
+    return RunAccount(local.engine, request.resumed, snapshots, table, time.monotonic)
+
+
+def _tick(
+    local: Local, account: RunAccount, request: RunRequest, look: Look | None, show: Show
+) -> None:
+    """Advance a run by one tick, keep and show what is due. `look`, `show`: as for `run`."""
+    tick = local.engine.tick
+    if account.snapshot_writer.is_due(tick):
+        account.keep(_snapshot(local, account, request))
+    events = local.tick()
+    letters = local.post.written.get(tick, {})
+    account.update(events, letters)
+    if look is not None:
+        look(account.frame_builder.frame([*events, *talk_of(tick, letters)]))
+    if account.figures.is_due():
+        message = account.figures.message("", {})
+        show(message.figures, message.doing, message.waits_for)
 
 
 def _replayed(request: RunRequest) -> dict[str, Agent] | None:
@@ -131,6 +163,7 @@ def _replayed(request: RunRequest) -> dict[str, Agent] | None:
 
 
 def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapshot:
+    """Return the state of a run, with its id and its figures."""
     snapshot = local.snapshot()
     snapshot.run = request.run_id
     snapshot.lost = request.resumed.lost if request.resumed else {}
@@ -139,35 +172,46 @@ def _snapshot(local: Local, account: RunAccount, request: RunRequest) -> Snapsho
 
 
 def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
-    """Run a harvest with its recording, viewers and progress. Return its summary, and why it ended."""
+    """Run a harvest with its recording, viewers and progress.
+
+    Returns its summary, and why it ended. Raises SnapshotError.
+    """
     options = request.options
     with ExitStack() as stack:
         recorder = _recorder(request)
         if recorder is not None:
             stack.callback(recorder.close)
         if options.web is not None:
-            from orchard.view.web import how_to_open, serve_web
-
-            print_line("\n".join(how_to_open("Live", options.web, request.uri)))
-            stack.callback(
-                let_go, stack.enter_context(serve_web(options.web, request.uri)), True, print_error
-            )
+            _serve_web(options.web, request.uri, stack)
         viewer = open_viewer(request.uri) if options.view else None
         with Progress(console, options.progress == "json", options.duration) as progress:
             if options.progress == "text":
                 progress.say(CTRL_C)
             if not are_compiled():
                 progress.get_ready(COMPILING)
-            summary, why = run(request, None if recorder is None else recorder.tick, progress.show)
+            look = None if recorder is None else recorder.tick
+            summary, why = run(request, look, progress.show)
         let_go(viewer, why == "stopped", print_error)
         return summary, why
 
 
+def _serve_web(port: int, uri: str, stack: ExitStack) -> None:
+    """Serve the live data to browsers until the stack is closed. Say how to open it."""
+    # Rerun takes half a second to load.
+    from orchard.view.web import how_to_open, serve_web
+
+    print_line("\n".join(how_to_open("Live", port, uri)))
+    server = stack.enter_context(serve_web(port, uri))
+    stack.callback(let_go, server, True, print_error)
+
+
 def _recorder(request: RunRequest) -> "Recorder | None":
+    """Return what records a run and serves its live data; None if neither is wanted."""
     is_live = request.options.is_live
     if request.recording is None and not is_live:
         return None
-    from orchard.view.recorder import Recorder  # not at the top: Rerun takes half a second to load
+    # Rerun takes half a second to load.
+    from orchard.view.recorder import Recorder
 
     recorder = Recorder(
         lay_out(request.scenario),
@@ -175,5 +219,6 @@ def _recorder(request: RunRequest) -> "Recorder | None":
         request.recording,
         request.data_port if is_live else None,
     )
-    recorder.waiting = lambda: request.options.pace == math.inf  # what comes at once
+    # A run without a pace has ticks at once.
+    recorder.waiting = lambda: request.options.pace == math.inf
     return recorder

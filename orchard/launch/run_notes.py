@@ -1,7 +1,8 @@
-"""The notes of the runs here, by which other commands find them, and the end of what is left of them.
+"""The notes of the runs here, by which other commands find them, and the end of what is left.
 
-A process that wrote a note holds a lock on it until it ends, so a note without a lock is stale. The processes of its run end by
-themselves within seconds, because nothing holds their lines. What does not, as a frozen process, is ended by force.
+A process that wrote a note holds a lock on it until it ends, so a note without a lock is stale. The
+processes of its run end by themselves within seconds, because nothing holds their lines. A process
+that does not, such as a frozen one, is ended by force.
 """
 
 import fcntl
@@ -35,7 +36,10 @@ class RunNote(msgspec.Struct):
 
 @contextmanager
 def noted(folder: Path, note: RunNote) -> Iterator[None]:
-    """Keep a note in this context, by which others find the run. Raises OSError if it cannot be written."""
+    """Keep a note in this context, by which others find the run.
+
+    Raises OSError if it cannot be written.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{note.run}.going"
     beside = path.with_suffix(".new")
@@ -43,7 +47,8 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         file.write(msgspec.json.encode(note).decode())
         file.flush()
-        os.replace(beside, path)  # no process sees it before it is locked and complete
+        # No process sees it before it is locked and complete.
+        os.replace(beside, path)
         try:
             yield
         finally:
@@ -54,26 +59,35 @@ def noted(folder: Path, note: RunNote) -> Iterator[None]:
 def announced(
     request: RunRequest, run: str, endpoint: str, say: Callable[[str], None]
 ) -> Iterator[None]:
-    """In this context `run.py stop` finds the run. Say how to stop it; with the endpoint if there is no note."""
+    """In this context `orchard stop` finds the run.
+
+    `say` gets how to stop the run; with the endpoint if no note can be written.
+    """
     scenario = request.scenario
-    title = f"{scenario.rows} rows, {scenario.pickers} pickers, seed {scenario.seed}, since {datetime.now():%H:%M:%S}"
-    words = [] if request.options.secure is None else ["--secure", request.options.secure]
+    title = (
+        f"{scenario.rows} rows, {scenario.pickers} pickers, seed {scenario.seed}, "
+        f"since {datetime.now():%H:%M:%S}"
+    )
+    command: list[object] = ["stop"]
+    if request.options.secure is not None:
+        command += ["--secure", request.options.secure]
     with ExitStack() as stack:
         try:
             if request.notes is not None:
                 stack.enter_context(noted(request.notes, RunNote(run, endpoint, title)))
         except OSError as error:
             say(f"{request.notes}: no note of this run can be written there: {error.strerror}")
-            words += ["--connect", endpoint]
+            command += ["--connect", endpoint]
         if request.options.progress == "text":
-            say(f"{CTRL_C}; emergency stop of the robots: {typed('stop', *words)}")
+            say(f"{CTRL_C}; emergency stop of the robots: {typed(*command)}")
         yield
 
 
 def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
-    """Return the active runs, sorted by id. Stale notes, whose run.py is gone, go into `gone`.
+    """Return the active runs, sorted by id.
 
-    A file that holds no note, or that of another run than its name says, is passed over.
+    `gone`: gets the stale notes, of programs that are gone. A file that holds no note, or that of
+    another run than its name says, is passed over.
     """
     notes = []
     for path in sorted(folder.glob("*.going")):
@@ -86,26 +100,32 @@ def running_here(folder: Path, gone: list[Path] | None = None) -> list[RunNote]:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
                 if gone is not None:
                     gone.append(path)
-            except BlockingIOError:  # the run holds the lock
+            except BlockingIOError:
+                # The run holds the lock.
                 notes.append(note)
     return notes
 
 
 def find_runs(folder: Path, connect: str | None) -> list[RunNote]:
-    """Return the run at `connect`, or all active runs on this machine. Raises BusError if there is none."""
+    """Return the run at `connect`, or all active runs here. Raises BusError if there is none."""
     runs = running_here(folder) if connect is None else [RunNote("", connect)]
     if not runs:
-        local = "a run in local mode has no network, and cannot be reached: Ctrl-C ends it"
-        raise BusError(f"no run is active here; for a run elsewhere: --connect ENDPOINT ({local})")
+        raise BusError(
+            "no run is active here; for a run elsewhere: --connect ENDPOINT "
+            "(a run in local mode has no network, and cannot be reached: Ctrl-C ends it)"
+        )
     return runs
 
 
 def find_run(folder: Path, connect: str | None) -> list[RunNote]:
-    """Return the run at `connect`, or the only active run here. Raises BusError if there is none, or several."""
+    """Return the run at `connect`, or the only active run here.
+
+    Raises BusError if there is none, or if there are several.
+    """
     runs = find_runs(folder, connect)
     if len(runs) > 1:
-        which = "\n".join(f"  --connect {note.endpoint}  ({note.title})" for note in runs)
-        raise BusError(f"{len(runs)} runs are active here; choose one:\n{which}")
+        choices = "\n".join(f"  --connect {note.endpoint}  ({note.title})" for note in runs)
+        raise BusError(f"{len(runs)} runs are active here; choose one:\n{choices}")
     return runs
 
 
@@ -113,42 +133,61 @@ POLL_SECONDS = 0.1  # between two looks whether a process has ended
 
 
 def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
-    """End the processes of runs in this folder without a run.py, and remove their notes. Return whether there were any."""
+    """End the processes of runs in this folder whose program is gone, and remove their notes.
+
+    Returns whether there were such processes.
+    """
     gone: list[Path] = []
     running_here(folder, gone)
-    found = [_end(note.stem, say) for note in gone]
+    had_processes = [_end(note.stem, say) for note in gone]
     for note in gone:
         note.unlink(missing_ok=True)
-    return any(found)
+    return any(had_processes)
 
 
 def _end(run: str, say: Callable[[str], None]) -> bool:
-    if not (left := processes_of(run)):
+    """End the processes of a run. Return whether there were any."""
+    pids = processes_of(run)
+    if not pids:
         return False
-    say(f"run {run}: its `orchard` is gone; ending the {len(left)} processes that it has left")
-    deadline = time.monotonic() + ALONE_SECONDS
-    while (left := processes_of(run)) and time.monotonic() < deadline:
-        time.sleep(POLL_SECONDS)
-    for pid in left:
+    say(f"run {run}: its `orchard` is gone; ending the {len(pids)} processes that it has left")
+    for pid in _await_ends(run, ALONE_SECONDS):
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
-    while (
-        processes_of(run) and time.monotonic() < deadline + ALONE_SECONDS
-    ):  # their ports and locks are free only then
-        time.sleep(POLL_SECONDS)
+    # Their ports and locks are free only when they have ended.
+    _await_ends(run, ALONE_SECONDS)
     return True
 
 
+def _await_ends(run: str, seconds: float) -> list[int]:
+    """Wait until the processes of a run have ended. Return the ids of those that have not."""
+    deadline = time.monotonic() + seconds
+    pids = processes_of(run)
+    while pids and time.monotonic() < deadline:
+        time.sleep(POLL_SECONDS)
+        pids = processes_of(run)
+    return pids
+
+
 def processes_of(run: str) -> list[int]:
-    """Return the ids of the processes that run.py has started for a run. Only Linux tells their environments."""
-    found = []
+    """Return the ids of the processes that were started for a run.
+
+    Only Linux tells their environments.
+    """
+    pids = []
     for path in Path("/proc").glob("[0-9]*/environ"):
-        with suppress(OSError):  # it has just ended, or is another user's
-            variables = path.read_bytes().split(b"\0")
-            if any(
-                variable.startswith(f"{STARTED_BY}=".encode())
-                and variable.endswith(f" {run}".encode())
-                for variable in variables
-            ):
-                found.append(int(path.parent.name))
-    return found
+        # It has just ended, or is another user's.
+        with suppress(OSError):
+            if _names_run(path.read_bytes(), run):
+                pids.append(int(path.parent.name))
+    return pids
+
+
+def _names_run(environment: bytes, run: str) -> bool:
+    """Whether an environment, as Linux tells it, is that of a process of a run."""
+    begin = f"{STARTED_BY}=".encode()
+    end = f" {run}".encode()
+    return any(
+        variable.startswith(begin) and variable.endswith(end)
+        for variable in environment.split(b"\0")
+    )

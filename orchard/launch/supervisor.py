@@ -24,14 +24,16 @@ from orchard.view.files import window
 
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
 DEATHS = 5  # quick deaths in a row, after which a process is given up
-BAD_ORDER = 2  # exit code of a process that refuses its arguments, or what it finds: a port may be free again soon
-REFUSALS = 9  # quick deaths in a row, after which a process is given up that ends with this code: half a minute
+# Exit code of a process that refuses its arguments, or what it finds: a port may be free again soon.
+BAD_ORDER = 2
+# Quick deaths in a row, after which a process that ends with this code is given up: half a minute.
+REFUSALS = 9
 BACK_OFF = 0.25  # s before the second restart; twice as long before each further one
 LONGEST_LINE = 2000  # characters of what a process says
-MOST_LINES = (
-    100  # that a process writes without its name, as C code or a traceback does, and that are shown
-)
-QUICK_START = {  # turns off needless work of libraries at their import: a fifth of a start's processor time
+# Lines that a process writes without its name, as C code or a traceback does, and that are shown.
+MOST_LINES = 100
+# Environment that turns off needless work of libraries at their import: a fifth of a start's time.
+QUICK_START = {
     "OPENBLAS_NUM_THREADS": "1",  # threads for large matrices
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # a search through all installed packages
 }
@@ -52,12 +54,10 @@ class ProcessSpec:
     again: bool = False  # restart it when it dies
     afterwards: ProcessOptions | None = None  # the options of a restart, if they are others
     agents: Sequence[str] = ()  # the agents that it hosts
-    may_refuse: bool = (
-        True  # False: if it ends with BAD_ORDER at its first start, it is not restarted
-    )
-    result: Path | None = (
-        None  # a file that it writes when its work is done: then it is not restarted
-    )
+    # False: if it ends with BAD_ORDER at its first start, it is not restarted.
+    may_refuse: bool = True
+    # A file that it writes when its work is done: then it is not restarted.
+    result: Path | None = None
 
 
 @dataclass
@@ -90,14 +90,14 @@ class Supervisor(AbstractContextManager["Supervisor"]):
     run: str = ""  # the run's id
     running: dict[str, _Running] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
-    given_up: dict[str, ProcessSpec] = field(
-        default_factory=dict
-    )  # name -> a process that died DEATHS times in a row
+    # Name -> a process that died DEATHS times in a row.
+    given_up: dict[str, ProcessSpec] = field(default_factory=dict)
 
     def __exit__(self, *_: object) -> None:
         self.stop(0.0)
 
     def start(self, program: ProcessSpec) -> None:
+        """Start a process. Raises OSError."""
         self.running[program.name] = _Running(
             program, *self._open(program, program.order), self.clock()
         )
@@ -105,9 +105,11 @@ class Supervisor(AbstractContextManager["Supervisor"]):
     def _open(
         self, program: ProcessSpec, order: Sequence[str] | ProcessOptions
     ) -> tuple[subprocess.Popen[str], Line]:
-        """Start a process in its own process group: Ctrl-C reaches only run.py, which stops the others in order.
+        """Start a process in its own process group. Return it, and its line.
 
-        It has no session of its own: Linux shares the processor among sessions first, which costs an eighth of the ticks.
+        So Ctrl-C reaches only this program, which stops the others in order. The process has no
+        session of its own: Linux shares the processor among sessions first, which costs an eighth
+        of the ticks.
         """
         environment = QUICK_START | QUICK_TICKS | os.environ | lifeline.environment(self.run)
         arguments = [FROM_STDIN] if isinstance(order, ProcessOptions) else order
@@ -124,72 +126,89 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         )
         line.of_process.close()
         take_turns(popen.pid)
-        if isinstance(
-            order, ProcessOptions
-        ):  # not in a file, which may be gone when it is restarted
+        # A file with the options may be gone when the process is restarted.
+        if isinstance(order, ProcessOptions):
             line.write(msgspec.json.encode(order).decode())
         threading.Thread(target=self._pass_on, args=(program, popen), daemon=True).start()
         return popen, line
 
     def _pass_on(self, program: ProcessSpec, popen: subprocess.Popen[str]) -> None:
+        """Say what a process writes, a line each. Of what has not its name, not all is said."""
         assert popen.stderr is not None
-        name, unnamed = f"{program.module.rpartition('.')[2]}: ", 0
+        prefix = f"{program.module.rpartition('.')[2]}: "
+        unnamed_count = 0
         with popen.stderr as lines:
             for line in lines:
-                unnamed += not line.startswith(name)
-                if line.startswith(name) or unnamed <= MOST_LINES:
-                    self.say(
-                        f"{program.name}: {printable(line.rstrip().removeprefix(name), LONGEST_LINE)}"
-                    )
-                elif unnamed == MOST_LINES + 1:
+                is_named = line.startswith(prefix)
+                unnamed_count += not is_named
+                if is_named or unnamed_count <= MOST_LINES:
+                    text = printable(line.rstrip().removeprefix(prefix), LONGEST_LINE)
+                    self.say(f"{program.name}: {text}")
+                elif unnamed_count == MOST_LINES + 1:
                     self.say(f"{program.name}: more of this is left out")
 
     @property
     def lost_agents(self) -> list[str]:
+        """The agents of the processes that are given up."""
         return [agent for program in self.given_up.values() for agent in program.agents]
 
     def exit_code(self, name: str) -> int | None:
         """Return the exit code of a process; None while it runs, or if it was never started."""
         return self.running[name].popen.poll() if name in self.running else None
 
+    def is_running(self, name: str) -> bool:
+        """Whether a process was started and has not ended."""
+        return name in self.running and self.exit_code(name) is None
+
     def is_over(self, name: str) -> bool:
+        """Whether a process has ended and is not restarted."""
         return name in self.running and self.running[name].is_over()
 
     def is_any_left(self) -> bool:
+        """Whether some process runs."""
         return any(running.popen.poll() is None for running in self.running.values())
 
     def has_refused(self) -> bool:
+        """Whether some process has refused what it was told to do."""
         return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:
         """Restart what has died: at once, then later and later, and not after DEATHS quick deaths."""
         for name, running in list(self.running.items()):
-            program, code = running.program, running.popen.poll()
+            program = running.program
+            code = running.popen.poll()
             if code is None or running.is_over():
                 continue
             if running.due == math.inf:
                 self._count_death(running, code)
             if self.clock() >= running.due:
-                opened = self._open(program, program.afterwards or program.order)
-                self.running[name] = _Running(program, *opened, self.clock(), running.deaths)
+                popen, line = self._open(program, program.afterwards or program.order)
+                self.running[name] = _Running(program, popen, line, self.clock(), running.deaths)
 
     def _count_death(self, running: _Running, code: int) -> None:
-        program, now = running.program, self.clock()
+        """Set when a process is restarted that has died, or give it up."""
+        name = running.program.name
+        now = self.clock()
         self._clear_up(running)
-        running.deaths = running.deaths + 1 if now - running.begun < QUICK_SECONDS else 1
-        if running.deaths < (REFUSALS if code == BAD_ORDER else DEATHS):
-            running.due = now + (
-                BACK_OFF * 2 ** (running.deaths - 2) if running.deaths > 1 else 0.0
-            )
-            self.say(f"{program.name} ended with code {code}; starting it again")
-        else:
-            stands = f"; these stand: {', '.join(program.agents)}" if program.agents else ""
-            self.say(
-                f"{program.name} ended with code {code}, {running.deaths} times in a row; giving up on it{stands}"
-            )
-            self.given_up[program.name] = self.running.pop(program.name).program
+        is_quick = now - running.begun < QUICK_SECONDS
+        running.deaths = running.deaths + 1 if is_quick else 1
+        most_deaths = REFUSALS if code == BAD_ORDER else DEATHS
+        if running.deaths < most_deaths:
+            running.due = now
+            if running.deaths > 1:
+                running.due += BACK_OFF * 2 ** (running.deaths - 2)
+            self.say(f"{name} ended with code {code}; starting it again")
+            return
+        agents = ", ".join(running.program.agents)
+        consequence = f"; these stand: {agents}" if agents else ""
+        self.say(
+            f"{name} ended with code {code}, {running.deaths} times in a row; "
+            f"giving up on it{consequence}"
+        )
+        self.given_up[name] = self.running.pop(name).program
 
     def pid(self, name: str) -> int | None:
+        """Return the id of a process; None if it was never started."""
         return self.running[name].popen.pid if name in self.running else None
 
     def terminate(self, *names: str) -> None:
@@ -200,6 +219,7 @@ class Supervisor(AbstractContextManager["Supervisor"]):
                 self.running[name].line.let_go()
 
     def kill(self, name: str) -> None:
+        """Kill a process, if it was started."""
         if name in self.running:
             self.running[name].popen.kill()
 
@@ -220,17 +240,22 @@ class Supervisor(AbstractContextManager["Supervisor"]):
             self._clear_up(running)
 
     def _clear_up(self, running: _Running) -> None:
-        """Close the line of a process, and kill its group: what an agent has started must not outlive it."""
+        """Close the line of a process, and kill its group.
+
+        What an agent has started must not outlive it.
+        """
         running.line.close()
         with suppress(ProcessLookupError):
             os.killpg(running.popen.pid, signal.SIGKILL)
 
 
 def take_turns(pid: int) -> None:
-    """Let no process that wakes up interrupt this one: 6 to 10 % more ticks, as its memory stays in the caches."""
-    with suppress(
-        AttributeError, ProcessLookupError
-    ):  # only Linux has this policy; the process may have ended
+    """Let no process that wakes up interrupt this one.
+
+    So its memory stays in the caches, and a run has 6 to 10 % more ticks.
+    """
+    # Only Linux has this policy, and the process may have ended.
+    with suppress(AttributeError, ProcessLookupError):
         os.sched_setscheduler(pid, os.SCHED_BATCH, os.sched_param(0))
 
 
@@ -248,18 +273,24 @@ def free_port() -> int:
     return int(with_port(LOOPBACK).rpartition(":")[2])
 
 
-def open_viewer(what: str) -> subprocess.Popen[bytes]:
-    """Open Rerun's window, which stays when this process has ended. Return its process, which `terminate` ends."""
-    return subprocess.Popen(window(what), start_new_session=True)
+def open_viewer(uri: str) -> subprocess.Popen[bytes]:
+    """Open Rerun's window, which stays when this process has ended. Return its process.
+
+    Raises OSError without a viewer or a screen.
+    """
+    return subprocess.Popen(window(uri), start_new_session=True)
 
 
 def let_go(
     viewer: subprocess.Popen[bytes] | None, is_stopped: bool, say: Callable[[str], None]
 ) -> None:
     """Leave a viewer when its run is over, or end it with a run that was stopped. Say so if it has died."""
-    if viewer is not None and (code := viewer.poll()):
+    if viewer is None:
+        return
+    code = viewer.poll()
+    if code:
         say(f"the viewer has ended with exit code {code}")
-    elif viewer is not None and is_stopped:
+    elif is_stopped:
         viewer.terminate()
 
 
@@ -267,40 +298,51 @@ SECONDS = 3.0  # that a token may be gone: a session that was cut off returns so
 
 
 class Watchdog:
-    """Kills a frozen process: one whose liveliness token is gone for SECONDS. Before its first token it starts."""
+    """Kills a frozen process: one whose liveliness token is gone for SECONDS.
+
+    Before its first token it starts. Without physics, which relays them, all tokens are gone.
+    """
 
     def __init__(self, supervisor: Supervisor, name: str) -> None:
-        self._supervisor, self._name, self._clock = supervisor, name, supervisor.clock
-        self._known: int | None = None  # the id of the process that had the token last
-        self._gone: float | None = (
-            0.0  # s, on the clock, since when the token is gone; None while it is there
-        )
-        self._is_known = True  # whether physics is there: without it all tokens are gone
+        """`name`: of the process."""
+        self._supervisor = supervisor
+        self._name = name
+        self._clock = supervisor.clock
+        self._pid_of_token: int | None = None  # of the process that had the token last
+        # s, on the clock, since when the token is gone; None while it is there
+        self._gone_since: float | None = 0.0
+        self._has_physics = True
 
     def hear(self, up: bool) -> None:
-        self._gone = None if up else self._clock()
+        """Record that the token of the process appeared or disappeared."""
         if up:
-            self._known = self._supervisor.pid(self._name)
+            self._gone_since = None
+            self._pid_of_token = self._supervisor.pid(self._name)
+        else:
+            self._gone_since = self._clock()
 
     def hear_of_physics(self, up: bool) -> None:
         """Record that physics, which relays all tokens, appeared or disappeared."""
-        self._is_known = up
-        if self._gone is not None:
-            self._gone = self._clock()
+        self._has_physics = up
+        if self._gone_since is not None:
+            self._gone_since = self._clock()
 
     def look(self) -> None:
-        is_frozen = (
-            self._is_known and self._gone is not None and self._clock() - self._gone >= SECONDS
+        """Kill the process if it is frozen. It is killed once, until it has a token again."""
+        is_known = self._pid_of_token is not None and self._pid_of_token == self._supervisor.pid(
+            self._name
         )
-        if (
-            is_frozen
-            and self._known is not None
-            and self._known == self._supervisor.pid(self._name)
-        ):
-            self._known = None
+        if is_known and self._is_frozen():
+            self._pid_of_token = None
             self._supervisor.kill(self._name)
+
+    def _is_frozen(self) -> bool:
+        """Whether the token is gone for so long that no lost link explains it."""
+        if self._gone_since is None or not self._has_physics:
+            return False
+        return self._clock() - self._gone_since >= SECONDS
 
     def end(self) -> None:
         """Kill the process if its token is gone: the run is over, and does not wait for it."""
-        if self._gone is not None:
+        if self._gone_since is not None:
             self._supervisor.kill(self._name)

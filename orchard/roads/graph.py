@@ -1,7 +1,10 @@
-"""The roads of carriers as nodes and edges, made from the drives of the scenario's route: where they turn, wait and work.
+"""The roads of carriers as nodes and edges, made from the drives of the scenario's route.
 
-A node is where a drive ends, or where a carrier waits for the next place on the roads. An edge holds the steps that lead to its end. With
-them a carrier takes turns with all others, because traffic grants it the places that it needs, and it stops for obstacles.
+Theory of operation. The plans of carriers are cut into legs: a leg ends where a drive ends, and
+where a carrier may have to wait for the next place on the roads. Legs that end at the same point
+meet there, in a node. An edge holds the steps of the leg that leads to its end. With them a carrier
+takes turns with all others, because traffic grants it the places that it needs, and it stops for
+obstacles.
 """
 
 import heapq
@@ -17,14 +20,15 @@ from orchard.agents.route import OneWay, Side
 from orchard.agents.steps import DriveTo, Face, Free, Need
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
-from orchard.field.layout import Layout
+from orchard.field.layout import Lane, Layout
 
 BAY = "bay"
 QUEUE = "queue/"  # the beginning of the names of the queue's nodes
 NEAR = 0.5  # m from a node within which a vehicle stands on it
 NEAR_IN_QUEUE = 2.0  # m, the same in the queue, where vehicles stand closer at the start than later
 RADIUS = KINDS["carrier"].radius  # m
-PITCH = 4.15  # m from one node in a line of the queue to the next: a vehicle behind another one reaches the next
+# m from one node in a line of the queue to the next: a vehicle behind another one reaches the next
+PITCH = 4.15
 
 
 @dataclass(frozen=True)
@@ -48,14 +52,13 @@ class Edge:
 
 @dataclass(frozen=True)
 class Graph:
-    """What a kind of vehicle drives on. `lines`: the nodes at the heads of the queue's lines. `stations`: station -> the nodes at which it
-    works there."""
+    """What a kind of vehicle drives on."""
 
     kind: str
     nodes: Mapping[str, Node]
     edges: Mapping[tuple[str, str], Edge]
-    lines: tuple[str, ...]
-    stations: Mapping[str, tuple[str, ...]]
+    lines: tuple[str, ...]  # the nodes at the heads of the queue's lines
+    stations: Mapping[str, tuple[str, ...]]  # station -> the nodes at which a vehicle works there
 
     @property
     def bins(self) -> list[str]:
@@ -63,115 +66,151 @@ class Graph:
         return [nodes[1] for nodes in self.stations.values() if len(nodes) > 1]
 
     def station_of(self, stop: str) -> str:
-        """Return the station at which a vehicle stops at this node to hand over; '' if it is no such node."""
-        return next(
-            (name for name, nodes in self.stations.items() if len(nodes) > 1 and nodes[0] == stop),
-            "",
-        )
+        """Return the station at which a vehicle stops at a node to hand over; "" if none."""
+        for name, nodes in self.stations.items():
+            if len(nodes) > 1 and nodes[0] == stop:
+                return name
+        return ""
 
     def at(self, x: float, y: float) -> str:
-        """Return the node on which a vehicle at (x, y) stands; '' if there is none."""
-        near = min(self.nodes.values(), key=lambda node: hypot(node.x - x, node.y - y))
-        most = NEAR_IN_QUEUE if near.name.startswith(QUEUE) else NEAR
-        return near.name if hypot(near.x - x, near.y - y) <= most else ""
+        """Return the node on which a vehicle at (x, y), m, stands; "" if there is none."""
+
+        def distance(node: Node) -> float:
+            return hypot(node.x - x, node.y - y)
+
+        nearest = min(self.nodes.values(), key=distance)
+        tolerance = NEAR_IN_QUEUE if nearest.name.startswith(QUEUE) else NEAR
+        return nearest.name if distance(nearest) <= tolerance else ""
 
     def way(self, start: str, ends: Iterable[str]) -> list[str]:
-        """Return the nodes of the shortest way to the nearest of some nodes, the first one left out. Raises ValueError if there is none."""
-        ends, known, queue = set(ends), {start: (0.0, "")}, [(0.0, start)]
+        """Return the nodes of the shortest way to the nearest of some nodes, without the first.
+
+        Raises ValueError if there is no way.
+        """
+        wanted = set(ends)
+        known = {start: (0.0, "")}
+        queue = [(0.0, start)]
         while queue:
-            so_far, name = heapq.heappop(queue)
-            if name in ends:
-                return list(_back(known, name))[::-1][1:]
+            length, name = heapq.heappop(queue)
+            if name in wanted:
+                return _way_back(known, name)[::-1][1:]
             for edge in self._out(name):
-                further = so_far + edge.length
+                further = length + edge.length
                 if further < known.get(edge.end, (inf, ""))[0]:
                     known[edge.end] = further, name
                     heapq.heappush(queue, (further, edge.end))
-        raise ValueError(f"no way from {start} to {', '.join(sorted(ends))}")
+        raise ValueError(f"no way from {start} to {', '.join(sorted(wanted))}")
 
     def _out(self, name: str) -> list[Edge]:
+        """Return the edges that begin at a node."""
         return [edge for (start, _), edge in self.edges.items() if start == name]
 
 
-def _back(known: Mapping[str, tuple[float, str]], name: str) -> Iterator[str]:
+def _way_back(known: Mapping[str, tuple[float, str]], name: str) -> list[str]:
+    """Return the nodes from one back to the start. `known`: node -> its length, and the one before."""
+    nodes = []
     while name:
-        yield name
+        nodes.append(name)
         name = known[name][1]
+    return nodes
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A drive between two points, before they have names. `waits_for`: the place for which a carrier waits at its end; '' for none."""
+    """A drive between two points, before they have names."""
 
     start: Pose
     end: Pose
     steps: tuple[Step, ...]
-    waits_for: str = ""
+    waits_for: str = ""  # the place for which a carrier waits at its end; "" for none
 
 
 def graph_of(layout: Layout, route: OneWay) -> Graph:
     """Return the roads of an orchard, by its route."""
-    legs: list[Leg] = []
-    named: dict[tuple[float, float], str] = {}
-    stations: dict[str, tuple[str, ...]] = {BAY: (BAY,)}
+    roads = _Roads(layout, route)
     for head in range(0, layout.queue_places, layout.queue.places):
-        line = f"{QUEUE}{head // layout.queue.places + 1}"
-        first, count = (
-            layout.queue.place(head),
-            min(layout.queue.places, layout.queue_places - head),
-        )
-        slots = [first._replace(x=first.x - PITCH * slot) for slot in range(count)]
-        named |= {
-            _point(pose): f"{line}/{slot + 1}" if slot else line for slot, pose in enumerate(slots)
-        }
-        stations[line] = (line,)
-        bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
-        named[_point(bay)] = BAY
-        home = [
-            *route.go_to_line(head + 1),
-            *(DriveTo(x=slot.x, queueing=True) for slot in reversed(slots)),
-        ]
-        legs += _legs(home, bay)
-        legs += [
-            leg
-            for slot, ahead in pairwise(reversed(slots))
-            for leg in _legs([DriveTo(x=ahead.x, queueing=True)], slot)
-        ]
-        for side in route.sides.values():
-            for lane in layout.lanes:
-                legs += _legs(route.approach(lane.number, side, head + 1), slots[0])
+        roads.add_line(head)
     for side in route.sides.values():
         for lane in layout.lanes:
-            name = f"{side.name}/{lane.number}"
-            stations[name] = f"{side.name}/stop/{lane.number}", f"{side.name}/bin/{lane.number}"
-            stop = Pose(side.x(route.D_ROAD), side.y(lane.y, route.STOP), 0.0)
-            loop = _legs(route.loop_to_full_bin(lane.number, side), stop)
-            named |= dict(zip((_point(stop), _point(loop[-1].end)), stations[name], strict=True))
-            legs += [*loop, *_legs(route.go_to_bay(lane.number, side), loop[-1].end)]
-            legs += _legs(_over_to_the_other_road(route, side, lane.number, stop), stop)
-    return _joined(legs, named, stations)
+            roads.add_station(side, lane)
+    return _joined(roads.legs, roads.names, roads.stations)
+
+
+class _Roads:
+    """The legs of all roads, and the names of the points that have one."""
+
+    def __init__(self, layout: Layout, route: OneWay) -> None:
+        self._layout = layout
+        self._route = route
+        self._bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
+        self.legs: list[Leg] = []
+        self.names: dict[tuple[float, float], str] = {}
+        self.stations: dict[str, tuple[str, ...]] = {BAY: (BAY,)}
+
+    def add_line(self, head: int) -> None:
+        """Add a line of the queue: the way home into it, along it, and from it to all lanes.
+
+        `head`: the number of the queue's place at the head of the line, from 0 on.
+        """
+        queue = self._layout.queue
+        count = min(queue.places, self._layout.queue_places - head)
+        first = queue.place(head)
+        slots = [first._replace(x=first.x - PITCH * slot) for slot in range(count)]
+        line = f"{QUEUE}{head // queue.places + 1}"
+        for slot, pose in enumerate(slots):
+            self.names[_point(pose)] = f"{line}/{slot + 1}" if slot else line
+        self.names[_point(self._bay)] = BAY
+        self.stations[line] = (line,)
+        from_last = slots[::-1]
+        into_slots = [DriveTo(x=slot.x, queueing=True) for slot in from_last]
+        self.legs += _legs([*self._route.go_to_line(head + 1), *into_slots], self._bay)
+        for slot_pose, ahead in pairwise(from_last):
+            self.legs += _legs([DriveTo(x=ahead.x, queueing=True)], slot_pose)
+        for side in self._route.sides.values():
+            for lane in self._layout.lanes:
+                self.legs += _legs(self._route.approach(lane.number, side, head + 1), first)
+
+    def add_station(self, side: Side, lane: Lane) -> None:
+        """Add what a carrier drives at a lane: to the full bin, home with it, and home without."""
+        route = self._route
+        stop = Pose(side.x(route.D_ROAD), side.y(lane.y, route.STOP), 0.0)
+        loop = _legs(route.loop_to_full_bin(lane.number, side), stop)
+        bin_pose = loop[-1].end
+        name = f"{side.name}/{lane.number}"
+        stop_name = f"{side.name}/stop/{lane.number}"
+        bin_name = f"{side.name}/bin/{lane.number}"
+        self.stations[name] = stop_name, bin_name
+        self.names[_point(stop)] = stop_name
+        self.names[_point(bin_pose)] = bin_name
+        self.legs += loop
+        self.legs += _legs(route.go_to_bay(lane.number, side), bin_pose)
+        self.legs += _legs(_over_to_the_other_road(route, side, lane.number, stop), stop)
 
 
 def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) -> list[Step]:
-    """The way home for a carrier that has nothing to do at a lane: from its stop over to the road of the full bins, and along it.
+    """Return the way home for a carrier that has nothing to do at a lane.
 
-    It needs the places of that road between which it turns, as one that drives along it: one after the other, never two at once. The
-    longest way to the bay knows those of all lanes.
+    It leads from its stop over to the road of the full bins, and along it. The carrier needs the
+    places of that road between which it turns, as one that drives along it: one after the other,
+    never two at once.
     """
-    ways = [route.go_to_bay(one.number, side) for one in route.layout.lanes]
-    _, turn, along, *onward = max(
-        ways, key=lambda way: len(way[2].frees) if isinstance(way[2], DriveTo) else 0
-    )
-    assert isinstance(turn, Face) and isinstance(along, DriveTo)
+    turn, along, onward = _longest_way_to_bay(route, side)
     ahead = -1.0 if turn.heading == "SOUTH" else 1.0
-    enters = {place: ahead * (gate.at - stop.y) for gate in along.needs for place in gate.places}
-    leaves = {place: ahead * (gate.at - stop.y) for gate in along.frees for place in gate.places}
+    # Place -> how far before (below 0) or behind the stop it begins and ends, m.
+    enters = {}
+    for gate in along.needs:
+        enters |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
+    leaves = {}
+    for gate in along.frees:
+        leaves |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
     around = [
-        place for place in leaves if leaves[place] > -RADIUS and enters.get(place, -inf) < RADIUS
+        place
+        for place, leaves_at in leaves.items()
+        if leaves_at > -RADIUS and enters.get(place, -inf) < RADIUS
     ]
-    needs = [Need([place]) for place in sorted(around, key=lambda place: leaves[place])]
+    around.sort(key=lambda place: leaves[place])
     return [
-        *needs,
+        *(Need([place]) for place in around),
         Face(side.heading("WEST")),
         DriveTo(x=side.x(route.F_ROAD)),
         Face(turn.heading),
@@ -181,82 +220,110 @@ def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) ->
     ]
 
 
+def _longest_way_to_bay(route: OneWay, side: Side) -> tuple[Face, DriveTo, list[Step]]:
+    """Return the way to the bay that knows the places of all lanes.
+
+    It is the turn onto the road, the drive along it, and the rest.
+    """
+
+    def place_count(way: list[Step]) -> int:
+        along = way[2]
+        return len(along.frees) if isinstance(along, DriveTo) else 0
+
+    ways = [route.go_to_bay(lane.number, side) for lane in route.layout.lanes]
+    _, turn, along, *onward = max(ways, key=place_count)
+    assert isinstance(turn, Face) and isinstance(along, DriveTo)
+    return turn, along, onward
+
+
 def _legs(steps: Iterable[Step], start: Pose) -> list[Leg]:
-    """Cut a plan where its drives end, and where they may have to wait. What is done before a drive belongs to it."""
+    """Cut a plan where its drives end, and where they may have to wait.
+
+    What is done before a drive belongs to it.
+    """
     legs: list[Leg] = []
     before: list[Step] = []
     pose = start
     for step in steps:
-        for part, waits_for in _parts(step, pose) if isinstance(step, DriveTo) else [(step, "")]:
-            begin, pose = pose, part.motion(pose)[0]
+        parts = _parts(step, pose) if isinstance(step, DriveTo) else [(step, "")]
+        for part, waits_for in parts:
+            begin = pose
+            pose = part.motion(begin)[0]
             before.append(part)
             if isinstance(part, DriveTo) and _point(pose) != _point(begin):
                 legs.append(Leg(begin, pose, tuple(before), waits_for))
                 before = []
-    return [*legs[:-1], replace(legs[-1], steps=(*legs[-1].steps, *before))]
+    last = legs[-1]
+    return [*legs[:-1], replace(last, steps=(*last.steps, *before))]
 
 
 def _parts(drive: DriveTo, start: Pose) -> Iterator[tuple[DriveTo, str]]:
-    """Cut a drive at the gates before which it may have to wait. Yield each part, and the place that is needed where it ends."""
+    """Cut a drive at the gates before which it may have to wait.
+
+    Yields each part, and the place that is needed where it ends.
+    """
     axis = "y" if drive.x is None else "x"
-    begin, end = getattr(start, axis), getattr(drive, axis)
+    begin = getattr(start, axis)
+    end = getattr(drive, axis)
     ahead = 1.0 if end >= begin else -1.0
+
+    def is_behind(at: float, other: float) -> bool:
+        return ahead * (at - other) > 0.0
+
     needs = [
-        gate
-        for gate in drive.needs
-        if ahead * (gate.at - begin) >= 0.0 and ahead * (end - gate.at) > 0.0
+        gate for gate in drive.needs if not is_behind(begin, gate.at) and is_behind(end, gate.at)
     ]
-    ats = sorted({gate.at for gate in needs if gate.at != begin}, key=lambda at: ahead * at)
-    for first, last in pairwise([begin, *ats, end]):
-        here = [gate for gate in needs if gate.at == first]
-        there = [place for gate in needs if gate.at == last for place in gate.places]
-        passed = [
+    cuts = sorted({gate.at for gate in needs if gate.at != begin}, key=lambda at: ahead * at)
+    for first, last in pairwise([begin, *cuts, end]):
+        frees = [
             gate
             for gate in drive.frees
-            if ahead * (gate.at - last) <= 0.0
-            and (first == begin or ahead * (gate.at - first) > 0.0)
+            if not is_behind(gate.at, last) and (first == begin or is_behind(gate.at, first))
         ]
-        yield (
-            structs.replace(drive, needs=here, frees=passed, **{axis: last}),
-            there[0] if there else "",
-        )
+        here = [gate for gate in needs if gate.at == first]
+        there = [place for gate in needs if gate.at == last for place in gate.places]
+        part = structs.replace(drive, needs=here, frees=frees, **{axis: last})
+        yield part, there[0] if there else ""
 
 
 def _point(pose: Pose) -> tuple[float, float]:
-    """A place to the millimetre: drives of several lanes lead to the same one."""
+    """Return a point to the millimetre: drives of several lanes lead to the same one."""
     return round(pose.x, 3), round(pose.y, 3)
 
 
 def _joined(
-    legs: list[Leg], named: dict[tuple[float, float], str], stations: Mapping[str, tuple[str, ...]]
+    legs: list[Leg], names: dict[tuple[float, float], str], stations: Mapping[str, tuple[str, ...]]
 ) -> Graph:
-    """Join the legs where they meet. Of those with the same ends that counts which gives back the most places."""
+    """Join the legs where they meet.
+
+    `names`: point -> name; the others get one here. Of legs with the same ends that counts which
+    gives back the most places.
+    """
     for leg in legs:
-        if leg.waits_for and leg.waits_for not in named.values():
-            named.setdefault(_point(leg.end), leg.waits_for)
+        if leg.waits_for and leg.waits_for not in names.values():
+            names.setdefault(_point(leg.end), leg.waits_for)
         for x, y in (_point(leg.start), _point(leg.end)):
-            named.setdefault((x, y), f"{x:g},{y:g}")
+            names.setdefault((x, y), f"{x:g},{y:g}")
     edges: dict[tuple[str, str], Edge] = {}
-    for leg in sorted(legs, key=lambda leg: len(_freed(leg.steps))):
-        start, end = named[_point(leg.start)], named[_point(leg.end)]
-        edges[start, end] = Edge(
-            start, end, abs(leg.end.x - leg.start.x) + abs(leg.end.y - leg.start.y), leg.steps
-        )
-    nodes = {name: Node(name, x, y) for (x, y), name in named.items()}
+    for leg in sorted(legs, key=_freed_count):
+        start = names[_point(leg.start)]
+        end = names[_point(leg.end)]
+        # Carriers drive along x or y only.
+        length = abs(leg.end.x - leg.start.x) + abs(leg.end.y - leg.start.y)
+        edges[start, end] = Edge(start, end, length, leg.steps)
     return Graph(
-        "carrier",
-        nodes,
-        edges,
-        tuple(name for name in stations if name.startswith(QUEUE)),
-        stations,
+        kind="carrier",
+        nodes={name: Node(name, x, y) for (x, y), name in names.items()},
+        edges=edges,
+        lines=tuple(name for name in stations if name.startswith(QUEUE)),
+        stations=stations,
     )
 
 
-def _freed(steps: Iterable[Step]) -> list[str]:
-    return [
-        place
-        for step in steps
-        if isinstance(step, DriveTo)
-        for gate in step.frees
-        for place in gate.places
-    ]
+def _freed_count(leg: Leg) -> int:
+    """Return how many places a leg gives back."""
+    count = 0
+    for step in leg.steps:
+        if isinstance(step, DriveTo):
+            count += sum(len(gate.places) for gate in step.frees)
+    return count

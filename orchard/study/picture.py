@@ -1,7 +1,8 @@
-"""The picture of a study: bins an hour with its band under the bound, and beneath it what a bin costs.
+"""The picture of a study: bins an hour with its band under the bound, and what a bin costs.
 
-The first key with the most numbers runs along the axis; each combination of other keys is a line with a mark of its own, to be read in
-grey. Values that are no numbers stand side by side, as points with their intervals.
+The first key with the most numbers runs along the axis. Each combination of other keys is a line
+with a mark of its own, to be read in grey. Values that are no numbers stand side by side, as points
+with their intervals.
 """
 
 import io
@@ -10,6 +11,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -19,30 +21,28 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from orchard.study.result import Interval, Row, StudyResult
+from orchard.study.spread import is_number
 from orchard.study.words import axis_words, interval_words, setting_words, value_words
 
-INK, QUIET = (
-    "#24301f",
-    "#5f6958",
-)  # of words and of axes; on a page the ink is that of the page's words
-COLOURS = (
-    "#3f8f4a",
-    "#d9822b",
-    "#4a86d0",
-    "#a65cc0",
-    "#95851c",
-    "#d1495b",
-)  # of lines, on light and on dark
-MARKS, DASHES = "osD^vP", ("-", "--", "-.", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)), ":")
-WIDTH, HEIGHT, HEIGHT_WITH_COST = 8.0, 4.4, 6.6  # inches
-DODGE = 0.16  # between the points of two lines at one value that is no number, as a share of the way to the next
+# Colours of words and of axes; on a page the ink is that of the page's words.
+INK = "#24301f"
+QUIET = "#5f6958"
+# Colours, marks and dashes of lines. The colours can be read on light and on dark.
+COLOURS = ("#3f8f4a", "#d9822b", "#4a86d0", "#a65cc0", "#95851c", "#d1495b")
+MARKS = "osD^vP"
+DASHES = ("-", "--", "-.", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)), ":")
+# Size of the picture, inches.
+WIDTH = 8.0
+HEIGHT = 4.4
+HEIGHT_WITH_COST = 6.6
+# Between the points of two lines at one value that is no number, as a share of the way to the next.
+DODGE = 0.16
 DEAREST = 3.0  # times the least cost, up to which costs are shown
 MOST_TICKS = 24  # values that are all named along the axis
 MOST_LINES = 6  # more are not shown: those with the best settings are
 FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
-DRAWING = (
-    threading.Lock()
-)  # matplotlib's settings hold for all threads, and two pages may draw at once
+# matplotlib's settings hold for all threads, and two pages may draw at once.
+DRAWING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -58,28 +58,35 @@ class Curve:
         return [row for row in self.rows if row.bins_per_hour is not None]
 
 
+@dataclass(frozen=True)
+class Look:
+    """How a line is drawn, so that it differs from the others."""
+
+    colour: str
+    mark: str
+    dash: Any
+    aside: float  # along the axis, from its values: points of several lines stand side by side
+
+    @property
+    def of_points(self) -> dict[str, Any]:
+        """The colour and the marks, as matplotlib takes them."""
+        return {"color": self.colour, "marker": self.mark, "ms": 5, "zorder": 3}
+
+
 class Content:
     """What the picture of a study shows: the key along the axis, and the lines."""
 
     def __init__(self, result: StudyResult) -> None:
         self.result = result
-        keys = result.compared
-        self.key = max(
-            keys,
-            key=lambda key: (
-                self._is_numeric(key),
-                len(result.varied[key]) if self._is_numeric(key) else 0,
-            ),
-            default="",
-        )
-        self.is_numeric = self._is_numeric(self.key)
-        self.others = [key for key in keys if key != self.key]
+        self.key = max(result.compared, key=self._number_count, default="")
+        self.is_numeric = self._number_count(self.key) > 0
+        self.others = [key for key in result.compared if key != self.key]
 
-    def _is_numeric(self, key: str) -> bool:
+    def _number_count(self, key: str) -> int:
+        """Return how many numbers a key has; 0 if not all of its values are numbers."""
         values = self.result.varied.get(key, [])
-        return len(values) > 1 and all(
-            isinstance(value, int | float) and not isinstance(value, bool) for value in values
-        )
+        is_numeric = len(values) > 1 and all(is_number(value) for value in values)
+        return len(values) if is_numeric else 0
 
     @cached_property
     def values(self) -> list[Any]:
@@ -90,200 +97,224 @@ class Content:
     @cached_property
     def lines(self) -> list[Curve]:
         """The lines, at most MOST_LINES of them: those that reach most of the goal."""
-        rows: dict[str, list[Row]] = {}  # by the values of all other keys, which may be sections
+        # By the values of all other keys, which may be sections.
+        rows: dict[str, list[Row]] = {}
         for row in sorted(self.result.table, key=self.place):
-            rows.setdefault(repr([row.setting.get(key) for key in self.others]), []).append(row)
-        made = [
-            Curve({key: some[0].setting.get(key) for key in self.others}, some)
-            for some in rows.values()
-        ]
-        best = sorted(made, key=self._reached)[:MOST_LINES]
-        return [line for line in made if line in best]
+            rest = [row.setting.get(key) for key in self.others]
+            rows.setdefault(repr(rest), []).append(row)
+        curves = []
+        for of_curve in rows.values():
+            setting = of_curve[0].setting
+            curves.append(Curve({key: setting.get(key) for key in self.others}, of_curve))
+        best = sorted(curves, key=self._reached)[:MOST_LINES]
+        return [curve for curve in curves if curve in best]
 
     def _reached(self, line: Curve) -> float:
+        """Return how near a line comes to the goal; less is nearer."""
         sign = -1.0 if self.result.goal == "bins_per_hour" else 1.0
-        figures = (getattr(row, self.result.goal) for row in line.known)
-        return min(
-            (sign * figure.mean for figure in figures if figure is not None), default=float("inf")
-        )
+        figures = [getattr(row, self.result.goal) for row in line.known]
+        means = [sign * figure.mean for figure in figures if figure is not None]
+        return min(means, default=inf)
 
     def place(self, row: Row) -> float:
-        """Where a row stands along the axis."""
+        """Return where a row stands along the axis."""
         value = row.setting.get(self.key)
-        return (
-            float(value)
-            if self.is_numeric and value is not None
-            else float(self.values.index(value))
-            if self.values
-            else 0.0
+        if self.is_numeric and value is not None:
+            return float(value)
+        return float(self.values.index(value)) if self.values else 0.0
+
+    def look(self, number: int) -> Look:
+        """Return how a line is drawn. `number`: of the line, from 0 on."""
+        middle = (len(self.lines) - 1) / 2
+        return Look(
+            colour=COLOURS[number % len(COLOURS)],
+            mark=MARKS[number % len(MARKS)],
+            dash=DASHES[number % len(DASHES)],
+            aside=0.0 if self.is_numeric else DODGE * (number - middle),
         )
+
+    def places(self, line: Curve, look: Look) -> list[float]:
+        """Return where the rows of a line stand along the axis, (n,)."""
+        return [self.place(row) + look.aside for row in line.rows]
 
 
 def figure(result: StudyResult) -> Figure:
     """Return the picture of a study, complete or not."""
     content = Content(result)
     has_cost = any(row.cost_per_bin is not None for row in result.table)
-    drawing = Figure(
-        figsize=(WIDTH, HEIGHT_WITH_COST if has_cost else HEIGHT), layout="constrained"
-    )
+    height = HEIGHT_WITH_COST if has_cost else HEIGHT
+    drawing = Figure(figsize=(WIDTH, height), layout="constrained")
     drawing.patch.set_alpha(0.0)
-    top, *beneath = drawing.subplots(
-        2 if has_cost else 1,
-        1,
-        sharex=True,
-        squeeze=False,
-        height_ratios=[3, 2] if has_cost else None,
-    ).flat
-    _draw_rates(top, content)
-    for axes in beneath:
-        _draw_costs(axes, content)
-    for axes in (top, *beneath):
+    if has_cost:
+        rates, costs = drawing.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+        all_axes = [rates, costs]
+    else:
+        rates = drawing.subplots()
+        all_axes = [rates]
+    _draw_rates(rates, content)
+    if has_cost:
+        _draw_costs(costs, content)
+    for axes in all_axes:
         _style(axes)
-    _draw_axis([top, *beneath][-1], content)
+    _draw_axis(all_axes[-1], content)
     return drawing
 
 
 def _draw_rates(axes: Axes, content: Content) -> None:
-    axes.set_ylabel(
-        "bins an hour" + (" in the long run" if content.result.horizon == "long" else "")
-    )
+    """Draw the bins an hour of all lines, under their bounds."""
+    is_long = content.result.horizon == "long"
+    axes.set_ylabel("bins an hour" + (" in the long run" if is_long else ""))
     for number, line in enumerate(content.lines):
-        places, colour = _places(content, line, number), COLOURS[number % len(COLOURS)]
-        bounds = [row.bound_bins_per_hour for row in line.rows]
-        said = "bound" if number == 0 else None
-        look: dict[str, Any] = (
-            {"lw": 1, "ls": (0, (1, 2))}
-            if content.is_numeric
-            else {"ls": "", "marker": "_", "ms": 16}
-        )
-        axes.plot(places, bounds, color=colour, label=said, **look)
-        _draw_figures(axes, content, line, number, [row.bins_per_hour for row in line.rows])
-        checked = [
-            (place, row.check)
-            for place, row in zip(places, line.rows, strict=True)
-            if row.check is not None
-        ]
-        if checked:
-            means = [check.bins_per_hour for _, check in checked]
-            label = (
-                "simulator"
-                if not any(text == "simulator" for text in axes.get_legend_handles_labels()[1])
-                else None
-            )
-            axes.errorbar([place for place, _ in checked], [one.mean for one in means], _halves(means), color=INK, ls="", marker="d", ms=8,
-                          mfc="none", capsize=4, lw=1, zorder=5, label=label)  # fmt: skip
-        jammed = [
-            place for place, row in zip(places, line.rows, strict=True) if row.bins_per_hour is None
-        ]
-        if jammed:
-            axes.plot(
-                jammed,
-                [0.0] * len(jammed),
-                color=colour,
-                ls="",
-                marker="x",
-                ms=8,
-                mew=2,
-                clip_on=False,
-                label="jammed",
-            )
+        look = content.look(number)
+        _draw_bounds(axes, content, line, look)
+        _draw_figures(axes, content, line, look, [row.bins_per_hour for row in line.rows])
+        _draw_checks(axes, content, line, look)
+        _draw_jams(axes, content, line, look)
     axes.set_ylim(bottom=0.0)
     if content.lines:
         axes.legend(frameon=False, fontsize=9, loc="best", labelcolor=INK)
 
 
+def _draw_bounds(axes: Axes, content: Content, line: Curve, look: Look) -> None:
+    """Draw the bound of each setting of a line: dotted, or as dashes beside each other."""
+    bounds = [row.bound_bins_per_hour for row in line.rows]
+    style: dict[str, Any] = {"ls": "", "marker": "_", "ms": 16}
+    if content.is_numeric:
+        style = {"lw": 1, "ls": (0, (1, 2))}
+    label = _once(axes, "bound")
+    axes.plot(content.places(line, look), bounds, color=look.colour, label=label, **style)
+
+
+def _draw_checks(axes: Axes, content: Content, line: Curve, look: Look) -> None:
+    """Draw what the simulator says of the settings that it has checked."""
+    places = []
+    means = []
+    for place, row in zip(content.places(line, look), line.rows, strict=True):
+        if row.check is not None:
+            places.append(place)
+            means.append(row.check.bins_per_hour)
+    if not places:
+        return
+    axes.errorbar(
+        places,
+        [interval.mean for interval in means],
+        _half_widths(means),
+        color=INK,
+        ls="",
+        marker="d",
+        ms=8,
+        mfc="none",
+        capsize=4,
+        lw=1,
+        zorder=5,
+        label=_once(axes, "simulator"),
+    )
+
+
+def _draw_jams(axes: Axes, content: Content, line: Curve, look: Look) -> None:
+    """Draw a cross at the foot for each setting whose runs all jammed."""
+    places = [
+        place
+        for place, row in zip(content.places(line, look), line.rows, strict=True)
+        if row.bins_per_hour is None
+    ]
+    if places:
+        axes.plot(
+            places,
+            [0.0] * len(places),
+            color=look.colour,
+            ls="",
+            marker="x",
+            ms=8,
+            mew=2,
+            clip_on=False,
+            label="jammed",
+        )
+
+
 def _draw_costs(axes: Axes, content: Content) -> None:
-    """What a bin costs. Where it is far above the least, the line leaves the picture."""
+    """Draw what a bin costs. Where it is far above the least, the line leaves the picture."""
     axes.set_ylabel("cost of a bin")
     for number, line in enumerate(content.lines):
-        _draw_figures(axes, content, line, number, [row.cost_per_bin for row in line.rows])
+        costs_of_line = [row.cost_per_bin for row in line.rows]
+        _draw_figures(axes, content, line, content.look(number), costs_of_line)
     costs = [row.cost_per_bin.mean for row in content.result.table if row.cost_per_bin is not None]
     axes.set_ylim(0.0, 1.1 * min(max(costs), DEAREST * min(costs)) or 1.0)
 
 
 def _draw_figures(
-    axes: Axes, content: Content, line: Curve, number: int, figures: Sequence[Interval | None]
+    axes: Axes, content: Content, line: Curve, look: Look, figures: Sequence[Interval | None]
 ) -> None:
-    places = _places(content, line, number)
-    known = [(place, one) for place, one in zip(places, figures, strict=True) if one is not None]
+    """Draw figures of a line with their intervals, and the best one. `figures`: of its rows, (n,)."""
+    places = []
+    known = []
+    for place, interval in zip(content.places(line, look), figures, strict=True):
+        if interval is not None:
+            places.append(place)
+            known.append(interval)
     if not known:
         return
-    along, shown = [place for place, _ in known], [one for _, one in known]
-    look: dict[str, Any] = {
-        "color": COLOURS[number % len(COLOURS)],
-        "marker": MARKS[number % len(MARKS)],
-        "ms": 5,
-        "zorder": 3,
-    }
-    name = (
-        setting_words(line.rest)
-        if line.rest
-        else "fast model"
-        if line.rows[0].model == "fast"
-        else "simulator"
-    )
+    means = [interval.mean for interval in known]
+    label = _name_of(line)
     if content.is_numeric:
-        axes.fill_between(
-            along,
-            [one.low for one in shown],
-            [one.high for one in shown],
-            color=look["color"],
-            alpha=0.18,
-            lw=0,
-        )
-        axes.plot(
-            along,
-            [one.mean for one in shown],
-            lw=1.8,
-            ls=DASHES[number % len(DASHES)],
-            label=name,
-            **look,
-        )
+        lows = [interval.low for interval in known]
+        highs = [interval.high for interval in known]
+        axes.fill_between(places, lows, highs, color=look.colour, alpha=0.18, lw=0)
+        axes.plot(places, means, lw=1.8, ls=look.dash, label=label, **look.of_points)
     else:
-        axes.errorbar(
-            along,
-            [one.mean for one in shown],
-            _halves(shown),
-            ls="",
-            capsize=5,
-            lw=1.4,
-            label=name,
-            **look,
-        )
-    for place, one, row in zip(places, figures, line.rows, strict=True):
-        if row.standing == "best" and one is not None:
-            axes.plot(
-                [place],
-                [one.mean],
-                marker="o",
-                ms=14,
-                mfc="none",
-                mec=INK,
-                mew=1.5,
-                ls="",
-                zorder=4,
-                label=None if "best" in axes.get_legend_handles_labels()[1] else "best",
-            )
-            axes.annotate(
-                interval_words(one),
-                (place, one.mean),
-                xytext=(10, -16),
-                textcoords="offset points",
-                fontsize=9,
-                color=INK,
-            )
+        bars = _half_widths(known)
+        axes.errorbar(places, means, bars, ls="", capsize=5, lw=1.4, label=label, **look.of_points)
+    for place, interval, row in zip(content.places(line, look), figures, line.rows, strict=True):
+        if row.standing == "best" and interval is not None:
+            _mark_best(axes, place, interval)
 
 
-def _places(content: Content, line: Curve, number: int) -> list[float]:
-    aside = 0.0 if content.is_numeric else DODGE * (number - (len(content.lines) - 1) / 2)
-    return [content.place(row) + aside for row in line.rows]
+def _mark_best(axes: Axes, place: float, interval: Interval) -> None:
+    """Draw a ring around the figure of the best setting, and write the figure beside it."""
+    axes.plot(
+        [place],
+        [interval.mean],
+        marker="o",
+        ms=14,
+        mfc="none",
+        mec=INK,
+        mew=1.5,
+        ls="",
+        zorder=4,
+        label=_once(axes, "best"),
+    )
+    axes.annotate(
+        interval_words(interval),
+        (place, interval.mean),
+        xytext=(10, -16),
+        textcoords="offset points",
+        fontsize=9,
+        color=INK,
+    )
 
 
-def _halves(shown: Sequence[Interval]) -> list[list[float]]:
-    return [[one.mean - one.low for one in shown], [one.high - one.mean for one in shown]]
+def _name_of(line: Curve) -> str:
+    """Return the name of a line for the legend: what its settings share, or the model."""
+    if line.rest:
+        return setting_words(line.rest)
+    return "fast model" if line.rows[0].model == "fast" else "simulator"
+
+
+def _once(axes: Axes, label: str) -> str | None:
+    """Return a label; None if the legend has it already."""
+    _, labels = axes.get_legend_handles_labels()
+    return None if label in labels else label
+
+
+def _half_widths(intervals: Sequence[Interval]) -> list[list[float]]:
+    """Return how far intervals reach below and above their means, (2, n)."""
+    below = [interval.mean - interval.low for interval in intervals]
+    above = [interval.high - interval.mean for interval in intervals]
+    return [below, above]
 
 
 def _style(axes: Axes) -> None:
+    """Give axes the colours of all pictures."""
     axes.patch.set_alpha(0.0)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(QUIET)
@@ -293,17 +324,15 @@ def _style(axes: Axes) -> None:
 
 
 def _draw_axis(axes: Axes, content: Content) -> None:
+    """Name the values along the axis."""
     axes.set_xlabel(axis_words(content.key), color=INK)
+    count = len(content.values)
     if not content.is_numeric:
-        axes.set_xticks(
-            range(len(content.values)),
-            [
-                value_words(value, content.key).replace("-", "-\n").replace(".", ".\n")
-                for value in content.values
-            ],
-        )
-        axes.set_xlim(-0.5, max(0.5, len(content.values) - 0.5))
-    elif len(content.values) <= MOST_TICKS:
+        names = [value_words(value, content.key) for value in content.values]
+        wrapped = [name.replace("-", "-\n").replace(".", ".\n") for name in names]
+        axes.set_xticks(range(count), wrapped)
+        axes.set_xlim(-0.5, max(0.5, count - 0.5))
+    elif count <= MOST_TICKS:
         axes.set_xticks(content.values, [value_words(value) for value in content.values])
     else:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
@@ -315,15 +344,19 @@ def save_futures(
     shares: Mapping[float, float],
     decided: float | None,
 ) -> None:
-    """Draw the futures of moments, min: their bins an hour, the share that end well, the last good moment. Raises as `save` does."""
+    """Draw the futures of moments.
+
+    `rates`: moment, min -> the bins an hour of its futures. `shares`: moment, min -> the share of
+    its futures that end well. `decided`: the last good moment, min, if any. Raises as `save` does.
+    """
     drawing = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
     top, beneath = drawing.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    for at, some in rates.items():
-        top.plot([at] * len(some), some, ls="", marker="o", ms=4, color=COLOURS[0], alpha=0.6)
+    for minute, of_moment in rates.items():
+        minutes = [minute] * len(of_moment)
+        top.plot(minutes, of_moment, ls="", marker="o", ms=4, color=COLOURS[0], alpha=0.6)
     top.set_ylabel("bins an hour")
-    beneath.plot(
-        [*shares], [100.0 * share for share in shares.values()], color=COLOURS[1], marker="o", ms=4
-    )
+    percents = [100.0 * share for share in shares.values()]
+    beneath.plot(list(shares), percents, color=COLOURS[1], marker="o", ms=4)
     beneath.set_ylim(-5.0, 105.0)
     beneath.set_ylabel("end well, %")
     beneath.set_xlabel("the moment from which they begin, min", color=INK)
@@ -338,47 +371,50 @@ def save_futures(
 
 
 def save(result: StudyResult, path: Path) -> None:
-    """Write the picture, on white, in the format of its name, such as .svg or .png. Raises ValueError for another one, or OSError."""
+    """Write the picture, on white, in the format of its name, such as .svg or .png.
+
+    Raises ValueError for another format, or OSError.
+    """
     _save(figure(result), path)
 
 
 def _save(drawing: Figure, path: Path) -> None:
-    if (
-        kind := path.suffix.removeprefix(".").lower()
-    ) not in drawing.canvas.get_supported_filetypes():
+    """Write a drawing, on white. Raises as `save` does."""
+    kind = path.suffix.removeprefix(".").lower()
+    if kind not in drawing.canvas.get_supported_filetypes():
         raise ValueError(f"{path}: a picture's name ends in .svg or .png")
     drawing.patch.set(alpha=1.0, facecolor="white")
-    path.write_bytes(_written(drawing, kind))
+    path.write_bytes(_file_of(drawing, kind))
 
 
 def inline_svg(result: StudyResult) -> str:
-    """Return the picture as an element of a page, in the colour of the page's words; it says what it shows."""
-    svg = re.sub(
-        r"<metadata>.*?</metadata>", "", _written(figure(result), "svg").decode(), flags=re.DOTALL
-    )
-    svg = re.sub(
-        r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg[svg.index("<svg") :], count=1
-    )
-    title = "Bins an hour of each setting" + (
-        ", and what a bin costs" if any(row.cost_per_bin for row in result.table) else ""
-    )
-    return (
-        svg.replace(">", f' aria-label="{title}">', 1)
-        .replace(INK, "currentColor")
-        .replace(QUIET, "#7d8778")
-    )
+    """Return the picture as an element of a page, in the colour of the page's words.
+
+    The element has a title, which says what the picture shows.
+    """
+    svg = _file_of(figure(result), "svg").decode()
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', ' role="img"', svg, count=1)
+    title = "Bins an hour of each setting"
+    if any(row.cost_per_bin for row in result.table):
+        title += ", and what a bin costs"
+    svg = svg.replace(">", f' aria-label="{title}">', 1)
+    return svg.replace(INK, "currentColor").replace(QUIET, "#7d8778")
 
 
-def _written(drawing: Figure, kind: str) -> bytes:
-    """A picture as the bytes of a file, the same each time: SVG with its words as text, without a date."""
-    with (
-        DRAWING,
-        matplotlib.rc_context(
-            {"svg.fonttype": "none", "svg.hashsalt": "orchard", "font.sans-serif": FONTS}
-        ),
-    ):
+def _file_of(drawing: Figure, kind: str) -> bytes:
+    """Return a drawing as the bytes of a file, the same each time.
+
+    An SVG has its words as text, and no date.
+    """
+    settings: dict[Any, Any] = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": "orchard",
+        "font.sans-serif": FONTS,
+    }
+    metadata = {"Date": None} if kind == "svg" else None
+    with DRAWING, matplotlib.rc_context(settings):
         file = io.BytesIO()
-        drawing.savefig(
-            file, format=kind, dpi=150, metadata={"Date": None} if kind == "svg" else None
-        )
+        drawing.savefig(file, format=kind, dpi=150, metadata=metadata)
     return file.getvalue()

@@ -1,10 +1,12 @@
-"""The settings of a study: what `--vary KEY=VALUES` means, each combination of values as a scenario, and the numbers of carriers to try."""
+"""The settings of a study: each combination of the values that vary, as a scenario.
+
+Here stands what `--vary KEY=VALUES` means, and which numbers of carriers an open study tries.
+"""
 
 import json
 import re
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -39,142 +41,195 @@ class Setting:
     @cached_property
     def words(self) -> str:
         """The setting as a user would type it: "carriers=9, dispatch=predictive"."""
-        return ", ".join(
-            f"{key}={value if isinstance(value, str) else show(value)}"
-            for key, value in self.values.items()
-        )
+        parts = []
+        for key, value in self.values.items():
+            text = value if isinstance(value, str) else show(value)
+            parts.append(f"{key}={text}")
+        return ", ".join(parts)
 
     @property
     def is_random(self) -> bool:
         """Whether two seeds can give two results."""
         scenario = self.scenario
         guests = [*scenario.people.model_dump().values(), *scenario.animals.model_dump().values()]
-        guests += scenario.own_classes.values()  # they may draw by the seed
-        return (
-            scenario.work_is_drawn
-            or any(guests)
-            or scenario.laser.noise > 0.0
-            or not scenario.sensors.are_exact
-        )
+        # Own classes may draw by the seed.
+        has_chance = bool(scenario.own_classes) or any(guests)
+        has_noise = scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
+        return scenario.work_is_drawn or has_chance or has_noise
 
     @property
     def has_prices(self) -> bool:
+        """Whether the scenario says what something costs."""
         return any(price is not None for price in self.scenario.prices.model_dump().values())
 
     def cost_per_bin(self, bins_per_hour: float) -> float | None:
         """Return what a bin costs at a rate, in the currency of the prices; None without prices."""
-        scenario, prices = self.scenario, self.scenario.prices
         if not self.has_prices:
             return None
-        robots = scenario.pickers * (prices.picker_per_hour or 0.0) + scenario.carrier_count * (
-            prices.carrier_per_hour or 0.0
-        )
-        return (robots + (prices.overhead_per_hour or 0.0)) / bins_per_hour + (
-            prices.per_bin or 0.0
-        )
+        prices = self.scenario.prices
+        pickers_per_hour = self.scenario.pickers * (prices.picker_per_hour or 0.0)
+        carriers_per_hour = self.scenario.carrier_count * (prices.carrier_per_hour or 0.0)
+        per_hour = pickers_per_hour + carriers_per_hour + (prices.overhead_per_hour or 0.0)
+        return per_hour / bins_per_hour + (prices.per_bin or 0.0)
+
+
+class VaryError(ValueError):
+    """What `--vary` says cannot be understood: the text says why."""
+
+
+FORM = (
+    "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20; "
+    "carriers alone: as many as it takes"
+)
 
 
 def varied_of(words: Sequence[str]) -> tuple[Varied, list[Problem]]:
-    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form. Carriers alone have no values."""
+    """Return what `--vary` options say, as dotted path -> its values, and all faults of their form.
+
+    Carriers alone have no values.
+    """
     varied: Varied = {}
     problems = []
     for word in words:
-        key, _, text = word.partition("=")
-        key = key.strip()
-        values = [] if word.strip() == CARRIERS else _values(text)
-        if not key or isinstance(values, str):
-            problems.append(
-                Problem(f"--vary {word}", values if key and isinstance(values, str) else FORM)
-            )
-        elif key in varied:
-            problems.append(
-                Problem(
-                    f"--vary {word}",
-                    "this key varies already; give all its values in one --vary",
-                    key,
-                )
-            )
+        try:
+            key, values = _key_and_values(word)
+        except VaryError as error:
+            problems.append(Problem(f"--vary {word}", str(error)))
+            continue
+        if key in varied:
+            text = "this key varies already; give all its values in one --vary"
+            problems.append(Problem(f"--vary {word}", text, key))
         else:
             varied[key] = values
     return varied, problems
 
 
-FORM = "must be KEY=VALUE,VALUE or KEY=FIRST..LAST, such as carriers=1..20; carriers alone: as many as it takes"
+def _key_and_values(word: str) -> tuple[str, list[Any]]:
+    """Return the key of a `--vary`, and its values. Raises VaryError."""
+    if word.strip() == CARRIERS:
+        return CARRIERS, []
+    key, _, text = word.partition("=")
+    if not key.strip():
+        raise VaryError(FORM)
+    return key.strip(), _values(text)
 
 
-def _values(text: str) -> list[Any] | str:
-    found: list[Any] = []
-    with suppress(ValueError, RecursionError):  # values of JSON, as sections are, may have commas
-        found = json.loads(f"[{text}]")
-    for part in () if found else text.split(","):
-        if not part.strip():
-            return FORM
-        span = _RANGE.fullmatch(part.strip())
-        if span is None:
-            found.append(value_of(part.strip()))
-            continue
-        first, last, step = int(span[1]), int(span[2]), int(span[3] or 1)
-        if step < 1 or last < first:
-            return f"{part}: this range is empty; the last number must be at least the first, and the step at least 1"
-        if len(range(first, last + 1, step)) > MOST_SETTINGS:
-            return f"{part}: more than {MOST_SETTINGS:,} values"
-        found += range(first, last + 1, step)
-    twice = (
-        [value for i, value in enumerate(found) if value in found[:i]]
-        if len(found) <= MOST_SETTINGS
-        else []
-    )
-    return f"{twice[0]}: given twice" if twice else found
+def _values(text: str) -> list[Any]:
+    """Return the values that a text lists. Raises VaryError."""
+    values = _json_values(text)
+    if not values:
+        for part in text.split(","):
+            values += _values_of_part(part)
+    # So many values are refused anyway, and comparing them would take long.
+    if len(values) <= MOST_SETTINGS:
+        for number, value in enumerate(values):
+            if value in values[:number]:
+                raise VaryError(f"{value}: given twice")
+    return values
+
+
+def _json_values(text: str) -> list[Any]:
+    """Return the values of JSON, which may have commas, as sections do; none if it is not JSON."""
+    try:
+        return list(json.loads(f"[{text}]"))
+    except (ValueError, RecursionError):
+        return []
+
+
+def _values_of_part(part: str) -> list[Any]:
+    """Return the value or the range of values between two commas. Raises VaryError."""
+    if not part.strip():
+        raise VaryError(FORM)
+    bounds = _RANGE.fullmatch(part.strip())
+    if bounds is None:
+        return [value_of(part.strip())]
+    first = int(bounds[1])
+    last = int(bounds[2])
+    step = int(bounds[3] or 1)
+    if step < 1 or last < first:
+        raise VaryError(
+            f"{part}: this range is empty; "
+            "the last number must be at least the first, and the step at least 1"
+        )
+    values = range(first, last + 1, step)
+    if len(values) > MOST_SETTINGS:
+        raise VaryError(f"{part}: more than {MOST_SETTINGS:,} values")
+    return list(values)
 
 
 def settings_of(
     scenario: Scenario, varied: Mapping[str, Sequence[Any]]
 ) -> tuple[list[Setting], list[Problem]]:
-    """Return each combination of the values that is a scenario, in order, and what is wrong with the others."""
-    if found := _unusable(varied):
-        return [], found
+    """Return each combination of the values that is a scenario, in order.
+
+    Also returns what is wrong with the others, each fault once.
+    """
+    unusable = _unusable(varied)
+    if unusable:
+        return [], unusable
     settings: list[Setting] = []
-    problems: dict[tuple[str, str], Problem] = {}
-    values_of: dict[tuple[str, str], list[str]] = {}  # problem -> the values that have it
+    faults = _Faults(varied)
     for values in product(*varied.values()):
         setting = dict(zip(varied, values, strict=True))
         try:
             settings.append(Setting(setting, with_changes(scenario, **setting)))
         except ScenarioError as error:
             for problem in error.problems:
-                key = problem.path, problem.text
-                problems.setdefault(key, _placed(problem, setting, varied))
-                of_key = values_of.setdefault(key, [])
-                is_more = (
-                    problem.value not in of_key if problem.path in varied else not of_key
-                )  # else one setting is named
-                if is_more and not problem.text.startswith("unknown key"):
-                    of_key.append(problem.value)
-    return settings, [
-        replace(problem, value=_together(values_of[key])) for key, problem in problems.items()
-    ]
+                faults.add(problem, setting)
+    return settings, faults.problems()
+
+
+class _Faults:
+    """What is wrong with settings: each fault once, with some of the values that have it."""
+
+    def __init__(self, varied: Mapping[str, Sequence[Any]]) -> None:
+        self._varied = varied
+        self._problems: dict[tuple[str, str], Problem] = {}
+        self._values: dict[tuple[str, str], list[str]] = {}
+
+    def add(self, problem: Problem, setting: dict[str, Any]) -> None:
+        """Add a problem of a setting."""
+        key = problem.path, problem.text
+        if key not in self._problems:
+            self._problems[key] = _placed(problem, setting, self._varied)
+            self._values[key] = []
+        if self._tells_more(problem, self._values[key]):
+            self._values[key].append(problem.value)
+
+    def _tells_more(self, problem: Problem, known: Sequence[str]) -> bool:
+        """Whether the value of a problem is named too. `known`: those that are named already."""
+        if problem.text.startswith("unknown key"):
+            return False
+        # A problem of no key that varies names one setting, with one value.
+        return problem.value not in known if problem.path in self._varied else not known
+
+    def problems(self) -> list[Problem]:
+        """Return all problems, in the order in which they came."""
+        return [
+            replace(problem, value=_together(self._values[key]))
+            for key, problem in self._problems.items()
+        ]
 
 
 def _together(values: Sequence[str]) -> str:
+    """Return some values that have one fault, and how many more have it."""
     more = len(values) - MOST_NAMED
     return ", ".join(values[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
-    count, problems = prod(len(values) for values in varied.values()), []
-    if not 0 < count <= MOST_SETTINGS:
-        text = (
-            "no values"
-            if not count
-            else f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
-        )
-        problems.append(Problem(_option(varied, ", ".join(varied)), text))
+    """Return what is wrong with the values that vary, whatever the scenario is."""
+    problems = []
+    count = prod(len(values) for values in varied.values())
+    all_keys = _option(varied, ", ".join(varied))
+    if count == 0:
+        problems.append(Problem(all_keys, "no values"))
+    if count > MOST_SETTINGS:
+        text = f"{count:,} settings; at most {MOST_SETTINGS:,} can be compared"
+        problems.append(Problem(all_keys, text))
     if SEED in varied:
-        problems.append(
-            Problem(
-                _option(varied, SEED), "each replication has its own seed; vary other keys", SEED
-            )
-        )
+        text = "each replication has its own seed; vary other keys"
+        problems.append(Problem(_option(varied, SEED), text, SEED))
     return problems
 
 
@@ -182,39 +237,40 @@ def _placed(
     problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]
 ) -> Problem:
     """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting."""
-    source = (
-        _option(varied, problem.path)
-        if problem.path in varied
-        else f"the setting {Setting(setting, Scenario()).words}"
-    )
+    if problem.path in varied:
+        source = _option(varied, problem.path)
+    else:
+        source = f"the setting {Setting(setting, Scenario()).words}"
     return Problem(source, problem.text, problem.path, problem.value)
 
 
 def _option(varied: Mapping[str, Sequence[Any]], keys: str) -> str:
+    """Return the `--vary` of a key as a user types it, with a range where that is shorter."""
     values = list(varied.get(keys, []))
-    if (
-        len(values) > 2
-        and all(type(value) is int for value in values)
-        and values == list(range(values[0], values[-1] + 1))
-    ):
+    if not values:
+        return f"--vary {keys}"
+    is_whole = all(type(value) is int for value in values)
+    if len(values) > 2 and is_whole and values == list(range(values[0], values[-1] + 1)):
         return f"--vary {keys}={values[0]}..{values[-1]}"
-    return f"--vary {keys}" + (f"={','.join(map(str, values))}" if values else "")
+    return f"--vary {keys}={','.join(map(str, values))}"
 
 
-# -- the numbers of carriers that a study tries if it is told none: first those about the bound's, then more until the answer lies inside
+# -- the numbers of carriers that an open study tries
+#
+# First come those about the bound's, then more until the answer lies inside.
 
-ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType(
-    {CARRIERS: ()}
-)  # what varies if a study is told nothing
-FEWER, MORE = 0.5, 1.5  # times the number in question, between which numbers are tried
+# What varies if a study is told nothing.
+ALL_IT_TAKES: Mapping[str, Sequence[Any]] = MappingProxyType({CARRIERS: ()})
+# Times the number in question, between which numbers are tried.
+FEWER = 0.5
+MORE = 1.5
 STEPS = 4  # in which they come up to that number; those next to the answer follow
 
 
 def most_carriers(scenario: Scenario) -> int:
     """Return for how many carriers the orchard has room."""
-    return bisect_left(
-        range(1, MOST_CARRIERS + 1), True, key=lambda number: not _has_room(scenario, number)
-    )
+    numbers = range(1, MOST_CARRIERS + 1)
+    return bisect_left(numbers, True, key=lambda number: not _has_room(scenario, number))
 
 
 def _has_room(scenario: Scenario, carriers: int) -> bool:
@@ -232,29 +288,37 @@ def is_open(varied: Mapping[str, Sequence[Any]]) -> bool:
 
 def numbered(scenario: Scenario, varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     """Return what varies, with the numbers of carriers with which an open study begins."""
-    return {
-        key: list(values) or (first_numbers(scenario) if key == CARRIERS else [])
-        for key, values in varied.items()
-    }
+    known = {key: list(values) for key, values in varied.items()}
+    if is_open(varied):
+        known[CARRIERS] = first_numbers(scenario)
+    return known
 
 
 def first_numbers(scenario: Scenario) -> list[int]:
-    """Return the numbers to begin with: about that which keeps pickers and unloading busy if there is no traffic."""
+    """Return the numbers to begin with.
+
+    They lie about that which keeps pickers and unloading busy if there is no traffic.
+    """
     most = most_carriers(scenario)
     try:
         terms = Bounds(lay_out(with_changes(scenario, carriers=1))).terms
-    except ScenarioError:  # of an own class, which is reported elsewhere
+    except ScenarioError:
+        # It is of an own class, and reported elsewhere.
         return [scenario.carrier_count]
     busy = min(most, ceil(min(terms["pickers"], terms["unloading"]) / terms["carriers"]))
     step = max(1, busy // STEPS)
-    return list(range(max(1, int(FEWER * busy)), min(most, ceil(MORE * busy) + step) + 1, step))
+    first = max(1, int(FEWER * busy))
+    last = min(most, ceil(MORE * busy) + step)
+    return list(range(first, last + 1, step))
 
 
 def more_numbers(tried: Sequence[int], answer: int, most: int) -> list[int]:
-    """Return the numbers to try as well, so that the answer has its neighbours, and is no end of what was tried.
+    """Return the numbers to try as well, so that the answer lies inside and has its neighbours.
 
-    Each halves the gap below the answer; the one above follows when there is no gap."""
+    Each halves the gap below the answer. When there is no gap, the number above follows.
+    """
     below = max((number for number in tried if number < answer), default=0)
-    next_one = answer + 1 if answer - below == 1 else (below + answer) // 2
-    wanted = {next_one, *range(max(tried), ceil(MORE * answer) + 1, max(1, answer // STEPS))}
+    neighbour = answer + 1 if answer - below == 1 else (below + answer) // 2
+    further = range(max(tried), ceil(MORE * answer) + 1, max(1, answer // STEPS))
+    wanted = {neighbour, *further}
     return sorted(number for number in wanted - set(tried) if 1 <= number <= most)

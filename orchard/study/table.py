@@ -45,77 +45,68 @@ OF_COLUMNS = (
     "wait: of a picker that stands at its row's end, for an empty bin. "
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
-OPTIMUM = " optimum: no harvest without traffic is shorter, which is proven; and how far above it this one is."
+OPTIMUM = (
+    " optimum: no harvest without traffic is shorter, which is proven; "
+    "and how far above it this one is."
+)
 CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
-ONLY_IF_KNOWN = (
-    "harvest, s",
-    "a bin",
-    "optimum, s",
-    "checked",
-)  # columns that are left out if they have nothing in any row
-OF_JAMMED = ("bins/h", "bound", "limit", "checked")  # known if runs jammed
-WRAPPED = (
-    "bins/h",
-    "harvest, s",
-    "a bin",
-    "behind, %",
-    "bound",
-    "optimum, s",
-    "checked",
-)  # where the terminal is narrow
+# Columns that are left out if they have nothing in any row.
+ONLY_IF_KNOWN = ("harvest, s", "a bin", "optimum, s", "checked")
+# Columns that are known of a setting whose runs all jammed.
+OF_JAMMED = ("bins/h", "bound", "limit", "checked")
+# Columns whose cells wrap where the terminal is narrow.
+WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")
 
 
 def words(result: StudyResult) -> tuple[list[str], list[list[str]]]:
-    """Return the heads of the columns, and the lines, with marks in the first cells. `legend` explains them."""
-    known = {
-        head: [_cell(head, row) for row in result.table]
-        for head in COLUMNS
-        if head not in _unasked(result)
-    }
-    shown = {
-        head: cells
-        for head, cells in known.items()
-        if head not in ONLY_IF_KNOWN or set(cells) != {NONE}
-    }
-    columns = {
-        key_words(key): [value_words(row.setting[key], key) for row in result.table]
-        for key in result.compared
-    } | shown
-    lines = zip(*columns.values(), result.table, strict=True)
-    return list(columns), [
-        [f"{first} {MARKS[row.standing]}".rstrip(), *rest] for first, *rest, row in lines
-    ]
+    """Return the heads of the columns, and the lines. `legend` explains their marks."""
+    columns: dict[str, list[str]] = {}
+    for key in result.compared:
+        columns[key_words(key)] = [value_words(row.setting[key], key) for row in result.table]
+    unasked = _unasked(result)
+    for head in COLUMNS:
+        cells = [_cell(head, row) for row in result.table]
+        has_content = head not in ONLY_IF_KNOWN or set(cells) != {NONE}
+        if head not in unasked and has_content:
+            columns[head] = cells
+    lines = []
+    for row, cells_of_row in zip(result.table, zip(*columns.values(), strict=True), strict=True):
+        first, *others = cells_of_row
+        lines.append([f"{first} {MARKS[row.standing]}".rstrip(), *others])
+    return list(columns), lines
 
 
 def legend(result: StudyResult) -> str:
     """Return what the marks, the intervals and the columns mean."""
     count = max((row.replications for row in result.table), default=0)
-    runs, model = (
-        f"{count} run{'s' if count != 1 else ''}",
-        MODELS[result.table[0].model if result.table else "fast"],
-    )
-    words = {
+    model = result.table[0].model if result.table else "fast"
+    has_choices = _has_choices(result)
+    of_given = _given(result)
+    texts = {
         "within": 100.0 * result.within,
         "confidence": 100.0 * result.confidence,
-        "runs": runs,
-        "model": model,
-        "answer": f"best for each {_given(result)}" if result.given else "answer",
-        "given": f" for the same {_given(result)}" if result.given else "",
+        "runs": "1 run" if count == 1 else f"{count} runs",
+        "model": MODELS[model],
+        "answer": f"best for each {of_given}" if of_given else "answer",
+        "given": f" for the same {of_given}" if of_given else "",
     }
-    parts = [
-        OF_MARKS if _has_choices(result) else "",
-        OF_RUNS,
-        OF_BEHIND if _has_choices(result) else "",
-        OF_COLUMNS,
-        OPTIMUM if any(row.proven_seconds for row in result.table) else "",
-        CHECKED if any(row.check for row in result.table) else "",
-    ]
-    return "".join(parts).format(**words)
+    parts = [OF_RUNS]
+    if has_choices:
+        parts = [OF_MARKS, OF_RUNS, OF_BEHIND]
+    parts.append(OF_COLUMNS)
+    if any(row.proven_seconds for row in result.table):
+        parts.append(OPTIMUM)
+    if any(row.check for row in result.table):
+        parts.append(CHECKED)
+    return "".join(parts).format(**texts)
 
 
 def as_table(result: StudyResult) -> Table:
-    """Return the table for a terminal of 80 characters and more; some cells wrap where it is narrow."""
+    """Return the table for a terminal of 80 characters and more.
+
+    Some cells wrap where the terminal is narrow.
+    """
     heads, lines = words(result)
     table = Table(
         box=SIMPLE_HEAD, padding=0, show_edge=False, caption=legend(result), caption_justify="left"
@@ -137,6 +128,7 @@ def _has_choices(result: StudyResult) -> bool:
 
 
 def _given(result: StudyResult) -> str:
+    """Return the keys for each value of which the best setting is wanted."""
     return " and ".join(map(key_words, result.given))
 
 
@@ -151,9 +143,11 @@ def _unasked(result: StudyResult) -> list[str]:
 
 
 def _cell(head: str, row: Row) -> str:
-    return (
-        NONE if row.bins_per_hour is None and head not in OF_JAMMED else COLUMNS[head](row) or NONE
-    )
+    """Return the cell of a row in a column."""
+    has_jammed = row.bins_per_hour is None
+    if has_jammed and head not in OF_JAMMED:
+        return NONE
+    return COLUMNS[head](row) or NONE
 
 
 def _behind(row: Row) -> str:
@@ -171,25 +165,30 @@ def _interval(interval: Interval | None) -> str:
 
 
 def _share_of_bound(row: Row) -> str:
-    return (
-        ""
-        if row.bins_per_hour is None
-        else f" ({100.0 * row.bins_per_hour.mean / row.bound_bins_per_hour:.0f}%)"
-    )
+    """Return which share of its bound a setting reaches; "" if all of its runs jammed."""
+    if row.bins_per_hour is None:
+        return ""
+    share = row.bins_per_hour.mean / row.bound_bins_per_hour
+    return f" ({100.0 * share:.0f}%)"
 
 
 def _optimum(row: Row) -> str:
+    """Return the shortest harvest that is proven, s, and how far above it this one is."""
     if row.proven_seconds is None or row.harvest_seconds is None:
         return ""
-    return f"{number_words(row.proven_seconds)} (+{100.0 * (row.harvest_seconds.mean / row.proven_seconds - 1.0):.0f}%)"
+    excess = row.harvest_seconds.mean / row.proven_seconds - 1.0
+    return f"{number_words(row.proven_seconds)} (+{100.0 * excess:.0f}%)"
 
 
 def _check(check: Check | None) -> str:
+    """Return what the simulator says of a setting, and how far the fast model is from it."""
     if check is None:
         return ""
     if check.jammed == check.replications:
         return "jammed"
-    return f"{_interval(check.bins_per_hour)} {round(100.0 * check.difference, 1) + 0.0:+.1f} %"  # never -0.0
+    # Adding 0.0 makes 0.0 of -0.0.
+    percent = round(100.0 * check.difference, 1) + 0.0
+    return f"{_interval(check.bins_per_hour)} {percent:+.1f} %"
 
 
 # -- CSV
@@ -210,7 +209,10 @@ def _figures(row: Row) -> dict[str, Any]:
 
 
 def _flat(figures: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """What is known of figures, by column: the mean in `bins_per_hour` is in `bins_per_hour_mean`."""
+    """Yield what is known of figures, by column.
+
+    The mean in `bins_per_hour` is in `bins_per_hour_mean`.
+    """
     for name, value in figures.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{before}{name}_")

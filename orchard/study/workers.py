@@ -1,12 +1,14 @@
-"""The workers that do the runs of a study: an executor of processes on this machine, or that of a dask.distributed scheduler.
+"""The workers that do the runs of a study.
 
-Both do work in any order and lose none of it when a worker dies. So what a study decides may depend on whole rounds of work only.
+They are an executor of processes on this machine, or that of a dask.distributed scheduler. Both do
+work in any order and lose none of it when a worker dies. So what a study decides may depend on
+whole rounds of work only.
 """
 
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -27,10 +29,14 @@ from typing import Any, TypeVar, cast
 from orchard.contract.printed import Printed
 
 GLANCE = 0.2  # s between two looks whether to stop
-MOST_DEATHS = 3  # of workers, one after another, without any work done between: then the work itself kills them
+# Workers that die one after another, without any work done between: then the work itself kills them.
+MOST_DEATHS = 3
 CONNECTING = 10.0  # s to wait for a scheduler
-SAFE_PATH = "PYTHONSAFEPATH"  # environment variable of Python: no folder is put on the path
-APART = 2.0  # s that the clocks of two machines may be apart: a worker gives up a run of the simulator by its own clock
+# Environment variable of Python: no folder is put on the path.
+SAFE_PATH = "PYTHONSAFEPATH"
+# s that the clocks of two machines may be apart: a worker gives up a run of the simulator by its
+# own clock.
+APART = 2.0
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -44,23 +50,26 @@ class Workers:
     """So many workers of an executor, which is replaced when it breaks."""
 
     def __init__(self, start: Callable[[], Executor], count: int) -> None:
-        self.count, self._start = count, start
+        """`start`: returns a new executor. `count`: of its workers."""
+        self.count = count
+        self._start = start
         self.executor = start()
 
     def do(
         self, work: Callable[[Item], Result], items: Sequence[Item], goes_on: Callable[[], bool]
     ) -> Iterator[tuple[Item, Result]]:
-        """Yield each item with `work(item)`, in any order, as long as `goes_on`. Raises WorkersError or the work's error."""
-        left, deaths = dict(enumerate(items)), 0
-        while left and goes_on():
-            waiting: dict[Future[Result], int] = {}
+        """Yield each item with `work(item)`, in any order, as long as `goes_on`.
+
+        What a worker had in hand when it died is done again. Raises WorkersError or the work's
+        error.
+        """
+        remaining = dict(enumerate(items))
+        deaths = 0
+        while remaining and goes_on():
             try:
-                for number, item in left.items():  # this too fails if a worker has died meanwhile
-                    waiting[self.executor.submit(work, item)] = number
-                while waiting and goes_on():
-                    for future in wait(waiting, GLANCE, FIRST_COMPLETED).done:
-                        result, deaths = future.result(), 0
-                        yield left.pop(waiting.pop(future)), result
+                for number, result in self._done(work, remaining, goes_on):
+                    deaths = 0
+                    yield remaining.pop(number), result
             except BrokenExecutor:
                 deaths += 1
                 if deaths == MOST_DEATHS:
@@ -69,9 +78,23 @@ class Workers:
                     ) from None
                 self.executor.shutdown()
                 self.executor = self._start()
-            finally:
-                for future in waiting:
-                    future.cancel()
+
+    def _done(
+        self, work: Callable[[Item], Result], items: Mapping[int, Item], goes_on: Callable[[], bool]
+    ) -> Iterator[tuple[int, Result]]:
+        """Yield the number of each item with its result. Raises BrokenExecutor if a worker dies."""
+        pending: dict[Future[Result], int] = {}
+        try:
+            for number, item in items.items():
+                # This too fails if a worker has died meanwhile.
+                pending[self.executor.submit(work, item)] = number
+            while pending and goes_on():
+                for future in wait(pending, GLANCE, FIRST_COMPLETED).done:
+                    result = future.result()
+                    yield pending.pop(future), result
+        finally:
+            for future in pending:
+                future.cancel()
 
 
 # -- on this machine
@@ -89,7 +112,10 @@ def processes(count: int | None = None) -> Iterator[Workers]:
 
 
 class _Processes(ProcessPoolExecutor):
-    """Processes that end at once, whatever they do, when the executor is shut down or this process dies."""
+    """Processes that end at once, whatever they do.
+
+    They end when the executor is shut down, and when this process dies.
+    """
 
     def __init__(self, count: int) -> None:
         context = get_context("spawn")
@@ -100,7 +126,10 @@ class _Processes(ProcessPoolExecutor):
             )
 
     def submit(self, *work: Any, **named: Any) -> Any:
-        """Start the processes with the first work. They never get Ctrl-C, which is the parent's, not even while they load."""
+        """Start the processes with the first work.
+
+        They never get Ctrl-C, which is the parent's, not even while they load.
+        """
         before = pthread_sigmask(SIG_BLOCK, {SIGINT})
         try:
             with _own_modules_first():
@@ -159,14 +188,15 @@ def _exit_after(alive: Connection) -> None:
 
 @contextmanager
 def scheduled(address: str) -> Iterator[Workers]:
-    """Yield the workers of a dask.distributed scheduler, which replaces those that die. Each has this software, and the user's modules.
+    """Yield the workers of a dask.distributed scheduler, which replaces those that die.
 
+    Each has this software, and the user's modules.
     Raises WorkersError if no scheduler answers, it has no workers, their clocks are wrong, or it ends while they work.
     """
     import distributed
 
-    dask = cast(Any, distributed)  # it has no types
-
+    # It has no types.
+    dask = cast(Any, distributed)
     try:
         client = dask.Client(address, timeout=CONNECTING)
     except (OSError, ValueError) as error:
@@ -174,12 +204,12 @@ def scheduled(address: str) -> Iterator[Workers]:
             f"{address}: no scheduler of dask.distributed answers: {error}"
         ) from None
     with client:
-        if trouble := _trouble(client, address):
+        trouble = _trouble(client, address)
+        if trouble:
             raise WorkersError(f"{address}: {trouble}")
+        count = len(client.scheduler_info()["workers"])
         try:
-            yield Workers(
-                partial(client.get_executor, pure=False), len(client.scheduler_info()["workers"])
-            )
+            yield Workers(partial(client.get_executor, pure=False), count)
         except dask.KilledWorker as error:
             raise WorkersError(f"{address}: {error}") from None
         except CancelledError:
@@ -189,16 +219,20 @@ def scheduled(address: str) -> Iterator[Workers]:
 
 
 def _trouble(client: Any, address: str) -> str:
+    """Return why the workers of a scheduler cannot do the work; "" if they can."""
     if not client.scheduler_info()["workers"]:
         return f"this scheduler has no workers; start some: dask worker {address}"
-    asked, clocks, now = time.time(), client.run(time.time, on_error="ignore"), time.time()
+    asked_at = time.time()
+    clocks = client.run(time.time, on_error="ignore")
+    answered_at = time.time()
     wrong = [
-        f"{worker} by {clock - now:+.0f} s"
+        f"{worker} by {clock - answered_at:+.0f} s"
         for worker, clock in clocks.items()
-        if not asked - APART < clock < now + APART
+        if not asked_at - APART < clock < answered_at + APART
     ]
+    if not wrong:
+        return ""
     return (
-        f"clocks of workers differ from that of this machine: {', '.join(wrong)}; set them, as by NTP"
-        if wrong
-        else ""
+        f"clocks of workers differ from that of this machine: {', '.join(wrong)}; "
+        "set them, as by NTP"
     )

@@ -6,12 +6,11 @@ import subprocess
 import sys
 
 import pytest
+from called import called
 from code_blocks import ROOT, block, commands
 from command_line import python
 from patience import PATIENCE
-from typer.testing import CliRunner
 
-from orchard.commands.main import app
 from orchard.field.scenario import load, parse
 
 SAMPLE = ROOT / "examples" / "te_puke.geojson"
@@ -19,7 +18,7 @@ NEEDS = "pyproj is missing: pip install 'orchard-sim[survey,dev]'"
 
 
 def imported(*words: object):
-    return CliRunner().invoke(app, ["layout", "import", *map(str, words)])
+    return called("layout", "import", *words)
 
 
 def test_the_commands_of_the_document_import_and_harvest_the_sample(tmp_path):

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from called import called
 from code_blocks import block, commands
 from command_line import orchard, scenario_file, summary_of
 from fleet import Process
@@ -14,9 +15,8 @@ from local_runs import SMALL, local_hash
 from machines import machines, needs_machines, run_both, within
 from patience import PATIENCE
 from secured_run import KEYS, Somebody
-from typer.testing import CliRunner
 
-from orchard.commands.main import app, main
+from orchard.commands.main import main
 from orchard.field.scenario import Scenario, to_yaml
 from orchard.launch.supervisor import free_port
 from orchard.net.bus import Sample
@@ -38,7 +38,7 @@ def test_keys_are_for_the_owners_eyes_only(folder):
 
 def secured(*arguments: object):
     """`orchard secure` in this process: what it printed, and its exit code."""
-    return CliRunner().invoke(app, ["secure", *map(str, arguments)], catch_exceptions=False)
+    return called("secure", *arguments)
 
 
 def test_an_authority_is_not_overwritten_unasked(tmp_path):

@@ -1,0 +1,389 @@
+"""The arrays of the event model and their columns: a program, which is constant, and the state of a harvest.
+
+Lengths are in m, speeds in m/s. A tick is a whole number; a time is in quarters of a tick, because
+letters arrive between two ticks. An index of NONE stands for nothing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+NONE = -1
+# As a time or a tick: it does not happen.
+NEVER = 2**60
+# Times in a tick.
+QUARTERS = 4
+
+# -- kinds of ops. A comment names the steps of which each is made.
+
+# The end of a plan: the robot has nothing to do until it gets another one.
+END = 0
+# DriveTo.
+DRIVE = 1
+# Face, Realign.
+TURN = 2
+# Wait, Announce, Confirmed.
+PAUSE = 3
+# Need.
+NEED = 4
+# Free.
+FREE = 5
+# Alone.
+ALONE_IN = 6
+# Deliver.
+DELIVER = 7
+# FetchEmpty.
+FETCH_EMPTY = 8
+# TakeBin.
+TAKE_BIN = 9
+# LeaveBin.
+LEAVE_BIN = 10
+# Unload.
+UNLOAD = 11
+# Home.
+HOME = 12
+# A DriveTo that leads a picker to fruit, or the Say after it: the picker's bin sees it.
+BEGIN_ROW = 13
+# A Say after which a picker no longer picks.
+END_ROW = 14
+
+OP = np.dtype(
+    [
+        ("kind", np.int64),
+        # Of a drive: where it ends, along its line's direction.
+        ("target", np.float64),
+        # Of a drive on free roads; of BEGIN_ROW: how far the picker drives before it picks.
+        ("metres", np.float64),
+        # Of a drive; 0: that at which the row is picked.
+        ("speed", np.float64),
+        # Of a drive: how far before a gate the robot asks for its places.
+        ("asks_before", np.float64),
+        # Of BEGIN_ROW: from the last fruit to a full bin at the furthest row's end, s.
+        ("seconds", np.float64),
+        # Of a drive.
+        ("line", np.int64),
+        ("first_need", np.int64),
+        ("last_need", np.int64),
+        ("first_free", np.int64),
+        ("last_free", np.int64),
+        # For which it lasts on free roads, beside a drive.
+        ("ticks", np.int64),
+        # Of these, in which a bin is coupled or uncoupled.
+        ("handles", np.int64),
+        # Of a turn: after which the bin on the bar is clear of what is behind.
+        ("swings", np.int64),
+        # The list of places that it needs or frees.
+        ("places", np.int64),
+        # Of BEGIN_ROW, END_ROW and LEAVE_BIN: the pass. Of a drive that picks: the row, from 0.
+        ("arg", np.int64),
+        # Of a drive: to stand behind other robots is normal here, and a call ends it.
+        ("is_queueing", np.bool_),
+    ],
+    align=True,
+)
+
+GATE = np.dtype(
+    [
+        # Along the direction of the drive's line.
+        ("at", np.float64),
+        ("places", np.int64),
+        # Whether the full bin of the job must have been left before.
+        ("after_bin", np.bool_),
+    ],
+    align=True,
+)
+
+LINE = np.dtype(
+    [
+        # 0: along x, 1: along y.
+        ("axis", np.int64),
+        # Its other coordinate.
+        ("other", np.float64),
+        ("sign", np.float64),
+    ],
+    align=True,
+)
+
+PASS = np.dtype(
+    [
+        # From 0.
+        ("row", np.int64),
+        # The lane's end at which the picker leaves the row.
+        ("end", np.int64),
+        ("metres", np.float64),
+        ("is_full", np.bool_),
+        ("leaves_bin", np.bool_),
+    ],
+    align=True,
+)
+
+LANE_END = np.dtype(
+    [
+        # By road from the queue's first head, and how long that takes, s.
+        ("metres", np.float64),
+        ("seconds", np.float64),
+    ],
+    align=True,
+)
+
+# -- what a robot is doing. The table in `machine` says what leads from one to another.
+
+IDLE = 0
+DRIVING = 1
+STANDING = 2
+SWINGING_BIN = 3
+SWINGING_OFF = 4
+LASTING = 5
+WAITING_FOR_PLACES = 6
+WAITING_FOR_PARTNER = 7
+LEAVING_BIN = 8
+DROPPING_BIN = 9
+HANDING_OVER = 10
+WAITING_FOR_BIN = 11
+COUPLING = 12
+TAKING_PLACE = 13
+TAKING_BIN = 14
+
+ROBOT = np.dtype(
+    [
+        ("op", np.int64),
+        ("state", np.int64),
+        # The op at which a new plan begins, until the robot takes it.
+        ("next_op", np.int64),
+        # Steps that are done.
+        ("done", np.int64),
+        ("x", np.float64),
+        ("y", np.float64),
+        # Of its kind.
+        ("length", np.float64),
+        ("width", np.float64),
+        ("tows", np.float64),
+        # Tick since which it stands.
+        ("stood", np.int64),
+        # -- bins
+        ("bin", np.int64),
+        ("offered", np.int64),
+        ("bringer", np.int64),
+        ("full_bin", np.int64),
+        # Tick at which a picker's bin was full, until it has an empty one.
+        ("full_since", np.int64),
+        # Tick of its last question.
+        ("asked", np.int64),
+        # -- a carrier's job
+        ("queue_line", np.int64),
+        ("customer", np.int64),
+        ("job_bin", np.int64),
+        ("is_free", np.bool_),
+        ("is_ready", np.bool_),
+        ("is_booked", np.bool_),
+        # mm from its line's head when the dispatcher last asked.
+        ("answer", np.float64),
+        # Tick since which it has been outside the queue.
+        ("away", np.float64),
+        # -- its drive: how far it is along its line, and where it has left the line before
+        ("here", np.float64),
+        ("left_at", np.float64),
+        ("has_arrived", np.bool_),
+        ("next_need", np.int64),
+        ("next_free", np.int64),
+        # -- the leg of a drive: it began here at this tick, ends at the limit, and was to reach the goal
+        ("leg_begun", np.int64),
+        ("leg_from", np.float64),
+        ("leg_stride", np.float64),
+        ("leg_limit", np.float64),
+        ("leg_goal", np.float64),
+        ("leg_ahead", np.int64),
+        # -- its line: who is ahead and behind, and up to where it drives there
+        ("line", np.int64),
+        ("ahead", np.int64),
+        ("behind", np.int64),
+        ("line_end", np.float64),
+        ("is_across", np.bool_),
+        # -- what it waits for, beside its alarm
+        ("follows", np.int64),
+        ("waits_for_bin", np.int64),
+        ("hears_grants", np.bool_),
+        # -- its claim: the list of places, the partner that may have them
+        ("wanted", np.int64),
+        ("beside", np.int64),
+        ("told_wanted", np.int64),
+        ("told_beside", np.int64),
+        # Tick of its last claim, and of the next one.
+        ("claimed", np.int64),
+        ("due", np.int64),
+        # Time at which it hears the answer to its last claim.
+        ("answered", np.int64),
+        # -- what it waits for in traffic's table: places, since which tick, the partner
+        ("wish", np.int64),
+        ("wish_since", np.int64),
+        ("wish_beside", np.int64),
+        ("granted", np.int64),
+        ("was_served", np.bool_),
+    ],
+    align=True,
+)
+
+# -- sets of places of a robot, as bits
+
+# That it has, as it knows.
+OWN = 0
+# That its last claim named as kept.
+TOLD = 1
+# That traffic's table has for it.
+RESERVED = 2
+# Of the table, as it last heard of it: its places, and those that no other robot shares.
+ANSWERED = 3
+ALONE = 4
+# The same of an answer that is on its way.
+COMING = 5
+COMING_ALONE = 6
+SETS = 7
+
+# Rows of `scratch`.
+TAKEN = 0
+WAITED_FOR = 1
+MISSING = 2
+
+BIN = np.dtype(
+    [
+        # Whether it is left in its lane, full.
+        ("is_left", np.bool_),
+        # Tick at which its picker took it over from a carrier.
+        ("taken", np.int64),
+        # What a predictive policy remembers: the tick at which it is full.
+        ("full", np.int64),
+        # Of the manual's policy: since when it has called, and the tick of its last call.
+        ("since", np.int64),
+        ("called", np.int64),
+    ],
+    align=True,
+)
+
+CALL = np.dtype(
+    [
+        # Of a picker's bin; NONE if there is none.
+        ("bin", np.int64),
+        ("end", np.int64),
+        # Tick at which it begins to call, and at which it will be full.
+        ("since", np.int64),
+        ("full", np.float64),
+        # Whether it has been reported to the dispatcher, and whether it still waits there.
+        ("is_reported", np.bool_),
+        ("is_open", np.bool_),
+        ("is_booked", np.bool_),
+        # Whether the policy decides on it now.
+        ("is_asked", np.bool_),
+        ("carrier", np.int64),
+    ],
+    align=True,
+)
+
+# Kinds of events, in the order in which those of one time happen. A timer has a robot.
+GRANT = 0
+WAKE = 1
+REPORT = 2
+CALL_HEARD = 3
+COME = 4
+ORDER = 5
+DISPATCH = 6
+CLAIM = 7
+BROUGHT = 8
+EVENTS = 9
+
+# -- the dispatcher's states
+
+RESTING = 0
+ABOUT_TO_ASK = 1
+ABOUT_TO_DECIDE = 2
+
+# -- policies
+
+BY_CALLS = 0
+LONGEST_WAITING = 1
+FARTHEST_FIRST = 2
+PREDICTIVE = 3
+PREDICTIVE_FARTHEST = 4
+GLOBAL_ASSIGNMENT = 5
+
+DESK = np.dtype(
+    [
+        # The time of the present event.
+        ("now", np.int64),
+        ("policy", np.int64),
+        ("state", np.int64),
+        # Ticks of the last question to the carriers.
+        ("asked", np.int64),
+        # s and ticks before it is full at which a bin reports.
+        ("horizon", np.float64),
+        ("mean_speed", np.float64),
+        # x at which carriers leave the queue, and of its heads.
+        ("exit", np.float64),
+        ("head", np.float64),
+        # How many of the results and of the log are filled.
+        ("deliveries", np.int64),
+        ("exchanges", np.int64),
+        ("trips", np.int64),
+        ("logged", np.int64),
+        # The job that is not translated yet.
+        ("missing_line", np.int64),
+        ("missing_end", np.int64),
+    ],
+    align=True,
+)
+
+# At which picker which tick; the ticks since it stood there, and since its bin was full.
+EXCHANGE = np.dtype(
+    [("tick", np.int64), ("picker", np.int64), ("stood", np.int64), ("without", np.int64)]
+)
+# The ticks between which a carrier was outside the queue.
+TRIP = np.dtype([("since", np.float64), ("until", np.float64)])
+# What a robot began at a tick.
+LOG = np.dtype([("tick", np.int64), ("robot", np.int64), ("op", np.int64), ("state", np.int64)])
+
+# Why the machine stopped.
+PAUSED = 0
+ENDED = 1
+LACKS_JOB = 2
+LOG_IS_FULL = 3
+
+
+class Model(NamedTuple):
+    """The arrays of a harvest. r robots, w words of bits for places, b bins."""
+
+    # -- the program
+    ops: np.ndarray
+    needs: np.ndarray
+    frees: np.ndarray
+    # (lists of places, w) bits.
+    places: np.ndarray
+    lines: np.ndarray
+    passes: np.ndarray
+    ends: np.ndarray
+    # (lines of the queue, lane's ends): the op at which a job begins; NONE: it is not translated.
+    jobs: np.ndarray
+    # The same shape: m by road from the line's head.
+    ways: np.ndarray
+    # (rows,) m/s at which each is picked.
+    speeds: np.ndarray
+    # -- the state
+    robots: np.ndarray
+    # (SETS, r, w) bits.
+    sets: np.ndarray
+    # (3, w) bits, for traffic while it grants.
+    scratch: np.ndarray
+    # (lines,): the last robot on each.
+    rears: np.ndarray
+    bins: np.ndarray
+    # (r,): of a picker.
+    calls: np.ndarray
+    # (r, b) tick of a carrier's first offer to a bin.
+    offers: np.ndarray
+    # (EVENTS, r) times.
+    timers: np.ndarray
+    # (1,)
+    desk: np.ndarray
+    # -- the results
+    deliveries: np.ndarray
+    exchanges: np.ndarray
+    trips: np.ndarray
+    log: np.ndarray

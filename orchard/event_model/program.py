@@ -1,0 +1,394 @@
+"""Programs: the step lists that robots follow, translated into ops.
+
+An op is a row of an array, see `columns.OP`. Steps that take no time and change nothing for others
+give no op. Durations stay in the step classes, and rules where they are.
+A program belongs to a geometry: orchards that differ only in the speeds of their rows share one. A
+job is translated when it is first ordered.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import singledispatchmethod
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+
+from orchard.agents import steps as st
+from orchard.agents.forecast import EARLIER, until_full
+from orchard.agents.robot import Gate, Step
+from orchard.agents.route import OneWay
+from orchard.agents.routes import route_of, way_to
+from orchard.event_model import columns as c
+from orchard.field.geometry import Pose, nearest_heading
+from orchard.field.kinds import number_of
+from orchard.field.layout import Layout
+from orchard.field.passes import Pass
+from orchard.field.scenario import TIME_STEP
+
+# Ticks of rounding.
+ROUNDING = 1e-6
+# Places and lines beside those of lanes: corners, lines of the queue, roads.
+BESIDE_LANES = 128
+# A lane has a place of each road on each side.
+PLACES_PER_LANE = 4
+LINES_PER_LANE = 12
+SIDES = ("east", "west")
+# What stands in a job for its picker and its full bin.
+THE_PICKER = "the picker"
+THE_BIN = "the full bin"
+
+
+class Table:
+    """Rows of named columns, in an array that grows."""
+
+    def __init__(self, columns: np.dtype[Any]) -> None:
+        self._rows = np.zeros(256, columns)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, **values: Any) -> None:
+        """Append a row. A column that is not named is 0."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        row = self._rows[self._count]
+        for name, value in values.items():
+            row[name] = value
+        self._count += 1
+
+    @property
+    def array(self) -> np.ndarray:
+        """The rows, with space behind them."""
+        return self._rows.view(np.recarray)
+
+
+@dataclass
+class _Writer:
+    """What the translation of a plan knows at a step: the steps, which one it is, and what was before."""
+
+    steps: Sequence[Step]
+    pose: Pose
+    number: int = 0
+    # What the robot does, as it said.
+    state: str = "resting"
+    # The passes through rows that are still to be done, with their numbers, of a picker.
+    passes: list[tuple[int, Pass]] = field(default_factory=list)
+
+
+class Program:
+    """The ops of one geometry: the whole plan of each picker, and the jobs that were ordered."""
+
+    def __init__(self, layout: Layout) -> None:
+        """Translate what does not wait for an order.
+
+        Raises NotImplementedError for a step that the model does not know, ValueError for a route
+        with very many places.
+        """
+        self.layout = layout
+        self.route: OneWay = route_of(layout)
+        lanes = len(layout.lanes)
+        self.ops = Table(c.OP)
+        self.needs = Table(c.GATE)
+        self.frees = Table(c.GATE)
+        self.lines = Table(c.LINE)
+        self.passes = Table(c.PASS)
+        # Of each op the step, for a trace; None at the end of a plan.
+        self.steps: list[Step | None] = []
+        self.place_numbers: dict[str, int] = {}
+        self.most_places = PLACES_PER_LANE * lanes + BESIDE_LANES
+        self.most_lines = LINES_PER_LANE * lanes + BESIDE_LANES
+        self.words = -(-self.most_places // 64)
+        self._list_numbers: dict[tuple[str, ...], int] = {}
+        self._line_numbers: dict[tuple[int, float, int], int] = {}
+        self._lists = np.zeros((64, self.words), np.uint64)
+        self._list_number([])
+        queue = layout.queue
+        self.queue_lines = [y for y in queue.used(layout.queue_places)]
+        self.jobs = np.full((len(self.queue_lines), 2 * lanes), c.NONE)
+        self.ends = np.zeros(2 * lanes, c.LANE_END).view(np.recarray)
+        for lane in layout.lanes:
+            for side in SIDES:
+                metres, seconds = way_to(self.route, lane.number, self.route.sides[side])
+                self.ends[self.end_number(lane.number, side)] = (metres, seconds)
+        self.ways = np.zeros(self.jobs.shape)
+        for queue_line, y in enumerate(self.queue_lines):
+            for end in range(2 * lanes):
+                self.ways[queue_line, end] = self._metres_to(queue.head, y, end)
+                if not np.isclose(
+                    self._metres_to(queue.head - 1.0, y, end), self.ways[queue_line, end] + 1.0
+                ):
+                    raise NotImplementedError("the event model knows no distance of your own")
+        # s before it is full at which a bin calls, as `forecast.horizon` says.
+        self.horizon = float(max(self.ends.seconds)) + EARLIER
+        self.bins = 0
+        # Picker -> the op at which its plan begins, and the ops of that.
+        self.harvests = {name: self._translate_harvest(name) for name in layout.blocks}
+        # Of each line of the queue, the op at which waiting begins.
+        self.waiting = [self._translate_waiting(y) for y in self.queue_lines]
+
+    @property
+    def lists(self) -> np.ndarray:
+        """The lists of places, (lists, words) bits."""
+        return self._lists
+
+    def end_number(self, row: int, side: str) -> int:
+        """Return the number of a lane's end."""
+        return 2 * (row - 1) + SIDES.index(side)
+
+    def queue_line(self, carrier: str) -> int:
+        """Return the line of the queue in which a carrier waits."""
+        y = self.layout.queue.place(number_of(carrier) - 1).y
+        return self.queue_lines.index(y)
+
+    def translate_job(self, queue_line: int, end: int) -> int:
+        """Translate a carrier's job, from a line of the queue to a lane's end. Return its first op."""
+        lane, side = divmod(end, 2)
+        place = queue_line * self.layout.queue.places
+        job = self.route.fetch(
+            place + 1, lane + 1, self.route.sides[SIDES[side]], THE_PICKER, THE_BIN
+        )
+        first = self._translate(_Writer(job, self.layout.queue.place(place)))
+        self.jobs[queue_line, end] = first
+        return first
+
+    def ticks(self, first: int, speeds: np.ndarray) -> float:
+        """Return how long the plan that begins at an op lasts on free roads, in ticks.
+
+        `speeds`: m/s at which each row is picked.
+        """
+        total = 0.0
+        for op in self.ops.array[first:]:
+            if op.kind == c.END:
+                break
+            total += op.ticks
+            if op.kind == c.DRIVE:
+                speed = op.speed or speeds[op.arg]
+                total += op.metres / speed / TIME_STEP
+        return total
+
+    def _metres_to(self, x: float, y: float, end: int) -> float:
+        lane, side = divmod(end, 2)
+        return self.route.distance(x, y, lane + 1, self.route.sides[SIDES[side]])
+
+    # -- plans
+
+    def _translate_harvest(self, picker: str) -> int:
+        layout = self.layout
+        block = layout.blocks[picker]
+        start = next(start.pose for start in layout.starts if start.name == picker)
+        passes = []
+        for drive in layout.passes(block):
+            passes.append((len(self.passes), drive))
+            self.bins += drive.leaves_bin
+            self.passes.append(
+                row=drive.row - 1,
+                end=self.end_number(drive.row, drive.end),
+                metres=drive.metres,
+                is_full=drive.is_full,
+                leaves_bin=drive.leaves_bin,
+            )
+        return self._translate(_Writer(self.route.harvest(block), start, passes=passes))
+
+    def _translate_waiting(self, y: float) -> int:
+        head = self.layout.queue.place(0)
+        return self._translate(_Writer(self.route.wait_in_queue(), head._replace(y=y)))
+
+    def _translate(self, writer: _Writer) -> int:
+        first = len(self.ops)
+        for number, step in enumerate(writer.steps):
+            writer.number = number
+            self._write(step, writer)
+            writer.pose, _ = step.motion(writer.pose)
+        self._append(None, c.END)
+        return first
+
+    # -- steps
+
+    @singledispatchmethod
+    def _write(self, step: Step, writer: _Writer) -> None:
+        """Translate a step."""
+        name = type(step).__name__
+        raise NotImplementedError(f"the event model does not know the step {name}")
+
+    @_write.register
+    def _(self, step: st.DriveTo, writer: _Writer) -> None:
+        pose = writer.pose
+        end, _ = step.motion(pose)
+        along_x = step.x is not None
+        is_ahead = nearest_heading(pose.yaw) in ("EAST", "NORTH")
+        sign = 1 if is_ahead else -1
+        metres = abs(end.x - pose.x) + abs(end.y - pose.y)
+        self._begin_row_on_drive(step, writer, metres)
+        row = self._picked_row(step, writer)
+        first_need = len(self.needs)
+        for gate in step.needs:
+            self._append_gate(self.needs, gate, sign)
+        first_free = len(self.frees)
+        for gate in sorted(step.frees, key=lambda gate: (sign * gate.at, gate.places)):
+            self._append_gate(self.frees, gate, sign)
+        self._append(
+            step,
+            c.DRIVE,
+            target=sign * (end.x if along_x else end.y),
+            metres=metres,
+            speed=0.0 if row is not None else step.speed,
+            asks_before=step.asks_before,
+            line=self._line_number(0 if along_x else 1, pose.y if along_x else pose.x, sign),
+            first_need=first_need,
+            last_need=len(self.needs),
+            first_free=first_free,
+            last_free=len(self.frees),
+            arg=c.NONE if row is None else row,
+            is_queueing=step.queueing,
+        )
+
+    @_write.register(st.Face)
+    @_write.register(st.Realign)
+    def _(self, step: st.Face | st.Realign, writer: _Writer) -> None:
+        _, seconds = step.motion(writer.pose)
+        ticks = _whole_ticks(seconds)
+        if ticks:
+            self._append(step, c.TURN, ticks=ticks, swings=floor(st.Face.swings * ticks))
+
+    @_write.register
+    def _(self, step: st.Say, writer: _Writer) -> None:
+        before = writer.state
+        writer.state = step.state
+        if step.state == "picking":
+            self._append_begin_row(step, writer, 0.0)
+        elif before == "picking":
+            number, drive = writer.passes[0]
+            self._append(step, c.END_ROW, arg=number)
+            if not drive.leaves_bin:
+                del writer.passes[0]
+
+    @_write.register
+    def _(self, step: st.Wait, writer: _Writer) -> None:
+        self._append(step, c.PAUSE, ticks=_whole_ticks(step.seconds))
+
+    @_write.register(st.Announce)
+    @_write.register(st.Confirmed)
+    def _(self, step: st.Announce | st.Confirmed, writer: _Writer) -> None:
+        self._append(step, c.PAUSE, ticks=step.ticks)
+
+    @_write.register
+    def _(self, step: st.Need, writer: _Writer) -> None:
+        self._append(step, c.NEED, ticks=step.ticks, places=self._list_number(step.places))
+
+    @_write.register
+    def _(self, step: st.Free, writer: _Writer) -> None:
+        self._append(step, c.FREE, places=self._list_number(step.places))
+
+    @_write.register
+    def _(self, step: st.Alone, writer: _Writer) -> None:
+        self._append(step, c.ALONE_IN, places=self._list_number([step.place]))
+
+    @_write.register
+    def _(self, step: st.FetchEmpty, writer: _Writer) -> None:
+        places = self._list_number([step.place])
+        self._append(step, c.FETCH_EMPTY, ticks=step.ticks, handles=step.handles, places=places)
+
+    @_write.register
+    def _(self, step: st.LeaveBin, writer: _Writer) -> None:
+        number, _ = writer.passes.pop(0)
+        self._append(step, c.LEAVE_BIN, ticks=step.ticks, handles=step.handles, arg=number)
+
+    @_write.register
+    def _(self, step: st.Deliver, writer: _Writer) -> None:
+        self._append(step, c.DELIVER, ticks=step.ticks, handles=step.handles)
+
+    @_write.register
+    def _(self, step: st.TakeBin, writer: _Writer) -> None:
+        self._append(step, c.TAKE_BIN, ticks=step.ticks, handles=step.handles)
+
+    @_write.register
+    def _(self, step: st.Unload, writer: _Writer) -> None:
+        self._append(step, c.UNLOAD, ticks=step.ticks)
+
+    @_write.register
+    def _(self, step: st.Home, writer: _Writer) -> None:
+        self._append(step, c.HOME)
+
+    @_write.register
+    def _(self, step: st.PickFrom, writer: _Writer) -> None:
+        """Drop it: the drives tell where the picker picks."""
+
+    # -- what bins see of their pickers
+
+    def _begin_row_on_drive(self, step: st.DriveTo, writer: _Writer, metres: float) -> None:
+        """Let a bin see that its picker drives to fruit, perhaps through a part of the row."""
+        following = writer.steps[writer.number + 1 : writer.number + 4]
+        states = [after.state if isinstance(after, st.Say) else "" for after in following]
+        if "picking" not in states or states[0] not in ("driving", "picking"):
+            return
+        here = step.x
+        for after in following[: states.index("picking")]:
+            if isinstance(after, st.DriveTo):
+                assert here is not None
+                assert after.x is not None
+                metres += abs(after.x - here)
+        self._append_begin_row(step, writer, metres)
+
+    def _append_begin_row(self, step: Step, writer: _Writer, before: float) -> None:
+        """Append what tells a bin when it will be full. `before`: m that its picker drives first."""
+        number, drive = writer.passes[0]
+        if not drive.leaves_bin:
+            return
+        side = self.route.sides[drive.end]
+        to_end = abs(self.route.end(drive.row, side) - drive.stop)
+        seconds = until_full(self.layout, drive.row, side.name, 0.0, before + to_end)
+        self._append(step, c.BEGIN_ROW, metres=before, seconds=seconds, arg=number)
+
+    def _picked_row(self, step: st.DriveTo, writer: _Writer) -> int | None:
+        """Return the row, from 0, at the speed of which a drive picks; None if it picks nothing."""
+        if writer.state != "picking" or not writer.passes:
+            return None
+        _, drive = writer.passes[0]
+        if step.speed != self.layout.lane(drive.row).picking_speed:
+            return None
+        return drive.row - 1
+
+    # -- rows
+
+    def _append(self, step: Step | None, kind: int, **values: Any) -> None:
+        self.ops.append(kind=kind, **values)
+        self.steps.append(step)
+
+    def _append_gate(self, gates: Table, gate: Gate, sign: int) -> None:
+        places = self._list_number(gate.places)
+        gates.append(at=sign * gate.at, places=places, after_bin=gate.bin != "")
+
+    def _list_number(self, places: Iterable[str]) -> int:
+        """Return the number of a list of places. The list 0 is empty."""
+        key = tuple(sorted(set(places)))
+        number = self._list_numbers.get(key)
+        if number is not None:
+            return number
+        number = self._list_numbers[key] = len(self._list_numbers)
+        if number == len(self._lists):
+            self._lists = np.concatenate([self._lists, np.zeros_like(self._lists)])
+        for place in key:
+            word, bit = divmod(self._number(self.place_numbers, place, self.most_places), 64)
+            self._lists[number, word] |= np.uint64(1 << bit)
+        return number
+
+    def _line_number(self, axis: int, other: float, sign: int) -> int:
+        """Return the number of the line along an axis, at its other coordinate, in a direction."""
+        key = (axis, round(other, 3), sign)
+        is_new = key not in self._line_numbers
+        number = self._number(self._line_numbers, key, self.most_lines)
+        if is_new:
+            self.lines.append(axis=axis, other=key[1], sign=sign)
+        return number
+
+    @staticmethod
+    def _number(numbers: dict[Any, int], key: Any, most: int) -> int:
+        if key not in numbers and len(numbers) == most:
+            raise ValueError(f"your route has more than {most} places, or lines on which it drives")
+        return numbers.setdefault(key, len(numbers))
+
+
+def _whole_ticks(seconds: float) -> int:
+    return ceil(seconds / TIME_STEP - ROUNDING)

@@ -1,0 +1,58 @@
+"""The ops of the event model beside the steps from which they are made."""
+
+import numpy as np
+import pytest
+from quiet import quiet_layouts
+
+from orchard.agents.jobs import timed_steps
+from orchard.agents.route import OneWay
+from orchard.agents.routes import route_of
+from orchard.agents.steps import Ahead
+from orchard.event_model.program import SIDES, Program
+from orchard.field.layout import Layout, lay_out
+from orchard.field.rows import Block
+from orchard.field.scenario import TIME_STEP, Scenario
+
+LAYOUTS = list(quiet_layouts(seed=1, count=20))
+
+
+def speeds_of(layout: Layout) -> np.ndarray:
+    return np.array([lane.picking_speed for lane in layout.lanes])
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
+def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
+    program = Program(layout)
+    starts = {start.name: start.pose for start in layout.starts}
+    for picker, block in layout.blocks.items():
+        plan = list(timed_steps(route_of(layout).harvest(block), starts[picker]))
+        ticks = program.ticks(program.harvests[picker], speeds_of(layout))
+        assert ticks == pytest.approx(plan[-1].ends / TIME_STEP)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
+def test_the_ops_of_a_job_last_as_long_as_its_steps(layout: Layout) -> None:
+    program = Program(layout)
+    route = route_of(layout)
+    speeds = speeds_of(layout)
+    for queue_line in range(len(program.queue_lines)):
+        place = queue_line * layout.queue.places
+        for lane in layout.lanes:
+            for side in SIDES:
+                job = route.fetch(place + 1, lane.number, route.sides[side], "picker_01", "bin_01")
+                plan = list(timed_steps(job, layout.queue.place(place)))
+                first = program.translate_job(queue_line, program.end_number(lane.number, side))
+                assert program.ticks(first, speeds) == pytest.approx(plan[-1].ends / TIME_STEP)
+
+
+def test_a_program_has_each_bin_that_a_harvest_fills() -> None:
+    assert [Program(layout).bins for layout in LAYOUTS] == [layout.bins for layout in LAYOUTS]
+
+
+def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def harvest(self: OneWay, block: Block) -> list[Ahead]:
+        return [Ahead(1.0)]
+
+    monkeypatch.setattr(OneWay, "harvest", harvest)
+    with pytest.raises(NotImplementedError, match="does not know the step Ahead"):
+        Program(lay_out(Scenario(rows=3, pickers=2, carriers=1)))

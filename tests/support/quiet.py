@@ -1,0 +1,62 @@
+"""Random orchards in which nobody is about, no robot fails and no battery wears down."""
+
+from collections.abc import Iterator
+from random import Random
+from typing import Any
+
+from pydantic import ValidationError
+
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario
+
+NOBODY: dict[str, Any] = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+    "weeds": 0,
+    "tractor": False,
+}
+POLICIES = (
+    "nearest",
+    "farthest-first",
+    "longest-waiting",
+    "predictive",
+    "predictive-farthest",
+    "global-assignment",
+)
+
+
+def quiet_layouts(seed: int, count: int) -> Iterator[Layout]:
+    """Yield so many random layouts. What cannot be built is drawn again."""
+    chances = Random(seed)
+    made = 0
+    while made < count:
+        try:
+            layout = lay_out(Scenario.model_validate(_values(chances)))
+        except (ScenarioError, ValidationError):
+            continue
+        made += 1
+        yield layout
+
+
+def _values(chances: Random) -> dict[str, Any]:
+    """Return the values of a scenario, which may be impossible together."""
+    rows = chances.randint(2, 14)
+    pickers = chances.randint(1, rows)
+    values = NOBODY | {
+        "rows": rows,
+        "pickers": pickers,
+        "carriers": chances.randint(1, 14),
+        "row_length": float(chances.choice([24, 30, 40, 70, 90])),
+        "picking_speed": chances.choice([1.0, 0.5, 0.2, 0.08]),
+        "route": chances.choice(["one-way", "two-way"]),
+        "dispatch": chances.choice(POLICIES),
+        "rows_to_pickers": chances.choice(["manual", "balanced", "balanced-ends"]),
+        "order_in_row": chances.choice(["onward", "outward"]),
+        "seed": chances.randint(1, 1000),
+    }
+    if chances.random() < 0.4:
+        values["metres_per_bin"] = float(chances.choice([11, 17.5, 22, 55, 100]))
+    if values["picking_speed"] < 1.0 and chances.random() < 0.5:
+        values["picking"] = {"spread": {"distribution": "gamma", "cv": 0.3}}
+    return values

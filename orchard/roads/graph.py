@@ -197,10 +197,10 @@ def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) ->
     turn, along, onward = _longest_way_to_bay(route, side)
     ahead = -1.0 if turn.heading == "SOUTH" else 1.0
     # Place -> how far before (below 0) or behind the stop it begins and ends, m.
-    enters = {}
+    enters: dict[str, float] = {}
     for gate in along.needs:
         enters |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
-    leaves = {}
+    leaves: dict[str, float] = {}
     for gate in along.frees:
         leaves |= dict.fromkeys(gate.places, ahead * (gate.at - stop.y))
     around = [

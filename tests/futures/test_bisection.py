@@ -1,0 +1,81 @@
+"""The search for the moment of a decision, with futures that are made by hand."""
+
+import pytest
+
+from orchard.futures.bisection import NEAR, Bisection, badly, decision_words
+from orchard.futures.comparison import difference_words
+
+FIGURES = {"collisions": 0, "bins_per_hour": 30.0}
+
+
+def future(ended="harvested", **figures):
+    return {**FIGURES, "sim_seconds": 600.0, **figures, "ended": ended}
+
+
+def searched(decided, first, count=2):
+    """Search where all futures from a tick after `decided` on jam. `first`: moments that were kept."""
+    asked = []
+
+    def live_at(tick):
+        asked.append(tick)
+        return [future("harvested" if tick <= decided else "jammed")] * count
+
+    bisection = Bisection(live_at, badly("jam", FIGURES))
+    bisection.lived = {tick: list(live_at(tick)) for tick in first}
+    bisection.search()
+    return bisection, asked
+
+
+@pytest.mark.parametrize("decided", [0, 1, 599, 600, 601, 1194, 1199])
+def test_the_last_good_moment_is_found_to_a_second(decided):
+    bisection, asked = searched(decided, [0, 600, 1200])
+    assert bisection.last_good <= decided < bisection.first_bad
+    assert bisection.first_bad - bisection.last_good <= NEAR
+    assert len(asked) <= 3 + 7
+
+
+def test_without_a_good_or_a_bad_moment_nothing_is_searched():
+    for decided in (-1, 9999):
+        bisection, asked = searched(decided, [0, 600])
+        assert asked == [0, 600]
+    assert bisection.first_bad is None
+
+
+def test_the_answer_says_between_which_moments_it_is_decided():
+    words = decision_words("jam", searched(600, [0, 600, 605])[0])
+    assert words == (
+        "jam: decided after 1:00: some of 2 futures end well from there, and none from 1:00.5."
+    )
+    words = decision_words("jam", searched(-1, [600])[0])
+    assert words == "jam: decided before 1:00: none of 2 futures ends well."
+    words = decision_words("jam", searched(600, [600], count=1)[0])
+    assert words == "jam: not decided: the future ends well from 1:00, the last moment."
+
+
+@pytest.mark.parametrize(
+    ("condition", "figures", "is_bad"),
+    [
+        ("jam", {"ended": "jammed"}, True),
+        ("jam", {"ended": "duration"}, False),
+        ("collision", {"collisions": 1}, True),
+        ("collision", {"ended": "jammed"}, False),
+        ("bins_per_hour<20", {"bins_per_hour": 19.9}, True),
+        ("bins_per_hour<20", {"bins_per_hour": 20.0}, False),
+        ("bins_per_hour>20", {"bins_per_hour": 20.1}, True),
+        ("bins_per_hour>40", {"ended": "jammed"}, True),
+    ],
+)
+def test_a_future_ends_badly_by_its_condition(condition, figures, is_bad):
+    assert badly(condition, FIGURES)(future(**figures)) is is_bad
+
+
+def test_futures_are_compared_in_pairs_that_are_both_harvested():
+    before = [future(sim_seconds=600.0), future(sim_seconds=700.0), future("jammed")]
+    changed = [future(sim_seconds=590.0), future(sim_seconds=690.0), future(sim_seconds=1.0)]
+    assert difference_words("carriers=2", before, changed) == (
+        "With carriers=2 the harvest ends 0:10 ± 0:00 min earlier "
+        "(2 pairs of futures, 95 % confidence; 1 more are not harvested to their end)."
+    )
+    words = difference_words("carriers=2", changed[:1], before[:1])
+    assert words.endswith("ends 0:10 ± 0:00 min later (one pair of futures).")
+    assert "no pair" in difference_words("x", before[2:], changed[2:])

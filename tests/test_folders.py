@@ -9,12 +9,7 @@ from pathlib import Path
 import pytest
 from patience import PATIENCE
 
-from orchard.app.runs_view import past_runs
-from orchard.bags.replay import read_commands
-from orchard.field.geojson import import_rows
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import load
-from orchard.study.store import Store
 
 SECONDS = 10  # after which a reader that waits is ended
 
@@ -29,22 +24,31 @@ def pipe(tmp_path) -> Path:
     signal.alarm(0)
 
 
+@pytest.fixture
+def read(request):
+    """A function of a package that may be left out. Its import takes longer than the alarm."""
+    module, name = request.param
+    return getattr(pytest.importorskip(module), name)
+
+
 @pytest.mark.parametrize(
     ("read", "why"),
     [
-        (load, "is no regular file"),
-        (import_rows, "is no regular file"),
-        (read_commands, "bag: is no regular file"),
-        (Store, "is no store"),
+        (("orchard.field.scenario", "load"), "is no regular file"),
+        (("orchard.field.geojson", "import_rows"), "is no regular file"),
+        (("orchard.bags.replay", "read_commands"), "bag: is no regular file"),
+        (("orchard.study.store", "Store"), "is no store"),
     ],
+    indirect=["read"],
 )
 def test_a_named_pipe_is_refused(read, why, pipe):
     with pytest.raises((ScenarioError, ValueError), match=why):
         read(pipe)
 
 
-def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(pipe):
-    assert past_runs(pipe.parent) == ([], ["odd.json is passed over: is no regular file"])
+@pytest.mark.parametrize("read", [("orchard.app.runs_view", "past_runs")], indirect=True)
+def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(read, pipe):
+    assert read(pipe.parent) == ([], ["odd.json is passed over: is no regular file"])
 
 
 def test_what_was_there_before_a_process_settled_is_there_afterwards():

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 from nicegui import ui
@@ -32,6 +32,7 @@ from orchard.report.summary import (
     six_figures,
 )
 
+LAST_LINES = 12  # that are shown of a run without a summary
 VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 
 
@@ -48,29 +49,43 @@ class ProgressView:
         self._box.set_visibility(False)
 
     def show(self, run: Run, state: RunState) -> None:
+        """Show how far a run is, once its first figures have come."""
         self._box.set_visibility(True)
         colour = f"color={STATE_COLOURS[state]}"
         self._badge.set_text(state)
         self._badge.props(colour)
         self._title.set_text(title_of(run.scenario))
-        known = run.headline
-        self._bar.set_value(1.0 if state is RunState.finished else known.fraction if known else 0.0)
-        is_unknown = not known and not state.is_over
-        self._bar.props(
-            f"{colour} {'indeterminate' if is_unknown else ''}",
-            remove="" if is_unknown else "indeterminate",
-        )
-        self._words.set_text(_progress(known, state) if known else "starting" if is_unknown else "")
+        headline = run.headline
+        is_starting = headline is None and not state.is_over
+        self._bar.set_value(_fraction(headline, state))
+        if is_starting:
+            self._bar.props(f"{colour} indeterminate")
+        else:
+            self._bar.props(colour, remove="indeterminate")
+        if headline is not None:
+            self._words.set_text(_progress(headline, state))
+        else:
+            self._words.set_text("starting" if is_starting else "")
 
 
-def _progress(known: Headline, state: RunState) -> str:
-    left = math.inf if state.is_over else known.seconds_left()
+def _fraction(headline: Headline | None, state: RunState) -> float:
+    """Return how much of a run is done, 0 to 1."""
+    if state is RunState.finished:
+        return 1.0
+    return 0.0 if headline is None else headline.fraction
+
+
+def _progress(headline: Headline, state: RunState) -> str:
+    """Return how far a run is, in a line."""
+    all_metres = headline.rows * headline.row_length
     parts = [
-        f"simulated {clock(known.sim_seconds)} at {known.times_real_time:g} x real time",
-        f"{share_picked(known.metres_picked, known.rows * known.row_length)} picked",
-        f"bins delivered {known.bins_delivered}/{known.bins}",
-        *([f"{clock(left)} left"] if left < math.inf else []),
+        f"simulated {clock(headline.sim_seconds)} at {headline.times_real_time:g} x real time",
+        f"{share_picked(headline.metres_picked, all_metres)} picked",
+        f"bins delivered {headline.bins_delivered}/{headline.bins}",
     ]
+    seconds_left = math.inf if state.is_over else headline.seconds_left()
+    if seconds_left < math.inf:
+        parts.append(f"{clock(seconds_left)} left")
     return ", ".join(parts)
 
 
@@ -83,12 +98,15 @@ class MessagesView:
         self._shown = 0
 
     def show(self, run: Run, state: RunState) -> None:
+        """Show the lines that a run has printed since the last call."""
         if run is not self._run:
             self._log.clear()
-            self._run, self._shown = run, 0
+            self._run = run
+            self._shown = 0
         count, lines = run.said
-        if new := count - self._shown:
-            for line in lines[-new:]:
+        new_count = count - self._shown
+        if new_count:
+            for line in lines[-new_count:]:
                 self._log.push(line)
             self._shown = count
 
@@ -103,42 +121,50 @@ class PictureView:
         for element in (self._frame, self._link):
             element.bind_visibility_from(self._hint, "text", lambda words: not words)
         self._figures = Charts()
-        self._shown: tuple[Run, bool] | None = None  # the run in the frame, and whether it was over
-        self.is_seen = False  # the viewer is large: it loads only when the user selects the picture
+        # The run in the frame, and whether it was over.
+        self._shown: tuple[Run, bool] | None = None
+        # The viewer is large: it loads only when the user selects the picture.
+        self.is_seen = False
         self._hint.set_text("The live picture appears here when a harvest runs.")
 
     def show(self, run: Run, state: RunState) -> None:
-        """Point the frame at a run once its servers answer: a new address would reload the viewer."""
-        now = run, state.is_over
+        """Point the frame at a run once its servers answer.
+
+        A new address would reload the viewer, so it is set once.
+        """
+        current = run, state.is_over
         if not self.is_seen or self._shown == (run, True):
             return
         self._figures.show({"": run.course})
-        if now == self._shown:
+        if self._shown == current:
             return
-        ready = run.picture.address
-        if ready:
-            self._frame.props(f'src="{ready}"')
-            self._link.props(f'href="{ready}"')
-        self._shown = now if ready else None
-        self._hint.set_text("" if ready else _without_picture(run, state))
+        address = run.picture.address
+        if address:
+            self._frame.props(f'src="{address}"')
+            self._link.props(f'href="{address}"')
+            self._shown = current
+            self._hint.set_text("")
+        else:
+            self._shown = None
+            self._hint.set_text(_without_picture(run, state))
 
 
 def _without_picture(run: Run, state: RunState) -> str:
+    """Return why there is no picture of a run yet, or none at all."""
     if not state.is_over:
-        return (
-            "The picture is being prepared."
-            if run.settings.live
-            else "The recording appears here when the run is over."
-        )
-    return (
-        "The recording is being opened."
-        if run.files.recording.exists()
-        else "No recording was made."
-    )
+        if run.settings.live:
+            return "The picture is being prepared."
+        return "The recording appears here when the run is over."
+    if run.files.recording.exists():
+        return "The recording is being opened."
+    return "No recording was made."
 
 
 class SummaryView:
-    """The summary of a run: the result as a headline, what limits it, six figures, the charts, and all figures folded away."""
+    """The summary of a run: the result as a headline, what limits it, six figures and the charts.
+
+    All figures are folded away.
+    """
 
     def __init__(self) -> None:
         self._run: Run | None = None
@@ -146,32 +172,50 @@ class SummaryView:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
     def show(self, run: Run, state: RunState) -> None:
+        """Show the summary of a run, once it is over."""
         if not state.is_over or run is self._run:
             return
-        self._run, summary, title = run, run.summary, title_of(run.scenario)
-        outcome = None if summary is None else msgspec.convert(summary, Outcome)
+        self._run = run
         self._box.clear()
         with self._box, ui.element("div").props("data-view=result"):
-            heading(3, sentence(outcome) if outcome else title)
-            ui.label(limit_sentence(outcome) if outcome else "")
-            ui.label(f"{title}, {run.settings.mode}, {state}, {run.files.name}").classes("path")
-            with ui.element("div").classes("tiles"):
-                tiles(six_figures(summary) if summary else [])
-            Charts().show({"": run.course})
+            _show_result(run, state)
         with self._box, ui.element("div").classes("summary").props("data-view=summary"):
-            if summary is not None:
-                names, values = (column.cells for column in as_table(summary).columns)
-                with ui.expansion("All figures").props("data-action=all-figures"):
-                    table(
-                        [(str(name), str(value)) for name, value in zip(names, values, strict=True)]
-                    )
-                if run.files.recording.exists():
-                    ui.label(f"Recording: {run.files.recording}").classes("path")
+            if run.summary is not None:
+                _show_all_figures(run, run.summary)
             elif state is RunState.stopped:
                 ui.label("The run was stopped before it wrote a summary.").classes("hint")
             else:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
-                ui.label("\n".join(run.said[1][-12:])).classes("last-words")
+                _, lines = run.said
+                ui.label("\n".join(lines[-LAST_LINES:])).classes("last-words")
+
+
+def _show_result(run: Run, state: RunState) -> None:
+    """Add the result of a run as a headline, what limits it, and its main figures."""
+    title = title_of(run.scenario)
+    if run.summary is None:
+        heading(3, title)
+        ui.label("")
+        figures = []
+    else:
+        outcome = msgspec.convert(run.summary, Outcome)
+        heading(3, sentence(outcome))
+        ui.label(limit_sentence(outcome))
+        figures = six_figures(run.summary)
+    ui.label(f"{title}, {run.settings.mode}, {state}, {run.files.name}").classes("path")
+    with ui.element("div").classes("tiles"):
+        tiles(figures)
+    Charts().show({"": run.course})
+
+
+def _show_all_figures(run: Run, summary: dict[str, Any]) -> None:
+    """Add all figures of a summary, folded away, and where the recording is."""
+    names, values = (column.cells for column in as_table(summary).columns)
+    rows = [(str(name), str(value)) for name, value in zip(names, values, strict=True)]
+    with ui.expansion("All figures").props("data-action=all-figures"):
+        table(rows)
+    if run.files.recording.exists():
+        ui.label(f"Recording: {run.files.recording}").classes("path")
 
 
 View = TypeVar("View")
@@ -189,7 +233,7 @@ class Stage:
         take: Take,
         go_on: GoOn,
     ) -> None:
-        """`folder`: of the runs. `desk`, `drafted` and `take`: as for `StudyView`. `go_on`: as for `what_if`."""
+        """`folder`: of the runs. `go_on`: as for `what_if`. The others: as for `StudyView`."""
         with ui.element("section").classes("stage").props('aria-label="Plan, picture and results"'):
             self._choice = ui.toggle(VIEWS, value="Plan", on_change=self._turned).classes(
                 "stage-choice"
@@ -213,16 +257,21 @@ class Stage:
             self._past.refresh()
 
     def turn_to_study(self) -> None:
+        """Show the study."""
         self._choice.set_value("Study")
 
     def show(self, run: Run, state: RunState) -> None:
+        """Show a run in all views."""
         self._picture.is_seen = self._choice.value == "Picture"
         for view in (self._picture, self._summary, self._messages):
             view.show(run, state)
 
     def turn_to_run(self, run: Run, state: RunState) -> None:
-        view = "Summary" if state.is_over else "Picture" if run.settings.live else "Messages"
+        """Show the view that tells most of a run: of a fork that has ended, its comparison."""
         if run.fork is not None and run.summary is not None:
             self._past.refresh(run.fork.parent, run.files.name)
-            view = "Runs"
-        self._choice.set_value(view)
+            self._choice.set_value("Runs")
+        elif state.is_over:
+            self._choice.set_value("Summary")
+        else:
+            self._choice.set_value("Picture" if run.settings.live else "Messages")

@@ -1,4 +1,7 @@
-"""What if? The time line of a run that has ended: from a moment on, a fork of it goes on with something changed."""
+"""What if? The time line of a run that has ended.
+
+From a moment on, a fork of the run goes on with something changed.
+"""
 
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -16,6 +19,7 @@ from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.sim.snapshot import ticks_of
 
+# Some of what may change under way.
 CHANGING = (
     "carriers",
     "dispatch",
@@ -23,7 +27,7 @@ CHANGING = (
     "people.workers",
     "people.visitors",
     "seed",
-)  # some of what may change under way
+)
 MOMENTS = 8  # that are named on a time line
 
 
@@ -41,24 +45,21 @@ GoOn = Callable[[Scenario, Fork], Awaitable[None]]
 
 def moment(seconds: float) -> str:
     """Return a moment as it is named on a time line: 2:30."""
-    return "{}:{:02d}".format(*divmod(round(seconds), 60))
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
 
 
 def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) -> None:
-    """Add the time line of a run that has left keyframes, some settings that may change, and the button. `go_on`: starts a fork."""
-    known, draft = [round(tick * TIME_STEP, 1) for tick in ticks_of(snapshots)], Draft(scenario)
-    if not known:
+    """Add the time line of a run that has left keyframes, what may change, and the button.
+
+    `snapshots`: the folder with the keyframes. `history`: of the run. `go_on`: starts a fork.
+    """
+    kept = [round(tick * TIME_STEP, 1) for tick in ticks_of(snapshots)]
+    if not kept:
         return
+    draft = Draft(scenario)
     heading(3, "What if from here?")
-    with ui.element("div").classes("moments"):
-        named = [{"value": at, "label": moment(at)} for at in known[:: 1 + len(known) // MOMENTS]]
-        time = ui.slider(
-            min=known[0], max=int(max(history["seconds"], default=0)), value=known[len(known) // 2]
-        ).classes("grow")
-        time.props(
-            f'data-field=moment aria-label="Moment from which the run goes on, s" :marker-labels="{named}"'
-        )
-        ui.label().bind_text_from(time, "value", moment).classes("figure").props("data-view=moment")
+    time = _time_line(kept, int(max(history["seconds"], default=0)))
     with ui.element("div").classes("what-if"):
         controls = {path: Control(entries()[path], draft, "fork-") for path in CHANGING}
         with ui.element("div").classes("field"):
@@ -74,23 +75,39 @@ def what_if(snapshots: Path, scenario: Scenario, history: History, go_on: GoOn) 
         for path, control in controls.items():
             control.complain(draft.problems.get(path, ""))
         if draft.scenario is not None:
-            changed = {
-                path: draft.values[path]
-                for path, value in flat(scenario).items()
-                if draft.values[path] != value
-            }
-            sets = [
-                f"--set={path}={msgspec.json.encode(value).decode()}"
-                for path, value in changed.items()
-            ]
-            words = [
-                str(snapshots),
-                f"--at={time.value}",
-                *sets,
-                *(f"--stop={robot}" for robot in stop.value),
-            ]
-            count = sum(seconds <= time.value for seconds in history["seconds"])
-            before = {name: values[:count] for name, values in history.items()}
+            changes = [*_changes(scenario, draft), *(f"--stop={robot}" for robot in stop.value)]
+            words = [str(snapshots), f"--at={time.value}", *changes]
+            before = _until(history, time.value)
             await go_on(draft.scenario, Fork(snapshots.stem, time.value, words, before))
 
     button("What if from here", start, "fork", "fork_right", "unelevated")
+
+
+def _time_line(kept: list[float], end: int) -> ui.slider:
+    """Add a time line. `kept`: the moments with a keyframe, s. `end`: of the run, s."""
+    step = 1 + len(kept) // MOMENTS
+    labels = [{"value": seconds, "label": moment(seconds)} for seconds in kept[::step]]
+    with ui.element("div").classes("moments"):
+        time = ui.slider(min=kept[0], max=end, value=kept[len(kept) // 2]).classes("grow")
+        time.props(
+            'data-field=moment aria-label="Moment from which the run goes on, s" '
+            f':marker-labels="{labels}"'
+        )
+        shown = ui.label().bind_text_from(time, "value", moment)
+        shown.classes("figure").props("data-view=moment")
+    return time
+
+
+def _changes(scenario: Scenario, draft: Draft) -> list[str]:
+    """Return what is entered in a draft that a scenario has not, as options of `orchard fork`."""
+    return [
+        f"--set={path}={msgspec.json.encode(draft.values[path]).decode()}"
+        for path, value in flat(scenario).items()
+        if draft.values[path] != value
+    ]
+
+
+def _until(history: History, seconds: float) -> History:
+    """Return the history of a run up to a moment."""
+    count = sum(at <= seconds for at in history["seconds"])
+    return {name: values[:count] for name, values in history.items()}

@@ -90,37 +90,44 @@ class Benchmark:
         tell: Callable[[float], None] = lambda share: None,
         is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`known`: orchards by name. `is_checked`: the simulator does the harvests of this policy too. `tell` hears which share of all is
-        done. Raises ScenarioError for a policy that cannot be used."""
-        self.policy, self.known, self.workers, self.tell, self.is_stopped = (
-            policy,
-            known,
-            workers,
-            tell,
-            is_stopped,
-        )
-        self.cells = [
-            (name, each) for each in dict.fromkeys([policy, *DISPATCH_POLICIES]) for name in known
-        ]
+        """`known`: orchards by name. `is_checked`: the simulator does these harvests too.
+
+        `tell` hears which share of all is done. Raises ScenarioError for a policy that cannot be
+        used.
+        """
+        self.policy = policy
+        self.known = known
+        self.workers = workers
+        self.tell = tell
+        self.is_stopped = is_stopped
+        policies = dict.fromkeys([policy, *DISPATCH_POLICIES])
+        self.cells = [(name, of_cell) for of_cell in policies for name in known]
         self.settings = [
-            Setting({}, with_changes(known[name], dispatch=each)) for name, each in self.cells
+            Setting({}, with_changes(known[name], dispatch=of_cell)) for name, of_cell in self.cells
         ]
-        self.own = range(len(known))  # the settings of `policy`
-        for i in self.own:
-            check_plugins(lay_out(self.settings[i].scenario))
+        # The settings of `policy` come first.
+        self.own = range(len(known))
+        for number in self.own:
+            check_plugins(lay_out(self.settings[number].scenario))
         self.checked = self.own if is_checked else ()
+        # Name of an orchard -> the setting whose bound it has: it is the same with each policy.
         self.bounds = {
-            name: self.cells.index((name, one.dispatch)) for name, one in known.items()
-        }  # the same with each policy
+            name: self.cells.index((name, scenario.dispatch)) for name, scenario in known.items()
+        }
+        # Where work is drawn, each seed has a bound of its own.
         self.drawn = [
-            self.bounds[name] for name, one in known.items() if one.work_is_drawn
-        ]  # each seed has a bound of its own
-        counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
-        bounds = len(known) + (SEEDS - 1) * len(self.drawn)
-        self.wanted = bounds + sum(counts) + sum(counts[i] for i in self.checked)
+            self.bounds[name] for name, scenario in known.items() if scenario.work_is_drawn
+        ]
+        self.wanted = self._count_runs()
         self.runs = Replications(
             self.settings, "harvest_seconds", "harvest", store, workers, self._hear, is_stopped
         )
+
+    def _count_runs(self) -> int:
+        """Return how many runs and bounds there are in all."""
+        counts = [SEEDS if setting.is_random else 1 for setting in self.settings]
+        bounds = len(self.known) + (SEEDS - 1) * len(self.drawn)
+        return bounds + sum(counts) + sum(counts[number] for number in self.checked)
 
     def run(self) -> BenchmarkResult | None:
         """Do what the store does not know, and return all; None if it was stopped. Raises WorkersError, RunFailed or StoreFailed."""

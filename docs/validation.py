@@ -17,10 +17,10 @@ import matplotlib
 from matplotlib.figure import Figure
 from rich.progress import track
 
-from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, Animals, People, Scenario
 from orchard.report.bounds import Bounds
+from orchard.report.long_run import long_run
 
 MEASURED = Path(__file__).with_name("validation.json")
 PICKERS, ROWS, ROW_LENGTH = (

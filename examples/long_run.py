@@ -15,9 +15,10 @@ from rich.progress import track
 from rich.table import Table
 
 from orchard import Scenario
-from orchard.discrete.harvest import Jam, long_run
+from orchard.discrete.harvest import Jam
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
+from orchard.report.long_run import long_run
 
 NO_OBSTACLES = {
     "people": {"workers": 0, "visitors": 0},

@@ -75,3 +75,8 @@ class Dispatch(Protocol):
 def is_early(policy: Dispatch) -> bool:
     """Whether bins report to a policy before they are full."""
     return bool(getattr(policy, "early", False))
+
+
+def prefers_near(policy: Dispatch) -> bool:
+    """Whether a policy lets far bins wait for near ones that were full later."""
+    return bool(getattr(policy, "prefers_near", False))

@@ -134,5 +134,7 @@ class GlobalAssignment(Ranking):
     All ways lead by the queue's head, so the nearest bins get carriers.
     """
 
+    prefers_near = True
+
     def rank(self, report: BinReport, memory: Any) -> tuple[Any, ...]:
         return report.metres, report.since, report.name

@@ -1,4 +1,4 @@
-"""A whole harvest in the discrete-event model, and one that never ends: pickers, carriers, the bins' calls, and the places on the roads."""
+"""A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,27 +11,16 @@ import simpy
 from orchard.agents.forecast import until_full
 from orchard.agents.robot import PATIENCE
 from orchard.agents.routes import route_of
+from orchard.agents.steps import CRUISE, Confirmed
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
-from orchard.discrete.robots import Events, Roads, Robot
+from orchard.discrete.robots import Events, Exchange, Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
-from orchard.field.rounds import round_of
-from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
-LEAST_BINS, LEAST_ROUNDS = (
-    24,
-    3,
-)  # of a long run: that each picker fills; how often those with most rows pick theirs, if each fills a bin
-CHARGES, LEAST_BUSY = (
-    6.0,
-    0.25,
-)  # that each carrier does, by the mean, if it is busy for that share; others charge while they wait
-BEGINNING = 0.4  # share of the bins that is left out
-LEAST_SHARE = 0.5  # of its rows, or of the work, that a picker does until the first one has done all: with fair policies 0.7 and more
 
 
 class Jam(RuntimeError):
@@ -97,8 +86,8 @@ class DiscreteHarvest:
         self._waits: list[
             tuple[int, int, int]
         ] = []  # tick at which a picker got an empty bin; ticks since it stood there; since its bin was full
-        # Of each picker, the ticks at which it got an empty bin for a full one.
-        self.exchanges: dict[str, list[int]] = {name: [] for name in layout.blocks}
+        # Of each picker, in the order in which it got empty bins for full ones.
+        self.exchanges: dict[str, list[Exchange]] = {name: [] for name in layout.blocks}
         self._trips: list[
             tuple[float, float]
         ] = []  # of carriers: the ticks between which one was outside the queue
@@ -195,7 +184,9 @@ class DiscreteHarvest:
             self._full_since[picker.name] = picker.tick
 
     def couple(self, picker: Robot) -> None:
-        self.exchanges[picker.name].append(picker.tick)
+        exchange = Exchange(picker.tick)
+        self.exchanges[picker.name].append(exchange)
+        self.robots[picker.carrier].exchange = exchange
         full_since = self._full_since.pop(picker.name)
         self._waits.append((picker.tick, picker.tick - picker.stood, picker.tick - full_since))
 
@@ -211,8 +202,26 @@ class DiscreteHarvest:
 
     def home(self, carrier: Robot) -> None:
         carrier.use_battery(self.battery.standing)
+        self._end_job(carrier)
         self._trips.append((carrier.away, carrier.tick))
         self.calls.home(carrier)
+
+    def _end_job(self, carrier: Robot) -> None:
+        """Note what the job of a carrier took that has turned into its line of the queue.
+
+        A job is counted from the queue's exit to the queue's exit. So the way through the line, to
+        the next order and out of the queue belongs to it, as if nobody stood in that line.
+        """
+        if carrier.exchange is None:
+            return
+        through = (self.exit - carrier.x) / CRUISE / TIME_STEP
+        out_ticks = carrier.tick - carrier.away
+        battery_hours = self.battery.hours or inf
+        carrier.exchange.carrier_ticks = out_ticks + through + Confirmed.ticks
+        carrier.exchange.battery_used = (
+            carrier.charge_at_start - carrier.charge + through * TIME_STEP / 3600.0 / battery_hours
+        )
+        carrier.exchange = None
 
     def spread_charges(self) -> None:
         """Let carriers begin with batteries charged differently, as they are after some days, and not all full."""
@@ -222,8 +231,9 @@ class DiscreteHarvest:
     def charge(self, carrier: Robot) -> Events:
         """Charge a battery, once its carrier stands in its line and a charger is free."""
         self._trips.append((carrier.away, carrier.tick))
-        carrier.away = inf
         carrier.use_battery(self.battery.standing)
+        self._end_job(carrier)
+        carrier.away = inf
         yield self.env.timeout(1)
         while carrier.is_on_the_way:
             yield self.env.timeout(PATIENCE)
@@ -283,120 +293,3 @@ class DiscreteHarvest:
     @property
     def delivered(self) -> int:
         return len(self.deliveries)
-
-
-def long_run(layout: Layout, rows_each: int | None = None) -> DiscreteFigures:
-    """Let all pickers pick their rows again and again, and measure.
-
-    `rows_each`: how many rows each picker picks at least; None: as many as a good figure needs.
-    Raises ValueError as `DiscreteHarvest` does, and Jam. It raises Jam too if a policy leaves a
-    picker out: the rate would be that of the others' rows.
-    """
-    each, most = (
-        layout.scenario.bin_metres,
-        max(len(block.rows) for block in layout.blocks.values()),
-    )
-    bins_a_row = layout.mean_length / each if each else 1.0
-    least = rows_each or max(
-        ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most
-    )
-    run, battery = _LongRun(layout, least), layout.scenario.carrying.battery
-    found = run.figures()
-    if rows_each or not battery.hours:
-        return found
-    busy = max(LEAST_BUSY, found.carrier_utilisation)
-    charge_seconds = (
-        3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)
-    )  # from one to the next
-    needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / found.sim_seconds)
-    return found if needed <= least else _LongRun(layout, needed).figures()
-
-
-class _LongRun:
-    """A harvest in which pickers pick their rows again and again, until each has done whole rounds."""
-
-    def __init__(self, layout: Layout, least_rows: int) -> None:
-        """`least_rows`: that the fastest picker picks at least."""
-        self.layout = layout
-        self.rounds = {name: round_of(layout, block) for name, block in layout.blocks.items()}
-        self.least_rows = least_rows
-        longest = max(whole.least_rows for whole in self.rounds.values())
-        # A picker of slow rows needs longer for its rounds, and the others go on until then.
-        seconds = [self._row_seconds(block) for block in layout.blocks.values()]
-        others_rows = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))
-        self.harvest = DiscreteHarvest(layout, least_rows + others_rows)
-        self.harvest.spread_charges()
-        self.pickers = {name: self.harvest.robots[name] for name in layout.blocks}
-        self.steps = {name: len(picker.plan) for name, picker in self.pickers.items()}
-        bins_a_row = [whole.bins / whole.rows for whole in self.rounds.values()]
-        # The bins of the beginning are left out.
-        self.first_bin = int(BEGINNING * least_rows * sum(bins_a_row))
-
-    def figures(self) -> DiscreteFigures:
-        """Do the run, and return its figures. Raises Jam."""
-        harvest = self.harvest.run(self._goes_on)
-        is_measured = self._is_measured
-        if not is_measured and all(picker.plan for picker in self.pickers.values()):
-            raise harvest.jam()
-        self._demand_that_all_are_served()
-        if not is_measured:
-            raise Jam("some pickers fill too few bins for a rate: too few carriers come to them")
-        since = self.since
-        until = harvest.deliveries[-1]
-        bins_a_tick = sum(self._rate(name) or 0.0 for name in self.pickers)
-        return DiscreteFigures(
-            bins_per_hour=3600.0 * bins_a_tick / TIME_STEP,
-            picker_waiting_seconds=harvest.picker_waiting_seconds(since, until),
-            carrier_utilisation=harvest.carrier_utilisation(since, until),
-            sim_seconds=until - since,
-            bins=harvest.delivered - self.first_bin - 1,
-        )
-
-    @property
-    def since(self) -> float:
-        """The time from which on it is measured, s."""
-        deliveries = self.harvest.deliveries
-        return deliveries[self.first_bin] if len(deliveries) > self.first_bin else inf
-
-    def _goes_on(self) -> bool:
-        return not self._is_measured and all(picker.plan for picker in self.pickers.values())
-
-    @property
-    def _is_measured(self) -> bool:
-        """Whether the fastest picker has done its least rows, and each one its whole rounds."""
-        is_long = any(
-            len(self.harvest.exchanges[name]) >= self.least_rows * whole.bins / whole.rows
-            for name, whole in self.rounds.items()
-        )
-        return is_long and all(self._rate(name) is not None for name in self.pickers)
-
-    def _rate(self, picker: str) -> float | None:
-        """Return the rate of a picker, bins a tick; None before it has done so many rounds."""
-        since = self.since / TIME_STEP
-        exchanges = [tick for tick in self.harvest.exchanges[picker] if tick >= since]
-        return self.rounds[picker].rate(exchanges)
-
-    def _demand_that_all_are_served(self) -> None:
-        """Raise Jam if a picker did far less than the others, by its rows and by its work."""
-        done = {}
-        work = {}
-        for name, picker in self.pickers.items():
-            done[name] = 1.0 - len(picker.plan) / self.steps[name]
-            work[name] = done[name] * self._row_seconds(self.layout.blocks[name])
-        most_done = max(done.values())
-        most_work = max(work.values())
-        shares = []
-        for name in self.pickers:
-            shares.append((max(done[name] / most_done, work[name] / most_work), name))
-        share, last = min(shares)
-        if share < LEAST_SHARE:
-            raise Jam(
-                f"{last} has done {100.0 * share:.0f} % of its rows when another picker has"
-                " done all: too few carriers come to it"
-            )
-
-    def _row_seconds(self, block: Block) -> float:
-        """Return the mean time that picking a row of a block takes, s."""
-        return fmean(
-            self.layout.picking_seconds(row, self.layout.lane(row).length) for row in block.rows
-        )

@@ -1,6 +1,7 @@
 """A robot in the discrete-event model: it walks through the steps of its plan, and each takes the time that it takes in the simulator."""
 
 from collections.abc import Generator, Sequence
+from dataclasses import dataclass
 from functools import singledispatchmethod
 from math import ceil, floor, inf
 from types import SimpleNamespace
@@ -46,6 +47,17 @@ class Model(Protocol):
     def charge(self, carrier: "Robot") -> Events: ...
 
 
+@dataclass
+class Exchange:
+    """An exchange of bins, and what its carrier did for it."""
+
+    tick: int  #: at which the picker got the empty bin
+    #: For which its carrier was busy, until it could leave the queue again. None: it is still out.
+    carrier_ticks: float | None = None
+    #: What the carrier used of its battery in that time, as a share.
+    battery_used: float = 0.0
+
+
 class Roads:
     """The roads: which robot has which place, and which follows which."""
 
@@ -89,6 +101,9 @@ class Robot(Follower):
             "",
             "",
         )  # the bin that a carrier has brought; that carrier; the bin that it left
+        # The exchange for which it is out as a carrier, and its charge when it left.
+        self.exchange: Exchange | None = None
+        self.charge_at_start = 1.0
         self.taken: dict[str, int] = {}  # bin that was brought -> tick at which it was taken over
 
     @property
@@ -108,6 +123,7 @@ class Robot(Follower):
     def take(self, plan: list[Step]) -> None:
         """Leave the queue with another plan."""
         self.use_battery(0.0)
+        self.charge_at_start = self.charge
         self.plan, self.away, self.parked = list(plan), inf, inf
         happened, self.new_plan = self.new_plan, self.env.event()
         happened.succeed()

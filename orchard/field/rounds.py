@@ -2,7 +2,7 @@
 
 Rows are picked at different speeds, and a bin fills inside a row or goes on with the next one. So
 a picker is fast for some bins, and slow for others. Only over whole rounds of its rows has its rate
-a meaning. The limit and the long run of the fast model are both taken over whole rounds.
+a meaning. The long run of the fast model is taken over whole rounds.
 """
 
 from collections.abc import Sequence
@@ -42,20 +42,28 @@ class Round:
         """The rows that a picker must pick for so many exchanges."""
         return ceil((self.least_exchanges + 1) * self.rows / self.bins)
 
+    def suffice(self, exchanges: int) -> bool:
+        """Whether so many exchanges have the whole rounds of a rate."""
+        return self._rounds(exchanges - WINDOWS) >= self.least
+
+    def _rounds(self, exchanges: int) -> int:
+        """Return how many whole rounds so many exchanges have."""
+        rounds = max(0, floor(exchanges / self.bins + ROUNDING))
+        # A bin of which only a part counts must be whole in the list.
+        while rounds and ceil(rounds * self.bins - ROUNDING) > exchanges:
+            rounds -= 1
+        return rounds
+
     def rate(self, exchanges: Sequence[float]) -> float | None:
         """Return the rate over as many whole rounds as end with the last exchanges, bins a unit of time.
 
         `exchanges`: the times at which the picker got an empty bin for a full one, in their order.
         None if there were too few rounds between the first and the last one.
         """
-        most = len(exchanges) - WINDOWS
-        rounds = floor(most / self.bins + ROUNDING)
-        # A bin of which only a part counts must be whole in the list.
-        while rounds and ceil(rounds * self.bins - ROUNDING) > most:
-            rounds -= 1
-        if rounds < self.least:
+        if not self.suffice(len(exchanges)):
             return None
-        bins = rounds * self.bins
+        most = len(exchanges) - WINDOWS
+        bins = self._rounds(most) * self.bins
         first = most - ceil(bins - ROUNDING)
         elapsed = [_elapsed(exchanges[first + later :], bins) for later in range(WINDOWS)]
         return bins * WINDOWS / sum(elapsed)

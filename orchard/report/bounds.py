@@ -5,14 +5,13 @@ roads that each robot has to itself: of `nearest` for a policy of the user's own
 with steps of its own. Another policy may be faster: `proven_seconds` is what none can beat.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
-from itertools import pairwise
 from math import ceil, inf
 from statistics import fmean
 
-from orchard.agents.dispatch import is_early
+from orchard.agents.dispatch import is_early, prefers_near
 from orchard.agents.jobs import HANDOVER, TimedStep, begin_of, timed_steps
 from orchard.agents.policies import POLICIES, dispatch_of
 from orchard.agents.route import OneWay
@@ -24,7 +23,6 @@ from orchard.field.kinds import kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
 from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
-from orchard.field.rounds import round_of
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
 
@@ -33,9 +31,8 @@ TRAIN = (
 )  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
 ROUNDS = 2  # times that a picker picks its rows in the means, or a multiple: after two, each row is left at the same ends again
 FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
-# A long run ends, and the pickers' windows do not begin at one time. So the rates of all of them may
-# together be this much above what carriers can do without end.
-FINITE_RUN = 1.0049
+# Of the bins of another picker, which each one fills at least: in a long run a policy must serve all.
+LEAST_SHARE = 0.5
 PROOF = 0.1  # of the solver's work: at most about half a second
 
 
@@ -43,11 +40,12 @@ class Bounds:
     """The terms for one orchard, in which each picker picks its rows again and again: bins/s that each part allows."""
 
     def __init__(self, layout: Layout) -> None:
-        scenario, route, early = layout.scenario, route_of(layout), is_early(dispatch_of(layout))
+        scenario, route, policy = layout.scenario, route_of(layout), dispatch_of(layout)
         # The same passes come again and again.
-        times = cache(partial(_seconds, route, early))
+        self.pass_times: PassTimes = cache(partial(_seconds, route, is_early(policy)))
+        of_each = [_of_a_bin(layout, block, self.pass_times) for block in layout.blocks.values()]
+        self.of_pickers = dict(zip(layout.blocks, of_each, strict=True))
         # The means: as if each delivered as many bins.
-        of_each = [_of_a_bin(layout, block, times) for block in layout.blocks.values()]
         picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
         self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
@@ -60,12 +58,17 @@ class Bounds:
         self.bay_seconds = (
             Unload.ticks * TIME_STEP + TRAIN
         )  # t_bay, for which one carrier occupies the bay
+        busy = cycle + charging
+        charged = charging
+        if prefers_near(policy):
+            busy = _mean_of_near(seconds[3] + seconds[5] for seconds in of_each)
+            charged = _mean_of_near(seconds[5] for seconds in of_each)
         self.terms = {
             # Each at its own rate.
-            "pickers": sum(_picker_rate(layout, block, times) for block in layout.blocks.values()),
-            "carriers": FINITE_RUN * scenario.carrier_count / (cycle + charging),
+            "pickers": sum(1.0 / sum(seconds[:3]) for seconds in of_each),
+            "carriers": scenario.carrier_count / busy,
             "unloading": 1.0 / self.bay_seconds,
-        } | ({"chargers": scenario.chargers / charging} if charging else {})
+        } | ({"chargers": scenario.chargers / charged} if charging else {})
 
     @property
     def row_end_share(self) -> float:
@@ -81,6 +84,23 @@ class Bounds:
     def bins_per_hour(self) -> float:
         """The bins per hour that all parts allow together, without traffic: the least of them."""
         return 3600.0 * min(self.terms.values())
+
+
+def _mean_of_near(work: Iterable[float]) -> float:
+    """Return the least mean time for a bin, s, if some pickers fill only `LEAST_SHARE` of what others do.
+
+    `work`: the mean time for a bin of each picker. A policy that prefers near bins may leave those
+    out of which the bins take longest, and a long run allows it up to that share.
+    """
+    in_order = sorted(work)
+    seconds = LEAST_SHARE * sum(in_order)
+    bins = LEAST_SHARE * len(in_order)
+    least = inf
+    for each in in_order:
+        seconds += (1.0 - LEAST_SHARE) * each
+        bins += 1.0 - LEAST_SHARE
+        least = min(least, seconds / bins)
+    return least
 
 
 # Of a pass through a row and the next one: the times that `_seconds` returns.
@@ -103,26 +123,14 @@ def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
     return [sum(seconds) / bins for seconds in zip(*times, strict=True)]
 
 
-def _picker_rate(layout: Layout, block: Block, times_of: PassTimes) -> float:
-    """Return the highest rate of a picker over whole rounds of its rows, bins/s.
-
-    Exchanges at one end of a row take longer than at the other, and a bin fills at another place
-    of the rows in each round. So rounds differ a little; none are faster than this.
-    """
-    whole = round_of(layout, block)
-    times = ceil(ROUNDS * whole.least_rows / len(set(block.rows))) + 1
-    exchanges = list[float]()
-    now = 0.0
-    for current, after in pairwise(layout.passes(replace(block, rows=block.rows * times))):
-        picking, crossing, wait = times_of(current, after)[:3]
-        now += picking + crossing + wait
-        if current.is_full:
-            exchanges.append(now)
-    longest = whole.least_exchanges
-    highest = 0.0
-    for end in range(longest, len(exchanges) + 1):
-        highest = max(highest, whole.rate(exchanges[end - longest : end]) or 0.0)
-    return highest
+def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
+    """Return a picker's steps from the head of one row to the head of the next one, on free roads."""
+    side = route.sides[current.end]
+    lane = route.layout.lane(current.row)
+    x = lane.west if side is route.east else lane.east
+    start = Pose(x, lane.y, HEADINGS[side.heading("EAST")])
+    steps = route.pick(current, came_over=False) + route.go_on(current, after)
+    return list(timed_steps(steps, start))
 
 
 def _seconds(
@@ -130,10 +138,8 @@ def _seconds(
 ) -> tuple[float, float, float, float, float, float]:
     """The same times of one pass through a row."""
     layout, side, lane = route.layout, route.sides[one.end], route.layout.lane(one.row)
-    start = Pose(
-        lane.west if side is route.east else lane.east, lane.y, HEADINGS[side.heading("EAST")]
-    )
-    way = [*timed_steps(route.pick(one, came_over=False) + route.go_on(one, after), start)]
+    way = plan_of_pass(route, one, after)
+    start = way[0].pose
     driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
     all_of_it = way[-1].ends - driving
     row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it - _handling(way)

@@ -19,7 +19,7 @@ from msgspec import Meta
 
 import orchard
 from orchard.agents.dispatcher import PolicyFault
-from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
+from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
 from orchard.field.plugins import (
     MISTAKES,
@@ -33,6 +33,7 @@ from orchard.field.scenario import END, Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
 from orchard.report.limits import with_seed
+from orchard.report.long_run import long_run
 from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.study.result import Horizon, Model
 
@@ -211,7 +212,11 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
         "bottleneck": bounds.bottleneck,
     }
     try:
-        found = long_run(layout) if horizon == "long" else DiscreteHarvest(layout).run().figures()
+        found = (
+            long_run(layout, bounds=bounds)
+            if horizon == "long"
+            else DiscreteHarvest(layout).run().figures()
+        )
     except Jam as jam:
         return RunResult(bins=0, ended="jammed", faults=str(jam), **known)
     return RunResult(ended="harvested", **vars(found), **known)

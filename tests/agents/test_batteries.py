@@ -10,11 +10,11 @@ from stage import Stage, empty_orchard
 
 from orchard import Local, Scenario
 from orchard.contract.messages import pack, unpack
-from orchard.discrete.harvest import long_run
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import check
 from orchard.report.bounds import Bounds
+from orchard.report.long_run import long_run
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 from orchard.sim.snapshot import Snapshot
 

@@ -14,11 +14,12 @@ from orchard.agents.jobs import begin_of, timed_steps
 from orchard.agents.routes import route_of
 from orchard.agents.steps import FetchEmpty
 from orchard.discrete.calls import Dispatched
-from orchard.discrete.harvest import DiscreteHarvest, Jam, long_run
+from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.report.bounds import Bounds
+from orchard.report.long_run import long_run
 
 NOBODY: dict[str, Any] = {
     "people": {"workers": 0, "visitors": 0},

@@ -11,12 +11,13 @@ from orchard.agents.route import OneWay
 from orchard.agents.routes import duration
 from orchard.agents.steps import DriveTo, Face
 from orchard.agents.two_way import TwoWay
-from orchard.discrete.harvest import DiscreteHarvest, long_run
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario
 from orchard.report import bounds, metrics
 from orchard.report.bounds import Bounds, lost_seconds, proven_seconds, schedule_seconds
+from orchard.report.long_run import long_run
 from orchard.report.metrics import HarvestFigures, shares
 from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures

@@ -4,7 +4,7 @@ Lengths are in m, speeds in m/s. A tick is a whole number; a time is in quarters
 letters arrive between two ticks. An index of NONE stands for nothing.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -223,6 +223,28 @@ ROBOT = np.dtype(
     align=True,
 )
 
+# Columns of a robot that are NONE at the start.
+INDICES = (
+    "next_op",
+    "offered",
+    "bringer",
+    "full_bin",
+    "full_since",
+    "queue_line",
+    "customer",
+    "job_bin",
+    "leg_ahead",
+    "line",
+    "ahead",
+    "behind",
+    "follows",
+    "waits_for_bin",
+    "beside",
+    "told_beside",
+    "due",
+    "wish_beside",
+)
+
 # -- sets of places of a robot, as bits
 
 # That it has, as it knows.
@@ -278,14 +300,15 @@ CALL = np.dtype(
     align=True,
 )
 
-# Kinds of events, in the order in which those of one time happen. A timer has a robot.
+# Kinds of events, in the order in which those of one time happen. A timer has a robot. Who asks
+# whether a carrier can leave sees it as it was in the last tick, so robots wake after that.
 GRANT = 0
-WAKE = 1
-REPORT = 2
-CALL_HEARD = 3
-COME = 4
-ORDER = 5
-DISPATCH = 6
+DISPATCH = 1
+CALL_HEARD = 2
+WAKE = 3
+REPORT = 4
+COME = 5
+ORDER = 6
 CLAIM = 7
 BROUGHT = 8
 EVENTS = 9
@@ -351,39 +374,39 @@ class Model(NamedTuple):
     """The arrays of a harvest. r robots, w words of bits for places, b bins."""
 
     # -- the program
-    ops: np.ndarray
-    needs: np.ndarray
-    frees: np.ndarray
+    ops: Any
+    needs: Any
+    frees: Any
     # (lists of places, w) bits.
-    places: np.ndarray
-    lines: np.ndarray
-    passes: np.ndarray
-    ends: np.ndarray
+    places: Any
+    lines: Any
+    passes: Any
+    ends: Any
     # (lines of the queue, lane's ends): the op at which a job begins; NONE: it is not translated.
-    jobs: np.ndarray
+    jobs: Any
     # The same shape: m by road from the line's head.
-    ways: np.ndarray
+    ways: Any
     # (rows,) m/s at which each is picked.
-    speeds: np.ndarray
+    speeds: Any
     # -- the state
-    robots: np.ndarray
+    robots: Any
     # (SETS, r, w) bits.
-    sets: np.ndarray
+    sets: Any
     # (3, w) bits, for traffic while it grants.
-    scratch: np.ndarray
+    scratch: Any
     # (lines,): the last robot on each.
-    rears: np.ndarray
-    bins: np.ndarray
+    rears: Any
+    bins: Any
     # (r,): of a picker.
-    calls: np.ndarray
+    calls: Any
     # (r, b) tick of a carrier's first offer to a bin.
-    offers: np.ndarray
+    offers: Any
     # (EVENTS, r) times.
-    timers: np.ndarray
+    timers: Any
     # (1,)
-    desk: np.ndarray
+    desk: Any
     # -- the results
-    deliveries: np.ndarray
-    exchanges: np.ndarray
-    trips: np.ndarray
-    log: np.ndarray
+    deliveries: Any
+    exchanges: Any
+    trips: Any
+    log: Any

@@ -133,6 +133,10 @@ class Program:
         """The lists of places, (lists, words) bits."""
         return self._lists
 
+    def names_of(self, number: int) -> tuple[str, ...]:
+        """Return the names in a list of places."""
+        return list(self._list_numbers)[number]
+
     def end_number(self, row: int, side: str) -> int:
         """Return the number of a lane's end."""
         return 2 * (row - 1) + SIDES.index(side)

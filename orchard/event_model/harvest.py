@@ -1,0 +1,333 @@
+"""A whole harvest in the event model: the state at its start, and what came of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import inf
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.machine import run
+from orchard.event_model.program import Program
+from orchard.field.kinds import DISPATCH, KINDS, kind_of
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.placement import Start
+from orchard.field.rows import Block
+from orchard.field.scenario import TIME_STEP, Scenario
+
+# Ticks for each bin. A harvest in which robots wait for each other ends then.
+LONGEST = 4_000_000
+# Ticks in which no robot drives on or finishes a step: they wait for each other.
+JAM = 6_000
+# Rows of a log before it grows.
+LOG_ROWS = 4096
+# The policies that are compiled. Without the agent `dispatch` bins call all carriers.
+COMPILED = {
+    "nearest": c.BY_CALLS,
+    "longest-waiting": c.LONGEST_WAITING,
+    "farthest-first": c.FARTHEST_FIRST,
+    "predictive": c.PREDICTIVE,
+    "predictive-farthest": c.PREDICTIVE_FARTHEST,
+    "global-assignment": c.GLOBAL_ASSIGNMENT,
+}
+
+
+def lacking(scenario: Scenario) -> str:
+    """Return what of a scenario the event model as data does not know yet; '' if it knows all."""
+    people = scenario.people.workers + scenario.people.visitors
+    animals = scenario.animals.dogs + scenario.animals.cats
+    if people or animals:
+        return "people and animals"
+    if scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between:
+        return "failures"
+    if scenario.has_batteries:
+        return "batteries"
+    if not scenario.sensors.are_exact:
+        return "errors of sensors"
+    if scenario.agents or scenario.agents_without_body:
+        return "agents of your own"
+    if scenario.dispatch not in COMPILED:
+        return f"the policy {scenario.dispatch}"
+    return ""
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """What a program depends on. The speeds of rows are none of it."""
+
+    scenario: str
+    blocks: tuple[tuple[str, Block], ...]
+    layout: Layout = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What all seeds of an orchard share."""
+
+    program: Program
+    # Pickers and carriers, by name.
+    names: list[str]
+    # In the order of their names, as ties are.
+    bin_names: list[str]
+    # At the start of a harvest. Only copies are changed.
+    model: c.Model
+
+
+def prepare(layout: Layout) -> Prepared:
+    """Return the program of an orchard and its state at the start: the same ones for all seeds.
+
+    Raises NotImplementedError for a step, or a distance, that the model does not know.
+    """
+    scenario = layout.scenario.model_copy(update={"seed": 0})
+    return _prepared(_Geometry(scenario.model_dump_json(), tuple(layout.blocks.items()), layout))
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _prepared(geometry: _Geometry) -> Prepared:
+    layout = geometry.layout
+    program = Program(layout)
+    starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
+    starts.sort(key=lambda start: start.name)
+    bin_names = sorted(start.bin for start in starts)
+    names = [start.name for start in starts]
+    return Prepared(program, names, bin_names, _initial(layout, program, starts, bin_names))
+
+
+# Arrays of a model that a harvest changes.
+STATE = (
+    "robots",
+    "sets",
+    "scratch",
+    "rears",
+    "bins",
+    "calls",
+    "offers",
+    "timers",
+    "desk",
+    "deliveries",
+    "exchanges",
+    "trips",
+)
+
+
+def _initial(
+    layout: Layout, program: Program, starts: Sequence[Start], bin_names: list[str]
+) -> c.Model:
+    """Return a model at the start of a harvest, without the speeds of rows and without a log."""
+    count = len(starts)
+    bins = np.zeros(len(bin_names), c.BIN).view(np.recarray)
+    bins.taken = c.NEVER
+    bins.full = c.NONE
+    bins.called = -c.NEVER
+    calls = np.zeros(count, c.CALL).view(np.recarray)
+    calls.bin = c.NONE
+    calls.carrier = c.NONE
+    timers = np.full((c.EVENTS, count), c.NEVER)
+    timers[c.WAKE] = 0
+    exchanges = program.bins + count
+    return c.Model(
+        ops=program.ops.array,
+        needs=program.needs.array,
+        frees=program.frees.array,
+        places=program.lists,
+        lines=program.lines.array,
+        passes=program.passes.array,
+        ends=program.ends,
+        jobs=program.jobs,
+        ways=program.ways,
+        speeds=np.zeros(len(layout.lanes)),
+        robots=_robots(program, starts, bin_names),
+        sets=np.zeros((c.SETS, count, program.words), np.uint64),
+        scratch=np.zeros((3, program.words), np.uint64),
+        rears=np.full(program.most_lines, c.NONE),
+        bins=bins,
+        calls=calls,
+        offers=np.full((count, len(bins)), c.NEVER),
+        timers=timers,
+        desk=_desk(layout, program),
+        deliveries=np.zeros(program.bins, np.int64),
+        exchanges=np.zeros(exchanges, c.EXCHANGE).view(np.recarray),
+        trips=np.zeros(exchanges, c.TRIP).view(np.recarray),
+        log=np.zeros(0, c.LOG).view(np.recarray),
+    )
+
+
+def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> Any:
+    robots = np.zeros(len(starts), c.ROBOT).view(np.recarray)
+    for column in c.INDICES:
+        robots[column] = c.NONE
+    robots.away = c.NEVER
+    robots.answered = c.NEVER
+    robots.claimed = -c.NEVER
+    for robot, start in zip(robots, starts, strict=True):
+        kind = KINDS[start.kind]
+        robot.x = start.pose.x
+        robot.y = start.pose.y
+        robot.length = kind.length
+        robot.width = kind.width
+        robot.tows = kind.tows
+        robot.bin = bin_names.index(start.bin)
+        if start.kind == "picker":
+            robot.next_op = program.harvests[start.name]
+        else:
+            robot.is_free = True
+            robot.queue_line = program.queue_line(start.name)
+            robot.next_op = program.waiting[robot.queue_line]
+    return robots
+
+
+def _desk(layout: Layout, program: Program) -> Any:
+    scenario = layout.scenario
+    has_dispatcher = DISPATCH in scenario.bodiless_agents
+    desk = np.zeros(1, c.DESK).view(np.recarray)
+    desk.policy = COMPILED[scenario.dispatch] if has_dispatcher else c.BY_CALLS
+    desk.asked = -c.NEVER // 2
+    desk.horizon = program.horizon
+    desk.mean_speed = scenario.mean_picking_speed
+    desk.exit = layout.queue.area.east
+    desk.head = layout.queue.head
+    return desk
+
+
+class EventHarvest:
+    """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
+
+    def __init__(self, layout: Layout, is_logged: bool = False) -> None:
+        """`is_logged`: note what each robot does when, for a trace.
+
+        Raises NotImplementedError for what the model does not know: see `lacking`.
+        """
+        unknown = lacking(layout.scenario)
+        if unknown:
+            raise NotImplementedError(f"the event model does not know {unknown}")
+        prepared = prepare(layout)
+        self.layout = layout
+        self.program = prepared.program
+        self.names = prepared.names
+        self.bin_names = prepared.bin_names
+        own = {name: getattr(prepared.model, name).copy() for name in STATE}
+        own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
+        if is_logged:
+            own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
+        self.model = prepared.model._replace(**own)
+        self._take_program()
+
+    # -- the harvest
+
+    def run(self, goes_on: Callable[[], bool] = lambda: True) -> "EventHarvest":
+        """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`."""
+        before = -1
+        until = 0
+        longest = LONGEST * self.program.bins
+        while goes_on() and until < longest and (self.done > before or self.drives):
+            before = self.done
+            until = min(longest, until + JAM)
+            if self._run(until) == c.ENDED:
+                break
+        return self
+
+    def _run(self, until: int) -> int:
+        """Carry the harvest on to a tick, and translate the jobs that it lacks."""
+        while True:
+            reason: int = run(self.model, c.QUARTERS * until)
+            if reason == c.LACKS_JOB:
+                desk = self.model.desk[0]
+                self.program.translate_job(int(desk.missing_line), int(desk.missing_end))
+                self._take_program()
+            elif reason == c.LOG_IS_FULL:
+                longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
+                self.model = self.model._replace(log=longer.view(np.recarray))
+            else:
+                return reason
+
+    def _take_program(self) -> None:
+        """Take over the arrays of the program, which may be new ones because it has grown."""
+        program = self.program
+        self.model = self.model._replace(
+            ops=program.ops.array,
+            needs=program.needs.array,
+            frees=program.frees.array,
+            places=program.lists,
+            lines=program.lines.array,
+        )
+
+    # -- what came of it
+
+    @property
+    def drives(self) -> bool:
+        """Whether a robot is on its way."""
+        return bool(np.any(self.model.robots.state == c.DRIVING))
+
+    @property
+    def done(self) -> int:
+        """The steps that all robots have done."""
+        return int(self.model.robots.done.sum())
+
+    @property
+    def bins(self) -> int:
+        """The bins that are filled."""
+        return self.program.bins
+
+    @property
+    def delivered(self) -> int:
+        """The bins that were unloaded."""
+        return int(self.model.desk[0].deliveries)
+
+    @property
+    def deliveries(self) -> list[float]:
+        """When each bin was unloaded, s."""
+        return [float(tick) * TIME_STEP for tick in self.model.deliveries[: self.delivered]]
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all bins were delivered; if not, robots wait for each other."""
+        return self.delivered == self.bins
+
+    @property
+    def seconds(self) -> float:
+        """The length of the harvest, s."""
+        return float(self.model.robots.stood.max()) * TIME_STEP
+
+    @property
+    def exchanges(self) -> dict[str, list[int]]:
+        """Of each picker, the ticks at which it got an empty bin for a full one."""
+        ticks: dict[str, list[int]] = {name: [] for name in self.layout.blocks}
+        for exchange in self._exchanges():
+            ticks[self.names[exchange.picker]].append(int(exchange.tick))
+        return ticks
+
+    def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
+        """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got none.
+
+        Of bins that they got between two times. The drive to the place where they stand is no wait.
+        """
+        waits = [
+            int(exchange.stood)
+            for exchange in self._exchanges()
+            if since <= exchange.tick * TIME_STEP <= until
+        ]
+        return fmean(waits) * TIME_STEP if waits else 0.0
+
+    def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
+        """Return the share of the time for which a carrier is outside the queue, 0 to 1, as the mean."""
+        end = self.seconds if until is None else until
+        trips = [(trip.since, trip.until) for trip in self._trips()]
+        carriers = 0
+        for name, robot in zip(self.names, self.model.robots, strict=True):
+            if kind_of(name) == "carrier":
+                carriers += 1
+                if not robot.is_free:
+                    trips.append((robot.away, inf))
+        busy = 0.0
+        for left, came in trips:
+            busy += max(0.0, min(end, came * TIME_STEP) - max(since, left * TIME_STEP))
+        return busy / ((end - since) * carriers)
+
+    def _exchanges(self) -> Any:
+        return self.model.exchanges[: self.model.desk[0].exchanges]
+
+    def _trips(self) -> Any:
+        return self.model.trips[: self.model.desk[0].trips]

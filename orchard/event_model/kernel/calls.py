@@ -1,0 +1,353 @@
+"""Which carrier fetches which bin: calls that ask all carriers, or the dispatcher and its policy.
+
+The built-in policies that rank bins are compiled; `orchard.agents.ranking` has their rules.
+"""
+
+from math import ceil, floor
+
+from orchard.agents.bin import CALL_AGAIN
+from orchard.agents.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
+from orchard.agents.dispatcher import POLL_TICKS
+from orchard.agents.ranking import MARGIN
+from orchard.agents.robot import ASK
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.drives import is_moving, x_now
+from orchard.event_model.kernel.places import tick_of
+from orchard.field.scenario import TIME_STEP
+
+# Ticks from a call, by way of an offer, to the order that follows it.
+HEARD = ASK
+# Ticks from an order to the carrier.
+ORDERED = 1
+
+
+@inner
+def can_leave(m, robot):
+    """Whether a free carrier is at its line's head, or drives up to it."""
+    behind = m.desk[0].head - x_now(m, robot)
+    return behind < AT_HEAD or (is_moving(m, robot) and behind < MOVING_UP)
+
+
+@inner
+def job_of(m, carrier, picker):
+    """Return the op at which a carrier's job for a picker's call begins; NONE: it is not translated."""
+    return m.jobs[m.robots[carrier].queue_line, m.calls[picker].end]
+
+
+@inner
+def start_job(m, carrier, picker):
+    """Let a carrier leave the queue for a picker's bin."""
+    me = m.robots[carrier]
+    me.is_free = False
+    me.customer = picker
+    me.job_bin = m.calls[picker].bin
+    me.next_op = job_of(m, carrier, picker)
+    me.away = c.NEVER
+    # It waits in its line or drives up, and hears the order there.
+    m.timers[c.WAKE, carrier] = m.desk[0].now
+
+
+# -- bins
+
+
+@inner
+def is_early(m):
+    """Whether bins report before they are full."""
+    policy = m.desk[0].policy
+    return policy == c.PREDICTIVE or policy == c.PREDICTIVE_FARTHEST
+
+
+@inner
+def see_row(m, picker):
+    """Let a picker's bin see that the picker begins a row, or to drive into it."""
+    me = m.robots[picker]
+    op = m.ops[me.op]
+    drive = m.passes[op.arg]
+    tick = tick_of(m)
+    m.bins[me.bin].is_left = False
+    if not is_early(m):
+        return
+    # A bin sees how fast its row is picked only there.
+    speed = m.speeds[drive.row]
+    seen = tick
+    if op.metres > 0.0:
+        speed = m.desk[0].mean_speed
+        seen = tick + 1
+    full = tick + (drive.metres / speed + op.seconds) / TIME_STEP
+    call = m.calls[picker]
+    if call.bin != me.bin:
+        call.bin = me.bin
+        call.end = drive.end
+        call.is_reported = False
+        call.is_open = False
+        call.is_booked = False
+    call.full = full
+    if not call.is_reported:
+        call.since = max(seen, ceil(full - m.desk[0].horizon / TIME_STEP))
+        m.timers[c.REPORT, picker] = c.QUARTERS * call.since
+
+
+@inner
+def call_carriers(m, picker, end):
+    """Let a bin call that its picker has just left full."""
+    me = m.robots[picker]
+    tick = tick_of(m)
+    call = m.calls[picker]
+    if is_early(m):
+        return
+    call.bin = me.full_bin
+    call.end = end
+    call.since = tick
+    call.full = tick
+    call.is_booked = False
+    if m.desk[0].policy == c.BY_CALLS:
+        m.timers[c.CALL_HEARD, picker] = c.QUARTERS * (tick + 1)
+    else:
+        open_call(m, picker)
+
+
+# -- calls that ask all carriers
+
+
+@inner
+def hear_calls(m):
+    """Let all carriers hear the calls of the last tick, and let each bin choose one that offers to come."""
+    now = m.desk[0].now
+    tick = now // c.QUARTERS
+    for picker in range(len(m.robots)):
+        if m.timers[c.CALL_HEARD, picker] == now:
+            call = m.calls[picker]
+            call.carrier = c.NONE
+            m.bins[call.bin].since = call.since
+            m.bins[call.bin].called = tick
+    for carrier in range(len(m.robots)):
+        if m.robots[carrier].is_free and can_leave(m, carrier):
+            offer(m, carrier, tick)
+    for picker in range(len(m.robots)):
+        if m.timers[c.CALL_HEARD, picker] == now:
+            m.timers[c.CALL_HEARD, picker] = c.NEVER
+            if m.calls[picker].carrier == c.NONE:
+                m.timers[c.CALL_HEARD, picker] = now + c.QUARTERS * CALL_AGAIN
+            else:
+                m.timers[c.COME, picker] = now + c.QUARTERS * HEARD
+
+
+@inner
+def offer(m, carrier, tick):
+    """Let a carrier offer itself to the bin that has called for longest, if that bin calls now."""
+    first = c.NONE
+    for name in range(len(m.bins)):
+        if tick - m.bins[name].called > REMEMBERED:
+            continue
+        if first == c.NONE or is_offered_first(m, carrier, name, first, tick):
+            first = name
+    if first == c.NONE or m.bins[first].called != tick:
+        return
+    m.offers[carrier, first] = min(m.offers[carrier, first], tick)
+    for picker in range(len(m.robots)):
+        call = m.calls[picker]
+        if call.bin != first or m.timers[c.CALL_HEARD, picker] != m.desk[0].now:
+            continue
+        if call.carrier == c.NONE or is_nearer(m, carrier, call.carrier, call.end):
+            call.carrier = carrier
+
+
+@inner
+def is_offered_first(m, carrier, name, other, tick):
+    """Whether a carrier offers itself to one bin before another: as `orchard.agents.carrier.first_call`."""
+    is_late = tick - m.offers[carrier, name] > CHOOSING
+    is_other_late = tick - m.offers[carrier, other] > CHOOSING
+    if is_late != is_other_late:
+        return is_other_late
+    return m.bins[name].since < m.bins[other].since
+
+
+@inner
+def is_nearer(m, carrier, other, end):
+    """Whether one carrier in the queue is nearer to a lane's end than another, to a millimetre."""
+    return millimetres_to(m, carrier, end) < millimetres_to(m, other, end)
+
+
+@inner
+def millimetres_to(m, carrier, end):
+    """Return how far a carrier in the queue is from a lane's end by road, in whole millimetres."""
+    way = m.ways[m.robots[carrier].queue_line, end]
+    return floor(1000.0 * (way + m.desk[0].head - x_now(m, carrier)) + 0.5)
+
+
+@inner
+def millimetres_to_head(m, carrier):
+    """Return how far a carrier is from the head of its line, in whole millimetres."""
+    return floor(1000.0 * max(0.0, m.desk[0].head - x_now(m, carrier)) + 0.5)
+
+
+@inner
+def come(m, picker):
+    """Let a bin send for the carrier that it chose. One that is busy by now is none."""
+    carrier = m.calls[picker].carrier
+    if not m.robots[carrier].is_free:
+        m.timers[c.CALL_HEARD, picker] = m.desk[0].now + c.QUARTERS * 2
+        return
+    for name in range(len(m.bins)):
+        m.offers[carrier, name] = c.NEVER
+    start_job(m, carrier, picker)
+
+
+# -- the dispatcher
+
+
+@inner
+def open_call(m, picker):
+    """Let a bin report to the dispatcher."""
+    m.calls[picker].is_reported = True
+    m.calls[picker].is_open = True
+    wake_dispatcher(m)
+
+
+@inner
+def wake_dispatcher(m):
+    """Let the dispatcher ask the carriers, if it rests and bins wait."""
+    desk = m.desk[0]
+    if desk.state != c.RESTING:
+        return
+    earliest = c.NEVER
+    for picker in range(len(m.robots)):
+        call = m.calls[picker]
+        if call.is_open and not call.is_booked:
+            earliest = min(earliest, call.since)
+    if earliest == c.NEVER:
+        return
+    desk.asked = max(tick_of(m), earliest + 1, desk.asked + POLL_TICKS)
+    desk.state = c.ABOUT_TO_ASK
+    m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 1)
+
+
+@inner
+def dispatch(m):
+    """Hear which carriers can leave, and a tick later let the policy decide."""
+    desk = m.desk[0]
+    if desk.state == c.ABOUT_TO_ASK:
+        for carrier in range(len(m.robots)):
+            me = m.robots[carrier]
+            me.is_ready = me.is_free and not me.is_booked and can_leave(m, carrier)
+            if me.is_ready:
+                # What it answers now counts at the decision.
+                me.answer = millimetres_to_head(m, carrier)
+        desk.state = c.ABOUT_TO_DECIDE
+        m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 2)
+        return
+    decide(m)
+    desk.state = c.RESTING
+    wake_dispatcher(m)
+
+
+@inner
+def decide(m):
+    """Send the free carriers to the bins that are due, the first by the policy's rank first."""
+    tick = tick_of(m)
+    for picker in range(len(m.robots)):
+        call = m.calls[picker]
+        call.is_asked = call.is_open and not call.is_booked and call.since < tick
+        if call.is_asked and is_early(m):
+            remember(m, picker, tick)
+            call.is_asked = is_due(m, picker, tick)
+    while True:
+        picker = first_bin(m)
+        carrier = nearest_carrier(m)
+        if picker == c.NONE or carrier == c.NONE:
+            return
+        order(m, carrier, picker, tick)
+
+
+@inner
+def seconds_to_full(m, picker, tick):
+    """Return the seconds until a bin is full; 0 once it is."""
+    return max(0.0, (m.calls[picker].full - tick) * TIME_STEP)
+
+
+@inner
+def remember(m, picker, tick):
+    """Note when a bin is full: as `orchard.agents.ranking.PredictiveMemory.note`."""
+    call = m.calls[picker]
+    seconds = seconds_to_full(m, picker, tick)
+    if seconds > 0.0 or m.bins[call.bin].full < call.since:
+        m.bins[call.bin].full = tick + round(seconds / TIME_STEP)
+
+
+@inner
+def is_due(m, picker, tick):
+    """Whether a carrier may leave for a bin: as `orchard.agents.ranking.Predictive.is_due`."""
+    reach = m.ends[m.calls[picker].end].seconds
+    return seconds_to_full(m, picker, tick) - reach <= MARGIN
+
+
+@inner
+def first_bin(m):
+    """Return the picker whose bin is the first of those that the policy decides on; NONE: there is none."""
+    best = c.NONE
+    for picker in range(len(m.robots)):
+        if m.calls[picker].is_asked and (best == c.NONE or is_ranked_before(m, picker, best)):
+            best = picker
+    return best
+
+
+@inner
+def is_ranked_before(m, picker, other):
+    """Whether a policy ranks the bin of one picker before that of another. Ties by the bins' names."""
+    keys = rank(m, picker)
+    other_keys = rank(m, other)
+    for key, other_key in zip(keys, other_keys):  # noqa: B905
+        if key != other_key:
+            return key < other_key
+    return m.calls[picker].bin < m.calls[other].bin
+
+
+@inner
+def rank(m, picker):
+    """Return two keys by which a policy ranks a bin: as in `orchard.agents.ranking`."""
+    call = m.calls[picker]
+    end = m.ends[call.end]
+    policy = m.desk[0].policy
+    if policy == c.LONGEST_WAITING:
+        return float(call.since), -end.metres
+    if policy == c.PREDICTIVE:
+        return m.bins[call.bin].full * TIME_STEP - end.seconds, 0.0
+    if policy == c.GLOBAL_ASSIGNMENT:
+        return end.metres, float(call.since)
+    return -end.metres, 0.0
+
+
+@inner
+def nearest_carrier(m):
+    """Return the carrier that can leave and is nearest to its head; NONE: there is none. Ties by name."""
+    best = c.NONE
+    for carrier in range(len(m.robots)):
+        me = m.robots[carrier]
+        if me.is_ready and (best == c.NONE or me.answer < m.robots[best].answer):
+            best = carrier
+    return best
+
+
+@inner
+def order(m, carrier, picker, tick):
+    """Book a carrier for a bin. The bin hears it when it reports next, and sends for the carrier."""
+    call = m.calls[picker]
+    call.is_asked = False
+    call.is_booked = True
+    call.carrier = carrier
+    m.robots[carrier].is_ready = False
+    m.robots[carrier].is_booked = True
+    waited = tick - call.since
+    report = call.since + CALL_AGAIN * (-(-waited // CALL_AGAIN))
+    m.timers[c.ORDER, picker] = c.QUARTERS * (report + HEARD + ORDERED)
+
+
+@inner
+def send(m, picker):
+    """Let a carrier hear the order."""
+    call = m.calls[picker]
+    m.robots[call.carrier].is_booked = False
+    call.is_open = False
+    call.is_booked = False
+    start_job(m, call.carrier, picker)

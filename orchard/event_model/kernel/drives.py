@@ -1,0 +1,277 @@
+"""Drives and turns: a robot drives leg by leg, up to a gate whose places it lacks or the robot ahead."""
+
+from math import ceil, floor
+
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.places import (
+    free_places,
+    has_places,
+    tick_of,
+    ticks_to_answer,
+    want_places,
+)
+from orchard.event_model.kernel.roads import (
+    BESIDE,
+    CLEAR,
+    enter,
+    leave,
+    robot_ahead,
+    room,
+    tell_followers,
+)
+from orchard.field.scenario import TIME_STEP
+
+# m
+NEAR = 1e-6
+# As a coordinate: none.
+FAR = 1e18
+
+
+@inner
+def set_alarm(m, robot, ticks):
+    """Let a robot go on after so many ticks."""
+    m.timers[c.WAKE, robot] = m.desk[0].now + c.QUARTERS * ticks
+
+
+# -- drives
+
+
+@inner
+def depart(m, robot):
+    """Begin a drive. Return whether it is done at once."""
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    line = m.lines[op.line]
+    me.here = line.sign * (me.x if line.axis == 0 else me.y)
+    me.next_need = op.first_need
+    me.next_free = op.first_free
+    me.left_at = me.here
+    if me.line != c.NONE and m.lines[me.line].axis != line.axis:
+        # The line that it has left may be behind it.
+        me.left_at = min(me.here, line.sign * m.lines[me.line].other)
+    if me.line == c.NONE:
+        arrive(m, robot, op.line)
+    me.has_arrived = me.line == op.line
+    return drive_on(m, robot)
+
+
+@inner
+def arrive(m, robot, line):
+    """Be on a line from here on."""
+    enter(m, robot, line, m.robots[robot].here)
+    tell_followers(m, robot)
+
+
+@inner
+def drive_on(m, robot):
+    """Drive the next leg, or stand. Return whether the drive is done."""
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    while True:
+        if op.is_queueing and me.next_op != c.NONE:
+            return True
+        free_passed(m, robot)
+        gate, ticks, awaited_bin = next_gate(m, robot)
+        if not me.has_arrived and me.here - me.left_at >= CLEAR - NEAR:
+            arrive(m, robot, op.line)
+            me.has_arrived = True
+        ahead = robot_ahead(m, robot, op.line, me.here)
+        free_to = FAR
+        if ahead != c.NONE:
+            free_to = room(m, robot, ahead)
+        goal = min(op.target, gate)
+        limit = min(goal, max(me.here, free_to))
+        if me.has_arrived and limit > me.line_end + NEAR:
+            me.line_end = limit
+            tell_followers(m, robot)
+        if limit - me.here > NEAR:
+            begin_leg(m, robot, goal, limit, ahead, ticks)
+            return False
+        me.stood = tick_of(m)
+        if op.target - me.here <= NEAR:
+            return True
+        is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
+        stand(m, robot, ahead if is_held_up else c.NONE, awaited_bin)
+        return False
+
+
+@inner
+def begin_leg(m, robot, goal, limit, ahead, ticks):
+    """Drive up to a limit, or to where something changes before it.
+
+    `goal`: where the leg ended if no robot were ahead; `ticks`: until the robot asks for places.
+    """
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    speed = op.speed
+    if speed == 0.0:
+        speed = m.speeds[op.arg]
+    stride = speed * TIME_STEP
+    until = min(limit, next_place_freed(m, robot))
+    if not me.has_arrived:
+        until = min(until, me.left_at + CLEAR)
+    ticks = min(ceil((until - me.here) / stride - NEAR), ticks)
+    if me.wanted != 0:
+        me.hears_grants = True
+        if limit < goal:
+            ticks = min(ticks, ticks_to_answer(m, robot))
+    me.leg_begun = tick_of(m)
+    me.leg_from = me.here
+    me.leg_stride = stride
+    me.leg_limit = limit
+    me.leg_goal = goal
+    me.leg_ahead = ahead
+    me.state = c.DRIVING
+    set_alarm(m, robot, ticks)
+
+
+@inner
+def end_leg(m, robot):
+    """Be where the leg has led to by now."""
+    me = m.robots[robot]
+    limit = me.leg_limit
+    if me.leg_ahead != c.NONE and limit < me.leg_goal:
+        # The one ahead may have driven on.
+        limit = max(limit, min(me.leg_goal, room(m, robot, me.leg_ahead)))
+    driven = (tick_of(m) - me.leg_begun) * me.leg_stride
+    me.here = min(limit, me.leg_from + driven)
+    line = m.lines[m.ops[me.op].line]
+    place = line.sign * me.here
+    if line.axis == 1:
+        me.y = place
+        return
+    me.x = place
+    gone = m.desk[0].exit
+    if me.leg_from <= gone < me.here and me.away == c.NEVER:
+        me.away = me.leg_begun + (gone - me.leg_from) / me.leg_stride
+
+
+@inner
+def stand(m, robot, ahead, awaited_bin):
+    """Stand until the robot ahead drives on, a bin is left, or places are granted."""
+    me = m.robots[robot]
+    me.state = c.STANDING
+    me.follows = ahead
+    me.waits_for_bin = awaited_bin
+    if me.wanted != 0:
+        me.hears_grants = True
+        if ahead != c.NONE:
+            set_alarm(m, robot, ticks_to_answer(m, robot))
+
+
+@inner
+def free_passed(m, robot):
+    """Give back the places of the gates that the robot has come to."""
+    me = m.robots[robot]
+    last = m.ops[me.op].last_free
+    while me.next_free < last and me.here > m.frees[me.next_free].at - NEAR:
+        free_places(m, robot, m.frees[me.next_free].places)
+        me.next_free += 1
+
+
+@inner
+def next_place_freed(m, robot):
+    """Return where the robot gives back the next place that it has, m."""
+    me = m.robots[robot]
+    for number in range(me.next_free, m.ops[me.op].last_free):
+        gate = m.frees[number]
+        for word in range(m.sets.shape[2]):
+            if m.places[gate.places, word] & m.sets[c.OWN, robot, word]:
+                return gate.at
+    return FAR
+
+
+@inner
+def next_gate(m, robot):
+    """Ask for the places of the next gate that the robot lacks, if it is time.
+
+    Return where that gate is, m, in how many ticks the robot asks for its places, and the bin for
+    which it waits before it may ask.
+    """
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    while me.next_need < op.last_need:
+        gate = m.needs[me.next_need]
+        if me.here <= gate.at + NEAR and not has_places(m, robot, gate.places):
+            break
+        me.next_need += 1
+    if me.next_need == op.last_need:
+        return FAR, c.NEVER, c.NONE
+    gate = m.needs[me.next_need]
+    before = gate.at - me.here - op.asks_before
+    if before >= -NEAR:
+        speed = op.speed
+        if speed == 0.0:
+            speed = m.speeds[op.arg]
+        return gate.at, max(1, floor(before / (speed * TIME_STEP) + NEAR) + 1), c.NONE
+    if gate.after_bin and not m.bins[me.job_bin].is_left:
+        return gate.at, c.NEVER, me.job_bin
+    want_places(m, robot, gate.places, c.NONE)
+    return gate.at, c.NEVER, c.NONE
+
+
+@inner
+def x_now(m, robot):
+    """Return a robot's x now, m, also on its way."""
+    me = m.robots[robot]
+    if me.state != c.DRIVING:
+        return me.x
+    line = m.lines[m.ops[me.op].line]
+    if line.axis == 1:
+        return me.x
+    driven = (m.desk[0].now / c.QUARTERS - me.leg_begun) * me.leg_stride
+    return line.sign * min(me.leg_limit, me.leg_from + driven)
+
+
+@inner
+def is_moving(m, robot):
+    """Whether a robot has begun to drive."""
+    me = m.robots[robot]
+    return me.state == c.DRIVING and m.desk[0].now > c.QUARTERS * me.leg_begun
+
+
+# -- turns
+
+
+@inner
+def turn(m, robot):
+    """Begin a turn. A bin on the bar swings clear of the robot behind, or the robot off its line."""
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    if me.bin != c.NONE and not me.is_across:
+        me.state = c.SWINGING_BIN
+        set_alarm(m, robot, op.swings)
+    elif me.is_across and is_beside_line(m, robot):
+        me.state = c.SWINGING_OFF
+        set_alarm(m, robot, op.swings)
+    else:
+        me.state = c.LASTING
+        set_alarm(m, robot, op.ticks)
+    return False
+
+
+@inner
+def is_beside_line(m, robot):
+    """Whether a robot is clear of the line on which it was."""
+    me = m.robots[robot]
+    if me.line == c.NONE:
+        return False
+    line = m.lines[me.line]
+    across = me.y if line.axis == 0 else me.x
+    return abs(across - line.other) > BESIDE
+
+
+@inner
+def swung(m, robot):
+    """Tell the robots behind that the bin is out of their way, or the robot is, and turn on."""
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    if me.state == c.SWINGING_BIN:
+        me.is_across = True
+    else:
+        leave(m, robot)
+    tell_followers(m, robot)
+    me.state = c.LASTING
+    set_alarm(m, robot, op.ticks - op.swings)
+    return False

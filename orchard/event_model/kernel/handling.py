@@ -1,0 +1,194 @@
+"""Bins: a picker leaves the full one and takes the empty one that a carrier has brought."""
+
+from orchard.agents.robot import ASK, PATIENCE
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.calls import call_carriers
+from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.drives import set_alarm
+from orchard.event_model.kernel.places import (
+    has_places,
+    hear_answer,
+    is_alone,
+    is_subset,
+    tick_of,
+    want_places,
+)
+
+# Quarters of a tick after which a letter is heard.
+MAIL = 2
+
+
+@inner
+def handle(m, robot, state):
+    """Begin to couple or uncouple a bin. A robot that has stood for a tick needs only one."""
+    me = m.robots[robot]
+    me.state = state
+    set_alarm(m, robot, m.ops[me.op].handles if me.stood == tick_of(m) else 1)
+    return False
+
+
+# -- places that have no gate
+
+
+@inner
+def seize(m, robot, beside):
+    """Stand until the op's places are granted. Return whether the robot has them."""
+    me = m.robots[robot]
+    places = m.ops[me.op].places
+    if has_places(m, robot, places):
+        return True
+    want_places(m, robot, places, beside)
+    me.hears_grants = True
+    return False
+
+
+@inner
+def await_partner_gone(m, robot):
+    """Stand until no other robot shares the op's place, and the robot has heard that. Return whether it has."""
+    me = m.robots[robot]
+    place = m.ops[me.op].places
+    if not is_alone(m, robot, place):
+        me.state = c.WAITING_FOR_PARTNER
+        set_alarm(m, robot, PATIENCE)
+        return False
+    hear_answer(m, robot)
+    if is_subset(m.places[place], m.sets[c.ALONE, robot]):
+        return True
+    me.state = c.LASTING
+    set_alarm(m, robot, ASK)
+    return False
+
+
+# -- pickers
+
+
+@inner
+def note_full(m, picker):
+    """Note at the end of a pass that the bin is full, if it is left there."""
+    me = m.robots[picker]
+    drive = m.passes[m.ops[me.op].arg]
+    if drive.leaves_bin and drive.is_full:
+        me.full_since = tick_of(m)
+
+
+@inner
+def leave_bin(m, picker):
+    """Leave the full bin in the lane. Carriers that wait for that ask for their places now."""
+    me = m.robots[picker]
+    drive = m.passes[m.ops[me.op].arg]
+    if not drive.is_full:
+        me.full_since = tick_of(m)
+    me.full_bin = me.bin
+    me.bin = c.NONE
+    me.offered = c.NONE
+    m.bins[me.full_bin].is_left = True
+    for carrier in range(len(m.robots)):
+        if m.robots[carrier].waits_for_bin == me.full_bin:
+            m.timers[c.WAKE, carrier] = m.desk[0].now
+    call_carriers(m, picker, drive.end)
+    return True
+
+
+@inner
+def await_bin(m, picker):
+    """Take the empty bin, once a carrier has brought one."""
+    me = m.robots[picker]
+    if me.offered == c.NONE:
+        me.state = c.WAITING_FOR_BIN
+        return False
+    return handle(m, picker, c.COUPLING)
+
+
+@inner
+def hear_of_bin(m, picker):
+    """Let a picker hear that a carrier has brought it a bin."""
+    me = m.robots[picker]
+    me.offered = m.robots[me.bringer].full_bin
+    if me.state == c.WAITING_FOR_BIN:
+        m.timers[c.WAKE, picker] = c.QUARTERS * tick_of(m)
+
+
+@inner
+def couple(m, picker):
+    """Couple the empty bin, and count the exchange."""
+    me = m.robots[picker]
+    me.bin = me.offered
+    desk = m.desk[0]
+    exchange = m.exchanges[desk.exchanges]
+    desk.exchanges += 1
+    tick = tick_of(m)
+    exchange.tick = tick
+    exchange.picker = picker
+    exchange.stood = tick - me.stood
+    exchange.without = tick - me.full_since
+    me.full_since = c.NONE
+    return take_place(m, picker)
+
+
+@inner
+def take_place(m, picker):
+    """Take over the place in which the carrier stands, and the bin with it."""
+    me = m.robots[picker]
+    me.state = c.TAKING_PLACE
+    if not seize(m, picker, me.bringer):
+        return False
+    m.bins[me.offered].taken = tick_of(m)
+    return True
+
+
+# -- carriers
+
+
+@inner
+def hand_over(m, carrier):
+    """Uncouple the empty bin in the lane, and let the picker know."""
+    me = m.robots[carrier]
+    me.full_bin = me.bin
+    me.bin = c.NONE
+    m.bins[me.full_bin].taken = c.NEVER
+    m.robots[me.customer].bringer = carrier
+    m.timers[c.BROUGHT, me.customer] = m.desk[0].now + MAIL
+    return await_taken(m, carrier)
+
+
+@inner
+def await_taken(m, carrier):
+    """Ask again and again whether the picker has taken the bin."""
+    me = m.robots[carrier]
+    me.asked = tick_of(m)
+    if m.bins[me.full_bin].taken > me.asked:
+        me.state = c.HANDING_OVER
+        set_alarm(m, carrier, PATIENCE)
+    else:
+        me.state = c.LASTING
+        set_alarm(m, carrier, ASK)
+    return False
+
+
+@inner
+def take_bin(m, carrier):
+    """Couple the full bin."""
+    me = m.robots[carrier]
+    me.bin = me.job_bin
+    return True
+
+
+@inner
+def deliver(m):
+    """Count a bin that is unloaded."""
+    desk = m.desk[0]
+    m.deliveries[desk.deliveries] = tick_of(m)
+    desk.deliveries += 1
+
+
+@inner
+def come_home(m, carrier):
+    """Be free for the next call."""
+    me = m.robots[carrier]
+    desk = m.desk[0]
+    trip = m.trips[desk.trips]
+    desk.trips += 1
+    trip.since = me.away
+    trip.until = tick_of(m)
+    me.is_free = True
+    return True

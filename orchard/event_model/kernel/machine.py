@@ -1,0 +1,262 @@
+"""The machine: it carries a harvest on from event to event.
+
+Each robot follows a plan: ops, one after the other. An op that takes time sets the robot's state
+and its alarm, or what else wakes it. All that a robot does lies between two alarms; so the state is
+complete at any time, and can be copied.
+
+    state                | begins with                 | wakes it            | then it
+    ---------------------+-----------------------------+---------------------+-----------------------
+    idle                 | the end of its plan         | an order            | takes its new plan
+    driving              | drive                       | the leg's end, a    | drives the next leg, or
+                         |                             | grant, an order     | stands
+    standing             | a gate whose places it      | a grant, the bin is | drives on
+                         | lacks, a robot ahead        | left, who is ahead  |
+                         |                             | drives on, an order |
+    swinging its bin     | turn, with a bin            | alarm               | tells who is behind
+    swinging off         | turn, beside its line       | alarm               | leaves its line
+    lasting              | pause, unload, turn         | alarm               | does the next op
+    waiting for places   | need                        | a grant             | does the next op
+    waiting for partner  | alone in                    | alarm, every 5      | does the next op, if it is
+    leaving a bin        | leave bin                   | alarm               | lets the bin call
+    dropping a bin       | deliver                     | alarm               | tells the picker
+    handing over         | after that                  | alarm, every 5      | goes on, if it is taken
+    waiting for a bin    | fetch empty                 | a carrier's letter  | couples
+    coupling             | after that                  | alarm               | takes the lane's place
+    taking a place       | after that                  | a grant             | does the next op
+    taking a bin         | take bin                    | alarm               | does the next op
+
+A carrier's job in ops: `pause` (it asks the bin whether that still wants it), drives and turns to
+the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to the bay, `unload`,
+drives to its line, `home`, and a drive to the line's head that the next order ends.
+
+Events of one time happen by their kind, and of one kind by the robots' names; but of robots that
+wake on one line the last one acts first. `columns` lists the
+kinds in that order. A robot wakes in whole ticks; traffic hears claims half a tick later, and
+robots hear its answers a quarter after the next tick.
+"""
+
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.calls import (
+    come,
+    dispatch,
+    hear_calls,
+    job_of,
+    open_call,
+    see_row,
+    send,
+)
+from orchard.event_model.kernel.compiled import inner, outer
+from orchard.event_model.kernel.drives import depart, drive_on, end_leg, set_alarm, swung, turn
+from orchard.event_model.kernel.handling import (
+    await_bin,
+    await_partner_gone,
+    await_taken,
+    come_home,
+    couple,
+    deliver,
+    hand_over,
+    handle,
+    hear_of_bin,
+    leave_bin,
+    note_full,
+    seize,
+    take_bin,
+    take_place,
+)
+from orchard.event_model.kernel.places import free_places, hear_claims, hear_grant, tick_of
+from orchard.event_model.kernel.roads import last_to_wake
+
+# Notes in the log, at most, of what a robot begins in one tick.
+MOST_NOTES = 64
+
+
+@outer
+def run(m, until):
+    """Carry a harvest on to a time, exclusive, and return why it stopped: see `columns.PAUSED`."""
+    while True:
+        kind, robot = next_event(m)
+        time = m.timers[kind, robot]
+        if time == c.NEVER:
+            return c.ENDED
+        if time >= until:
+            return c.PAUSED
+        m.desk[0].now = time
+        if (kind == c.COME or kind == c.ORDER) and lacks_job(m, robot):
+            return c.LACKS_JOB
+        if len(m.log) > 0 and m.desk[0].logged + MOST_NOTES > len(m.log):
+            return c.LOG_IS_FULL
+        happen(m, kind, robot)
+
+
+@inner
+def next_event(m):
+    """Return the kind and the robot of the next event."""
+    soonest = c.NEVER
+    for kind in range(c.EVENTS):
+        for robot in range(m.timers.shape[1]):
+            soonest = min(soonest, m.timers[kind, robot])
+    for kind in range(c.EVENTS):
+        for robot in range(m.timers.shape[1]):
+            if m.timers[kind, robot] == soonest:
+                return kind, robot
+    return 0, 0
+
+
+@inner
+def happen(m, kind, robot):
+    """Let an event happen. Claims and calls of one time are heard together."""
+    if kind == c.CLAIM:
+        hear_claims(m)
+        return
+    if kind == c.CALL_HEARD:
+        hear_calls(m)
+        return
+    if kind == c.WAKE:
+        robot = last_to_wake(m, robot)
+    m.timers[kind, robot] = c.NEVER
+    if kind == c.WAKE:
+        wake(m, robot)
+    elif kind == c.GRANT:
+        hear_grant(m, robot)
+    elif kind == c.REPORT:
+        open_call(m, robot)
+    elif kind == c.COME:
+        come(m, robot)
+    elif kind == c.ORDER:
+        send(m, robot)
+    elif kind == c.DISPATCH:
+        dispatch(m)
+    else:
+        hear_of_bin(m, robot)
+
+
+@inner
+def lacks_job(m, picker):
+    """Whether the job that is about to be ordered is not translated yet."""
+    carrier = m.calls[picker].carrier
+    if job_of(m, carrier, picker) != c.NONE:
+        return False
+    m.desk[0].missing_line = m.robots[carrier].queue_line
+    m.desk[0].missing_end = m.calls[picker].end
+    return True
+
+
+@inner
+def wake(m, robot):
+    """Let a robot go on with its op, and begin the ops after it, up to one that takes time."""
+    me = m.robots[robot]
+    me.follows = c.NONE
+    me.waits_for_bin = c.NONE
+    me.hears_grants = False
+    is_done = go_on(m, robot)
+    while is_done:
+        me.done += 1
+        me.op += 1
+        if me.next_op != c.NONE:
+            me.op = me.next_op
+            me.next_op = c.NONE
+        is_done = begin(m, robot)
+        note(m, robot)
+
+
+@inner
+def begin(m, robot):
+    """Begin an op. Return whether it is done at once."""
+    me = m.robots[robot]
+    op = m.ops[me.op]
+    kind = op.kind
+    if kind == c.DRIVE:
+        return depart(m, robot)
+    if kind == c.TURN:
+        return turn(m, robot)
+    if kind == c.PAUSE or kind == c.UNLOAD:
+        me.state = c.LASTING
+        set_alarm(m, robot, op.ticks)
+        return False
+    if kind == c.NEED:
+        me.state = c.WAITING_FOR_PLACES
+        return seize(m, robot, c.NONE)
+    if kind == c.FREE:
+        free_places(m, robot, op.places)
+        return True
+    if kind == c.ALONE_IN:
+        return await_partner_gone(m, robot)
+    if kind == c.LEAVE_BIN:
+        return handle(m, robot, c.LEAVING_BIN)
+    if kind == c.DELIVER:
+        return handle(m, robot, c.DROPPING_BIN)
+    if kind == c.TAKE_BIN:
+        return handle(m, robot, c.TAKING_BIN)
+    if kind == c.FETCH_EMPTY:
+        return await_bin(m, robot)
+    if kind == c.HOME:
+        return come_home(m, robot)
+    if kind == c.BEGIN_ROW:
+        see_row(m, robot)
+        return True
+    if kind == c.END_ROW:
+        note_full(m, robot)
+        return True
+    me.state = c.IDLE
+    return False
+
+
+@inner
+def go_on(m, robot):
+    """Go on with an op that took time. Return whether it is done."""
+    me = m.robots[robot]
+    state = me.state
+    if state == c.DRIVING:
+        end_leg(m, robot)
+        return drive_on(m, robot)
+    if state == c.STANDING:
+        return drive_on(m, robot)
+    if state == c.SWINGING_BIN or state == c.SWINGING_OFF:
+        return swung(m, robot)
+    if state == c.LASTING:
+        return end_lasting(m, robot)
+    if state == c.WAITING_FOR_PLACES:
+        return seize(m, robot, c.NONE)
+    if state == c.WAITING_FOR_PARTNER:
+        return await_partner_gone(m, robot)
+    if state == c.LEAVING_BIN:
+        return leave_bin(m, robot)
+    if state == c.DROPPING_BIN:
+        return hand_over(m, robot)
+    if state == c.HANDING_OVER:
+        return await_taken(m, robot)
+    if state == c.WAITING_FOR_BIN:
+        return await_bin(m, robot)
+    if state == c.COUPLING:
+        return couple(m, robot)
+    if state == c.TAKING_PLACE:
+        return take_place(m, robot)
+    if state == c.TAKING_BIN:
+        return take_bin(m, robot)
+    return True
+
+
+@inner
+def end_lasting(m, robot):
+    """End an op that lasts for a fixed time."""
+    me = m.robots[robot]
+    kind = m.ops[me.op].kind
+    if kind == c.TURN:
+        me.stood = tick_of(m)
+    elif kind == c.UNLOAD:
+        deliver(m)
+    return True
+
+
+@inner
+def note(m, robot):
+    """Note in the log, if there is one, what a robot has begun."""
+    if len(m.log) == 0:
+        return
+    me = m.robots[robot]
+    entry = m.log[m.desk[0].logged]
+    m.desk[0].logged += 1
+    entry.tick = tick_of(m)
+    entry.robot = robot
+    entry.op = me.op
+    entry.state = me.state

@@ -1,0 +1,108 @@
+"""Robots that follow each other on a line, where no places keep them apart.
+
+A line keeps the order of its robots: each knows who is ahead and who is behind, and the line knows
+the last one.
+"""
+
+from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.compiled import inner
+from orchard.field.kinds import KINDS
+
+BIN_HALF = KINDS["bin"].length / 2
+# m that a train drives to be off a line.
+CLEAR = KINDS["carrier"].tows + BIN_HALF + KINDS["carrier"].width / 2 + SIDE_MARGIN
+# m from a line at which a robot is clear of it.
+BESIDE = KINDS["carrier"].width / 2 + KINDS["bin"].width / 2 + SIDE_MARGIN
+# Ticks until the robot behind drives on, and one more if it sees the bin, which follows its robot.
+NOTICED = 1
+
+
+@inner
+def enter(m, robot, line, at):
+    """Leave the line before, and enter a line at a coordinate in its direction."""
+    leave(m, robot)
+    me = m.robots[robot]
+    behind = c.NONE
+    ahead = m.rears[line]
+    while ahead != c.NONE and m.robots[ahead].line_end < at:
+        behind = ahead
+        ahead = m.robots[ahead].ahead
+    me.line = line
+    me.line_end = at
+    me.is_across = False
+    me.ahead = ahead
+    me.behind = behind
+    if ahead != c.NONE:
+        m.robots[ahead].behind = robot
+    if behind != c.NONE:
+        m.robots[behind].ahead = robot
+    else:
+        m.rears[line] = robot
+
+
+@inner
+def leave(m, robot):
+    """Leave the line, if the robot is on one."""
+    me = m.robots[robot]
+    if me.line == c.NONE:
+        return
+    if me.ahead != c.NONE:
+        m.robots[me.ahead].behind = me.behind
+    if me.behind != c.NONE:
+        m.robots[me.behind].ahead = me.ahead
+    else:
+        m.rears[me.line] = me.ahead
+    me.line = c.NONE
+    me.ahead = c.NONE
+    me.behind = c.NONE
+
+
+@inner
+def robot_ahead(m, robot, line, at):
+    """Return the robot that one at a coordinate of a line follows there, or would follow."""
+    if m.robots[robot].line == line:
+        return m.robots[robot].ahead
+    ahead = m.rears[line]
+    while ahead != c.NONE and m.robots[ahead].line_end < at:
+        ahead = m.robots[ahead].ahead
+    return ahead
+
+
+@inner
+def room(m, robot, ahead):
+    """Return up to where a robot may drive behind another one, along its line, m."""
+    other = m.robots[ahead]
+    if other.is_across:
+        tail = other.width / 2
+    elif other.bin != c.NONE:
+        tail = other.tows + BIN_HALF
+    else:
+        tail = other.length / 2
+    return other.line_end - tail - STOP_DISTANCE - m.robots[robot].length / 2
+
+
+@inner
+def last_to_wake(m, robot):
+    """Return the robot behind this one, or behind that and so on, that wakes at the same time.
+
+    It acts first: in a tick no robot knows yet what the one ahead does in it.
+    """
+    behind = m.robots[robot].behind
+    while behind != c.NONE and m.timers[c.WAKE, behind] == m.desk[0].now:
+        robot = behind
+        behind = m.robots[robot].behind
+    return robot
+
+
+@inner
+def tell_followers(m, robot):
+    """Let the robots that wait behind this one look again."""
+    noticed = NOTICED
+    if m.robots[robot].bin != c.NONE:
+        noticed += 1
+    when = m.desk[0].now + c.QUARTERS * noticed
+    for other in range(len(m.robots)):
+        if m.robots[other].follows == robot:
+            m.robots[other].follows = c.NONE
+            m.timers[c.WAKE, other] = min(m.timers[c.WAKE, other], when)

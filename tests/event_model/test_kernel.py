@@ -1,0 +1,149 @@
+"""The event model as data beside the one of generators, and its machine as plain Python."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+pytest.importorskip("simpy", reason="the extra `study` is not installed")
+
+import numba
+from quiet import NOBODY, quiet_layouts
+
+from orchard.discrete.harvest import DiscreteHarvest
+from orchard.event_model import columns as c
+from orchard.event_model import harvest as harvests
+from orchard.event_model.harvest import EventHarvest, lacking
+from orchard.event_model.kernel import calls, compiled, drives, handling, machine, places, roads
+from orchard.event_model.trace import trace
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
+
+MODULES = (roads, places, drives, calls, handling, machine)
+SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
+
+
+def kernel_functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
+    for name, value in list(vars(module).items()):
+        if hasattr(value, "py_func"):
+            yield name, value
+
+
+def small(dispatch: str) -> Layout:
+    return lay_out(Scenario(**SMALL, dispatch=dispatch, route="two-way"))
+
+
+def figures(harvest: EventHarvest | DiscreteHarvest) -> tuple[Any, ...]:
+    return (
+        [round(10 * seconds) for seconds in harvest.deliveries],
+        round(10 * harvest.seconds),
+        round(harvest.picker_waiting_seconds(), 6),
+        round(harvest.carrier_utilisation(), 6),
+        harvest.exchanges,
+    )
+
+
+def test_most_harvests_have_each_delivery_in_the_same_tick_in_both_models() -> None:
+    layouts = list(quiet_layouts(seed=2, count=40))
+    differ = []
+    for layout in layouts:
+        told, expected = EventHarvest(layout).run(), DiscreteHarvest(layout).run()
+        assert told.delivered == expected.delivered == layout.bins
+        assert told.seconds == pytest.approx(expected.seconds, rel=0.04)
+        if told.deliveries != expected.deliveries:
+            differ.append(layout)
+    assert len(differ) <= 7
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
+def test_all_figures_are_those_of_the_model_of_generators(dispatch: str) -> None:
+    layout = small(dispatch)
+    assert figures(EventHarvest(layout).run()) == figures(DiscreteHarvest(layout).run())
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the machine run as plain Python."""
+    for module in (*MODULES, harvests):
+        for name, kernel in kernel_functions(module):
+            monkeypatch.setattr(module, name, kernel.py_func)
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
+def test_the_machine_does_the_same_as_plain_python(
+    dispatch: str, request: pytest.FixtureRequest
+) -> None:
+    layout = small(dispatch)
+    expected = EventHarvest(layout).run()
+    request.getfixturevalue("plain")
+    told = EventHarvest(layout).run()
+    assert not list(kernel_functions(harvests))
+    assert figures(told) == figures(expected)
+    for column in c.ROBOT.names or ():
+        assert list(told.model.robots[column]) == list(expected.model.robots[column])
+
+
+@pytest.mark.soak
+def test_no_index_is_out_of_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (*MODULES, harvests):
+        for name, kernel in kernel_functions(module):
+            checked = numba.njit(boundscheck=True, error_model="numpy")(kernel.py_func)
+            monkeypatch.setattr(module, name, checked)
+    for layout in quiet_layouts(seed=5, count=40):
+        assert EventHarvest(layout).run().is_over
+
+
+def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:
+    values = SMALL | {
+        "dispatch": "predictive",
+        "picking_speed": 0.4,
+        "picking": {"spread": {"distribution": "gamma"}},
+    }
+    first, second = (EventHarvest(lay_out(Scenario(**values, seed=seed))) for seed in (1, 2))
+    assert first.program is second.program
+    assert first.run().deliveries != second.run().deliveries
+
+
+def test_a_harvest_that_is_done_in_parts_is_the_same() -> None:
+    layout = small("predictive")
+    whole, parts = EventHarvest(layout).run(), EventHarvest(layout)
+    for tick in range(0, 20_000, 37):
+        parts._run(tick)
+    assert figures(parts) == figures(whole)
+
+
+def test_a_trace_tells_a_job_from_the_order_to_the_way_home() -> None:
+    lines = [line.split(maxsplit=2) for line in trace(small("nearest"))]
+    job = [words for _, robot, words in lines if robot == "carrier_01"]
+    first = job[: job.index("is free for the next call")]
+    told = [words for words in first if not words.startswith(("drives", "turns"))]
+    assert "leaves the empty bin for the picker" in told
+    assert told.index("couples the full bin") < told.index("unloads")
+    ticks = [int(tick) for tick, _, _ in lines]
+    assert ticks == sorted(ticks)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"people": {"workers": 1, "visitors": 0}},
+        {"picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}},
+        {"dispatch": "rolling"},
+    ],
+)
+def test_what_the_model_does_not_know_is_refused(values: dict[str, Any]) -> None:
+    layout = lay_out(Scenario(**SMALL | values))
+    with pytest.raises(NotImplementedError, match=lacking(layout.scenario)):
+        EventHarvest(layout)
+
+
+def test_each_module_whose_constants_are_compiled_counts_for_the_kept_code() -> None:
+    counted = {module.__name__ for module in compiled.CONSTANTS_OF}
+    for path in Path(machine.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            name = node.module or "" if isinstance(node, ast.ImportFrom) else ""
+            if name.startswith("orchard.agents."):
+                assert name in counted, f"{path.name} takes constants of {name}"

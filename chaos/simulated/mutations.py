@@ -219,17 +219,17 @@ _never: Callable[..., bool] = lambda *_, **__: False  # noqa: E731
 
 MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "physics never sends a tick again": (Cut(loop, "AGAIN_SECONDS", inf),),
-    "a host never doubts its mail": (Cut(mailbox.Mailbox, "doubts", _never),),
-    "no doubt after a join": (Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_when_new),),
+    "a host never doubts its mail": (Cut(mailbox.Mailbox, "may_lack_mail", _never),),
+    "no doubt after a join": (Cut(mailbox.Mailbox, "may_lack_mail", _finds_no_doubt_when_new),),
     "no doubt if an answer is missing": (
-        Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_an_error),
+        Cut(mailbox.Mailbox, "may_lack_mail", _finds_no_doubt_in_an_error),
     ),
     "no doubt if a request is missing": (
-        Cut(mailbox.Mailbox, "doubts", _finds_no_doubt_in_a_lack),
+        Cut(mailbox.Mailbox, "may_lack_mail", _finds_no_doubt_in_a_lack),
     ),
     "no tick waits for mail": (
         Cut(mailbox.Mailbox, "is_settled", _never_waits_for_mail),
-        Cut(mailbox.Mailbox, "doubts", _never),
+        Cut(mailbox.Mailbox, "may_lack_mail", _never),
     ),
     "a host joins, and keeps its old mail": (Cut(mailbox.Mailbox, "join", _forgets_no_mail),),
     "requests of the future are not kept": (Cut(mailbox, "MOST_HOLD", 0),),

@@ -1,4 +1,6 @@
-"""The bus: how the processes of a run send and receive, and by what they tell the time. `zenoh_bus` has it over Zenoh.
+"""The bus: how the processes of a run send and receive, and by what they tell the time.
+
+`zenoh_bus` has it over Zenoh.
 
 All that arrives becomes an item in one inbox, in the order of arrival, and one thread reads it.
 """
@@ -14,10 +16,10 @@ from threading import Lock, get_ident
 from time import monotonic
 from typing import Any, NamedTuple, Protocol
 
-GET_SECONDS = (
-    10.0  # far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then
-)
-TIMED_OUT = "Timeout"  # the error of a get without an answer in time
+# Far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then.
+GET_SECONDS = 10.0
+# The error of a get without an answer in time.
+TIMED_OUT = "Timeout"
 
 
 # -- what arrives
@@ -38,7 +40,10 @@ class Alive(NamedTuple):
 
 
 class Query(ABC):
-    """A received query. Send any number of replies, then call `drop`, or the querier waits until its timeout."""
+    """A received query.
+
+    Send any number of replies, then call `drop`, or the querier waits until its timeout.
+    """
 
     key: str
     payload: bytes
@@ -78,22 +83,28 @@ Item = Sample | Alive | Query | Replied | Final | Signal
 
 
 class Inbox:
-    """The items that have arrived, in their order. Putting is safe in any thread and in a signal handler.
+    """The items that have arrived, in their order.
 
-    Waking a thread costs more than handling a message. So a reader that needs several quiet items passes their number to `take`.
+    Putting is safe in any thread and in a signal handler.
+
+    Waking a thread costs more than handling a message. So a reader that needs several quiet items
+    passes their number to `take`.
     """
 
     LOOK = 0.05  # s between two looks of a reader that quiet items do not wake
 
     def __init__(self) -> None:
         self._items: deque[Item] = deque()
-        self._unwoken = Lock()  # locked until the reader is woken; SimpleQueue.get may overlook its timeout (Python 3.11)
+        # Locked until the reader is woken; SimpleQueue.get may overlook its timeout (Python 3.11).
+        self._unwoken = Lock()
         self._unwoken.acquire()
         self._enough = 1
-        self._settled: set[int] = set()  # thread ids
+        # Thread ids.
+        self._settled: set[int] = set()
 
     def _settle(self) -> None:
-        """Keep the Python state of a zenoh thread: to create and delete it at each call from that thread costs more than the message.
+        """Keep the Python state of a zenoh thread: to create and delete it at each call from that
+        thread costs more than the message.
 
         A state that is ensured once more than it is released lives as long as its thread.
         """
@@ -122,7 +133,7 @@ class Inbox:
         self._wake()
 
     def put_quietly(self, item: Item) -> None:
-        """Put an item, and wake the reader only if the inbox holds as many items as it waits for."""
+        """Put an item. Wake the reader only if the inbox holds as many items as it waits for."""
         self._settle()
         self._items.append(item)
         if len(self._items) >= self._enough:
@@ -131,11 +142,15 @@ class Inbox:
     def _wake(self) -> None:
         """Wake the reader, or make its next wait end at once."""
         if self._unwoken.locked():
-            with suppress(RuntimeError):  # another thread has just woken it
+            # Another thread has just woken it.
+            with suppress(RuntimeError):
                 self._unwoken.release()
 
     def take(self, seconds: float = inf, enough: int = 1, look: float = LOOK) -> Item | None:
-        """Return the next item, None if none arrives in `seconds`. `enough`: quiet items that wake it; it looks for fewer each `look` s."""
+        """Return the next item, None if none arrives in `seconds`.
+
+        `enough`: quiet items that wake it; it looks for fewer each `look` s.
+        """
         self._enough = enough
         deadline = monotonic() + seconds
         while not self._items:
@@ -147,14 +162,18 @@ class Inbox:
 
 
 class Bus(Protocol):
-    """A session of one process at the router of its run. All that it receives arrives in `inbox`."""
+    """A session of one process at the router of its run.
+
+    All that it receives arrives in `inbox`.
+    """
 
     inbox: Inbox
-    endpoint: str  #: of the router
-    id: str  #: of the session
-    executor: (
-        Executor  #: runs one job after the other beside the caller, such as the writing of a file
-    )
+    #: Of the router.
+    endpoint: str
+    #: Of the session.
+    id: str
+    #: Runs one job after the other beside the caller, such as the writing of a file.
+    executor: Executor
 
     # -- time
 
@@ -166,7 +185,10 @@ class Bus(Protocol):
     # -- publish and query
 
     def publish(self, key: str, payload: bytes, newest_wins: bool = False) -> None:
-        """Publish a payload, without loss. `newest_wins`: slow subscribers miss messages. The first call decides."""
+        """Publish a payload, without loss.
+
+        `newest_wins`: slow subscribers miss messages. The first call decides.
+        """
 
     def retire(self, key: str) -> None:
         """Remove the publisher of a key that will not be used again, or not for some time."""
@@ -175,21 +197,32 @@ class Bus(Protocol):
         """Whether another session subscribes to any of these keys."""
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
-        """Send a query. Its replies and their end arrive as Replied and Final with `ticket`. `seconds`: its timeout."""
+        """Send a query.
+
+        Its replies and their end arrive as Replied and Final with `ticket`. `seconds`: its timeout.
+        """
 
     # -- subscribe and answer
 
     def subscribe(self, keys: str, quietly: bool = False) -> None:
-        """Subscribe to keys: each sample arrives as a Sample. `quietly`: samples are put with `Inbox.put_quietly`."""
+        """Subscribe to keys: each sample arrives as a Sample.
+
+        `quietly`: samples are put with `Inbox.put_quietly`.
+        """
 
     def answer(self, key: str) -> None:
         """Declare a queryable on a key: each query arrives as a Query."""
 
     def watch(self, tokens: str) -> None:
-        """Subscribe to liveliness tokens: each change arrives as an Alive, and so do the present tokens."""
+        """Subscribe to liveliness tokens: each change arrives as an Alive, and so do the present
+        tokens.
+        """
 
     def declare_alive(self, token: str) -> None:
-        """Declare a liveliness token, which lasts until the session ends, or `withdraw`. Call it after all subscriptions."""
+        """Declare a liveliness token, which lasts until the session ends, or `withdraw`.
+
+        Call it after all subscriptions.
+        """
 
     def withdraw(self, token: str) -> None:
         """Remove a liveliness token."""

@@ -1,4 +1,9 @@
-"""Whether a run is over. In an open run any client may publish an `end`: it counts only if physics goes, too."""
+"""Whether a run is over.
+
+Theory of operation. In an open run any client may publish an `end`. It counts only if the
+liveliness token of physics goes too, within GOES_SECONDS, in either order. Physics publishes the
+end before it removes the token; but a router may pass them on in another order.
+"""
 
 import logging
 import math
@@ -13,37 +18,49 @@ from orchard.wire.messages import End
 
 log = logging.getLogger("orchard")
 
-GOES_SECONDS = 3.0  # s between the message of the end and the end of physics' liveliness token, in either order
+# s between the message of the end and the end of physics' liveliness token, in either order.
+GOES_SECONDS = 3.0
 
 
 class Ending:
-    """What has been said of the end of a run, and whether physics, the only one that may say it, is there."""
+    """What has been said of the end of a run, and whether physics is there.
+
+    Only physics may say it.
+    """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._said: End | None = None
         self._said_at = -math.inf  # s, on the clock
         self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
-        self._tokens: set[str] = (
-            set()
-        )  # of physics: two if the router has not noticed yet that the link of a dead one is closed
+        # Of physics: two if the router has not noticed yet that the link of a dead one is closed.
+        self._tokens: set[str] = set()
 
     def hear(self, end: End) -> None:
-        self._said, self._said_at = end, self._clock()
+        """Record a message of the end. Another one takes its place."""
+        self._said = end
+        self._said_at = self._clock()
 
     def track(self, token: str, up: bool) -> None:
         """Record a liveliness token of physics that appeared (`up`) or is gone."""
-        (self._tokens.add if up else self._tokens.discard)(token)
+        if up:
+            self._tokens.add(token)
+        else:
+            self._tokens.discard(token)
         self.gone_at = math.inf if self._tokens else self._clock()
 
     @property
     def end(self) -> End | None:
         """The end of the run; None if it is not over, or if that is not credible."""
-        return self._said if abs(self._said_at - self.gone_at) <= GOES_SECONDS else None
+        has_gone_too = abs(self._said_at - self.gone_at) <= GOES_SECONDS
+        return self._said if has_gone_too else None
 
 
 def write_end(end: End, path: str) -> None:
-    """Write the end of a run to a file. A disk error is only logged: then the message that it publishes counts."""
+    """Write the end of a run to a file.
+
+    A disk error is only logged: then the message that it publishes counts.
+    """
     try:
         write_whole(Path(path), pack(end))
     except OSError as error:

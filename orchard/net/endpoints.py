@@ -1,4 +1,6 @@
-"""Endpoints, such as tcp/127.0.0.1:7447, where a router listens and clients connect: checks and conversions."""
+"""Endpoints, such as tcp/127.0.0.1:7447, where a router listens and clients connect: checks and
+conversions.
+"""
 
 import errno
 import ipaddress
@@ -6,15 +8,18 @@ import socket
 from contextlib import suppress
 
 LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
-RUNTIME = "ZENOH_RUNTIME"  # environment variable: how Zenoh shares its work among threads
+# Environment variable: how Zenoh shares its work among threads.
+RUNTIME = "ZENOH_RUNTIME"
 # The thread that waits for a message handles it, instead of two more threads that it would wake.
 ONE_THREAD = "(rx: (handover: app), acc: (handover: app))"
-LOOPBACK_SECONDS = 5.0  # that a connection to this machine may take
+# That a connection to this machine may take.
+LOOPBACK_SECONDS = 5.0
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
+# All addresses -> one that is on no machine (RFC 5737, 3849).
 OUTSIDE = {
     "0.0.0.0": "192.0.2.1",
     "[::]": "2001:db8::1",
-}  # all addresses -> one that is on no machine (RFC 5737, 3849)
+}
 IN_USE = "cannot listen there; the port is in use, or the address is not of this machine"
 
 
@@ -30,7 +35,8 @@ def check_security(endpoint: str, is_secured: bool) -> None:
         )
     if not is_secured and endpoint.startswith("tls/"):
         raise BusError(
-            f"{endpoint}: tls needs certificates; --secure DIR names their directory, and `orchard secure DIR` creates them"
+            f"{endpoint}: tls needs certificates; --secure DIR names their directory, "
+            "and `orchard secure DIR` creates them"
         )
 
 
@@ -45,15 +51,16 @@ def is_public(endpoint: str) -> bool:
 
 
 def check_free(endpoint: str) -> None:
-    """Raise BusError if a router cannot listen at an endpoint. Only TCP ports (tcp and tls) are checked.
+    """Raise BusError if a router cannot listen at an endpoint.
 
-    Raises OSError if this process may open no more files.
+    Only TCP ports (tcp and tls) are checked. Raises OSError if this process may open no more files.
     """
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
     if not (protocol and host and port):
         raise BusError(f"{endpoint}: {NO_ENDPOINT}")
-    if protocol not in ("tcp", "tls") or "#" in port:  # settings for Zenoh follow #
+    # Settings for Zenoh follow #.
+    if protocol not in ("tcp", "tls") or "#" in port:
         return
     if not port.isdecimal() or int(port) > 65535:
         raise BusError(f"{endpoint}: {port} is not a port; use a number from 0 to 65535")
@@ -69,7 +76,9 @@ def check_free(endpoint: str) -> None:
 
 
 def check_loopback() -> None:
-    """Raise BusError if this machine cannot connect to itself, as in a namespace without a loopback."""
+    """Raise BusError if this machine cannot connect to itself, as in a namespace without a
+    loopback.
+    """
     try:
         with (
             socket.create_server(("127.0.0.1", 0)) as server,
@@ -77,26 +86,34 @@ def check_loopback() -> None:
         ):
             pass
     except OSError as error:
-        why = f"127.0.0.1: processes of this machine cannot reach each other there: {error.strerror or error}"
+        fault = "processes of this machine cannot reach each other there"
+        why = f"127.0.0.1: {fault}: {error.strerror or error}"
         raise BusError(
             f"{why}; `ip link set lo up` makes it work, and --mode local does without"
         ) from error
 
 
 def reachable(endpoint: str) -> str:
-    """Return the endpoint for clients on this machine: all addresses become the loopback address."""
+    """Return the endpoint for clients on this machine.
+
+    All addresses become the loopback address.
+    """
     return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
 
 
 def from_elsewhere(endpoint: str) -> str:
-    """Return the endpoint for other machines: all addresses become this machine's address, or its name."""
+    """Return the endpoint for other machines: all addresses become this machine's address, or its
+    name.
+    """
     for every, outside in OUTSIDE.items():
         endpoint = endpoint.replace(f"/{every}:", f"/{_own_address(every, outside)}:")
     return endpoint
 
 
 def _own_address(every: str, outside: str) -> str:
-    """Return the address from which this machine would send to one outside; its name if it has no way there. Nothing is sent."""
+    """Return the address from which this machine would send to one outside; its name if it has no
+    way there. Nothing is sent.
+    """
     try:
         with socket.socket(_family(every), socket.SOCK_DGRAM) as probe:
             probe.connect((outside, 9))
@@ -107,7 +124,9 @@ def _own_address(every: str, outside: str) -> str:
 
 
 def with_port(endpoint: str) -> str:
-    """Return the endpoint; port 0 becomes a port that was free a moment ago: zenoh does not report which it took."""
+    """Return the endpoint; port 0 becomes a port that was free a moment ago: zenoh does not report
+    which it took.
+    """
     if not endpoint.endswith(":0"):
         return endpoint
     protocol, _, host = endpoint.removesuffix(":0").partition("/")

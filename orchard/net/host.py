@@ -1,4 +1,7 @@
-"""A host runs any number of agents over one session: it receives what they observe, and sends their velocities."""
+"""A host runs any number of agents over one session.
+
+It receives what they observe, and sends their velocities.
+"""
 
 import logging
 import math
@@ -47,19 +50,21 @@ from orchard.wire.messages import (
 )
 
 log = logging.getLogger("orchard")
-GONE_SECONDS = (
-    20.0  # how long a host waits for physics that is gone: physics or its router is started again
-)
-WARN_SECONDS = 1.0  # after which a host says that physics is gone; at the end of a run its `end` arrives sooner
+# How long a host waits for physics that is gone: physics or its router is started again.
+GONE_SECONDS = 20.0
+# After which a host says that physics is gone; at the end of a run its `end` arrives sooner.
+WARN_SECONDS = 1.0
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
 
 
 # s after an answer, from which on a tick that comes again was sent without knowing the answer.
 ANSWER_AGAIN_SECONDS = 0.25
-# Messages in turn of ticks that are past, after which the newest tick was none of physics: it has changed on its way.
+# Messages in turn of ticks that are past, after which the newest tick was none of physics: it has
+# changed on its way.
 MOST_PAST = 3
-REFUSED_TRIES = 5  # of a join that is refused for another reason: it may have changed on its way
+# Of a join that is refused for another reason: it may have changed on its way.
+REFUSED_TRIES = 5
 
 
 def _most_tries(reasons: Collection[str]) -> int:
@@ -95,31 +100,38 @@ class AgentRunner:
     """An agent and its memory."""
 
     def __init__(self, name: str, agent: Guard) -> None:
-        self.name, self._agent = name, agent
+        self.name = name
+        self._agent = agent
         self.memory: Any = None
-        self._sent: bytes | None = None  # the packed memory that physics has
+        # The packed memory that physics has.
+        self._sent: bytes | None = None
 
     def resume(self, memory: bytes | None) -> None:
-        """Continue with the memory that physics has; without one if that is None, or of another class."""
-        self.memory, self._sent = None, memory
+        """Continue with the memory that physics has.
+
+        It goes on without one if that is None, or of another class.
+        """
+        self.memory = None
+        self._sent = memory
+        if memory is None:
+            return
         try:
-            self.memory = None if memory is None else unpack(memory, self._agent.Memory)
+            self.memory = unpack(memory, self._agent.Memory)
         except MISTAKES as error:
             reraise_ctrl_c(error)
-            log.warning(
-                "%s starts without a memory; its last one is not of its class: %s",
-                self.name,
-                printable(str(error)),
-            )
+            why = f"its last one is not of its class: {printable(str(error))}"
+            log.warning("%s starts without a memory; %s", self.name, why)
 
     def act(self, seen: Observation, mail: Mail) -> Action:
+        """Return what the agent does, and keep its memory."""
         action = self._agent.tick(seen, mail, self.memory)
         self.memory = action.memory
         return action
 
     def news(self) -> bytes | None:
         """Return the packed memory; None if physics has it already."""
-        before, self._sent = self._sent, self._agent.packed
+        before = self._sent
+        self._sent = self._agent.packed
         return None if self._sent == before else self._sent
 
 
@@ -127,15 +139,18 @@ class StateBoard:
     """The states of the bins: published when they change, and sent in reply to queries."""
 
     def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
-        self._bus, self._keys, self._run = bus, keys, run
+        self._bus = bus
+        self._keys = keys
+        self._run = run
+        # Bin -> its state.
         self._states: dict[str, BinStatus] = {}
 
     def update(self, seen: Observation) -> None:
         """Store the state of an observed bin. Publish it if `full` or `coupled_to` has changed."""
-        state = BinStatus(
-            self._run, seen.tick, seen.full, seen.fill, seen.hitch.name if seen.hitch else ""
-        )
-        old, self._states[seen.name] = self._states.get(seen.name), state
+        robot = seen.hitch.name if seen.hitch else ""
+        state = BinStatus(self._run, seen.tick, seen.full, seen.fill, robot)
+        old = self._states.get(seen.name)
+        self._states[seen.name] = state
         if old is None or (old.full, old.coupled_to) != (state.full, state.coupled_to):
             self._bus.publish(self._keys.of("state", seen.name), pack(state))
 
@@ -153,7 +168,10 @@ class StateBoard:
 
 @dataclass
 class SentAnswer:
-    """What a host has sent for a tick. `tick`: -1 if it has answered none. `at`: when, s on the clock of the bus."""
+    """What a host has sent for a tick.
+
+    `tick`: -1 if it has answered none. `at`: when, s on the clock of the bus.
+    """
 
     tick: int = -1
     messages: list[bytes] = field(default_factory=list)
@@ -161,7 +179,10 @@ class SentAnswer:
 
 
 class Host:
-    """A session that hosts agents, until the end of the run. `patience`: how long it waits for physics that is gone, s."""
+    """A session that hosts agents, until the end of the run.
+
+    `patience`: how long it waits for physics that is gone, s.
+    """
 
     def __init__(
         self,
@@ -173,33 +194,32 @@ class Host:
         agents: Mapping[str, Agent],
         patience: float = GONE_SECONDS,
     ) -> None:
-        self.bus, self.keys, self.run_id, self._patience, self._scenario = (
-            bus,
-            keys,
-            run,
-            patience,
-            layout.scenario,
-        )
-        self.runners = {
-            name: AgentRunner(name, guarded(layout, name, agent))
-            for name, agent in sorted(agents.items())
-        }
+        self.bus = bus
+        self.keys = keys
+        self.run_id = run
+        self._patience = patience
+        self._scenario = layout.scenario
+        guards = {name: guarded(layout, name, agent) for name, agent in sorted(agents.items())}
+        self.runners = {name: AgentRunner(name, guard) for name, guard in guards.items()}
         self.bodies = [name for name in self.runners if name in layout.index]
         self.bins = [name for name in self.bodies if kind_of(name) == "bin"]
         self.latest = LatestObservations(run, self.runners, self.bodies)
         self.mailbox = MAILBOXES[mode](run, layout.agents)
         self.states = StateBoard(bus, keys, run)
         self.refusals = Refusals()
-        self.thinking = ""  # the agent that is ticked now; '' between ticks
+        # The agent that is ticked now; '' between ticks.
+        self.thinking = ""
         self._answer = SentAnswer()
         self._ending = Ending(bus.clock)
-        self._has_begun = False  # whether physics has been there
-        self._has_warned = False  # that it is gone
+        # Whether physics has been there.
+        self._has_begun = False
+        # Whether it was said that physics is gone.
+        self._has_warned = False
 
     # -- joining
 
     def listen(self) -> None:
-        """Declare subscribers, queryables and then the liveliness tokens (rule 10 in CONTRIBUTING.md)."""
+        """Declare subscribers, queryables and then the liveliness tokens (rule 10 of mail)."""
         for what in ("lost", "end"):
             self.bus.subscribe(self.keys.of(what))
         self.bus.watch(self.keys.of("physics", self.run_id))
@@ -212,20 +232,18 @@ class Host:
             self.bus.declare_alive(self.keys.of("alive", name, self.bus.id))
 
     def join(self) -> None:
-        """Join the run: physics waits for the agents from the present tick on. Raises HostEnded if physics refuses them, or was reset."""
-        if (
-            check(
-                fetch_run(self.bus, self.keys, self.handle).scenario,
-                "the scenario that physics sent",
-            )
-            != self._scenario
-        ):
-            raise HostEnded(0, RESET)  # physics has died before it could keep a reset
+        """Join the run: physics waits for the agents from the present tick on.
+
+        Raises HostEnded if physics refuses them, or was reset.
+        """
+        run = fetch_run(self.bus, self.keys, self.handle)
+        if check(run.scenario, "the scenario that physics sent") != self._scenario:
+            # Physics has died before it could keep a reset.
+            raise HostEnded(0, RESET)
         joined = self._joined()
         if joined.refused:
-            raise HostEnded(
-                2, "; ".join(f"{name}: {reason}" for name, reason in sorted(joined.refused.items()))
-            )
+            reasons = [f"{name}: {reason}" for name, reason in sorted(joined.refused.items())]
+            raise HostEnded(2, "; ".join(reasons))
         self.mailbox.join(joined.tick)
         self.latest.forget()
         self._answer = SentAnswer()
@@ -250,20 +268,17 @@ class Host:
                     raise
             self.bus.sleep(AGAIN_SECONDS)
 
-    def _query(self, what: str, request: bytes, type_: type[M]) -> M:
-        key, understand = (
-            self.keys.of(what, session=self.bus.id),
-            lambda payload: read_message(payload, type_, self.run_id),
-        )
+    def _query(self, kind: str, request: bytes, type_: type[M]) -> M:
+        """Return the reply of physics to a query, a message of a type. Raises BusError."""
         return ask(
             self.bus,
-            key,
+            self.keys.of(kind, session=self.bus.id),
             request,
-            understand,
-            ANSWER_SECONDS,
-            self.handle,
-            self.refusals,
-            self._check_gone,
+            lambda payload: read_message(payload, type_, self.run_id),
+            seconds=ANSWER_SECONDS,
+            handle=self.handle,
+            refusals=self.refusals,
+            meanwhile=self._check_gone,
         )
 
     # -- one tick
@@ -279,23 +294,23 @@ class Host:
                 log.warning("joining again after tick %d", self.mailbox.last)
 
     def tick(self) -> None:
+        """Wait for the next tick and its mail, ask the agents, and send what they answer."""
         self._wait(lambda: self.latest.tick > self.mailbox.last)
         tick = self.latest.tick
         if not self.mailbox.is_settled(tick, self.latest.asked):
             self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), DOUBT_SECONDS)
-        mail, seen = self._mail(tick), self.latest.observations
-        digests = {
-            name: digest_of(heard) for name, heard in mail.items()
-        }  # before the agents can change their mail
-        actions = {
-            name: self._act(name, observed, mail.get(name) or Mail())
-            for name, observed in seen.items()
-        }
+        mail = self._mail(tick)
+        seen = self.latest.observations
+        # The digests are made before the agents can change their mail.
+        digests = {name: digest_of(heard) for name, heard in mail.items()}
+        actions = {}
+        for name, observed in seen.items():
+            actions[name] = self._act(name, observed, mail.get(name) or Mail())
         self.thinking = ""
-        reports = {
-            name: report_of(action, digests.get(name, b""), self.runners[name].news())
-            for name, action in actions.items()
-        }
+        reports = {}
+        for name, action in actions.items():
+            memory = self.runners[name].news()
+            reports[name] = report_of(action, digests.get(name, b""), memory)
         self._answer = SentAnswer(tick, self._packed(tick, reports))
         self._send_answer()
         self._send_rest(seen, actions)
@@ -303,13 +318,16 @@ class Host:
         self._answer.at = self.bus.clock()
 
     def _send_answer(self) -> None:
+        """Send the actions of the tick."""
         for message in self._answer.messages:
             self.bus.publish(self.keys.of("velocities", session=self.bus.id), message)
 
     def _take_seen(self, payload: bytes) -> None:
-        """Take what the agents observe. Answer a tick again that comes again: its answer may be lost, or have changed on its way.
+        """Take what the agents observe.
 
-        Join again if only past ticks come: the newest one was false, and physics would wait in vain.
+        Answer a tick again that comes again: its answer may be lost, or have changed on its way.
+        Join again if only past ticks come: the newest one was false, and physics would wait in
+        vain.
         """
         try:
             self.latest.seen(payload)
@@ -317,12 +335,14 @@ class Host:
             if self.latest.past >= MOST_PAST:
                 raise _JoinAgain from None
             raise
-        answer, now = self._answer, self.bus.clock()
+        answer = self._answer
+        now = self.bus.clock()
         if answer.tick == self.latest.tick and now >= answer.at + ANSWER_AGAIN_SECONDS:
             answer.at = now
             self._send_answer()
 
     def _send_rest(self, seen: dict[str, Observation], actions: dict[str, Action]) -> None:
+        """Send the requests and answers of the agents, and what others may want to know."""
         for name, action in actions.items():
             for asked in self.mailbox.write(name, action):
                 letter = Letter(self.run_id, asked.tick, asked.sender, asked.number, asked.request)
@@ -334,49 +354,61 @@ class Host:
         publish_refusals(self.bus, self.keys, self.run_id, self.refusals)
 
     def _act(self, name: str, seen: Observation, mail: Mail) -> Action:
+        """Return what an agent does. Note that it thinks meanwhile."""
         self.thinking = name
         return self.runners[name].act(seen, mail)
 
     def _mail(self, tick: int) -> dict[str, Mail]:
-        doubts = self.mailbox.doubts(tick, self.latest.asked)
+        """Return the mail of a tick, by name (rules 3 and 8)."""
+        may_lack_mail = self.mailbox.may_lack_mail(tick, self.latest.asked)
         mail = self.mailbox.deliver(tick)
-        if not doubts:
+        if not may_lack_mail:
             return mail
-        self.mailbox.recall(tick)  # before the query: late requests may come while it waits
+        # That is recorded before the query: late requests may come while the query waits.
+        self.mailbox.recall(tick)
         request = pack(Recall(self.run_id, tick))
         try:
             recalled = self._query("recall", request, Recalled)
-        except BusError as error:  # physics may have resumed at an earlier tick
+        except BusError as error:
+            # Physics may have resumed at an earlier tick.
             raise _JoinAgain from error
         if recalled.tick != tick:
             raise _JoinAgain
         return LocalMail(dict(recalled.letters)).deliver(tick)
 
     def _packed(self, tick: int, reports: dict[str, Report]) -> list[bytes]:
-        packed, names = pack(Velocities(self.run_id, tick, self.bus.id, reports)), list(reports)
-        if len(packed) <= MAX_PAYLOAD or len(names) == 1:
+        """Return the messages with the actions of a tick: one, or more if it would be too large."""
+        packed = pack(Velocities(self.run_id, tick, self.bus.id, reports))
+        if len(packed) <= MAX_PAYLOAD or len(reports) == 1:
             return [packed]
-        halves = names[: len(names) // 2], names[len(names) // 2 :]
-        return [
-            message
-            for half in halves
-            for message in self._packed(tick, {name: reports[name] for name in half})
-        ]
+        names = list(reports)
+        middle = len(names) // 2
+        first = {name: reports[name] for name in names[:middle]}
+        rest = {name: reports[name] for name in names[middle:]}
+        return self._packed(tick, first) + self._packed(tick, rest)
 
     # -- what arrives
 
     def _wait(self, ready: Callable[[], bool], seconds: float = math.inf) -> None:
-        """Handle all present items, so that no old tick is taken for the newest, then more until `ready()` or the time is over."""
+        """Handle all present items, then more until `ready()` or the time is over.
+
+        So no old tick is taken for the newest.
+        """
         for _ in range(len(self.bus.inbox)):
             self._handle_next(0.0)
         deadline = self.bus.clock() + seconds
-        while not ready() and (left := deadline - self.bus.clock()) > 0.0:
-            check_at = self._ending.gone_at + (
-                self._patience if self._has_warned else min(self._patience, WARN_SECONDS)
-            )
-            self._handle_next(min(left, check_at - self.bus.clock()))
+        while not ready():
+            remaining = deadline - self.bus.clock()
+            if remaining <= 0.0:
+                return
+            patience = self._patience
+            if not self._has_warned:
+                patience = min(patience, WARN_SECONDS)
+            check_at = self._ending.gone_at + patience
+            self._handle_next(min(remaining, check_at - self.bus.clock()))
 
     def _handle_next(self, seconds: float) -> None:
+        """Handle an item that comes in `seconds`; without one look whether physics is gone."""
         item = self.bus.inbox.take(seconds)
         if item is not None:
             self.handle(item)
@@ -384,7 +416,9 @@ class Host:
             self._check_gone()
 
     def _check_gone(self) -> None:
-        now, gone_at = self.bus.clock(), self._ending.gone_at
+        """Warn if physics is gone. Raises HostEnded if it is for longer than `patience`."""
+        now = self.bus.clock()
+        gone_at = self._ending.gone_at
         if now >= gone_at + WARN_SECONDS and not self._has_warned:
             self._has_warned = True
             log.warning("physics is gone; waiting for it")
@@ -399,6 +433,7 @@ class Host:
             self.refusals.note(getattr(item, "key", "a reply"), refusal)
 
     def _handle(self, item: Item) -> None:
+        """Handle an item. Raises Refused if it does not count."""
         match item:
             case Sample():
                 self._take_sample(item)
@@ -414,22 +449,31 @@ class Host:
                 self._track_physics(token, up)
 
     def _track_physics(self, token: str, up: bool) -> None:
-        had_begun, self._has_begun, self._has_warned = self._has_begun, True, False
+        """Record that physics has come or gone. Raises _JoinAgain if it has come back."""
+        had_begun = self._has_begun
+        self._has_begun = True
+        self._has_warned = False
         self._ending.track(token, up)
         self._leave_if_over()
         if up and had_begun:
             raise _JoinAgain
 
     def _leave_if_over(self) -> None:
-        if (end := self._ending.end) is not None:
+        """Raise HostEnded if the run is over."""
+        end = self._ending.end
+        if end is not None:
             self._leave(end.why)
 
     def _leave(self, why: str) -> NoReturn:
-        """Tell physics that this session leaves, or physics waits for it at the end: it may only be cut off."""
+        """Tell physics that this session leaves. Raises HostEnded.
+
+        Else physics would wait for it at the end: it might only be cut off.
+        """
         self.bus.publish(self.keys.of("left", session=self.bus.id), pack(Left(self.run_id)))
         raise HostEnded(0, why)
 
     def _take_sample(self, sample: Sample) -> None:
+        """Take what is published. Raises Refused, or _JoinAgain if agents are lost."""
         match self.keys.parts(sample.key):
             case ["hosts", _, "seen"]:
                 self._take_seen(sample.payload)
@@ -443,6 +487,7 @@ class Host:
                 raise Refused("no such key")
 
     def _take_query(self, question: Query) -> None:
+        """Reply to a query for a bin's state, or hold a request. Raises Refused."""
         match self.keys.parts(question.key):
             case [name, "state"]:
                 self.states.tell(name, question)

@@ -1,8 +1,9 @@
 """The line between run.py and each of its processes: a socket, the standard input of the process.
 
-run.py holds its end for as long as the process is to run. So the process learns that run.py asks it to end, and also that run.py is gone,
-however that ended. A process that gets a signal dies of it, and run.py starts it again. One that ends by itself says so on the line, with
-its exit code. Whatever else ends it, such as an agent's `os._exit`, says nothing.
+run.py holds its end for as long as the process is to run. So the process learns that run.py asks it
+to end, and also that run.py is gone, however that ended. A process that gets a signal dies of it,
+and run.py starts it again. One that ends by itself says so on the line, with its exit code.
+Whatever else ends it, such as an agent's `os._exit`, says nothing.
 """
 
 import os
@@ -14,11 +15,12 @@ from select import select
 from socket import MSG_DONTWAIT, MSG_PEEK, SHUT_WR, socketpair
 from threading import Thread, Timer
 
-STARTED_BY = "ORCHARD_STARTED_BY"  # environment variable: run.py's process id, and the run's id
-CONFIRM_SECONDS = 1.0  # after a signal, in which run.py may ask too: as when a machine is shut down
-ALONE_SECONDS = (
-    10.0  # that a process may take to end when run.py, which would end it by force, is gone
-)
+# Environment variable: run.py's process id, and the run's id.
+STARTED_BY = "ORCHARD_STARTED_BY"
+# After a signal, in which run.py may ask too: as when a machine is shut down.
+CONFIRM_SECONDS = 1.0
+# That a process may take to end when run.py, which would end it by force, is gone.
+ALONE_SECONDS = 10.0
 
 
 class Line:
@@ -28,7 +30,8 @@ class Line:
         self._end, self.of_process = socketpair()
 
     def write(self, words: str) -> None:
-        with suppress(OSError):  # it has died already
+        # It has died already.
+        with suppress(OSError):
             self._end.sendall(f"{words}\n".encode())
 
     def let_go(self) -> None:
@@ -52,11 +55,15 @@ def environment(run: str) -> dict[str, str]:
 
 
 def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
-    """Call `ask_to_end` when run.py lets go; after a mere signal, end. Return what announces the exit code, None without a line."""
+    """Call `ask_to_end` when run.py lets go; after a mere signal, end.
+
+    Return what announces the exit code, None without a line.
+    """
     if STARTED_BY not in os.environ:
         return None
     owner, line = int(os.environ.pop(STARTED_BY).split()[0]), os.dup(0)
-    with open(os.devnull) as nothing:  # an agent that reads its input must not wait for run.py
+    # An agent that reads its input must not wait for run.py.
+    with open(os.devnull) as nothing:
         os.dup2(nothing.fileno(), 0)
     Thread(target=_wait_for_end, args=(line, owner, ask_to_end), daemon=True).start()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -65,12 +72,14 @@ def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
 
 
 def _announce(line: int, code: int) -> None:
-    with suppress(OSError):  # run.py is gone
+    # run.py is gone.
+    with suppress(OSError):
         os.write(line, bytes([code]))
 
 
 def _wait_for_end(line: int, owner: int, ask_to_end: Callable[[], None]) -> None:
-    with suppress(ConnectionResetError):  # run.py is gone
+    # run.py is gone.
+    with suppress(ConnectionResetError):
         while os.read(line, 1):
             pass
     ask_to_end()

@@ -1,12 +1,49 @@
 """The observations and the mail of a host's agents. In lockstep the mail is repeatable.
 
-The rules are numbered in CONTRIBUTING.md. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2, in an order
-that does not depend on the network. A host that may have missed mail recalls all mail of the tick from physics.
+Theory of operation. A request of tick k is a query; it is heard at k + 1, and its answer at k + 2,
+in an order that does not depend on the network. The code cites these rules by number:
+
+1. Join. A host that joins forgets all mail. Its first tick is that of the reply, for which physics
+   waits: an answer from before the join does not count. A link that breaks loses what was sent.
+   Then the token of physics goes and comes, and the host asks for the scenario and joins again.
+2. Wait. A host begins tick k when every get of k - 2 is final, and every request of k - 1 to its
+   agents has come; `asked` in `seen` lists them. After 1 s it asks physics for the mail (`recall`).
+   Realtime does not wait.
+3. Deliver and close. The mail of tick k is the requests and answers stamped k - 1. Then the host
+   answers the queries that wait, and drops older ones.
+4. Ask. A request is one get per recipient, numbered from 0 per sender and tick: target ALL,
+   consolidation NONE, BLOCK, a time-out of 10 s.
+5. Receive. The recipient's host keeps the query for the next tick, and replies `received` as soon
+   as it reads it.
+6. Copy. A host sends velocities, with copies of all letters, before it sends the gets. From the
+   copies physics makes the `asked` of the next tick.
+7. Stamps. Requests before the host's last tick, or more than 1,000 ticks after it, are refused; in
+   realtime, those more than 50 ticks apart.
+8. Lost mail. A get without an answer may have lost it. In lockstep the host recalls the mail, so a
+   lost reply changes nothing.
+9. Threads. Zenoh's handlers store and signal only. All messages are handled in the thread that
+   reads the inbox.
+10. Tokens. A process declares its liveliness token last. The token's key holds a session id,
+    because two equal keys hide a restart.
+11. Copies for observers. Physics publishes the copies on `letters`, because subscribers receive no
+    queries.
+
+These are the states of a request at the sender's host, a `SentRequest`:
+
+    state     | what happens                              | next state
+    ----------+-------------------------------------------+----------------------------------------
+    sent      | the reply `received` comes                | received
+    received  | the reply with the answer comes           | answered
+    any       | the get ends: all replies came, or 10 s   | final; it is settled at k + 2
+              | are over                                  |
+    final     | k + 2 begins                              | delivered with its answer; if it is not
+              |                                           | answered, all mail of k + 2 is recalled
 """
 
 from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Mail, Observation, Reply
 from orchard.contract.mail import in_hearing_order
@@ -16,9 +53,12 @@ from orchard.net.refusals import Refused, read_message, refused_for
 from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
-DOUBT_SECONDS = 1.0  # after which a request without news counts as lost; physics has a copy
-MOST_WAITING = 10_000  # requests that wait for their tick
-STALE_TICKS = 50  # realtime: the most ticks between two hosts whose agents exchange mail
+# After which a request without news counts as lost; physics has a copy.
+DOUBT_SECONDS = 1.0
+# Requests that wait for their tick.
+MOST_WAITING = 10_000
+# Realtime: the most ticks between two hosts whose agents exchange mail.
+STALE_TICKS = 50
 
 
 class LatestObservations:
@@ -26,19 +66,22 @@ class LatestObservations:
 
     def __init__(self, run: str, names: Iterable[str], bodies: Iterable[str]) -> None:
         self._run = run
-        self._names, self._bodies = frozenset(names), frozenset(bodies)
+        self._names = frozenset(names)
+        self._bodies = frozenset(bodies)
         self.forget()
 
     def forget(self) -> None:
         """Drop the observations. The next tick that arrives is the newest."""
-        self.tick = -1  # -1: no tick has arrived
+        # -1: no tick has arrived.
+        self.tick = -1
         # The number of messages in turn that were refused as older than the newest tick.
         self.past = 0
-        self.due: list[str] = []  # the agents that are asked at this tick
-        self.asked: list[AskedOf] = []  # the requests that they hear
-        self.observations: dict[
-            str, Observation
-        ] = {}  # of these agents; one without a body gets only the tick
+        # The agents that are asked at this tick.
+        self.due: list[str] = []
+        # The requests that they hear at it.
+        self.asked: list[AskedOf] = []
+        # Those of these agents. An agent without a body gets only the tick.
+        self.observations: dict[str, Observation] = {}
 
     def seen(self, payload: bytes) -> None:
         """Take a `Seen` message, unless it repeats the newest tick. Raises Refused."""
@@ -55,7 +98,9 @@ class LatestObservations:
             raise Refused("not all", "bodies are missing")
         with refused_for("malformed"):
             self.observations = observations_of(message)
-        self.tick, self.due, self.asked = message.tick, message.due, message.asked
+        self.tick = message.tick
+        self.due = message.due
+        self.asked = message.asked
 
 
 @dataclass(eq=False)
@@ -67,9 +112,12 @@ class SentRequest:
     number: int
     to: str
     request: Request
-    received: bool = False  # the first reply has come: the request will be heard
-    final: bool = False  # the get has ended
-    answered: bool = False  # the second reply has come, with this answer:
+    # The first reply has come: the request will be heard.
+    received: bool = False
+    # The get has ended.
+    final: bool = False
+    # The second reply has come, with this answer.
+    answered: bool = False
     answer: Answer | None = None
 
 
@@ -79,38 +127,47 @@ class _ReceivedRequest:
 
     heard: Heard
     question: Query
-    is_heard: bool = False  # its tick has begun or is over: it is answered in this tick or never
+    # Its tick has begun or is over: it is answered in this tick or never.
+    is_heard: bool = False
     body: Answer | None = None
 
 
 class Mailbox:
-    """The mail of one host's agents in lockstep. The counterpart for realtime is `RealtimeMailbox`."""
+    """The mail of one host's agents in lockstep.
+
+    The counterpart for realtime is `RealtimeMailbox`.
+    """
 
     def __init__(self, run: str, names: Collection[str] = ()) -> None:
-        """`names`: the agents that may send requests; empty: any agent."""
-        self._run, self._names = run, frozenset(names)
-        self.last = -1  # the last tick that was delivered
+        """Begin without mail. `names`: the agents that may send requests; empty: any agent."""
+        self._run = run
+        self._names = frozenset(names)
+        # The last tick that was delivered.
+        self.last = -1
         self._joined = 0
-        self._recalled: deque[int] = deque(
-            maxlen=2
-        )  # ticks whose requests were heard from the copies of physics
-        self._waiting: dict[
-            tuple[str, str, int, int], _ReceivedRequest
-        ] = {}  # (recipient, sender, tick, number) ->
-        self._asked: dict[
-            int, list[SentRequest]
-        ] = {}  # tick -> the requests of that tick, in their order
+        # Ticks whose requests were heard from the copies of physics.
+        self._recalled: deque[int] = deque(maxlen=2)
+        # (recipient, sender, tick, number) -> the request.
+        self._waiting: dict[tuple[str, str, int, int], _ReceivedRequest] = {}
+        # Tick -> the requests of that tick, in their order.
+        self._asked: dict[int, list[SentRequest]] = {}
 
     def join(self, tick: int) -> None:
         """Continue at a tick that is not the next, and forget all mail (rule 1)."""
         for waiting in self._waiting.values():
             waiting.question.drop()
-        self._waiting, self._asked, self.last, self._joined = {}, {}, tick - 1, tick
+        self._waiting = {}
+        self._asked = {}
+        self.last = tick - 1
+        self._joined = tick
 
-    # what arrives
+    # -- what arrives
 
     def hear(self, recipient: str, question: Query) -> None:
-        """Hold a request for the next tick, and reply `received` (rules 5 and 7). Raises Refused if it does not count."""
+        """Hold a request for the next tick, and reply `received` (rules 5 and 7).
+
+        Raises Refused if it does not count.
+        """
         try:
             letter = self._checked(question.payload)
         except Refused as refusal:
@@ -123,75 +180,91 @@ class Mailbox:
         if key not in self._waiting and len(self._waiting) >= MOST_WAITING:
             question.refuse("too many requests wait")
             raise Refused("too many", f"{MOST_WAITING} requests wait")
-        if key in self._waiting:  # a repeated request
+        if key in self._waiting:
+            # The request is repeated, so the query before it is over.
             self._waiting[key].question.drop()
-        self._waiting[key] = _ReceivedRequest(
-            Heard(letter.sender, letter.tick, letter.number, letter.body), question
-        )
+        heard = Heard(letter.sender, letter.tick, letter.number, letter.body)
+        self._waiting[key] = _ReceivedRequest(heard, question)
         question.reply(pack(Received(self._run, letter.tick)))
 
     def recall(self, tick: int) -> None:
-        """Record that the mail of a tick is heard from the copies of physics: its requests may still come."""
+        """Record that the mail of a tick is heard from the copies of physics.
+
+        Its requests may still come.
+        """
         self._recalled.append(tick - 1)
 
     def _checked(self, payload: bytes) -> Letter:
+        """Return the request in a payload. Raises Refused if it does not count."""
         letter = read_message(payload, Letter, self._run)
         if self._names and letter.sender not in self._names:
             raise Refused("no such agent", letter.sender)
         if not self._is_timely(letter.tick) and letter.tick not in self._recalled:
-            raise Refused(
-                "past tick" if letter.tick < self.last else "future tick",
-                f"a request of {letter.tick} at tick {self.last}",
-            )
+            detail = f"a request of {letter.tick} at tick {self.last}"
+            raise Refused("past tick" if letter.tick < self.last else "future tick", detail)
         return letter
 
     def replied(self, asked: SentRequest, payload: bytes) -> None:
         """Take a reply to a request. Raises Refused if it does not count."""
-        message: Received | Answered = read_message(payload, Received | Answered, self._run)  # type: ignore[arg-type]
+        kinds: Any = Received | Answered
+        message: Received | Answered = read_message(payload, kinds, self._run)
         if isinstance(message, Received) and message.tick == asked.tick:
             asked.received = True
-        elif (
-            isinstance(message, Answered)
-            and asked.received
-            and self._answers_in_time(message.tick, asked.tick)
-        ):
-            asked.answered, asked.answer = True, message.body
-        else:
+            return
+        is_in_time = asked.received and self._answers_in_time(message.tick, asked.tick)
+        if not isinstance(message, Answered) or not is_in_time:
             raise Refused("past tick", f"an answer of {message.tick} to a request of {asked.tick}")
+        asked.answered = True
+        asked.answer = message.body
 
     def _is_timely(self, tick: int) -> bool:
-        """Rule 7: whether a request is of the last tick of this host or a later one: its agents may hold."""
+        """Whether a request is of the last tick of this host or a later one (rule 7).
+
+        Its agents may hold, so it may be behind.
+        """
         return self.last <= tick <= self.last + MOST_HOLD
 
     def _answers_in_time(self, tick: int, asked: int) -> bool:
+        """Whether an answer of a tick counts for a request of the tick `asked`."""
         return tick == asked + 1
 
-    # one tick
+    # -- one tick
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Rule 2: all gets of two ticks ago are final, all requests of the last tick are here. A host that has just joined recalls."""
-        return self._is_new(tick) or (
-            self._has(tick, asked_of)
-            and all(asked.final for asked in self._asked.get(tick - 2, ()))
-        )
+        """Whether a tick can begin (rule 2).
 
-    def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        """Whether mail may be missing: the host has just joined, a request has not come, or a get ended unanswered."""
-        return self._is_new(tick) or not (
-            self._has(tick, asked_of)
-            and all(asked.answered for asked in self._asked.get(tick - 2, ()))
-        )
+        Then all gets of two ticks ago are final, and all requests of the last tick are here. A host
+        that has just joined recalls. `asked_of`: the requests that physics knows of.
+        """
+        if self._is_new(tick):
+            return True
+        is_final = all(asked.final for asked in self._asked.get(tick - 2, ()))
+        return is_final and self._has(tick, asked_of)
+
+    def may_lack_mail(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+        """Whether mail may be missing, so that it must be recalled (rule 8).
+
+        The host has just joined, a request has not come, or a get ended unanswered.
+        """
+        if self._is_new(tick):
+            return True
+        is_answered = all(asked.answered for asked in self._asked.get(tick - 2, ()))
+        return not is_answered or not self._has(tick, asked_of)
 
     def _is_new(self, tick: int) -> bool:
+        """Whether the host has joined too late to have all mail of a tick."""
         return tick <= self._joined + 1
 
     def _has(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
-        return all(
-            (to, sender, tick - 1, number) in self._waiting for to, sender, number in asked_of
-        )
+        """Whether these requests of the last tick have come."""
+        keys = [(to, sender, tick - 1, number) for to, sender, number in asked_of]
+        return all(key in self._waiting for key in keys)
 
     def deliver(self, tick: int) -> dict[str, Mail]:
-        """Return name -> the requests of the last tick and the answers given in it (rule 3), of agents with mail."""
+        """Return the mail of a tick, by name: requests, and answers (rule 3).
+
+        Both were sent in the last tick. Agents without mail are left out.
+        """
         mail: dict[str, Mail] = {}
         for (recipient, *_), waiting in self._waiting.items():
             waiting.is_heard = self._is_done(waiting.heard.tick, tick)
@@ -200,25 +273,30 @@ class Mailbox:
         for heard in mail.values():
             heard.requests = in_hearing_order(heard.requests)
         for asked in self._take_settled(tick):
-            mail.setdefault(asked.sender, Mail()).replies.append(
-                Reply(asked.to, asked.number, asked.request, asked.answer)
-            )
+            reply = Reply(asked.to, asked.number, asked.request, asked.answer)
+            mail.setdefault(asked.sender, Mail()).replies.append(reply)
         self.last = tick
         return mail
 
     def _is_heard(self, asked: int, tick: int) -> bool:
+        """Whether a request of the tick `asked` is heard at a tick."""
         return asked == tick - 1
 
     def _is_done(self, asked: int, tick: int) -> bool:
+        """Whether a request of the tick `asked` is answered at a tick or never."""
         return asked < tick
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
+        """Return the requests whose answers are heard at a tick, and forget them."""
         settled = self._asked.pop(tick - 2, [])
         self._asked = {at: asked for at, asked in self._asked.items() if at > tick - 2}
         return settled
 
     def write(self, name: str, action: Action) -> list[SentRequest]:
-        """Take the answers of an agent, which `close` sends. Return its requests, which the caller must send."""
+        """Take the answers of an agent, which `close` sends.
+
+        Return its requests, which the caller must send.
+        """
         for heard, body in action.answers:
             waiting = self._waiting.get((name, heard.sender, heard.tick, heard.number))
             if waiting is not None and waiting.is_heard:
@@ -233,15 +311,22 @@ class Mailbox:
         return asked
 
     def close(self) -> None:
-        """Reply to all queries that were heard up to this tick, and drop them (rule 3). Without an answer it is nil."""
-        for key in [key for key, waiting in self._waiting.items() if waiting.is_heard]:
-            waiting = self._waiting.pop(key)
-            waiting.question.reply(pack(Answered(self._run, self.last, waiting.body)))
-            waiting.question.drop()
+        """Reply to all queries that were heard up to this tick, and drop them (rule 3).
+
+        Without an answer it is nil.
+        """
+        for key, waiting in list(self._waiting.items()):
+            if waiting.is_heard:
+                del self._waiting[key]
+                waiting.question.reply(pack(Answered(self._run, self.last, waiting.body)))
+                waiting.question.drop()
 
 
 class RealtimeMailbox(Mailbox):
-    """The mail of one host's agents in realtime: no tick waits for mail, and each delivers what has come."""
+    """The mail of one host's agents in realtime.
+
+    No tick waits for mail, and each delivers what has come.
+    """
 
     def _is_timely(self, tick: int) -> bool:
         return abs(tick - self.last) <= STALE_TICKS
@@ -250,9 +335,11 @@ class RealtimeMailbox(Mailbox):
         return asked - STALE_TICKS <= tick <= asked + STALE_TICKS
 
     def is_settled(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+        """Whether a tick can begin: always."""
         return True
 
-    def doubts(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+    def may_lack_mail(self, tick: int, asked_of: Collection[AskedOf]) -> bool:
+        """Whether mail must be recalled: never."""
         return False
 
     def _is_heard(self, asked: int, tick: int) -> bool:
@@ -262,18 +349,14 @@ class RealtimeMailbox(Mailbox):
         return True
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        known = [
-            a
-            for asked in self._asked.values()
-            for a in asked
-            if a.final or tick - a.tick > STALE_TICKS
-        ]
-        self._asked = {
-            t: left
-            for t, asked in self._asked.items()
-            if (left := [a for a in asked if a not in known])
-        }
-        return known
+        settled = []
+        for sent, requests in list(self._asked.items()):
+            is_stale = tick - sent > STALE_TICKS
+            settled += [asked for asked in requests if asked.final or is_stale]
+            self._asked[sent] = [asked for asked in requests if not (asked.final or is_stale)]
+            if not self._asked[sent]:
+                del self._asked[sent]
+        return settled
 
 
 MAILBOXES = {"lockstep": Mailbox, "realtime": RealtimeMailbox}

@@ -1,4 +1,6 @@
-"""What starts a process of a run: its options, each declared once, for run.py's JSON line and for a command line."""
+"""What starts a process of a run: its options, each declared once, for run.py's JSON line and for a
+command line.
+"""
 
 import argparse
 import sys
@@ -12,15 +14,21 @@ from orchard.field.problems import printable
 from orchard.net.host import GONE_SECONDS
 from orchard.wire.keys import PREFIX
 
-MOST_SHOWN = 500  # characters of an error
-FROM_STDIN = "-"  # the only argument of a process that reads its options from its standard input
+# Characters of an error.
+MOST_SHOWN = 500
+# The only argument of a process that reads its options from its standard input.
+FROM_STDIN = "-"
 FACTORY = "orchard.agents.catalogue:make_agents"
-Positive = Annotated[float, Meta(gt=0.0, le=1e12)]  # neither NaN nor infinite
+# Neither NaN nor infinite.
+Positive = Annotated[float, Meta(gt=0.0, le=1e12)]
 Options = TypeVar("Options", bound="ProcessOptions")
 
 
 def option(metavar: str, description: str, **words: str) -> Meta:
-    """Return the note that makes a field an option of a command line. `words`: further ones of argparse."""
+    """Return the note that makes a field an option of a command line.
+
+    `words`: further ones of argparse.
+    """
     return Meta(description=description, extra={"metavar": metavar, **words})
 
 
@@ -99,7 +107,10 @@ class CommandLine(argparse.ArgumentParser):
 
 
 def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = None) -> Options:
-    """Return the options in a process' command line, or in the JSON line at its standard input. Raises SystemExit."""
+    """Return the options in a process' command line, or in the JSON line at its standard input.
+
+    Raises SystemExit.
+    """
     words = sys.argv[1:] if argv is None else argv
     if [*words] == [FROM_STDIN]:
         return msgspec.json.decode(sys.stdin.readline(), type=kind)

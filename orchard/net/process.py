@@ -16,7 +16,8 @@ from orchard.net.options import Options, read_options
 
 log = logging.getLogger("orchard")
 
-LONG_SECONDS = 3.0  # after which an agent is too slow
+# After which an agent is too slow.
+LONG_SECONDS = 3.0
 
 
 def run_process(
@@ -26,12 +27,15 @@ def run_process(
     body: Callable[[Inbox, Options], int],
     *mistakes: type[Exception],
 ) -> int:
-    """Run the body of a process, and return its exit code: 2 for `mistakes`, which a user can correct and which are logged.
+    """Run the body of a process, and return its exit code: 2 for `mistakes`, which a user can
+    correct and which are logged.
 
-    Requests to end arrive in its inbox: SIGINT and SIGTERM or, for a process of run.py, that run.py lets go of its line.
+    Requests to end arrive in its inbox: SIGINT and SIGTERM or, for a process of run.py, that run.py
+    lets go of its line.
     """
     options = read_options(kind, f"orchard.processes.{name}", argv)
-    gc.freeze()  # what is imported stays
+    # What is imported stays.
+    gc.freeze()
     logging.basicConfig(level=logging.WARNING, format=f"{name}: %(message)s")
     inbox = Inbox()
     announce = lifeline.hold_on(lambda: inbox.put(Signal(signal.SIGTERM)))
@@ -52,7 +56,10 @@ def run_process(
 
 
 def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
-    """Log each agent that spends `seconds` on one tick, once. The agents tick in the calling thread."""
+    """Log each agent that spends `seconds` on one tick, once.
+
+    The agents tick in the calling thread.
+    """
     threading.Thread(
         target=_watch, args=(host, threading.get_ident(), seconds), daemon=True
     ).start()

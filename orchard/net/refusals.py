@@ -15,26 +15,35 @@ from orchard.wire.messages import Counts, Reason, RunMessage, Session, read
 M = TypeVar("M", bound=RunMessage)
 
 log = logging.getLogger("orchard")
-MOST_LOGGED = 1000  # pairs of key and reason that are logged
-MOST_SESSIONS = 1000  # sessions whose refusals are added up
+# Pairs of key and reason that are logged.
+MOST_LOGGED = 1000
+# Sessions whose refusals are added up.
+MOST_SESSIONS = 1000
 # why physics refuses that a session owns an agent
 NO_TOKEN = "its liveliness token is missing"
 TAKEN = "it is taken"
 
 
 class Refused(Exception):
-    """Raised for a message that is not applied. `reason` is one of a few, so that refusals can be counted."""
+    """Raised for a message that is not applied.
+
+    `reason` is one of a few, so that refusals can be counted.
+    """
 
     def __init__(self, reason: Reason, detail: str = "") -> None:
         self.reason: Reason = reason
         self.detail = printable(detail)
-        self.session = ""  # that sent it, if it says so
+        # That sent it, if it says so.
+        self.session = ""
         super().__init__(f"{reason}: {self.detail}" if detail else reason)
 
 
 @contextmanager
 def refused_for(reason: Reason, about: str = "") -> Iterator[None]:
-    """In this context, what is wrong with a message, a ValueError or ScenarioError, is the detail of its refusal: raises Refused."""
+    """Turn a ValueError or ScenarioError in this context into Refused.
+
+    Its text is the detail, after `about`.
+    """
     try:
         yield
     except (ValueError, ScenarioError) as error:
@@ -42,7 +51,10 @@ def refused_for(reason: Reason, about: str = "") -> Iterator[None]:
 
 
 class Refusals:
-    """Messages that were not applied: counted by reason, and logged once for each key and reason."""
+    """Messages that were not applied.
+
+    They are counted by reason, and logged once for each key and reason.
+    """
 
     def __init__(self) -> None:
         self.counts: Counter[Reason] = Counter()
@@ -51,8 +63,9 @@ class Refusals:
 
     def is_news(self) -> bool:
         """Whether the counts have changed since the last call."""
-        changed, self._changed = self._changed, False
-        return changed
+        has_changed = self._changed
+        self._changed = False
+        return has_changed
 
     def note(self, key: str, refusal: Refused) -> None:
         """Count a refusal, and log it if it is the first of its key and reason."""
@@ -73,11 +86,13 @@ def read_message(payload: bytes, type_: type[M], run: str) -> M:
 
 
 def refuse_other_run(message: RunMessage, run: str) -> None:
+    """Raise Refused for a message of another run."""
     if message.run != run:
         raise Refused("other run", f"{message.run!r} is not {run!r}")
 
 
 def refuse_other_tick(tick: int, first: int, last: int) -> None:
+    """Raise Refused for a tick before the first or after the last one that counts."""
     if tick < first:
         raise Refused("past tick", f"{tick}; it is {last} now")
     if tick > last:
@@ -87,32 +102,34 @@ def refuse_other_tick(tick: int, first: int, last: int) -> None:
 class KnownRefusals(msgspec.Struct, forbid_unknown_fields=True):
     """The refusals of a run so far, for its snapshots."""
 
-    counts: Counts = {}  # of physics
-    there: dict[Session, Counts] = {}  # session -> its counts
+    # Of physics.
+    counts: Counts = {}
+    # Session -> its counts.
+    there: dict[Session, Counts] = {}
 
 
 class RefusalTotals(Refusals):
     """The refusals of physics, and those that each session reports."""
 
     def __init__(self, before: Any = None) -> None:
-        """`before`: what `as_data` returned, for a run that is resumed. Raises SnapshotError if it is malformed."""
+        """`before`: what `as_data` returned, for a run that is resumed.
+
+        Raises SnapshotError if it is malformed.
+        """
         super().__init__()
         try:
             known = msgspec.convert(before or {}, KnownRefusals)
         except ValueError as error:
-            raise SnapshotError(
-                f"the counts of refused messages in the snapshot are malformed: {error}"
-            ) from error
+            fault = "the counts of refused messages in the snapshot are malformed"
+            raise SnapshotError(f"{fault}: {error}") from error
         self.counts.update(known.counts)
-        self.there: dict[str, Mapping[Reason, int]] = dict(
-            known.there
-        )  # session -> its counts so far
+        # Session -> its counts so far.
+        self.there: dict[str, Mapping[Reason, int]] = dict(known.there)
 
     def as_data(self) -> dict[str, Any]:
-        return {
-            "counts": dict(self.counts),
-            "there": {session: dict(counts) for session, counts in self.there.items()},
-        }
+        """Return the counts as plain data, for a snapshot."""
+        there = {session: dict(counts) for session, counts in self.there.items()}
+        return {"counts": dict(self.counts), "there": there}
 
     def hear(self, session: str, counts: Mapping[Reason, int]) -> None:
         """Replace the counts of a session. Raises Refused if there are too many sessions."""
@@ -121,6 +138,7 @@ class RefusalTotals(Refusals):
         self.there[session] = counts
 
     def total(self) -> dict[str, int]:
+        """Return the counts of all sessions together, by reason."""
         total: Counter[str] = Counter(self.counts)
         for counts in self.there.values():
             total.update(counts)

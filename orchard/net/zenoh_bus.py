@@ -1,6 +1,7 @@
 """The bus over Zenoh. Only this module imports zenoh.
 
-Handlers only store what arrives and wake the reader. So no lock is needed, and none is held during a get, a reply or a drop.
+Handlers only store what arrives and wake the reader. So no lock is needed, and none is held during
+a get, a reply or a drop.
 """
 
 import json
@@ -35,30 +36,44 @@ from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY
 
 log = logging.getLogger("orchard.net.zenoh_bus")
 
-CONNECT_SECONDS = 7.0  # how long a client tries to connect to its router
-LISTEN_SECONDS = 1.0  # how long a router tries to get its port
-LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
-MOST_SILENT = 10_000  # connections that have not said what they are; at Zenoh's 100 no other client gets in for 10 s
-FULL_QUEUE_US = 300_000  # how long the router waits for a neighbour that receives nothing, before it closes the link
+# How long a client tries to connect to its router.
+CONNECT_SECONDS = 7.0
+# How long a router tries to get its port.
+LISTEN_SECONDS = 1.0
+# A neighbour that is silent for this long counts as gone.
+LEASE_MS = 2000
+# Connections that have not said what they are; at Zenoh's 100 no other client gets in for 10 s.
+MOST_SILENT = 10_000
+# How long the router waits for a neighbour that receives nothing, before it closes the link.
+FULL_QUEUE_US = 300_000
 _ASKING: dict[str, Any] = {
     "target": zenoh.QueryTarget.ALL,
-    "consolidation": zenoh.ConsolidationMode.NONE,  # AUTO would hold the first reply back until the last
+    # AUTO would hold the first reply back until the last.
+    "consolidation": zenoh.ConsolidationMode.NONE,
     "congestion_control": zenoh.CongestionControl.BLOCK,
 }
-MOST_WORDS = 300  # characters of a panic that are shown
+# Characters of a panic that are shown.
+MOST_WORDS = 300
 _ALONE: dict[str, Any] = {
     "mode": "peer",
     "listen/endpoints": [],
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
 }
-_OTHERS = zenoh.Locality.REMOTE  # a session does not receive its own samples
-_OPEN = "any client that reaches this address can drive every robot and end the run; --secure DIR admits only known clients"
+# A session does not receive its own samples.
+_OTHERS = zenoh.Locality.REMOTE
+_OPEN = (
+    "any client that reaches this address can drive every robot and end the run; "
+    "--secure DIR admits only known clients"
+)
 
 
 @contextmanager
 def _errors_ignored(what: str) -> Iterator[None]:
-    """Ignore errors of zenoh: a peer that is gone, or a session that closes, is no reason to stop."""
+    """Ignore errors of zenoh.
+
+    That a peer is gone, or a session closes, is no reason to stop.
+    """
     try:
         yield
     except zenoh.ZError as error:
@@ -67,9 +82,8 @@ def _errors_ignored(what: str) -> Iterator[None]:
 
 class ZenohQuery(Query):
     def __init__(self, query: zenoh.Query) -> None:
-        self.key = str(
-            query.key_expr
-        )  # the client's, which may have wildcards, not the queryable's
+        # The client's, which may have wildcards, not the queryable's.
+        self.key = str(query.key_expr)
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
         self._query = query
 
@@ -98,10 +112,10 @@ class ZenohBus(Bus):
         self._session = session
         self.executor = ThreadPoolExecutor(max_workers=1)
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._listeners: dict[
-            str, zenoh.Publisher
-        ] = {}  # publishers that only check for subscribers
-        self._kept: list[Any] = []  # declarations, which end when they are no longer referenced
+        # Publishers that only check for subscribers.
+        self._listeners: dict[str, zenoh.Publisher] = {}
+        # Declarations, which end when they are no longer referenced.
+        self._kept: list[Any] = []
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
     def clock(self) -> float:
@@ -131,7 +145,9 @@ class ZenohBus(Bus):
             self._listeners[keys] = self._session.declare_publisher(
                 keys, allowed_destination=_OTHERS
             )
-        return bool(self._listeners[keys].matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub is wrong
+        # Zenoh's stub is wrong.
+        status: Any = self._listeners[keys].matching_status
+        return bool(status.matching)
 
     def ask(self, key: str, payload: bytes, ticket: Any, seconds: float = GET_SECONDS) -> None:
         put = self.inbox.put
@@ -195,9 +211,12 @@ OpenBus = AbstractContextManager[Bus]
 def router(
     endpoint: str = LOOPBACK, inbox: Inbox | None = None, identity: Identity | None = None
 ) -> OpenBus:
-    """Open a router session, and close it at the end. Without `identity` it admits all clients; with it, those of its rules.
+    """Open a router session, and close it at the end.
 
-    For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot listen.
+    Without `identity` it admits all clients; with it, those of its rules.
+
+    For port 0 it takes a free port; `bus.endpoint` contains it. Raises BusError if it cannot
+    listen.
     """
     endpoint = with_port(endpoint)
     if identity is None and is_public(endpoint):
@@ -211,7 +230,10 @@ def client(
     seconds: float = CONNECT_SECONDS,
     identity: Identity | None = None,
 ) -> OpenBus:
-    """Open a client session, and close it at the end. Raises BusError without a router in `seconds`."""
+    """Open a client session, and close it at the end.
+
+    Raises BusError without a router in `seconds`.
+    """
     return _opened("client", endpoint, inbox, seconds, identity)
 
 
@@ -267,7 +289,10 @@ def _panics_explained(cause: str = "") -> Iterator[None]:
 
 @contextmanager
 def _stderr_dropped() -> Iterator[None]:
-    """In this context, what Rust writes to stderr is lost: a panic has a backtrace of many lines."""
+    """In this context, what Rust writes to stderr is lost.
+
+    A panic has a backtrace of many lines.
+    """
     with suppress(OSError):
         sys.stderr.flush()
     before = os.dup(2)

@@ -1,1 +1,3 @@
-"""The wire format: messages, the table of keys, and conversions from and to the types of the simulator. keyspace.md follows from it."""
+"""The wire format: messages, the table of keys, and conversions from and to the types of the
+simulator. keyspace.md follows from it.
+"""

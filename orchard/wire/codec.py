@@ -1,6 +1,9 @@
-"""Conversions between the messages on the wire and the types of agents, physics and the viewer. They are exact to the last bit."""
+"""Conversions between the messages on the wire and the types of agents, physics and the viewer.
 
-from collections.abc import Sequence
+They are exact to the last bit.
+"""
+
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import accumulate
 from typing import Any
@@ -22,84 +25,90 @@ RANGE = 4  # bytes of a float32
 
 
 def _pose(body: Observation | Hitch) -> wire.PoseMessage:
-    return wire.PoseMessage(
-        wire.Point(float(body.x), float(body.y)), wire.Quaternion(*map(float, body.orientation))
-    )
+    """Return the message of a body's pose."""
+    point = wire.Point(float(body.x), float(body.y))
+    return wire.PoseMessage(point, wire.Quaternion(*map(float, body.orientation)))
 
 
 def _twist(twist: Twist) -> wire.TwistMessage:
-    return wire.TwistMessage(
-        wire.Linear(float(twist[0]), float(twist[1])), wire.Angular(float(twist[2]))
-    )
+    """Return the message of a velocity."""
+    linear = wire.Linear(float(twist[0]), float(twist[1]))
+    return wire.TwistMessage(linear, wire.Angular(float(twist[2])))
 
 
 def odometry_of(run: str, seen: Observation) -> wire.Odometry:
-    hitch = seen.hitch and wire.OtherEnd(
-        seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist)
-    )
+    """Return the message of a body's pose and velocity."""
+    hitch = None
+    if seen.hitch is not None:
+        hitch = wire.OtherEnd(seen.hitch.name, _pose(seen.hitch), _twist(seen.hitch.twist))
     measured = float(seen.fill), bool(seen.full), seen.accuracy, seen.charge
     return wire.Odometry(run, seen.tick, _pose(seen), _twist(seen.twist), hitch, *measured)
 
 
-def _sweep(
-    laser: Laser, scan: np.ndarray | None
-) -> tuple[float, float, float, float, float, bytes]:
+def _sweep(laser: Laser, scan: np.ndarray) -> tuple[float, float, float, float, float, bytes]:
+    """Return the fields of `wire.Beams` for a laser and its ranges, m."""
     last = laser.first + (laser.beams - 1) * laser.increment
-    return (
-        laser.first,
-        last,
-        laser.increment,
-        LASER_NEAREST,
-        LASER_RANGE,
-        np.asarray(scan, dtype="<f4").tobytes(),
-    )
+    ranges = np.asarray(scan, dtype="<f4").tobytes()
+    return laser.first, last, laser.increment, LASER_NEAREST, LASER_RANGE, ranges
 
 
 def scan_of(run: str, seen: Observation, laser: Laser, rear_laser: Laser) -> wire.LaserScan:
-    rear = (
-        None
-        if seen.hitch is None or seen.hitch.scan is None
-        else wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
-    )
+    """Return the message of a body's scan. `rear_laser`: that of a bin that it tows."""
+    rear = None
+    if seen.hitch is not None and seen.hitch.scan is not None:
+        rear = wire.Beams(*_sweep(rear_laser, seen.hitch.scan))
     return wire.LaserScan(*_sweep(laser, seen.scan), run, seen.tick, rear)
 
 
 def seen_of(
     run: str, seen: Observations, due: Sequence[str], asked: list[wire.AskedOf]
 ) -> wire.Seen:
-    """Return the message for the session that owns these agents, which are asked now. `asked`: the requests that they hear now."""
+    """Return the message for the session that owns these agents, which are asked now.
+
+    `asked`: the requests that they hear now.
+    """
     names = [name for name in due if name in seen.names]
     bodies = [seen.names[name] for name in names]
     states = b"".join([seen.states[body].tobytes() for body in bodies])
     ranges = b"".join([seen.scans[body].tobytes() for body in bodies])
-    hitches = {name: _other_seen(hitch) for name in names if (hitch := seen.hitches.get(name))}
-    fills = {name: seen.fills[name] for name in names if name in seen.fills}
-    full = [name for name in fills if name in seen.full]
-    accuracies = {name: seen.accuracies[name] for name in names if name in seen.accuracies}
-    charges = {name: seen.charges[name] for name in names if name in seen.charges}
+    hitches = {}
+    for name in names:
+        hitch = seen.hitches.get(name)
+        if hitch is not None:
+            hitches[name] = _other_seen(hitch)
+    fills = _of(names, seen.fills)
     return wire.Seen(
-        run,
-        seen.tick,
-        list(due),
-        names,
-        states,
-        ranges,
-        hitches,
-        fills,
-        full,
-        asked,
-        accuracies,
-        charges,
+        run=run,
+        tick=seen.tick,
+        due=list(due),
+        names=names,
+        states=states,
+        ranges=ranges,
+        hitches=hitches,
+        fills=fills,
+        full=[name for name in fills if name in seen.full],
+        asked=asked,
+        accuracies=_of(names, seen.accuracies),
+        percentages=_of(names, seen.charges),
     )
 
 
+def _of(names: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of these names, without names that have none."""
+    return {name: values[name] for name in names if name in values}
+
+
 def _other_seen(hitch: Hitch) -> wire.OtherSeen:
+    """Return the message for the body at the other end of the bar."""
     ranges = None if hitch.scan is None else hitch.scan.tobytes()
     return wire.OtherSeen(hitch.name, (hitch.x, hitch.y, *hitch.orientation, *hitch.twist), ranges)
 
 
 def observations_of(seen: wire.Seen) -> dict[str, Observation]:
-    """Return what the agents that are asked observe, by name. Raises ValueError if the arrays do not fit, or hold invalid numbers."""
+    """Return what the agents that are asked observe, by name.
+
+    Raises ValueError if the arrays do not fit, or hold invalid numbers.
+    """
     if len(seen.states) != 8 * STATE * len(seen.names):
         raise ValueError(f"the states do not fit {len(seen.names)} names")
     states = np.frombuffer(seen.states, "<f8").reshape(-1, STATE)
@@ -114,6 +123,7 @@ def observations_of(seen: wire.Seen) -> dict[str, Observation]:
 
 @lru_cache(maxsize=MOST_BODIES)
 def _beams_of(name: str) -> int:
+    """Return the number of beams of a body's laser. Raises ValueError for an unknown kind."""
     kind = KINDS.get(kind_of(name))
     if kind is None:
         raise ValueError(f"{name}: unknown kind")
@@ -121,18 +131,22 @@ def _beams_of(name: str) -> int:
 
 
 def _hitch_of(other: wire.OtherSeen) -> Hitch:
+    """Return the body at the other end of the bar. Raises ValueError for invalid ranges."""
     x, y, z, w, vx, vy, turn = other.state
     scan = None if other.ranges is None else _sweeps_of(["bin"], other.ranges)[0]
     return Hitch(other.name, x, y, (z, w), Twist(vx, vy, turn), scan)
 
 
 def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
-    """Each body's ranges, views of one array. Raises ValueError if they do not fit the names, and for NaN and negative ranges."""
+    """Return each body's ranges, m, views of one array.
+
+    Raises ValueError if they do not fit the names, and for NaN and negative ranges.
+    """
     parts = _slices(tuple(names))
-    if len(ranges) != RANGE * (beams := parts[-1].stop if parts else 0):
-        raise ValueError(
-            f"the ranges do not fit: {len(ranges)} bytes, not {RANGE} for each of {beams} beams"
-        )
+    beams = parts[-1].stop if parts else 0
+    if len(ranges) != RANGE * beams:
+        expected = f"{RANGE} for each of {beams} beams"
+        raise ValueError(f"the ranges do not fit: {len(ranges)} bytes, not {expected}")
     measured = np.frombuffer(ranges, "<f4")
     if not measured.min(initial=0.0) >= 0.0:
         raise ValueError("ranges: not a number, or below 0")
@@ -141,11 +155,13 @@ def _sweeps_of(names: Sequence[str], ranges: bytes) -> list[np.ndarray]:
 
 @lru_cache(maxsize=64)
 def _slices(names: tuple[str, ...]) -> list[slice]:
+    """Return where each body's ranges are among those of all bodies."""
     ends = [*accumulate(map(_beams_of, names))]
     return [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
 
 
 def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
+    """Return the message for a layout."""
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
     picked = {name: list(block.rows) for name, block in layout.blocks.items()}
     bodies = [
@@ -159,109 +175,129 @@ def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
         for start in layout.starts
     ]
     kinds = {name: _kind_of_body(kind) for name, kind in sorted(KINDS.items())}
-    return wire.Orchard(
-        run, tick, [tuple(wall) for wall in layout.walls.tolist()], rows, bodies, kinds
-    )
+    walls = [tuple(wall) for wall in layout.walls.tolist()]
+    return wire.Orchard(run, tick, walls, rows, bodies, kinds)
 
 
 def _pose_of(pose: Pose) -> wire.PoseMessage:
+    """Return the message of a pose."""
     sin, cos = sin_cos(pose.yaw / 2)
     return wire.PoseMessage(wire.Point(pose.x, pose.y), wire.Quaternion(sin, cos))
 
 
 def _kind_of_body(kind: Kind) -> wire.KindOfBody:
-    laser = wire.LaserOfKind(
-        kind.laser.ahead,
-        kind.laser.beams,
-        kind.laser.first,
-        kind.laser.increment,
-        LASER_NEAREST,
-        LASER_RANGE,
-    )
+    """Return the message for a kind of bodies."""
+    own = kind.laser
+    sweep = own.ahead, own.beams, own.first, own.increment
+    laser = wire.LaserOfKind(*sweep, LASER_NEAREST, LASER_RANGE)
     size = kind.length, kind.width, kind.height
-    return wire.KindOfBody(
-        *size, kind.colour, kind.speed, kind.turn, kind.tows, kind.solid, kind.robot, laser
-    )
+    motion = kind.speed, kind.turn, kind.tows
+    return wire.KindOfBody(*size, kind.colour, *motion, kind.solid, kind.robot, laser)
 
 
 def picture_of(run: str, frame: Frame) -> wire.Picture:
     """Return the message for a frame, without its events."""
-    scans = (
-        None
-        if frame.scans is None
-        else [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
-    )
-    lists: dict[str, Any] = {
-        name: None if (array := getattr(frame, name)) is None else array.tolist() for name in SELDOM
-    }
-    poses, velocities = (
-        np.asarray(frame.poses, dtype="<f8").tobytes(),
-        {name: [*known] for name, known in frame.velocities.items()},
-    )
-    said: dict[str, Any] = {
-        "states": dict(frame.states),
-        "velocities": velocities,
-        "charges": dict(frame.charges),
-        "whole": frame.is_whole,
-    }
+    scans = None
+    if frame.scans is not None:
+        scans = [np.asarray(scan, dtype="<f4").tobytes() for scan in frame.scans]
+    seldom: dict[str, Any] = {}
+    for name in SELDOM:
+        array = getattr(frame, name)
+        seldom[name] = None if array is None else array.tolist()
     return wire.Picture(
-        run, frame.tick, poses, scans, dict(frame.doing), **lists, delivered=frame.delivered, **said
+        run=run,
+        tick=frame.tick,
+        poses=np.asarray(frame.poses, dtype="<f8").tobytes(),
+        scans=scans,
+        doing=dict(frame.doing),
+        **seldom,
+        delivered=frame.delivered,
+        states=dict(frame.states),
+        velocities={name: [*known] for name, known in frame.velocities.items()},
+        charges=dict(frame.charges),
+        whole=frame.is_whole,
     )
 
 
 def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
-    """Return the frame in a picture. Raises ValueError if it does not fit the layout, or holds invalid numbers."""
-    bodies, rows = len(layout.names), layout.scenario.rows
+    """Return the frame in a picture.
+
+    Raises ValueError if it does not fit the layout, or holds invalid numbers.
+    """
     poses = np.frombuffer(picture.poses, dtype="<f8").reshape(-1, 3)
-    arrays: dict[str, Any] = {
-        name: np.array(values) for name in SELDOM if (values := getattr(picture, name)) is not None
-    }
-    fit = all(
-        len(array) == (rows if name == "row_ends" else bodies) for name, array in arrays.items()
-    )
-    if picture.scans is not None:
-        fit &= [*map(len, picture.scans)] == [RANGE * _beams_of(name) for name in layout.names]
-    if not fit or len(poses) != bodies:
-        raise ValueError(f"it does not fit {bodies} bodies and {rows} rows")
+    seldom: dict[str, Any] = {}
+    for name in SELDOM:
+        values = getattr(picture, name)
+        if values is not None:
+            seldom[name] = np.array(values)
+    if not _fits(picture, poses, seldom, layout):
+        bodies = f"{len(layout.names)} bodies and {layout.scenario.rows} rows"
+        raise ValueError(f"it does not fit {bodies}")
     if not (np.abs(poses) <= FARTHEST).all():
         raise ValueError("not a number, or out of bounds")
     scans = None if picture.scans is None else _sweeps_of(layout.names, b"".join(picture.scans))
     velocities: Any = {name: tuple(known) for name, known in picture.velocities.items()}
-    said: dict[str, Any] = {
-        "states": picture.states,
-        "velocities": velocities,
-        "charges": picture.charges,
-        "is_whole": picture.whole,
-    }
     return Frame(
-        picture.tick, poses, picture.doing, scans, **arrays, delivered=picture.delivered, **said
+        tick=picture.tick,
+        poses=poses,
+        doing=picture.doing,
+        scans=scans,
+        **seldom,
+        delivered=picture.delivered,
+        states=picture.states,
+        velocities=velocities,
+        charges=picture.charges,
+        is_whole=picture.whole,
     )
 
 
+def _fits(
+    picture: wire.Picture, poses: np.ndarray, seldom: Mapping[str, np.ndarray], layout: Layout
+) -> bool:
+    """Whether a picture has the bodies and rows of a layout. `seldom`: its arrays, by name."""
+    bodies = len(layout.names)
+    for name, array in seldom.items():
+        expected = layout.scenario.rows if name == "row_ends" else bodies
+        if len(array) != expected:
+            return False
+    if picture.scans is not None:
+        sizes = [RANGE * _beams_of(name) for name in layout.names]
+        if [len(scan) for scan in picture.scans] != sizes:
+            return False
+    return len(poses) == bodies
+
+
 def report_of(action: Action, mail: bytes, memory: bytes | None) -> wire.Report:
-    """Return the message for an action. `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already."""
-    said = {
-        name: getattr(action, name)
-        for name in ("doing", "state", "waits_for", "steps_done", "hold")
-    }
+    """Return the message for an action.
+
+    `mail`: the digest of the mail that the agent heard. `memory`: None if physics has it already.
+    """
     return wire.Report(
-        action.twist,
-        action.deeds,
-        action.requests,
+        twist=action.twist,
+        deeds=action.deeds,
+        requests=action.requests,
         answers=given_by(action),
         memory=memory,
         mail=mail,
         once=True,
-        **said,
+        doing=action.doing,
+        state=action.state,
+        waits_for=action.waits_for,
+        steps_done=action.steps_done,
+        hold=action.hold,
     )
 
 
 def twist_of(velocity: wire.Velocity | wire.Advice) -> Twist:
+    """Return the velocity in a message."""
     return Twist(velocity.linear.x, velocity.linear.y, velocity.angular.z)
 
 
 def velocities_of(payload: bytes) -> tuple[wire.Velocities, dict[str, str]]:
-    """Return the well-formed actions in a message, and name -> what is wrong with each other one. Raises ValueError as `read` does."""
+    """Return the well-formed actions in a message, and name -> what is wrong with each other one.
+
+    Raises ValueError as `read` does.
+    """
     try:
         return read(payload, wire.Velocities), {}
     except ValueError:

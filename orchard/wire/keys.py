@@ -1,4 +1,7 @@
-"""The table of keys: for each key its message, delivery and replies. `make docs` writes keyspace.md from it."""
+"""The table of keys: for each key its message, delivery and replies.
+
+`make docs` writes keyspace.md from it.
+"""
 
 import re
 from functools import lru_cache
@@ -6,25 +9,36 @@ from typing import NamedTuple
 
 from orchard.wire import messages as wire
 
-NEVER_LOST = "never lost"  # reliable, in order; the sender waits for a slow subscriber
-QUERY = "query"  # a Zenoh get, answered by a queryable
-NEWEST_WINS = "newest wins"  # the sender does not wait, and a slow subscriber misses messages
-NEWEST = "never lost; newest wins in realtime"  # in realtime the sender does not wait, and a slow subscriber misses messages
-LIVELINESS = "liveliness"  # a Zenoh liveliness token
+# Reliable, in order; the sender waits for a slow subscriber.
+NEVER_LOST = "never lost"
+# A Zenoh get, answered by a queryable.
+QUERY = "query"
+# The sender does not wait, and a slow subscriber misses messages.
+NEWEST_WINS = "newest wins"
+# In realtime the sender does not wait, and a slow subscriber misses messages.
+NEWEST = "never lost; newest wins in realtime"
+# A Zenoh liveliness token.
+LIVELINESS = "liveliness"
 
 PREFIX = "orchard"
-PHYSICS = "physics"  # the process that owns the world
-LOGGER = "logger"  # the name in the token of a process that records
+# The process that owns the world.
+PHYSICS = "physics"
+# The name in the token of a process that records.
+LOGGER = "logger"
 _PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
 class Key(NamedTuple):
-    """A kind of key, and the messages on it. docs/key_words.py says which program sends them, when, and what they mean."""
+    """A kind of key, and the messages on it. docs/key_words.py says which program sends them, when,
+    and what they mean.
+    """
 
     template: str
-    message: type | None  # the message that is published, or the query
+    # The message that is published, or the query.
+    message: type | None
     delivery: str
-    replies: tuple[type, ...] = ()  # if the key can be queried
+    # If the key can be queried.
+    replies: tuple[type, ...] = ()
 
 
 TABLE: dict[str, Key] = {
@@ -89,12 +103,16 @@ class Keys:
         self.prefix = prefix
 
     def of(self, what: str, name: str = "*", session: str = "*") -> str:
-        """Return the key of a kind, `what` in TABLE. Without a name or a session it is a key expression for all of them.
+        """Return the key of a kind, `what` in TABLE.
+
+        Without a name or a session it is a key expression for all of them.
 
         `name`: of a body, an agent or a process; for "physics" the id of the run.
         """
         return _filled(TABLE[what].template, self.prefix, name, session)
 
     def parts(self, key: str) -> list[str]:
-        """Return the parts of a key after the prefix: ['picker_01', 'velocity'], ['alive', 'picker_01', '3fa9'], ['clock']."""
+        """Return the parts of a key after the prefix: ['picker_01', 'velocity'], ['alive',
+        'picker_01', '3fa9'], ['clock'].
+        """
         return key.removeprefix(self.prefix + "/").split("/")

@@ -1,7 +1,9 @@
-"""The messages on the wire: msgpack maps with ROS's field names, SI units and bounds. keyspace.md is generated from them.
+"""The messages on the wire: msgpack maps with ROS's field names, SI units and bounds. keyspace.md
+is generated from them.
 
-In this order: poses and twists as in ROS's geometry_msgs; messages from physics to agents, from agents to physics and between agents;
-messages about the run and its sessions (join, stop, end); messages for observers.
+In this order: poses and twists as in ROS's geometry_msgs; messages from physics to agents, from
+agents to physics and between agents; messages about the run and its sessions (join, stop, end);
+messages for observers.
 """
 
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
@@ -28,20 +30,34 @@ from orchard.field.survey import MOST_ROWS
 
 FARTHEST = 1e6  # m or m/s: no coordinate and no speed is larger
 MOST_BODIES = 10_000
-LARGEST_OF_MANY = (
-    16 * MAX_PAYLOAD
-)  # bytes: the memories of 512 agents, or ten ticks of the largest orchard
+# bytes: the memories of 512 agents, or ten ticks of the largest orchard.
+LARGEST_OF_MANY = 16 * MAX_PAYLOAD
 
 # the longest descriptions of fields
-ALL_RANGES = "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam without a return"
+ALL_RANGES = (
+    "m, little-endian float32: for each body as many as its laser has beams; +inf for a beam "
+    "without a return"
+)
 OWNER = "the session id in the sender's liveliness token; '' if the sender owns no agent"
 NAMES = "their bodies, in the order of the arrays; agents without a body stand in `due` only"
-ONCE = "realtime; true: it drives for one step, from the pose that it answers; false: until a newer one"
-POSES = "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, little-endian float64"
+ONCE = (
+    "realtime; true: it drives for one step, from the pose that it answers; false: until a "
+    "newer one"
+)
+POSES = (
+    "x, y (m), yaw (rad) of each body, in the order of `agents` in the reply to `scenario`, "
+    "little-endian float64"
+)
 RANGES = "m, little-endian float32, 4 bytes per beam; +inf for a beam without a return (REP-117)"
 ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
-SIMULATION = "'stopped': before the first tick, physics waits for agents; 'paused': simulated time stands; 'quitting': the run is over"
-SEVEN = "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the last step"
+SIMULATION = (
+    "'stopped': before the first tick, physics waits for agents; 'paused': simulated time "
+    "stands; 'quitting': the run is over"
+)
+SEVEN = (
+    "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the "
+    "last step"
+)
 LETTERS = (
     "sender -> `requests`, numbered from 0: [to, request]; `answers`: [to, tick, number, answer]"
 )
@@ -51,17 +67,22 @@ WALLS = (
 CHARGES = "name -> charge of its battery, 0 to 1; once a second, only bodies that have one"
 ROWS_OF_PICKER = "for a picker: the rows that it picks, in its order, numbered from 1 at the north"
 ROBOTS = "robots or kinds of robots: 'picker_01', 'carrier'; empty: all robots"
-WHY = "why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or 'refused'; 'reset': it begins again"
-VELOCITIES = "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its agent wanted; only if changed"
+WHY = (
+    "why it ended: 'harvested', 'duration', 'stopped', 'broken' (all pickers), 'jammed' or "
+    "'refused'; 'reset': it begins again"
+)
+VELOCITIES = (
+    "name -> linear.x, linear.y (m/s), angular.z (rad/s) of the step, then those that its "
+    "agent wanted; only if changed"
+)
 
 M = TypeVar("M")
 Run = Annotated[
     str, Meta(max_length=64, description="the run's id, as in the reply to the scenario query")
 ]
 Name = Annotated[str, Meta(max_length=64, pattern=r"^[a-z][a-z0-9_]*\Z")]
-KnownName = Annotated[
-    str, Meta(max_length=64)
-]  # a name that is looked up; matching the pattern costs more time than reading the rest
+# A name that is looked up; matching the pattern costs more time than reading the rest.
+KnownName = Annotated[str, Meta(max_length=64)]
 Session = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 Owner = Annotated[str, Meta(max_length=64, pattern=r"^[A-Za-z0-9_-]*\Z", description=OWNER)]
 Speed = Annotated[float, Meta(ge=-FASTEST, le=FASTEST)]
@@ -97,7 +118,9 @@ class Message(RunMessage):
 
 
 def read(payload: bytes, type_: type[M]) -> M:
-    """Return the message in a payload. Raises ValueError, with the reason, if it is too large or not such a message."""
+    """Return the message in a payload. Raises ValueError, with the reason, if it is too large or
+    not such a message.
+    """
     most = LARGEST_OF_MANY if type_ in (Joined, Bundle) else MAX_PAYLOAD
     if len(payload) > most:
         raise ValueError(f"{len(payload)} bytes; at most {most}")
@@ -114,7 +137,9 @@ class Point(SubMessage):
 
 
 class Quaternion(SubMessage):
-    """The rotation from the frame `map` to the body's. Bodies are upright: yaw = 2 atan2(z, w), counter-clockwise from east."""
+    """The rotation from the frame `map` to the body's. Bodies are upright: yaw = 2 atan2(z, w),
+    counter-clockwise from east.
+    """
 
     z: Annotated[Unit, Meta(description="sin(yaw / 2)")]
     w: Annotated[Unit, Meta(description="cos(yaw / 2)")]
@@ -161,8 +186,9 @@ class OtherEnd(SubMessage):
 
 
 class Odometry(Message):
-    """nav_msgs/Odometry: the pose of a body in the frame `map` (on the key `odometry`: in its frame `odom`), and its velocity in the last
-    step in its own frame."""
+    """nav_msgs/Odometry: the pose of a body in the frame `map` (on the key `odometry`: in its frame
+    `odom`), and its velocity in the last step in its own frame.
+    """
 
     pose: PoseMessage
     twist: TwistMessage
@@ -185,7 +211,9 @@ class Odometry(Message):
 
 
 class Beams(SubMessage):
-    """The ranges of one scan, counter-clockwise: ranges[i] was measured at angle_min + i * angle_increment."""
+    """The ranges of one scan, counter-clockwise: ranges[i] was measured at angle_min + i *
+    angle_increment.
+    """
 
     angle_min: Annotated[
         Metres, Meta(description="rad, angle of the first beam; 0 is straight ahead")
@@ -198,14 +226,18 @@ class Beams(SubMessage):
 
 
 class LaserScan(Beams):
-    """sensor_msgs/LaserScan in the frame of the laser, which is at the middle of the body's front edge (bins and weeds: at the centre)."""
+    """sensor_msgs/LaserScan in the frame of the laser, which is at the middle of the body's front
+    edge (bins and weeds: at the centre).
+    """
 
     run: Run
     tick: Tick
     rear: Annotated[
         Beams | None,
         Meta(
-            description="for a robot that tows: the scan of its bin, around the bin's centre; else nil"
+            description=(
+                "for a robot that tows: the scan of its bin, around the bin's centre; else nil"
+            )
         ),
     ] = None
 
@@ -245,7 +277,9 @@ class OtherSeen(SubMessage):
 
 
 class Seen(Message):
-    """What the agents of one session that are asked at this tick observe: the content of `pose` and `scan` as arrays."""
+    """What the agents of one session that are asked at this tick observe: the content of `pose` and
+    `scan` as arrays.
+    """
 
     due: Annotated[
         list[KnownName],
@@ -277,7 +311,9 @@ class Seen(Message):
 
 
 class Report(Action, omit_defaults=True):
-    """The action of an agent, as its session sends it: answers name the number of a request, and the memory is bytes."""
+    """The action of an agent, as its session sends it: answers name the number of a request, and
+    the memory is bytes.
+    """
 
     answers: list[Given] = []  # type: ignore[assignment]
     memory: Annotated[
@@ -291,7 +327,9 @@ class Report(Action, omit_defaults=True):
     once: Once = False
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a velocity out of bounds, and make the texts printable, whatever a client sent."""
+        """Raise ValueError for a velocity out of bounds, and make the texts printable, whatever a
+        client sent.
+        """
         x, y, turn = self.twist
         if not (abs(x) <= FASTEST and abs(y) <= FASTEST and abs(turn) <= FASTEST):
             raise ValueError(f"{self.twist}: each number must be from {-FASTEST:g} to {FASTEST:g}")
@@ -299,7 +337,9 @@ class Report(Action, omit_defaults=True):
 
 
 class Velocities(Message):
-    """The actions of the agents of one session that are asked: its answer to `Seen` of the same tick."""
+    """The actions of the agents of one session that are asked: its answer to `Seen` of the same
+    tick.
+    """
 
     owner: Owner
     velocities: Annotated[
@@ -316,7 +356,9 @@ class VelocityParts(Message):
 
 
 class Velocity(Message):
-    """geometry_msgs/Twist, in the body's own frame: the answer to the pose and scan of the same tick."""
+    """geometry_msgs/Twist, in the body's own frame: the answer to the pose and scan of the same
+    tick.
+    """
 
     linear: Linear
     angular: Angular
@@ -326,7 +368,9 @@ class Velocity(Message):
 
 
 class Advice(Message):
-    """geometry_msgs/Twist, in the body's own frame: a velocity in place of that of the robot's agent."""
+    """geometry_msgs/Twist, in the body's own frame: a velocity in place of that of the robot's
+    agent.
+    """
 
     linear: Linear
     angular: Angular
@@ -352,7 +396,9 @@ class Received(Message, tag_field="type", tag="received"):
 
 
 class Answered(Message, tag_field="type", tag="answered"):
-    """Second reply to a request. Its tick is the one in which the request was heard: the tick of the request + 1."""
+    """Second reply to a request. Its tick is the one in which the request was heard: the tick of
+    the request + 1.
+    """
 
     body: Annotated[
         Answer | None,
@@ -410,7 +456,9 @@ class LaserOfKind(SubMessage):
     x: Annotated[
         Metres,
         Meta(
-            description="m from the body's centre forward to the laser; it is in the middle of the width"
+            description=(
+                "m from the body's centre forward to the laser; it is in the middle of the width"
+            )
         ),
     ]
     beams: Annotated[int, Meta(ge=1, description="number of ranges of a scan")]
@@ -421,7 +469,9 @@ class LaserOfKind(SubMessage):
 
 
 class KindOfBody(SubMessage):
-    """What all bodies of a kind have in common. A body is a box; `base_link` is at its centre, on the ground."""
+    """What all bodies of a kind have in common. A body is a box; `base_link` is at its centre, on
+    the ground.
+    """
 
     length: Annotated[Metres, Meta(description="m, along x of `base_link`")]
     width: Annotated[Metres, Meta(description="m, along y of `base_link`")]
@@ -444,13 +494,18 @@ class KindOfBody(SubMessage):
 
 
 class Orchard(Message):
-    """The reply to the layout query: all that does not change during the run. Lengths in m, in the frame `map`."""
+    """The reply to the layout query: all that does not change during the run. Lengths in m, in the
+    frame `map`.
+    """
 
     walls: Annotated[list[Box], Meta(description=WALLS)]
     rows: Annotated[
         list[Box],
         Meta(
-            description="from the north: x, y of the west end and x, y of the east end of the part that is picked"
+            description=(
+                "from the north: x, y of the west end and x, y of the east end of the part "
+                "that is picked"
+            )
         ),
     ]
     bodies: Annotated[
@@ -469,7 +524,9 @@ class Orchard(Message):
 
 
 class Join(RunMessage):
-    """A request of a host to own agents. The host declares its liveliness tokens, subscribers and queryables before it joins."""
+    """A request of a host to own agents. The host declares its liveliness tokens, subscribers and
+    queryables before it joins.
+    """
 
     owner: Owner
     names: Annotated[
@@ -482,7 +539,9 @@ class Join(RunMessage):
 
 
 class Joined(Message):
-    """The reply to a join: from this tick on, physics waits for the owner's velocities for these agents."""
+    """The reply to a join: from this tick on, physics waits for the owner's velocities for these
+    agents.
+    """
 
     memories: Annotated[
         dict[Name, bytes | None], Meta(description="name -> its last memory; nil: it never had one")
@@ -491,7 +550,9 @@ class Joined(Message):
 
 
 class Lost(Message):
-    """Agents that physics no longer waits for, because their session is gone or was silent for too long. It may join again."""
+    """Agents that physics no longer waits for, because their session is gone or was silent for too
+    long. It may join again.
+    """
 
     names: Annotated[list[Name], Meta(description="the agents")]
     owner: Annotated[Owner, Meta(description="the session that owned them")]
@@ -501,7 +562,9 @@ StateOfSimulation = Literal["stopped", "playing", "paused", "quitting"]
 
 
 class SimulationState(Message):
-    """The result of GetSimulationState in ROS's simulation_interfaces. The names are those of its constants without `STATE_`."""
+    """The result of GetSimulationState in ROS's simulation_interfaces. The names are those of its
+    constants without `STATE_`.
+    """
 
     state: Annotated[StateOfSimulation, Meta(description=SIMULATION)]
 
@@ -539,7 +602,10 @@ class Stop(RunMessage):
     stop: Annotated[
         bool,
         Meta(
-            description="true: the robots stand from the present step on, until they are reset; false: they are reset"
+            description=(
+                "true: the robots stand from the present step on, until they are reset; false: "
+                "they are reset"
+            )
         ),
     ]
     names: Annotated[list[Text], Meta(max_length=MOST_BODIES, description=ROBOTS)]
@@ -558,19 +624,23 @@ class Stopped(Message):
     kept: Annotated[
         bool,
         Meta(
-            description="whether it is on the disk; else it is in force, but is lost if physics dies now"
+            description=(
+                "whether it is on the disk; else it is in force, but is lost if physics dies now"
+            )
         ),
     ] = False
 
 
 Reason = Literal[
-    "malformed", "other run", "past tick", "future tick", "not the owner", "not owned", "answered already",
-    "no such robot", "no such agent", "no such key", "out of bounds", "not all", "too many", "not paused", "recorded",
+    "malformed", "other run", "past tick", "future tick", "not the owner", "not owned",
+    "answered already", "no such robot", "no such agent", "no such key", "out of bounds", "not all",
+    "too many", "not paused", "recorded",
     "not kept",
 ]  # fmt: skip
 
 
-Counts = dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]]  # reason -> number of refused messages
+# Reason -> number of refused messages.
+Counts = dict[Reason, Annotated[int, Meta(ge=0, lt=2**53)]]
 
 
 class RefusedThere(RunMessage):
@@ -592,10 +662,13 @@ class Refusal(Message):
 
 
 class Left(RunMessage):
-    """A session that owns agents leaves for good: the run is over for it, or a user has asked it to end."""
+    """A session that owns agents leaves for good: the run is over for it, or a user has asked it to
+    end.
+    """
 
 
-RESET = "reset"  # why a run has ended that begins again
+# Why a run has ended that begins again.
+RESET = "reset"
 
 
 class End(Message):
@@ -626,11 +699,16 @@ class BinStatus(Message):
     coupled_to: Annotated[str, Meta(description="the robot that tows it; '' if none")]
 
 
-ROW_ENDS = "for each row, the metres picked from its west end, from its east end, and as far as a part inside is picked from each; 0: none"
+ROW_ENDS = (
+    "for each row, the metres picked from its west end, from its east end, and as far as a "
+    "part inside is picked from each; 0: none"
+)
 
 
 class Picture(Message):
-    """The orchard after the step to this tick, for observers. `nil` means unchanged. It is `whole` every 5 s, and when a logger joins."""
+    """The orchard after the step to this tick, for observers. `nil` means unchanged. It is `whole`
+    every 5 s, and when a logger joins.
+    """
 
     poses: Annotated[bytes, Meta(description=POSES)]
     scans: Annotated[
@@ -662,14 +740,18 @@ class Picture(Message):
 
 
 class Bundle(Message):
-    """What observers get of some ticks in one message, for a logger: one by one, ten ticks cost some six times as much."""
+    """What observers get of some ticks in one message, for a logger: one by one, ten ticks cost
+    some six times as much.
+    """
 
     events: list[Events]
     letters: list[Letters]
     pictures: Annotated[
         list[Picture],
         Meta(
-            description="the picture of a tick is that after the events and letters of the tick before"
+            description=(
+                "the picture of a tick is that after the events and letters of the tick before"
+            )
         ),
     ]
 

@@ -1,6 +1,9 @@
-"""Certificates on the curve P-256: an authority, what it issues, and checks. Only this module imports `cryptography`.
+"""Certificates on the curve P-256: an authority, what it issues, and checks.
 
-An authority's own key never leaves its directory. A role verifies the others with the authority's certificate.
+Only this module imports `cryptography`.
+
+An authority's own key never leaves its directory. A role verifies the others with the authority's
+certificate.
 """
 
 import ipaddress
@@ -22,9 +25,8 @@ from orchard.folders import regular
 from orchard.security.roles import AUTHORITY, CERTIFICATE, KEY, Role
 
 T = TypeVar("T")
-EARLIER = timedelta(
-    hours=1
-)  # a certificate is valid before it is made: another machine's clock may be behind
+# A certificate is valid before it is made: another machine's clock may be behind.
+EARLIER = timedelta(hours=1)
 PEM = serialization.Encoding.PEM
 SERVES, CALLS = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
@@ -65,9 +67,11 @@ class Authority:
     def vouch(
         self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None
     ) -> None:
-        """Write a role's certificate, its key and the authority's certificate, valid `until` then, else as long as that.
+        """Write a role's certificate, its key and the authority's certificate, valid `until` then,
+        else as long as that.
 
-        Only a role with `addresses` can accept connections. Raises ValueError for an address that is malformed.
+        Only a role with `addresses` can accept connections. Raises ValueError for an address that
+        is malformed.
         """
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(
@@ -108,7 +112,10 @@ def _in(name: x509.Name, oid: x509.ObjectIdentifier) -> str:
 
 
 def address(text: str) -> x509.GeneralName:
-    """Return an IP address, or the name of a machine, for a certificate. Raises ValueError if the text is neither."""
+    """Return an IP address, or the name of a machine, for a certificate.
+
+    Raises ValueError if the text is neither.
+    """
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
@@ -116,7 +123,8 @@ def address(text: str) -> x509.GeneralName:
             part and part.replace("-", "").isalnum() and part.isascii() for part in text.split(".")
         ):
             raise ValueError(
-                f"{text}: neither an address nor the name of a machine; examples: 192.168.1.10, shed.local"
+                f"{text}: neither an address nor the name of a machine; examples: 192.168.1.10, "
+                "shed.local"
             ) from None
         return x509.DNSName(text)
 
@@ -134,7 +142,9 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
 
 
 def check(folder: Path, role: Role) -> None:
-    """Raise ValueError if a file of the role is missing, another's, not of this authority, or not valid now."""
+    """Raise ValueError if a file of the role is missing, another's, not of this authority, or not
+    valid now.
+    """
     files = folder / CERTIFICATE, folder / AUTHORITY
     certificate, authority = (
         _read(path, x509.load_pem_x509_certificate, "not a certificate") for path in files
@@ -147,7 +157,8 @@ def check(folder: Path, role: Role) -> None:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature):
         raise ValueError(
-            f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one directory?"
+            f"{folder / CERTIFICATE}: not issued by {AUTHORITY} beside it; are both from one "
+            "directory?"
         ) from None
     key = _read(
         folder / KEY,
@@ -159,13 +170,17 @@ def check(folder: Path, role: Role) -> None:
     if _in(certificate.subject, NameOID.SERIAL_NUMBER) != role.digest:
         change = f"role.json has changed (duty {role.duty}, names {', '.join(role.names)})"
         raise ValueError(
-            f"{folder}: {change}, and a router does not grant that; `orchard secure --anew` makes new roles"
+            f"{folder}: {change}, and a router does not grant that; `orchard secure --anew` "
+            "makes new roles"
         )
-    for one in (certificate, authority):
-        if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
-            span = f"from {one.not_valid_before_utc:%Y-%m-%d %H:%M} to {one.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
+    for checked in (certificate, authority):
+        begin = checked.not_valid_before_utc
+        end = checked.not_valid_after_utc
+        if not begin <= datetime.now(UTC) <= end:
+            span = f"from {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC"
             raise ValueError(
-                f"{folder}: its certificate is valid {span}, not now; `orchard secure --anew` makes new ones"
+                f"{folder}: its certificate is valid {span}, not now; `orchard secure --anew` "
+                "makes new ones"
             )
 
 

@@ -1,4 +1,7 @@
-"""A role's directory: how it is made, what identity a process has with it, and why two cannot connect."""
+"""A role's directory: how it is made, and what identity a process has with it.
+
+It also tells why two processes cannot connect.
+"""
 
 import importlib
 import json
@@ -20,15 +23,20 @@ from orchard.wire.keys import PREFIX, Keys
 
 log = logging.getLogger("orchard")
 
-ROLE, ACCESS = "role.json", "access.json"  # a role's files
-SIMULATION = "simulation"  # what a bridge may control, beside robots
-HOME = "authority"  # the authority's own directory
-FILES = (ROLE, ACCESS, CERTIFICATE, KEY, AUTHORITY)  # all that is in these directories
-LOCAL = ("127.0.0.1", "::1", "localhost")  # addresses by which each machine reaches itself
-SECONDS = 3.0  # time that the other side has for each step, when a process finds out why it cannot connect
-_NAME = re.compile(
-    r"[a-z][a-z0-9_-]{0,63}"
-)  # as long as an agent's name, and as a name in a certificate
+# A role's files.
+ROLE, ACCESS = "role.json", "access.json"
+# What a bridge may control, beside robots.
+SIMULATION = "simulation"
+# The authority's own directory.
+HOME = "authority"
+# All that is in these directories.
+FILES = (ROLE, ACCESS, CERTIFICATE, KEY, AUTHORITY)
+# Addresses by which each machine reaches itself.
+LOCAL = ("127.0.0.1", "::1", "localhost")
+# Time that the other side has for each step, when a process finds out why it cannot connect.
+SECONDS = 3.0
+# As long as an agent's name, and as a name in a certificate.
+_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True)
@@ -40,17 +48,24 @@ class Identity:
 
     @classmethod
     def load(cls, folder: Path) -> "Identity":
-        """Load a role's directory. Raises ValueError, with the reason, if its files are not valid."""
+        """Load a role's directory.
+
+        Raises ValueError, with the reason, if its files are not valid.
+        """
         identity = cls(role_in(folder), folder.resolve())
         certificates().check(folder, identity.role)
         _check_mode(identity.folder / KEY, (folder / KEY).stat().st_mode & 0o777)
         return identity
 
     def rules(self) -> Any:
-        """Return what a router lets through, as Zenoh's access_control. Raises ValueError if it may not listen."""
+        """Return what a router lets through, as Zenoh's access_control.
+
+        Raises ValueError if it may not listen.
+        """
         if not (self.folder / ACCESS).is_file():
             raise ValueError(
-                f"{self.folder}: the role {self.role.name} may not listen; only physics and router may"
+                f"{self.folder}: the role {self.role.name} may not listen; only physics and "
+                "router may"
             )
         path = self.folder / ACCESS
         try:
@@ -66,7 +81,8 @@ class Identity:
             ) from error
         if not denies:
             raise ValueError(
-                f"{path}: these rules let all sessions do all things; `orchard secure --anew` makes new ones"
+                f"{path}: these rules let all sessions do all things; `orchard secure --anew` "
+                "makes new ones"
             )
         return rules
 
@@ -75,7 +91,8 @@ class Identity:
 def _check_mode(key: Path, mode: int) -> None:
     if mode & 0o077:
         log.warning(
-            "%s: other users can read this private key (mode %03o), and so take the role; run: chmod 600 %s",
+            "%s: other users can read this private key (mode %03o), and so take the role; run: "
+            "chmod 600 %s",
             key,
             mode,
             key,
@@ -83,7 +100,10 @@ def _check_mode(key: Path, mode: int) -> None:
 
 
 def identity_in(folder: str | None, prefix: str) -> Identity | None:
-    """Return the identity in a directory; None without one. Raises ValueError if it is not valid."""
+    """Return the identity in a directory; None without one.
+
+    Raises ValueError if it is not valid.
+    """
     if folder is None:
         return None
     if prefix != PREFIX:
@@ -94,7 +114,10 @@ def identity_in(folder: str | None, prefix: str) -> Identity | None:
 
 
 def certificates() -> ModuleType:
-    """Return the module `certificates`, whose package only secured runs need. Raises ValueError if it is missing."""
+    """Return the module `certificates`, whose package only secured runs need.
+
+    Raises ValueError if it is missing.
+    """
     try:
         return importlib.import_module("orchard.security.certificates")
     except ImportError as error:
@@ -104,7 +127,10 @@ def certificates() -> ModuleType:
 
 
 def role_in(folder: Path) -> Role:
-    """Return the role of a directory. Raises ValueError if the directory has no role, or a malformed one."""
+    """Return the role of a directory.
+
+    Raises ValueError if the directory has no role, or a malformed one.
+    """
     path = folder / ROLE
     try:
         data = json.loads(regular(path).read_text())
@@ -127,7 +153,10 @@ class Keyring:
 
     @classmethod
     def load(cls, folder: Path) -> "Keyring":
-        """Load the directory that `orchard secure` made, or that of one role. Raises ValueError if it is neither."""
+        """Load the directory that `orchard secure` made, or that of one role.
+
+        Raises ValueError if it is neither.
+        """
         if (folder / ROLE).is_file():
             return cls(folder, {role_in(folder).name: folder})
         roles = {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{ROLE}"))}
@@ -136,7 +165,10 @@ class Keyring:
         return cls(folder, roles)
 
     def of(self, name: str) -> Identity:
-        """Return the identity of a role. Raises ValueError if there is no such role, or its files are not valid."""
+        """Return the identity of a role.
+
+        Raises ValueError if there is no such role, or its files are not valid.
+        """
         if name not in self.roles:
             raise ValueError(
                 f"{self.folder}: the role {name} is not in it; it has {', '.join(self.roles)}"
@@ -144,7 +176,8 @@ class Keyring:
         return Identity.load(self.roles[name])
 
     def hosts(self, names: Iterable[str], agents: Iterable[str]) -> dict[str, list[str]]:
-        """Return role -> the agents that it hosts, of the agents `names` that are hosted here; `agents`: all of the run.
+        """Return role -> the agents that it hosts, of the agents `names` that are hosted here;
+        `agents`: all of the run.
 
         Raises ValueError if an agent has no role, or if `names` has only some of a role's agents.
         """
@@ -158,19 +191,25 @@ class Keyring:
         for name, its in hosts.items():
             if not wanted >= set(its):
                 raise ValueError(
-                    f"{name} is the role of {', '.join(its)}: one process hosts them all, here or on another machine; "
-                    f"`orchard secure --role NAME={','.join(sorted(set(its) - wanted))}` gives the others a role of their own"
+                    f"{name} is the role of {', '.join(its)}: one process hosts them all, here "
+                    "or on another machine; "
+                    f"`orchard secure --role NAME={','.join(sorted(set(its) - wanted))}` gives "
+                    "the others a role of their own"
                 )
         if left := sorted(wanted.difference(*hosts.values())):
             raise ValueError(
-                f"{self.folder}: no role for {', '.join(left)}; was it made for another scenario? See `orchard secure --help`"
+                f"{self.folder}: no role for {', '.join(left)}; was it made for another "
+                "scenario? See `orchard secure --help`"
             )
         return hosts
 
 
 def why_no_trust(endpoint: str, folder: Path) -> str:
-    """Return why a role's files and the process at tls/host:port do not accept each other; '' for other faults."""
-    import ssl  # not at the top: it takes a tenth of a process's start, and only this needs it
+    """Return why a role's files and the process at tls/host:port do not accept each other; '' for
+    other faults.
+    """
+    # Not at the top: it takes a tenth of a process's start, and only this needs it.
+    import ssl
 
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     trust = ssl.create_default_context(cafile=folder / AUTHORITY)
@@ -182,16 +221,24 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
             trust.wrap_socket(plain, server_hostname=host) as secured,
         ):
             try:
-                secured.recv(
-                    1
-                )  # the other side reports on this side's certificate only after the handshake
+                # The other side reports on this side's certificate only after the handshake.
+                secured.recv(1)
             except TimeoutError:
-                return "the session is refused, although the certificates are valid; does another process use this role already?"
+                return (
+                    "the session is refused, although the certificates are valid; does another "
+                    "process use this role already?"
+                )
     except ssl.SSLCertVerificationError as error:
-        return f"{folder / AUTHORITY} does not verify the certificate of the process that listens there: {error.verify_message}"
+        return (
+            f"{folder / AUTHORITY} does not verify the certificate of the process that listens "
+            f"there: {error.verify_message}"
+        )
     except ssl.SSLError as error:
         reason = (error.reason or str(error)).replace("_", " ").lower()
-        return f"the process that listens there does not speak TLS, or does not accept the certificate in {folder}: {reason}"
+        return (
+            "the process that listens there does not speak TLS, or does not accept the "
+            f"certificate in {folder}: {reason}"
+        )
     except (OSError, ValueError):
         pass
     return ""
@@ -200,9 +247,12 @@ def why_no_trust(endpoint: str, folder: Path) -> str:
 def make(
     folder: Path, clients: Iterable[Role], addresses: Sequence[str], days: float, anew: bool = False
 ) -> list[Role]:
-    """Write the authority and all roles, valid for `days` days. Return the roles. `clients`: hosts and bridges.
+    """Write the authority and all roles, valid for `days` days.
 
-    Raises ValueError for a malformed name or address, for a directory with other files, and for one with an authority unless `anew`.
+    Return the roles. `clients`: hosts and bridges.
+
+    Raises ValueError for a malformed name or address, for a directory with other files, and for one
+    with an authority unless `anew`.
     """
     known = certificates()
     roles = [*SERVANTS, *clients]
@@ -228,7 +278,10 @@ Shares = Callable[[Sequence[str]], Iterable[tuple[str, Sequence[str]]]]
 
 
 def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> list[Role]:
-    """Return a role for each wish NAME=KIND|AGENT,..., and for each share of the rest. Raises ValueError."""
+    """Return a role for each wish NAME=KIND|AGENT,..., and for each share of the rest.
+
+    Raises ValueError.
+    """
     roles: list[Role] = []
     for wish in wishes:
         name, _, words = wish.partition("=")
@@ -245,7 +298,10 @@ def host_roles(names: Sequence[str], wishes: Iterable[str], shares: Shares) -> l
 
 
 def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
-    """Return a role for each wish NAME[=KIND|AGENT|simulation,...]: what it may drive. Raises ValueError."""
+    """Return a role for each wish NAME[=KIND|AGENT|simulation,...]: what it may drive.
+
+    Raises ValueError.
+    """
     return [
         _bridge_role(names, name, words.split(",") if words else [])
         for name, _, words in (wish.partition("=") for wish in wishes)
@@ -262,11 +318,13 @@ def _check_names(roles: Sequence[Role]) -> None:
     for role in roles:
         if not _NAME.fullmatch(role.name):
             raise ValueError(
-                f"{role.name}: not a name for a role; use up to 64 letters a to z, digits, _ and -, with a letter first"
+                f"{role.name}: not a name for a role; use up to 64 letters a to z, digits, _ "
+                "and -, with a letter first"
             )
         if role.name == HOME:
             raise ValueError(
-                f"{HOME}: not a name for a role; the directory of this name is for the authority's own key"
+                f"{HOME}: not a name for a role; the directory of this name is for the "
+                "authority's own key"
             )
     _refuse_repeats([role.name for role in roles], "is the name of two roles")
     _refuse_repeats(
@@ -284,12 +342,14 @@ def _refuse_repeats(words: Sequence[str], why: str) -> None:
 def _make_room(folder: Path, anew: bool) -> None:
     """Make an empty directory that only its owner can read.
 
-    With `anew`, remove what an earlier call made there. Raises ValueError if anything else is there.
+    With `anew`, remove what an earlier call made there. Raises ValueError if anything else is
+    there.
     """
     made = [path for path in folder.glob("*") if _is_made_here(path)]
     if made and not anew:
         raise ValueError(
-            f"{folder}: it has an authority already; --anew replaces it, and makes the old certificates invalid"
+            f"{folder}: it has an authority already; --anew replaces it, and makes the old "
+            "certificates invalid"
         )
     if folder.exists() and (others := sorted(set(folder.iterdir()) - set(made))):
         raise ValueError(

@@ -1,19 +1,25 @@
-"""Roles and their rights on keys, as rules that a Zenoh router enforces. What is not allowed here is denied.
+"""Roles and their rights on keys, as rules that a Zenoh router enforces.
 
-A role is a kind of process of one run. The router knows it by a session's certificate, and checks each message that comes from the
-session (ingress) or goes to it (egress).
+What is not allowed here is denied.
+
+A role is a kind of process of one run. The router knows it by a session's certificate, and checks
+each message that comes from the session (ingress) or goes to it (egress).
 """
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Literal, NamedTuple
 
 from orchard.field.kinds import kind_of
 from orchard.wire.keys import LIVELINESS, LOGGER, PHYSICS, QUERY, TABLE, Keys
 
-CERTIFICATE, KEY, AUTHORITY = "certificate.pem", "key.pem", "authority.pem"  # a role's files
+# A role's files.
+CERTIFICATE = "certificate.pem"
+KEY = "key.pem"
+AUTHORITY = "authority.pem"
 
 Duty = Literal[
     "physics",
@@ -35,26 +41,29 @@ class Role:
 
     name: str
     duty: Duty
-    names: tuple[
-        str, ...
-    ] = ()  # in its liveliness tokens: a host's agents; the robots that a bridge may drive
+    # In its liveliness tokens: a host's agents; the robots that a bridge may drive.
+    names: tuple[str, ...] = ()
 
     @property
     def session(self) -> str:
-        """The id of its Zenoh session, which some keys contain: hexadecimal, the same in every run."""
-        return (
-            "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]
-        )  # Zenoh allows no leading 0
+        """The id of its Zenoh session, which some keys contain.
+
+        It is hexadecimal, and the same in every run.
+        """
+        # Zenoh allows no leading 0.
+        return "a" + hashlib.sha256(self.name.encode()).hexdigest()[:15]
 
     @property
     def digest(self) -> str:
-        """What its certificate says beside its name: a role with another duty or names needs another certificate."""
+        """What its certificate says beside its name.
+
+        A role with another duty or names needs another certificate.
+        """
         return hashlib.sha256(" ".join((self.name, self.duty, *self.names)).encode()).hexdigest()
 
 
-EMERGENCY_OPERATOR = (
-    "emergency-operator"  # a role of its own, because run.py already uses the operator's
-)
+# A role of its own, because run.py already uses the operator's.
+EMERGENCY_OPERATOR = "emergency-operator"
 SERVANTS = (
     Role(PHYSICS, "physics", (PHYSICS,)),
     Role("router", "router"),
@@ -67,38 +76,53 @@ SERVANTS = (
 
 
 class Party(NamedTuple):
-    """The roles with one duty, on all keys of a kind, or (`own`) only on those of their own agents or session."""
+    """The roles with one duty.
+
+    They have a right on all keys of a kind, or (`own`) only on those of their own agents or
+    session.
+    """
 
     duty: Duty
     own: bool = False
 
 
 THE_PHYSICS = Party("physics")
-OWN_HOST, ANY_HOST = Party("host", own=True), Party("host")
-THE_LOGGER, LOGGER_ITSELF = Party("logger"), Party("logger", own=True)
-OPERATOR, EMERGENCY = Party("operator"), Party("emergency-operator")
+OWN_HOST = Party("host", own=True)
+ANY_HOST = Party("host")
+THE_LOGGER = Party("logger")
+LOGGER_ITSELF = Party("logger", own=True)
+OPERATOR = Party("operator")
+EMERGENCY = Party("emergency-operator")
 OPERATING_BRIDGE = Party("operating-bridge")
-BRIDGES = (Party("bridge"), OPERATING_BRIDGE)  # they see all bodies
+# They see all bodies.
+BRIDGES = (Party("bridge"), OPERATING_BRIDGE)
 OWN_BRIDGES = (Party("bridge", own=True), Party("operating-bridge", own=True))
 AUDIENCE = (ANY_HOST, THE_LOGGER, OPERATOR, *BRIDGES)
 ALL = (THE_PHYSICS, *AUDIENCE)
 
 
 class Right(NamedTuple):
-    """The parties at both ends of a kind of key. Who hears a key that is also queried may query it."""
+    """The parties at both ends of a kind of key.
 
-    sends: tuple[Party, ...]  # put, query, or declare a token
-    hears: tuple[Party, ...]  # subscribe, reply, or watch tokens
+    Who hears a key that is also queried may query it.
+    """
+
+    # Put, query, or declare a token.
+    sends: tuple[Party, ...]
+    # Subscribe, reply, or watch tokens.
+    hears: tuple[Party, ...]
 
 
-_RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
+# By kinds of keys.
+_RIGHTS: dict[tuple[str, ...], Right] = {
     ("velocity",): Right(
         (OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)
     ),
     ("advice",): Right((OWN_HOST, *OWN_BRIDGES), (THE_PHYSICS,)),
     ("velocities", "left", "join"): Right((OWN_HOST,), (THE_PHYSICS,)),
     ("pose", "odometry", "scan"): Right((THE_PHYSICS,), (OWN_HOST, THE_LOGGER, *BRIDGES)),
-    ("truth",): Right((THE_PHYSICS,), (THE_LOGGER, *BRIDGES)),  # no agent can peep
+    # No agent can peep.
+    ("truth",): Right((THE_PHYSICS,), (THE_LOGGER, *BRIDGES)),
     ("clock", "refusals", "lost", "end"): Right((THE_PHYSICS,), AUDIENCE),
     ("seen",): Right((THE_PHYSICS,), (OWN_HOST,)),
     ("mail",): Right((ANY_HOST,), (OWN_HOST,)),
@@ -107,7 +131,8 @@ _RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
     ("state",): Right((OWN_HOST,), (ANY_HOST, THE_LOGGER)),
     ("events",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR, *BRIDGES)),
     ("figures",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
-    ("refused",): Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),  # a count, which moves nothing
+    # A count, which moves nothing.
+    ("refused",): Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),
     ("scenario",): Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
     ("layout",): Right(AUDIENCE, (THE_PHYSICS,)),
     ("stop",): Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
@@ -119,7 +144,7 @@ _RIGHTS: dict[tuple[str, ...], Right] = {  # by kinds of keys
     ("alive",): Right((OWN_HOST, LOGGER_ITSELF), ALL),
     ("physics",): Right((THE_PHYSICS,), ALL),
 }
-RIGHTS = {what: right for kinds, right in _RIGHTS.items() for what in kinds}
+RIGHTS = {kind: right for kinds, right in _RIGHTS.items() for kind in kinds}
 
 # -- the Zenoh messages that a router must let through for these rights
 
@@ -131,7 +156,8 @@ class _Passage(NamedTuple):
     message: str
 
 
-_LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")  # or a publisher sends nothing
+# Without it a publisher sends nothing.
+_LEARNS_SUBSCRIBERS = _Passage("egress", "declare_subscriber")
 _PUTS = (_Passage("ingress", "put"), _LEARNS_SUBSCRIBERS)
 _SUBSCRIBES = (_Passage("ingress", "declare_subscriber"), _Passage("egress", "put"))
 _ASKS = (_Passage("ingress", "query"), _Passage("egress", "reply"))
@@ -148,20 +174,23 @@ _WATCHES = (
 
 
 def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
-    """Return Zenoh's `access_control` for the router of these roles: rights by certificate and session id."""
-    rules, subjects, policies = [], [], []
+    """Return Zenoh's `access_control` for the router of these roles.
+
+    Rights go by certificate and session id.
+    """
+    rules = []
+    subjects = []
+    policies = []
     for role in roles:
-        its = [
-            _rule(role.name, passage, [*dict.fromkeys(exprs)])
-            for passage, exprs in _allowed(role, keys).items()
-            if exprs
-        ]
-        if its:
-            rules += its
-            subjects.append(
-                {"id": role.name, "cert_common_names": [role.name], "zids": [role.session]}
-            )
-            policies.append({"rules": [rule["id"] for rule in its], "subjects": [role.name]})
+        own_rules = []
+        for passage, exprs in _allowed(role, keys).items():
+            if exprs:
+                own_rules.append(_rule(role.name, passage, [*dict.fromkeys(exprs)]))
+        if own_rules:
+            subject = {"id": role.name, "cert_common_names": [role.name], "zids": [role.session]}
+            rules += own_rules
+            subjects.append(subject)
+            policies.append({"rules": [rule["id"] for rule in own_rules], "subjects": [role.name]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -172,6 +201,7 @@ def access_control(roles: Iterable[Role], keys: Keys) -> dict[str, Any]:
 
 
 def _rule(role: str, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
+    """Return the rule that lets a role's messages of one kind pass on these keys."""
     flow, message = passage
     return {
         "id": f"{role} {flow} {message}",
@@ -183,36 +213,45 @@ def _rule(role: str, passage: _Passage, exprs: list[str]) -> dict[str, Any]:
 
 
 def _allowed(role: Role, keys: Keys) -> dict[_Passage, list[str]]:
+    """Return the passages that a role needs, each with the keys on which it needs it."""
     allowed: dict[_Passage, list[str]] = defaultdict(list)
-    for what, right in RIGHTS.items():
-        for parties, passages in zip(right, _ends(what), strict=True):
-            for party in parties:
-                if party.duty == role.duty:
-                    for passage in passages:
-                        allowed[passage] += (
-                            _exprs(what, party, role, keys)
-                            if passage != _LEARNS_SUBSCRIBERS
-                            else [keys.of(what)]
-                        )
+    for kind, party, passage in _needs(role.duty):
+        if passage == _LEARNS_SUBSCRIBERS:
+            allowed[passage].append(keys.of(kind))
+        else:
+            allowed[passage] += _exprs(kind, party, role, keys)
     return allowed
 
 
-def _ends(what: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
-    key = TABLE[what]
+def _needs(duty: Duty) -> Iterator[tuple[str, Party, _Passage]]:
+    """Yield each kind of key on which a duty has a right, its party there, and a passage."""
+    for kind, right in RIGHTS.items():
+        for parties, passages in zip(right, _ends(kind), strict=True):
+            of_duty = [party for party in parties if party.duty == duty]
+            for party, passage in product(of_duty, passages):
+                yield kind, party, passage
+
+
+def _ends(kind: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
+    """Return the passages at both ends of a kind of key: of who sends, and of who hears."""
+    key = TABLE[kind]
     if key.delivery == LIVELINESS:
         return _LIVES, _WATCHES
     if key.delivery == QUERY:
         return _ASKS, _ANSWERS
-    return (_PUTS + _ANSWERS, _SUBSCRIBES + _ASKS) if key.replies else (_PUTS, _SUBSCRIBES)
+    if key.replies:
+        return _PUTS + _ANSWERS, _SUBSCRIBES + _ASKS
+    return _PUTS, _SUBSCRIBES
 
 
-def _exprs(what: str, party: Party, role: Role, keys: Keys) -> list[str]:
+def _exprs(kind: str, party: Party, role: Role, keys: Keys) -> list[str]:
+    """Return the keys of a kind on which a role has a right as a party."""
     if not party.own:
-        return [keys.of(what)]
-    session = (
-        role.session if role.duty == "host" or what != "alive" else "*"
-    )  # the logger's may name the run
-    names = [
-        name for name in role.names if kind_of(name) == "bin" or "{bin}" not in TABLE[what].template
-    ]
-    return [keys.of(what, name, session) for name in names]
+        return [keys.of(kind)]
+    # The logger's token may name the run.
+    names_a_session = role.duty == "host" or kind != "alive"
+    session = role.session if names_a_session else "*"
+    names = list(role.names)
+    if "{bin}" in TABLE[kind].template:
+        names = [name for name in names if kind_of(name) == "bin"]
+    return [keys.of(kind, name, session) for name in names]

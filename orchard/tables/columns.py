@@ -34,7 +34,8 @@ def _schema(*columns: pa.Field) -> pa.Schema:
 BODIES = _schema(
     _tick(
         "tick",
-        "end of the step: the pose is of this tick, velocities and state are of the step that ends then",
+        "end of the step: the pose is of this tick, velocities and state are of the step that "
+        "ends then",
     ),
     _text("name", "the body"),
     _column("x", NUMBER, "m", MAP),
@@ -50,7 +51,8 @@ BODIES = _schema(
         "odometry_x",
         NUMBER,
         "m",
-        "by odometry alone, in the body's frame odom; null: its odometry has no errors, or it has none",
+        "by odometry alone, in the body's frame odom; null: its odometry has no errors, or it "
+        "has none",
     ),
     _column("odometry_y", NUMBER, "m", "by odometry alone, as odometry_x"),
     _column("odometry_yaw", NUMBER, "rad", "by odometry alone, as odometry_x"),

@@ -1,4 +1,6 @@
-"""The folder of a run's tables: its files, whether a run may write there, and how tables grow in it."""
+"""The folder of a run's tables: its files, whether a run may write there, and how tables grow in
+it.
+"""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -22,8 +24,10 @@ from orchard.tables.columns import (
     SUMMARY,
 )
 
-PART = r"\d{6,}\.parquet"  # regular expression: the names of a table's files in its folder
-MOST_ROWS = 50_000  # of a file; the newest is written again until it has as many
+# Regular expression: the names of a table's files in its folder.
+PART = r"\d{6,}\.parquet"
+# Of a file; the newest is written again until it has as many.
+MOST_ROWS = 50_000
 # Columns of numbers that seldom come again: their bytes compress better in planes.
 PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
 
@@ -38,7 +42,10 @@ def write_table(path: Path, table: pa.Table) -> None:
 
 
 class GrowingTable:
-    """One table of a run: a folder of Parquet files, a data set. Its rows come in the order of `tick`."""
+    """One table of a run: a folder of Parquet files, a data set.
+
+    Its rows come in the order of `tick`.
+    """
 
     def __init__(self, folder: Path, schema: pa.Schema, until: int) -> None:
         """Rows from tick `until` on are of an earlier attempt, and are removed. Raises OSError."""
@@ -48,7 +55,8 @@ class GrowingTable:
             torn.unlink()
         self._remove_from(until)
         self._number = max((int(part.stem) for part in files_of(folder)), default=0) + 1
-        self._newest = schema.empty_table()  # the rows of the newest part
+        # The rows of the newest part.
+        self._newest = schema.empty_table()
 
     def add(self, rows: pa.Table) -> None:
         """Add rows, and write them to the disk. Raises OSError."""
@@ -60,7 +68,10 @@ class GrowingTable:
             self._newest, self._number = self.schema.empty_table(), self._number + 1
 
     def finish(self) -> None:
-        """Leave a file without rows if there is none, so that the table has its columns. Raises OSError."""
+        """Leave a file without rows if there is none, so that the table has its columns.
+
+        Raises OSError.
+        """
         if not files_of(self._folder):
             write_table(self._part(self._number), self._newest)
 
@@ -89,8 +100,10 @@ def files_of(table: Path) -> list[Path]:
     return sorted(path for path in table.glob("*.parquet") if re.fullmatch(PART, path.name))
 
 
-SCENARIO = b"orchard.scenario"  # in the metadata of each file: the scenario as JSON
-GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}  # while the run goes on
+# In the metadata of each file: the scenario as JSON.
+SCENARIO = b"orchard.scenario"
+# While the run goes on.
+GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}
 AT_THE_END = {"calls": CALLS, "exchanges": EXCHANGES}
 SUMMARY_NAME = "summary"
 
@@ -145,11 +158,13 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
         raise ValueError(f"{there} are of another scenario{instead}")
     if last != tick and path_of(folder, SUMMARY_NAME).exists():
         raise ValueError(
-            f"{there} are of a run that ended at tick {last}, and this one goes on at tick {tick}: its rows would be lost{instead}"
+            f"{there} are of a run that ended at tick {last}, "
+            f"and this one goes on at tick {tick}: its rows would be lost{instead}"
         )
     if last < tick:
         raise ValueError(
-            f"{there} end at tick {last}, and the run goes on at tick {tick}: rows would be missing{instead}"
+            f"{there} end at tick {last}, and the run goes on at tick {tick}: "
+            f"rows would be missing{instead}"
         )
 
 
@@ -161,13 +176,17 @@ def last_tick(folder: Path) -> int:
 
 
 def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
-    """Write the summary of a run beside its other tables. Return what is wrong with these, as missing rows."""
+    """Write the summary of a run beside its other tables.
+
+    Return what is wrong with these, as missing rows.
+    """
     try:
         write_table(path_of(folder, SUMMARY_NAME), as_table(summary))
         last = last_tick(folder)
     except (OSError, ValueError, pa.ArrowException) as error:
         return [
-            f"{folder}: the tables cannot be written or read: {getattr(error, 'strerror', None) or error}"
+            f"{folder}: the tables cannot be written or read: "
+            f"{getattr(error, 'strerror', None) or error}"
         ]
     return (
         []
@@ -177,7 +196,8 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
 
 
 def as_table(summary: Mapping[str, Any]) -> pa.Table:
-    """Return a summary as one row of the schema SUMMARY, whatever happened in the run; null: the summary has no such value.
+    """Return a summary as one row of the schema SUMMARY, whatever happened in the run; null: the
+    summary has no such value.
 
     Raises ValueError for a value that has no column.
     """

@@ -33,9 +33,13 @@ from orchard.tables.folder import (
     write_table,
 )
 
-Said = tuple[str, str | None, str | None]  # its state, the same in words, and what it waits for
-SILENT: Said = ("resting", None, None)  # of a body whose agent says nothing
-STANDING: Said = ("stopped", STOPPED, None)
+# What a body is shown to do: its state, the same in words, and what it waits for.
+Status = tuple[str, str | None, str | None]
+# Of a body whose agent says nothing.
+SILENT: Status = ("resting", None, None)
+# Of a body that is stopped.
+STANDING: Status = ("stopped", STOPPED, None)
+# Types of the messages of a call.
 OF_A_CALL = [*CALLING, "come", "yes"]
 
 log = logging.getLogger("orchard")
@@ -45,99 +49,96 @@ class BodyRows:
     """Collects the rows of all bodies, a tick at a time."""
 
     def __init__(self, layout: Layout) -> None:
-        self._index, self._names = (
-            layout.index,
-            pa.array([*layout.names, None], TEXT),
-        )  # index -1: none
+        self._index = layout.index
+        # Index -1: none.
+        self._names = pa.array([*layout.names, None], TEXT)
         self._is_bin = np.array([kind_of(name) == "bin" for name in layout.names], dtype=bool)
-        self._said = [SILENT] * len(
-            layout.names
-        )  # of each body; never changed in place: many ticks share it
+        # The status of each body. It is never changed in place: many ticks share it.
+        self._status = [SILENT] * len(layout.names)
         self._ticks: list[int] = []
         self._kept: list[tuple[np.ndarray, ...]] = []
-        self._words: list[list[Said]] = []
-        self._inexact: list[
-            np.ndarray
-        ] = []  # of each tick the poses as measured; none if all are exact
+        self._statuses: list[list[Status]] = []
+        # Of each tick the poses as measured; none if all are exact.
+        self._inexact: list[np.ndarray] = []
 
     def __len__(self) -> int:
-        return len(self._ticks) * len(self._said)
+        return len(self._ticks) * len(self._status)
 
     def keep(self, engine: Engine) -> None:
+        """Keep the rows of the step that has just been done."""
         world = engine.world
         self._hear(world, engine.answers)
-        self._words.append(
-            _replaced(self._said, dict.fromkeys(np.flatnonzero(world.stopped).tolist(), STANDING))
-        )
+        stopped = dict.fromkeys(np.flatnonzero(world.stopped).tolist(), STANDING)
+        self._statuses.append(_replaced(self._status, stopped))
         self._ticks.append(world.tick)
-        wanted = engine.lookahead.wanted
         if not engine.sensors.is_exact:
             self._inexact.append(engine.sensors.inexact())
-        self._kept.append(
-            (
-                world.pose.copy(),
-                world.twist.copy(),
-                wanted.copy(),
-                world.coupled.copy(),
-                world.fill.copy(),
-            )
-        )
+        wanted = engine.lookahead.wanted
+        arrays = (world.pose, world.twist, wanted, world.coupled, world.fill)
+        self._kept.append(tuple(array.copy() for array in arrays))
 
     def _hear(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        heard = {
-            self._index[name]: _said_of(world, name, action)
-            for name, action in answers.items()
-            if name in self._index
-        }
-        self._said = _replaced(
-            self._said, {index: said for index, said in heard.items() if said != self._said[index]}
-        )
+        """Note the status of bodies whose agents were asked."""
+        news = {}
+        for name, action in answers.items():
+            index = self._index.get(name)
+            if index is not None:
+                status = _status_of(world, name, action)
+                if status != self._status[index]:
+                    news[index] = status
+        self._status = _replaced(self._status, news)
 
     def take(self) -> pa.Table:
+        """Return the rows that are kept, and forget them."""
         if not self._ticks:
             return BODIES.empty_table()
-        ticks, (poses, twists, wanted, coupled, fills) = (
-            self._ticks,
-            map(np.array, zip(*self._kept, strict=True)),
-        )
-        measured, n = self._measured(), len(self._said)
-        words = [
-            pa.array(column, TEXT) for column in zip(*chain.from_iterable(self._words), strict=True)
-        ]
-        self._ticks, self._kept, self._words, self._inexact = [], [], [], []
-        true, speeds, speeds_wanted = (
-            [part[:, :, i].ravel() for i in range(3)] for part in (poses, twists, wanted)
-        )
-        fill = pa.array(fills.ravel(), mask=~np.tile(self._is_bin, len(ticks)))
-        bodies, others = (
-            np.tile(np.arange(n), len(ticks)),
-            np.where(coupled >= 0, coupled, n).ravel(),
-        )
+        count = len(self._ticks)
+        n = len(self._status)
+        poses, twists, wanted, coupled, fills = map(np.array, zip(*self._kept, strict=True))
+        ticks = np.repeat(np.array(self._ticks, dtype=np.int32), n)
+        bodies = np.tile(np.arange(n), count)
+        partners = np.where(coupled >= 0, coupled, n).ravel()
+        words = zip(*chain.from_iterable(self._statuses), strict=True)
         columns = [
-            np.repeat(np.array(ticks, dtype=np.int32), n),
+            ticks,
             self._names.take(pa.array(bodies)),
-            *true,
-            *measured,
+            *_columns(poses),
+            *self._measured(),
+            *_columns(twists),
+            *_columns(wanted),
+            self._names.take(pa.array(partners)),
+            pa.array(fills.ravel(), mask=~np.tile(self._is_bin, count)),
+            *(pa.array(column, TEXT) for column in words),
         ]
-        return pa.table(
-            [*columns, *speeds, *speeds_wanted, self._names.take(pa.array(others)), fill, *words],
-            BODIES,
-        )
+        self._ticks = []
+        self._kept = []
+        self._statuses = []
+        self._inexact = []
+        return pa.table(columns, BODIES)
 
     def _measured(self) -> list[pa.Array]:
+        """Return the columns of the poses as measured."""
         if not self._inexact:
             return [pa.nulls(len(self), NUMBER)] * 5
         poses = np.array(self._inexact)
-        return [
-            pa.array(poses[:, :, i].ravel(), from_pandas=True) for i in range(poses.shape[2])
-        ]  # NaN becomes null
+        # NaN becomes null.
+        return [pa.array(poses[:, :, i].ravel(), from_pandas=True) for i in range(poses.shape[2])]
 
 
-def _replaced(old: list[Said], news: Mapping[int, Said]) -> list[Said]:
-    return [news.get(index, said) for index, said in enumerate(old)] if news else old
+def _columns(values: np.ndarray) -> list[np.ndarray]:
+    """Return the three columns of an array, (ticks, bodies, 3): one row for each body and tick."""
+    return [values[:, :, i].ravel() for i in range(3)]
 
 
-def _said_of(world: World, name: str, action: Action | None) -> Said:
+def _replaced(old: list[Status], news: Mapping[int, Status]) -> list[Status]:
+    """Return the statuses with those that have changed, by index; the same list without any."""
+    if not news:
+        return old
+    return [news.get(index, status) for index, status in enumerate(old)]
+
+
+def _status_of(world: World, name: str, action: Action | None) -> Status:
+    """Return the status of a body whose agent gave an action, or none."""
     if action is None:
         return SILENT
     waits_for = with_names(world, name, action.waits_for)
@@ -145,11 +146,18 @@ def _said_of(world: World, name: str, action: Action | None) -> Said:
 
 
 class Tables:
-    """The tables of one run: `update` after a step, `flush` before a snapshot, `close`. A fault is logged once."""
+    """The tables of one run: `update` after a step, `flush` before a snapshot, `close`.
+
+    A fault is logged once.
+    """
 
     def __init__(self, folder: Path, engine: Engine) -> None:
-        """The run begins or goes on at the engine's tick. Rows of later steps are removed: they come again."""
-        self._folder, self._bodies = folder, BodyRows(engine.layout)
+        """The run begins or goes on at the engine's tick.
+
+        Rows of later steps are removed: they come again.
+        """
+        self._folder = folder
+        self._bodies = BodyRows(engine.layout)
         self._events: list[Event] = []
         self._messages: list[tuple[int, str, str, str, str]] = []
         self._metadata = {SCENARIO: engine.layout.scenario.model_dump_json()}
@@ -158,46 +166,55 @@ class Tables:
             self._begin(engine.tick)
 
     def _begin(self, tick: int) -> None:
+        """Open the tables that grow, without the rows from a tick on."""
         for name in (*AT_THE_END, SUMMARY_NAME):
             path_of(self._folder, name).unlink(missing_ok=True)
         for name, schema in GROWING.items():
-            until = (
-                tick + 1 if name == "bodies" else tick
-            )  # bodies: of a step's end; others: of its begin
-            self._growing[name] = GrowingTable(
-                path_of(self._folder, name), schema.with_metadata(self._metadata), until
-            )
+            # The tick of bodies is that of a step's end, of other tables that of its begin.
+            until = tick + 1 if name == "bodies" else tick
+            own_schema = schema.with_metadata(self._metadata)
+            self._growing[name] = GrowingTable(path_of(self._folder, name), own_schema, until)
 
     def update(
         self, engine: Engine, events: Sequence[Event], letters: Mapping[str, Written]
     ) -> None:
-        """Keep the rows of the step that has just been done, with its events and letters, by sender."""
+        """Keep the rows of the step that has just been done.
+
+        `letters`: sender -> its letters.
+        """
         if not self._growing:
             return
         self._bodies.keep(engine)
         self._events += events
-        for name, written in sorted(letters.items()):  # in lockstep they come in order of arrival
+        # In lockstep they come in order of arrival.
+        for name, written in sorted(letters.items()):
             for to, body in written.sent:
                 self._messages.append((engine.tick - 1, name, to, type_of(body), as_json(body)))
         if len(self._bodies) >= MOST_ROWS:
             self.flush()
 
     def flush(self) -> None:
+        """Write the rows that are kept."""
         with self._faults_logged():
             events = [
-                (e.tick, e.what, e.who, e.whom or None, e.detail or None) for e in self._events
+                (event.tick, event.what, event.who, event.whom or None, event.detail or None)
+                for event in self._events
             ]
             rows = {
                 "bodies": self._bodies.take(),
                 "events": _table(events, EVENTS),
                 "messages": _table(self._messages, MESSAGES),
             }
-            self._events, self._messages = [], []
+            self._events = []
+            self._messages = []
             for name, table in self._growing.items():
                 table.add(rows[name].replace_schema_metadata(table.schema.metadata))
 
     def close(self) -> None:
-        """Write the rest, and finish the tables. The summary is written by `orchard.tables.folder`."""
+        """Write the rest, and finish the tables.
+
+        `orchard.tables.folder` writes the summary.
+        """
         self.flush()
         with self._faults_logged():
             for table in self._growing.values():
@@ -205,35 +222,30 @@ class Tables:
             if not self._growing:
                 return
             events = pq.read_table(path_of(self._folder, "events")).to_pylist()
-            messages = pq.read_table(
-                path_of(self._folder, "messages"), filters=[("type", "in", OF_A_CALL)]
-            ).to_pylist()
-            for name, rows in (
-                ("calls", calls(events, messages)),
-                ("exchanges", exchanges(events)),
-            ):
-                write_table(
-                    path_of(self._folder, name),
-                    pa.Table.from_pylist(rows, AT_THE_END[name].with_metadata(self._metadata)),
-                )
+            of_calls = [("type", "in", OF_A_CALL)]
+            messages = pq.read_table(path_of(self._folder, "messages"), filters=of_calls)
+            self._write_at_the_end("calls", calls(events, messages.to_pylist()))
+            self._write_at_the_end("exchanges", exchanges(events))
+
+    def _write_at_the_end(self, name: str, rows: list[dict[str, Any]]) -> None:
+        """Write a table that follows from the others. Raises OSError or ArrowException."""
+        schema = AT_THE_END[name].with_metadata(self._metadata)
+        write_table(path_of(self._folder, name), pa.Table.from_pylist(rows, schema))
 
     @contextmanager
     def _faults_logged(self) -> Iterator[None]:
+        """Log a fault in this context, and write no tables from then on."""
         try:
             yield
         except (OSError, pa.ArrowException) as error:
             why = getattr(error, "strerror", None) or error
-            log.error(
-                "the tables in %s cannot be written: %s; the run goes on without them",
-                self._folder,
-                why,
-            )
+            fault = f"the tables in {self._folder} cannot be written: {why}"
+            log.error("%s; the run goes on without them", fault)
             self._growing = {}
 
 
 def _table(rows: Sequence[tuple[Any, ...]], schema: pa.Schema) -> pa.Table:
+    """Return a table with these rows."""
     columns = list(zip(*rows, strict=True)) or [()] * len(schema)
-    return pa.table(
-        [pa.array(column, field.type) for column, field in zip(columns, schema, strict=True)],
-        schema,
-    )
+    typed = [pa.array(column, field.type) for column, field in zip(columns, schema, strict=True)]
+    return pa.table(typed, schema)

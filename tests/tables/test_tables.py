@@ -473,6 +473,17 @@ def test_a_carrier_that_does_not_come_is_followed_by_the_next():
     assert tuple(open_.values()) == ("bin_01", None, 2, "west", 3, 2, "carrier_01", 25, None, None)
 
 
+def test_a_picker_that_couples_its_full_bin_anew_has_no_empty_one_yet():
+    def event(tick, what, who, whom, detail=None):
+        return {"tick": tick, "what": what, "who": who, "whom": whom, "detail": detail}
+
+    full = event(90, "bin full", "bin_01", "picker_01", "row 2, 70.00 m")
+    anew = event(100, "coupled", "picker_01", "bin_01")
+    empty = event(120, "coupled", "picker_01", "bin_02")
+    (exchange,) = exchanges([full, anew, empty])
+    assert (exchange["empty_bin"], exchange["supplied"]) == ("bin_02", 120)
+
+
 def test_tables_that_begin_in_the_middle_of_an_exchange_have_no_false_rows():
     coupled = {"tick": 90, "what": "coupled", "who": "picker_02", "whom": "bin_01", "detail": None}
     assert exchanges([coupled, {**coupled, "what": "unloaded", "who": "bin_09"}]) == []

@@ -7,15 +7,20 @@ import msgpack
 import pytest
 from fleet import Client, assert_goes_on, assert_stands, until
 from local_runs import HARVEST_TICKS, SMALL, harvest_hash, played
+from raycaster import world_of
 from stage import Driven, Stage, Standing, empty_orchard
 
+from orchard.contract.agent import AHEAD
+from orchard.contract.events import Frame
 from orchard.contract.messages import Couple, pack, unpack
-from orchard.field.geometry import Twist
+from orchard.field.geometry import EAST, Pose, Twist
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import NEAREST, Scenario
 from orchard.launch.request import agent_names
 from orchard.local import Local
+from orchard.sim.engine import Engine
 from orchard.sim.frames import FrameBuilder
+from orchard.sim.obstacles import with_names
 from orchard.sim.snapshot import Snapshot
 
 ROBOTS = ("picker", "carrier", "bin", "tractor")
@@ -140,6 +145,31 @@ def test_what_people_are_told_and_the_figures(driven):
     assert camera.frame([]).doing["picker_01"] != "stopped"
     assert driven.account.figures()["stopped_seconds"] == {"bin_01": 2.0, "picker_01": 2.0}
     assert driven.account.figures()["state_seconds"]["picker"]["stopped"] == 2.0
+
+
+def test_a_robot_without_an_action_is_shown_to_stand_after_a_reset():
+    engine = Engine.begin(empty_orchard())
+    camera = FrameBuilder(engine)
+
+    def step() -> Frame:
+        engine.observe()
+        engine.due(())
+        return camera.frame(engine.advance({}, {}))
+
+    step()
+    engine.stop(["picker_01"])
+    assert step().doing["picker_01"] == "stopped"
+    engine.reset()
+    assert step().doing["picker_01"] == "standing"
+
+
+def test_of_bodies_in_the_way_the_nearest_is_named_first():
+    world = world_of(
+        ("picker", Pose(0.0, 0.0, EAST)),
+        ("worker", Pose(2.1, 0.3, EAST)),
+        ("worker", Pose(1.7, -0.3, EAST)),
+    )
+    assert with_names(world, "picker_01", AHEAD) == "worker_03, worker_02 ahead"
 
 
 def test_a_run_that_goes_on_from_a_snapshot_is_still_stopped():

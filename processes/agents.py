@@ -37,7 +37,7 @@ log = logging.getLogger("orchard")
 
 Factory = Callable[[Layout, Collection[str]], dict[str, Agent]]
 Opened = Callable[[Inbox], AbstractContextManager[Bus]]
-# That are tried after a reset, all but the last one for a sixth of the tries.
+# Sessions that are tried after a reset, all but the last one for a sixth of the tries.
 SESSIONS = 6
 
 

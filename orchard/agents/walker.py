@@ -42,9 +42,9 @@ class WalkerMemory(msgspec.Struct):
     x: float
     y: float
     since: int  # tick at which it came here
-    # It stopped for something near, and turns until its way is free.
+    # Whether it stopped for something near, and turns until its way is free.
     turning: bool = False
-    # It wanted to move in the last tick.
+    # Whether it wanted to move in the last tick.
     moving: bool = False
     # Index in WAYS of what it tries.
     way: int = 0

@@ -103,10 +103,9 @@ class Inbox:
         self._settled: set[int] = set()
 
     def _settle(self) -> None:
-        """Keep the Python state of a zenoh thread: to create and delete it at each call from that
-        thread costs more than the message.
+        """Keep the Python state of a zenoh thread.
 
-        A state that is ensured once more than it is released lives as long as its thread.
+        To create and delete it at each call from that thread costs more than the message.
         """
         thread = get_ident()
         if thread not in self._settled:
@@ -168,9 +167,9 @@ class Bus(Protocol):
     """
 
     inbox: Inbox
-    #: Of the router.
+    #: The endpoint of the router.
     endpoint: str
-    #: Of the session.
+    #: The id of the session.
     id: str
     #: Runs one job after the other beside the caller, such as the writing of a file.
     executor: Executor
@@ -214,8 +213,9 @@ class Bus(Protocol):
         """Declare a queryable on a key: each query arrives as a Query."""
 
     def watch(self, tokens: str) -> None:
-        """Subscribe to liveliness tokens: each change arrives as an Alive, and so do the present
-        tokens.
+        """Subscribe to liveliness tokens.
+
+        Each change arrives as an Alive, and so do the present tokens.
         """
 
     def declare_alive(self, token: str) -> None:

@@ -33,7 +33,7 @@ class Ending:
         self._said: End | None = None
         self._said_at = -math.inf  # s, on the clock
         self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
-        # Of physics: two if the router has not noticed yet that the link of a dead one is closed.
+        # The tokens of physics: two while the router still takes a dead one for alive.
         self._tokens: set[str] = set()
 
     def hear(self, end: End) -> None:

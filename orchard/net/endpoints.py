@@ -1,5 +1,6 @@
-"""Endpoints, such as tcp/127.0.0.1:7447, where a router listens and clients connect: checks and
-conversions.
+"""Endpoints, such as tcp/127.0.0.1:7447: checks and conversions.
+
+A router listens there, and clients connect.
 """
 
 import errno
@@ -12,7 +13,7 @@ LOOPBACK, SECURE_LOOPBACK = "tcp/127.0.0.1:0", "tls/127.0.0.1:0"
 RUNTIME = "ZENOH_RUNTIME"
 # The thread that waits for a message handles it, instead of two more threads that it would wake.
 ONE_THREAD = "(rx: (handover: app), acc: (handover: app))"
-# That a connection to this machine may take.
+# s that a connection to this machine may take.
 LOOPBACK_SECONDS = 5.0
 NO_ENDPOINT = "not an endpoint; use one such as tcp/127.0.0.1:7447"
 # All addresses -> one that is on no machine (RFC 5737, 3849).
@@ -76,8 +77,9 @@ def check_free(endpoint: str) -> None:
 
 
 def check_loopback() -> None:
-    """Raise BusError if this machine cannot connect to itself, as in a namespace without a
-    loopback.
+    """Raise BusError if this machine cannot connect to itself.
+
+    It cannot in a namespace without a loopback.
     """
     try:
         with (
@@ -102,8 +104,9 @@ def reachable(endpoint: str) -> str:
 
 
 def from_elsewhere(endpoint: str) -> str:
-    """Return the endpoint for other machines: all addresses become this machine's address, or its
-    name.
+    """Return the endpoint for other machines.
+
+    All addresses become this machine's address, or its name.
     """
     for every, outside in OUTSIDE.items():
         endpoint = endpoint.replace(f"/{every}:", f"/{_own_address(every, outside)}:")
@@ -111,8 +114,9 @@ def from_elsewhere(endpoint: str) -> str:
 
 
 def _own_address(every: str, outside: str) -> str:
-    """Return the address from which this machine would send to one outside; its name if it has no
-    way there. Nothing is sent.
+    """Return the address from which this machine would send to one outside.
+
+    It is its name if it has no way there. Nothing is sent.
     """
     try:
         with socket.socket(_family(every), socket.SOCK_DGRAM) as probe:
@@ -124,8 +128,9 @@ def _own_address(every: str, outside: str) -> str:
 
 
 def with_port(endpoint: str) -> str:
-    """Return the endpoint; port 0 becomes a port that was free a moment ago: zenoh does not report
-    which it took.
+    """Return the endpoint; port 0 becomes a port that was free a moment ago.
+
+    Zenoh does not report which port it took.
     """
     if not endpoint.endswith(":0"):
         return endpoint

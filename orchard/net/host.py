@@ -52,7 +52,7 @@ from orchard.wire.messages import (
 log = logging.getLogger("orchard")
 # How long a host waits for physics that is gone: physics or its router is started again.
 GONE_SECONDS = 20.0
-# After which a host says that physics is gone; at the end of a run its `end` arrives sooner.
+# s after which a host says that physics is gone. At the end of a run its `end` arrives sooner.
 WARN_SECONDS = 1.0
 JOIN_TRIES = 50  # 5 s in all: the network may learn of a token later than of a join
 TAKEN_TRIES = 30  # 3 s in all: a predecessor that was cut off counts as alive for bus.LEASE_MS
@@ -63,7 +63,7 @@ ANSWER_AGAIN_SECONDS = 0.25
 # Messages in turn of ticks that are past, after which the newest tick was none of physics: it has
 # changed on its way.
 MOST_PAST = 3
-# Of a join that is refused for another reason: it may have changed on its way.
+# Tries of a join that is refused for another reason: it may have changed on its way.
 REFUSED_TRIES = 5
 
 

@@ -17,9 +17,9 @@ from threading import Thread, Timer
 
 # Environment variable: run.py's process id, and the run's id.
 STARTED_BY = "ORCHARD_STARTED_BY"
-# After a signal, in which run.py may ask too: as when a machine is shut down.
+# s after a signal in which run.py may ask too, as when a machine is shut down.
 CONFIRM_SECONDS = 1.0
-# That a process may take to end when run.py, which would end it by force, is gone.
+# s that a process may take to end when run.py, which would end it by force, is gone.
 ALONE_SECONDS = 10.0
 
 
@@ -30,11 +30,13 @@ class Line:
         self._end, self.of_process = socketpair()
 
     def write(self, words: str) -> None:
-        # It has died already.
+        """Send a line of text to the process: its options."""
+        # The process may have died already.
         with suppress(OSError):
             self._end.sendall(f"{words}\n".encode())
 
     def let_go(self) -> None:
+        """Ask the process to end."""
         with suppress(OSError):
             self._end.shutdown(SHUT_WR)
 
@@ -51,6 +53,7 @@ class Line:
 
 
 def environment(run: str) -> dict[str, str]:
+    """Return the environment variables of a process that run.py starts."""
     return {STARTED_BY: f"{os.getpid()} {run}"}
 
 
@@ -61,7 +64,8 @@ def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
     """
     if STARTED_BY not in os.environ:
         return None
-    owner, line = int(os.environ.pop(STARTED_BY).split()[0]), os.dup(0)
+    owner = int(os.environ.pop(STARTED_BY).split()[0])
+    line = os.dup(0)
     # An agent that reads its input must not wait for run.py.
     with open(os.devnull) as nothing:
         os.dup2(nothing.fileno(), 0)
@@ -72,13 +76,15 @@ def hold_on(ask_to_end: Callable[[], None]) -> Callable[[int], None] | None:
 
 
 def _announce(line: int, code: int) -> None:
-    # run.py is gone.
+    """Write the exit code on the line."""
+    # run.py may be gone.
     with suppress(OSError):
         os.write(line, bytes([code]))
 
 
 def _wait_for_end(line: int, owner: int, ask_to_end: Callable[[], None]) -> None:
-    # run.py is gone.
+    """Wait until run.py lets go. End by force if the process does not end without run.py."""
+    # The line is reset if run.py was killed.
     with suppress(ConnectionResetError):
         while os.read(line, 1):
             pass
@@ -89,11 +95,13 @@ def _wait_for_end(line: int, owner: int, ask_to_end: Callable[[], None]) -> None
 
 
 def _die_soon(line: int, number: int) -> None:
+    """Die of a signal in CONFIRM_SECONDS, unless run.py asks too."""
     timer = Timer(CONFIRM_SECONDS, _die, (line, number))
     timer.daemon = True
     timer.start()
 
 
 def _die(line: int, number: int) -> None:
+    """Die of a signal, unless run.py has let go: then the process ends as it is asked to."""
     if not select([line], [], [], 0.0)[0]:
         os._exit(128 + number)

@@ -53,7 +53,7 @@ from orchard.net.refusals import Refused, read_message, refused_for
 from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
-# After which a request without news counts as lost; physics has a copy.
+# s after which a request without news counts as lost. Physics has a copy.
 DOUBT_SECONDS = 1.0
 # Requests that wait for their tick.
 MOST_WAITING = 10_000

@@ -1,5 +1,6 @@
-"""What starts a process of a run: its options, each declared once, for run.py's JSON line and for a
-command line.
+"""The options that start a process of a run.
+
+Each is declared once, for run.py's JSON line and for a command line.
 """
 
 import argparse

@@ -16,7 +16,7 @@ from orchard.net.options import Options, read_options
 
 log = logging.getLogger("orchard")
 
-# After which an agent is too slow.
+# s after which an agent is too slow.
 LONG_SECONDS = 3.0
 
 
@@ -27,11 +27,10 @@ def run_process(
     body: Callable[[Inbox, Options], int],
     *mistakes: type[Exception],
 ) -> int:
-    """Run the body of a process, and return its exit code: 2 for `mistakes`, which a user can
-    correct and which are logged.
+    """Run the body of a process, and return its exit code.
 
-    Requests to end arrive in its inbox: SIGINT and SIGTERM or, for a process of run.py, that run.py
-    lets go of its line.
+    It is 2 for `mistakes`, which a user can correct and which are logged. Requests to end arrive in
+    its inbox: SIGINT and SIGTERM or, for a process of run.py, that run.py lets go of its line.
     """
     options = read_options(kind, f"orchard.processes.{name}", argv)
     # What is imported stays.

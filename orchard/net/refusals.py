@@ -33,7 +33,7 @@ class Refused(Exception):
     def __init__(self, reason: Reason, detail: str = "") -> None:
         self.reason: Reason = reason
         self.detail = printable(detail)
-        # That sent it, if it says so.
+        # The session that sent it, if it says so.
         self.session = ""
         super().__init__(f"{reason}: {self.detail}" if detail else reason)
 
@@ -102,7 +102,7 @@ def refuse_other_tick(tick: int, first: int, last: int) -> None:
 class KnownRefusals(msgspec.Struct, forbid_unknown_fields=True):
     """The refusals of a run so far, for its snapshots."""
 
-    # Of physics.
+    # The counts of physics.
     counts: Counts = {}
     # Session -> its counts.
     there: dict[Session, Counts] = {}

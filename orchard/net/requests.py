@@ -15,7 +15,7 @@ M = TypeVar("M")
 
 # How long physics may take to reply to a session that joins: it may be compiling.
 ANSWER_SECONDS = 120.0
-# After which the question for the run is repeated: it may be lost during a reset.
+# s after which the question for the run is repeated: it may be lost during a reset.
 FETCH_SECONDS = 3.0
 # Between two checks whether physics is gone, while nothing arrives.
 LOOK_SECONDS = 1.0

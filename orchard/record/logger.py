@@ -177,7 +177,7 @@ class Logger:
         # s, on the bus's clock, when physics counts as gone; inf while it is alive.
         self._gone_until = math.inf
         self._ending = Ending(bus.clock)
-        # Of the newest frame that was passed on.
+        # The tick of the newest frame that was passed on.
         self._tick: int | None = None
 
     def listen(self) -> None:

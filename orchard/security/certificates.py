@@ -67,11 +67,10 @@ class Authority:
     def vouch(
         self, role: Role, folder: Path, addresses: Iterable[str] = (), until: datetime | None = None
     ) -> None:
-        """Write a role's certificate, its key and the authority's certificate, valid `until` then,
-        else as long as that.
+        """Write a role's certificate, its key and the authority's certificate.
 
-        Only a role with `addresses` can accept connections. Raises ValueError for an address that
-        is malformed.
+        The certificate is valid `until` then, or as long as the authority's. Only a role with
+        `addresses` can accept connections. Raises ValueError for an address that is malformed.
         """
         key = ec.generate_private_key(ec.SECP256R1())
         draft = _draft(
@@ -142,8 +141,9 @@ def _write(folder: Path, certificate: x509.Certificate, key: ec.EllipticCurvePri
 
 
 def check(folder: Path, role: Role) -> None:
-    """Raise ValueError if a file of the role is missing, another's, not of this authority, or not
-    valid now.
+    """Raise ValueError if a file of the role cannot be used.
+
+    It is missing, of another role, not of this authority, or not valid now.
     """
     files = folder / CERTIFICATE, folder / AUTHORITY
     certificate, authority = (

@@ -35,7 +35,7 @@ FILES = (ROLE, ACCESS, CERTIFICATE, KEY, AUTHORITY)
 LOCAL = ("127.0.0.1", "::1", "localhost")
 # Time that the other side has for each step, when a process finds out why it cannot connect.
 SECONDS = 3.0
-# As long as an agent's name, and as a name in a certificate.
+# Names are as long as an agent's name, and as a name in a certificate.
 _NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")
 
 
@@ -176,10 +176,10 @@ class Keyring:
         return Identity.load(self.roles[name])
 
     def hosts(self, names: Iterable[str], agents: Iterable[str]) -> dict[str, list[str]]:
-        """Return role -> the agents that it hosts, of the agents `names` that are hosted here;
-        `agents`: all of the run.
+        """Return role -> the agents that it hosts, of those that are hosted here.
 
-        Raises ValueError if an agent has no role, or if `names` has only some of a role's agents.
+        `names`: the agents that are hosted here. `agents`: all of the run. Raises ValueError if an
+        agent has no role, or if `names` has only some of a role's agents.
         """
         wanted, there = set(names), set(agents)
         hosts = {
@@ -205,10 +205,11 @@ class Keyring:
 
 
 def why_no_trust(endpoint: str, folder: Path) -> str:
-    """Return why a role's files and the process at tls/host:port do not accept each other; '' for
-    other faults.
+    """Return why a process and the one at tls/host:port do not accept each other.
+
+    It is '' for other faults. The role's files are in `folder`.
     """
-    # Not at the top: it takes a tenth of a process's start, and only this needs it.
+    # It is imported here, because it takes a tenth of a process's start.
     import ssl
 
     host, _, port = endpoint.partition("/")[2].rpartition(":")

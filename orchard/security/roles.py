@@ -113,7 +113,7 @@ class Right(NamedTuple):
     hears: tuple[Party, ...]
 
 
-# By kinds of keys.
+# Kinds of keys -> the rights on them.
 _RIGHTS: dict[tuple[str, ...], Right] = {
     ("velocity",): Right(
         (OWN_HOST, *OWN_BRIDGES, THE_PHYSICS), (THE_PHYSICS, THE_LOGGER, *OWN_BRIDGES)

@@ -37,7 +37,7 @@ class RunAccount:
         self.snapshot_writer = snapshot_writer
         self._tables: Tables | None = None
         if table is not None:
-            # Not at the top: pyarrow takes some time to load.
+            # It is imported here, because pyarrow takes some time to load.
             from orchard.tables import tables
 
             self._tables = tables.Tables(Path(table), engine)

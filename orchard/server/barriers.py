@@ -35,14 +35,14 @@ from orchard.server.options import PATIENCE
 from orchard.server.roster import Roster
 from orchard.wire.messages import Mode, Report
 
-# After which a tick is sent again to the sessions that have not answered.
+# s after which a tick is sent again to the sessions that have not answered.
 AGAIN_SECONDS = 0.5
 # s beyond the tick's time, to wait for agents that were in time last; less than Pacer.CATCH_UP.
 SLACK = 0.2
-# Of a tick's time, to wait for agents that missed the last tick, and for all when the clock is
-# behind.
+# Share of a tick's time to wait for agents that missed the last tick, and for all when the clock
+# is behind.
 SHARE = 0.5
-# Of a tick's time: a tick that begins later than this after it was due counts as late.
+# Share of a tick's time. A tick that begins later than this after it was due counts as late.
 LATE = 0.5
 
 
@@ -116,7 +116,7 @@ class LockstepBarrier(Barrier):
     ) -> None:
         super().__init__(roster, clock)
         self._patience = patience
-        # On the clock: the time to wait for missing answers.
+        # The time, on the clock, up to which missing answers are waited for.
         self.deadline = math.inf
         # Agents that sessions have taken since the tick began.
         self._back: set[str] = set()
@@ -287,8 +287,9 @@ class RealtimeBarrier(Barrier):
 
 
 class Delays:
-    """The delays from the observations to the velocities, as counts in steps of 0.1 ms: memory does
-    not grow.
+    """The delays from the observations to the velocities.
+
+    They are counts in steps of 0.1 ms, so memory does not grow.
     """
 
     STEP = 1e-4  # s

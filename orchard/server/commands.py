@@ -31,7 +31,7 @@ class RecentTicks:
         self.clock = clock
         self.newest = 0
         self._seconds = seconds
-        # (tick, time of its publication, s).
+        # (tick, time of its publication, s), of each of these ticks.
         self._begun: deque[tuple[int, float]] = deque([(0, clock())])
 
     def begin(self, tick: int) -> None:

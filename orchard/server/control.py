@@ -98,7 +98,7 @@ class SimulationControl:
         """`clock`: that of the run, which a pause stops. `tick`: returns the tick of the run."""
         self.clock = clock
         self._send, self._run, self._tick = send, run, tick
-        # As it was published last.
+        # The state that was published last.
         self._state: StateOfSimulation = "stopped"
         self._begun = self._ended = False
         # A query whose steps are not all done.

@@ -20,7 +20,7 @@ from orchard.sim.engine import Engine
 from orchard.wire.codec import twist_of
 from orchard.wire.messages import Advice, Report, Velocities, Velocity
 
-# In place of an action that is refused.
+# What takes the place of an action that is refused.
 BROKEN = Report(doing="broken", state="broken")
 
 
@@ -254,7 +254,7 @@ class Drivers:
         if self.roster.owners.get(name) != message.owner:
             return
         if name in self._malformed:
-            # It may not be the action that this tick waits for.
+            # This tick may not wait for the action.
             with suppress(Refused):
                 self._act(name, message.owner, message.tick, BROKEN)
         self._malformed.add(name)

@@ -343,8 +343,9 @@ class Inbound:
 
 
 def _refuse_other_session(owner: str, session: str) -> None:
-    """Raise Refused unless the owner is the session of the key: a secured router lets a session use
-    only its own.
+    """Raise Refused unless the owner is the session of the key.
+
+    A secured router lets a session use only its own.
     """
     if owner != session:
         raise Refused("not the owner", f"{owner!r} is not the session of the key")

@@ -20,13 +20,13 @@ from orchard.wire.messages import RESET, End
 
 log = logging.getLogger("orchard")
 
-# Between two log lines that name the missing agents.
+# s between two log lines that name the missing agents.
 WARN_SECONDS = 3.0
 # s for which the first tick waits for a logger. On a busy machine it takes long to load.
 LOGGER_SECONDS = 60.0
-# That the other processes may take to leave after the end.
+# s that the other processes may take to leave after the end.
 LEAVE_SECONDS = 2.0
-# After which the end is told again to those that have not left.
+# s after which the end is published again for those that have not left.
 END_SECONDS = 0.2
 
 
@@ -230,7 +230,7 @@ class RunLoop:
                 self.run.publisher.publish("end", end)
             item = self.arrivals.take_after_end(min(deadline, again_at) - now)
             if isinstance(item, Signal):
-                # It ends the next run too, if this one was reset.
+                # The signal ends the next run too, if this one was reset.
                 self.bus.inbox.put(item)
                 return
             now = self.bus.clock()

@@ -30,7 +30,7 @@ log = logging.getLogger("orchard")
 
 # Between two checks for subscribers.
 RECHECK_SECONDS = 0.05
-# Of a bundle at most, on the clock of the bus.
+# s from one bundle to the next at most, on the clock of the bus.
 BUNDLE_TICKS, BUNDLE_SECONDS = 10, 0.05
 
 

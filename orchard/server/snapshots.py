@@ -19,7 +19,7 @@ from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, Snapshot, SnapshotError, as
 
 SNAPSHOT_SECONDS = 2.0  # s of wall time between two snapshots
 KEYFRAME_SECONDS = 60.0  # s, simulated, between two keyframes
-# That the reply to an emergency stop waits for the disk.
+# s that the reply to an emergency stop waits for the disk.
 KEPT_SECONDS = 2.0
 
 log = logging.getLogger("orchard")
@@ -32,7 +32,7 @@ def sole(folder: Path | None) -> Iterator[None]:
     Raises SnapshotError if another one does.
     """
     opened: int | None = None
-    # Then there is no lock: SnapshotWriter logs the error.
+    # Without the folder there is no lock: SnapshotWriter logs the error.
     with suppress(OSError):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -136,7 +136,7 @@ def examine(snapshot: Snapshot) -> None:
 
     Its content may be impossible.
     """
-    # Not at the top: numba takes seconds to load.
+    # These are imported here, because numba takes seconds to load.
     from orchard.server.figures import RunFigures
     from orchard.sim.engine import Engine
 

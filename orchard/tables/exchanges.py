@@ -9,9 +9,9 @@ from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP
 from orchard.tables.columns import CALLS, EXCHANGES
 
-# Of the tables events and messages.
+# A row of the tables events and messages.
 Row = Mapping[str, Any]
-# Of the tables calls and exchanges.
+# A row of the tables calls and exchanges.
 NewRow = dict[str, Any]
 # Messages of a bin that has no carrier yet.
 CALLING = ("call", "fetch")

@@ -1,5 +1,6 @@
-"""The folder of a run's tables: its files, whether a run may write there, and how tables grow in
-it.
+"""The folder of a run's tables.
+
+It says which files there are, whether a run may write there, and how tables grow.
 """
 
 import re
@@ -26,7 +27,7 @@ from orchard.tables.columns import (
 
 # Regular expression: the names of a table's files in its folder.
 PART = r"\d{6,}\.parquet"
-# Of a file; the newest is written again until it has as many.
+# Rows of a file. The newest file is written again until it has as many.
 MOST_ROWS = 50_000
 # Columns of numbers that seldom come again: their bytes compress better in planes.
 PLANES = ("x", "y", "yaw", "measured_x", "measured_y", "odometry_x", "odometry_y", "odometry_yaw")
@@ -100,7 +101,7 @@ def files_of(table: Path) -> list[Path]:
     return sorted(path for path in table.glob("*.parquet") if re.fullmatch(PART, path.name))
 
 
-# In the metadata of each file: the scenario as JSON.
+# The key of the scenario, as JSON, in the metadata of each file.
 SCENARIO = b"orchard.scenario"
 # While the run goes on.
 GROWING = {"bodies": BODIES, "events": EVENTS, "messages": MESSAGES}
@@ -196,10 +197,9 @@ def complete(folder: Path, summary: Mapping[str, Any]) -> list[str]:
 
 
 def as_table(summary: Mapping[str, Any]) -> pa.Table:
-    """Return a summary as one row of the schema SUMMARY, whatever happened in the run; null: the
-    summary has no such value.
+    """Return a summary as one row of the schema SUMMARY, whatever happened in the run.
 
-    Raises ValueError for a value that has no column.
+    Null: the summary has no such value.
     """
     values = dict(_values(summary))
     if unknown := values.keys() - set(SUMMARY.names):

@@ -58,7 +58,7 @@ class BodyRows:
         self._ticks: list[int] = []
         self._kept: list[tuple[np.ndarray, ...]] = []
         self._statuses: list[list[Status]] = []
-        # Of each tick the poses as measured; none if all are exact.
+        # The poses of each tick as measured; none if all are exact.
         self._inexact: list[np.ndarray] = []
 
     def __len__(self) -> int:
@@ -186,7 +186,7 @@ class Tables:
             return
         self._bodies.keep(engine)
         self._events += events
-        # In lockstep they come in order of arrival.
+        # In lockstep letters come in order of arrival.
         for name, written in sorted(letters.items()):
             for to, body in written.sent:
                 self._messages.append((engine.tick - 1, name, to, type_of(body), as_json(body)))

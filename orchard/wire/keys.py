@@ -29,8 +29,9 @@ _PREFIX = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
 class Key(NamedTuple):
-    """A kind of key, and the messages on it. docs/key_words.py says which program sends them, when,
-    and what they mean.
+    """A kind of key, and the messages on it.
+
+    docs/key_words.py says which program sends them, when, and what they mean.
     """
 
     template: str
@@ -112,7 +113,5 @@ class Keys:
         return _filled(TABLE[what].template, self.prefix, name, session)
 
     def parts(self, key: str) -> list[str]:
-        """Return the parts of a key after the prefix: ['picker_01', 'velocity'], ['alive',
-        'picker_01', '3fa9'], ['clock'].
-        """
+        """Return the parts of a key after the prefix: ['alive', 'picker_01', '3fa9'], ['clock']."""
         return key.removeprefix(self.prefix + "/").split("/")

@@ -11,7 +11,7 @@ from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
 from orchard.folders import write_whole
-from orchard.terminal.catalogue import Entry
+from orchard.terminal.catalogue import CommandEntry
 from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.group import LazyGroup
 from orchard.terminal.output import print_line
@@ -26,8 +26,8 @@ NewScenario = Annotated[Path | None, Option("--out", metavar="SCENARIO.yaml", he
 
 layout = LazyGroup(
     {
-        "import": Entry("orchard.commands.layout", "write_scenario", "from surveyed rows"),
-        "export": Entry("orchard.roads.commands", "write_map", "as a map for fleet control"),
+        "import": CommandEntry("orchard.commands.layout", "write_scenario", "from surveyed rows"),
+        "export": CommandEntry("orchard.roads.commands", "write_map", "as a map for fleet control"),
     },
     name="layout",
     help="Import rows of your own, export the roads of an orchard.",

@@ -8,7 +8,7 @@ import sys
 
 from typer.exceptions import TyperException
 
-from orchard.terminal.catalogue import COMMANDS, EPILOG, Entry
+from orchard.terminal.catalogue import COMMANDS, EPILOG, CommandEntry
 from orchard.terminal.exits import BAD_INPUT, FINISHED, fault_of, in_words
 from orchard.terminal.group import LazyGroup, command_of
 from orchard.terminal.output import console, errors, print_error, unwritten
@@ -24,7 +24,7 @@ def _harvest_help() -> str:
     )
 
 
-HARVEST = Entry(
+HARVEST = CommandEntry(
     "orchard.commands.harvest",
     "harvest",
     "harvest an orchard to the end",

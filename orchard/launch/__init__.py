@@ -1,1 +1,1 @@
-"""Starts runs: the command line, processes and their supervision, local runs, the emergency stop."""
+"""Starts runs: options, processes and their supervision, local runs, and what is said at the end."""

@@ -1,4 +1,7 @@
-"""A run in many processes: start those here, follow and stop them; or host agents of a run elsewhere."""
+"""A run in many processes: start those here, follow and stop them.
+
+Or host agents of a run elsewhere.
+"""
 
 import math
 import subprocess
@@ -393,26 +396,33 @@ class LaunchedRun:
                 bus = stack.enter_context(self._try_to_connect(inbox))
             except BusError as error:
                 self.supervisor.watch()
-                is_late = self._clock() >= deadline
-                if signal is not None and is_late:
+                if signal is not None and self._clock() >= deadline:
                     return None
-                if self._why_over(has_begun=True):
-                    raise
-                if is_late:
-                    raise BusError(
-                        f"{self.endpoint}: physics does not listen {BEGIN_SECONDS:g} s after its "
-                        "start; is the machine too busy?"
-                    ) from error
+                self._check_may_listen(deadline, error)
             else:
                 if signal is not None:
                     inbox.put(signal)
                 return bus
             item = inbox.take(0.0)
-            if isinstance(item, Signal):
-                if signal is not None:
-                    return None
-                signal = item
-                deadline = min(deadline, self._clock() + LOAD_SECONDS)
+            if not isinstance(item, Signal):
+                continue
+            if signal is not None:
+                return None
+            signal = item
+            deadline = min(deadline, self._clock() + LOAD_SECONDS)
+
+    def _check_may_listen(self, deadline: float, error: BusError) -> None:
+        """Raise BusError if physics will not listen any more, or does not by a deadline.
+
+        `error`: of the last attempt to connect.
+        """
+        if self._why_over(has_begun=True):
+            raise error
+        if self._clock() >= deadline:
+            raise BusError(
+                f"{self.endpoint}: physics does not listen {BEGIN_SECONDS:g} s after its start; "
+                "is the machine too busy?"
+            ) from error
 
     def _try_to_connect(self, inbox: Inbox) -> AbstractContextManager[Bus]:
         """Return a session at the endpoint. Raises BusError if none can be opened for now."""

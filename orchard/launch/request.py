@@ -54,7 +54,10 @@ Shares = list[tuple[str, Sequence[str]]]  # (name of an agent process, the agent
 
 
 class Credentials:
-    """What the processes of a run need to connect, and how agents are shared. An open run has no keyring."""
+    """What the processes of a run need to connect, and how agents are shared.
+
+    An open run has no keyring.
+    """
 
     def __init__(self, options: HarvestOptions) -> None:
         """Raises ValueError if the directory of a secured run has no roles."""

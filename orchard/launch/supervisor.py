@@ -24,7 +24,8 @@ from orchard.view.files import window
 
 QUICK_SECONDS = 10.0  # a process that lives shorter than this has died quickly
 DEATHS = 5  # quick deaths in a row, after which a process is given up
-# Exit code of a process that refuses its arguments, or what it finds: a port may be free again soon.
+# Exit code of a process that refuses its arguments, or what it finds. A port may be free again
+# soon.
 BAD_ORDER = 2
 # Quick deaths in a row, after which a process that ends with this code is given up: half a minute.
 REFUSALS = 9
@@ -71,7 +72,10 @@ class _Running:
     is_asked: bool = False  # to end
 
     def is_over(self) -> bool:
-        """Whether it has ended and is not restarted: an end that nothing has announced is a death."""
+        """Whether it has ended and is not restarted.
+
+        An end that nothing has announced is a death.
+        """
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
         is_done = self.line.code == 0 or (
@@ -84,7 +88,10 @@ class _Running:
 
 @dataclass
 class Supervisor(AbstractContextManager["Supervisor"]):
-    """The processes of a run. At the end of its `with` statement all are stopped. `say` prints a line."""
+    """The processes of a run. At the end of its `with` statement all are stopped.
+
+    `say` prints a line.
+    """
 
     say: Callable[[str], None]
     run: str = ""  # the run's id
@@ -173,7 +180,7 @@ class Supervisor(AbstractContextManager["Supervisor"]):
         return any(running.line.code == BAD_ORDER for running in self.running.values())
 
     def watch(self) -> None:
-        """Restart what has died: at once, then later and later, and not after DEATHS quick deaths."""
+        """Restart what has died: at once, then later and later, until it is given up."""
         for name, running in list(self.running.items()):
             program = running.program
             code = running.popen.poll()
@@ -284,7 +291,10 @@ def open_viewer(uri: str) -> subprocess.Popen[bytes]:
 def let_go(
     viewer: subprocess.Popen[bytes] | None, is_stopped: bool, say: Callable[[str], None]
 ) -> None:
-    """Leave a viewer when its run is over, or end it with a run that was stopped. Say so if it has died."""
+    """Leave a viewer when its run is over, or end it with a run that was stopped.
+
+    Say so if it has died.
+    """
     if viewer is None:
         return
     code = viewer.poll()

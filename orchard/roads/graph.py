@@ -107,7 +107,10 @@ class Graph:
 
 
 def _way_back(known: Mapping[str, tuple[float, str]], name: str) -> list[str]:
-    """Return the nodes from one back to the start. `known`: node -> its length, and the one before."""
+    """Return the nodes from one back to the start.
+
+    `known`: node -> the length of the way to it, m, and the node before it.
+    """
     nodes = []
     while name:
         nodes.append(name)

@@ -59,7 +59,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Look:
+class LineLook:
     """How a line is drawn, so that it differs from the others."""
 
     colour: str
@@ -123,17 +123,17 @@ class Content:
             return float(value)
         return float(self.values.index(value)) if self.values else 0.0
 
-    def look(self, number: int) -> Look:
+    def look(self, number: int) -> LineLook:
         """Return how a line is drawn. `number`: of the line, from 0 on."""
         middle = (len(self.lines) - 1) / 2
-        return Look(
+        return LineLook(
             colour=COLOURS[number % len(COLOURS)],
             mark=MARKS[number % len(MARKS)],
             dash=DASHES[number % len(DASHES)],
             aside=0.0 if self.is_numeric else DODGE * (number - middle),
         )
 
-    def places(self, line: Curve, look: Look) -> list[float]:
+    def places(self, line: Curve, look: LineLook) -> list[float]:
         """Return where the rows of a line stand along the axis, (n,)."""
         return [self.place(row) + look.aside for row in line.rows]
 
@@ -175,7 +175,7 @@ def _draw_rates(axes: Axes, content: Content) -> None:
         axes.legend(frameon=False, fontsize=9, loc="best", labelcolor=INK)
 
 
-def _draw_bounds(axes: Axes, content: Content, line: Curve, look: Look) -> None:
+def _draw_bounds(axes: Axes, content: Content, line: Curve, look: LineLook) -> None:
     """Draw the bound of each setting of a line: dotted, or as dashes beside each other."""
     bounds = [row.bound_bins_per_hour for row in line.rows]
     style: dict[str, Any] = {"ls": "", "marker": "_", "ms": 16}
@@ -185,7 +185,7 @@ def _draw_bounds(axes: Axes, content: Content, line: Curve, look: Look) -> None:
     axes.plot(content.places(line, look), bounds, color=look.colour, label=label, **style)
 
 
-def _draw_checks(axes: Axes, content: Content, line: Curve, look: Look) -> None:
+def _draw_checks(axes: Axes, content: Content, line: Curve, look: LineLook) -> None:
     """Draw what the simulator says of the settings that it has checked."""
     places = []
     means = []
@@ -211,7 +211,7 @@ def _draw_checks(axes: Axes, content: Content, line: Curve, look: Look) -> None:
     )
 
 
-def _draw_jams(axes: Axes, content: Content, line: Curve, look: Look) -> None:
+def _draw_jams(axes: Axes, content: Content, line: Curve, look: LineLook) -> None:
     """Draw a cross at the foot for each setting whose runs all jammed."""
     places = [
         place
@@ -243,9 +243,12 @@ def _draw_costs(axes: Axes, content: Content) -> None:
 
 
 def _draw_figures(
-    axes: Axes, content: Content, line: Curve, look: Look, figures: Sequence[Interval | None]
+    axes: Axes, content: Content, line: Curve, look: LineLook, figures: Sequence[Interval | None]
 ) -> None:
-    """Draw figures of a line with their intervals, and the best one. `figures`: of its rows, (n,)."""
+    """Draw figures of a line with their intervals, and the best one.
+
+    `figures`: of the rows of the line, (n,).
+    """
     places = []
     known = []
     for place, interval in zip(content.places(line, look), figures, strict=True):

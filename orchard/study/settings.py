@@ -236,7 +236,10 @@ def _unusable(varied: Mapping[str, Sequence[Any]]) -> list[Problem]:
 def _placed(
     problem: Problem, setting: dict[str, Any], varied: Mapping[str, Sequence[Any]]
 ) -> Problem:
-    """Return a problem of a setting with the `--vary` to which it belongs, or with the whole setting."""
+    """Return a problem of a setting with the `--vary` to which it belongs.
+
+    If it belongs to none, it has the whole setting.
+    """
     if problem.path in varied:
         source = _option(varied, problem.path)
     else:

@@ -27,19 +27,19 @@ from orchard.terminal.files import check_writable, one_file
 from orchard.terminal.output import bar, console, own_classes_run, print_error, print_line
 from orchard.terminal.signals import stoppable
 
-NAMES = {
-    "budget": "budget_seconds",
-    "out": "store",
-}  # options whose fields in StudyOptions have other names
+# Options whose fields in StudyOptions have other names.
+NAMES = {"budget": "budget_seconds", "out": "store"}
 Save = Callable[[StudyResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
-failures = partial(
-    exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED
-)  # of runs that cannot be done or kept
+# A context in which runs may fail, or cannot be kept.
+failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED)
 
 
 def run_study(chosen: StudyArguments) -> int:
-    """Do a study, print and write its answer. Return the exit code: 1 if an invariant, a run or a file fails."""
+    """Do a study, print and write its answer.
+
+    Returns the exit code: 1 if an invariant, a run or a file fails.
+    """
     with own_classes_run(), exit_on_errors(ScenarioError, StoreError, OSError), failures():
         scenario, varied = _question(chosen)
         with stoppable() as is_stopped, _progress(chosen) as tell:
@@ -48,11 +48,10 @@ def run_study(chosen: StudyArguments) -> int:
     if not result.table and result.stopped_by == "budget":
         print_error("the budget is too short for one run: --budget")
         return FAILED
-    return (
-        FAILED
-        if [*map(print_error, result.violations), *_unwritten(_files(chosen), result)]
-        else FINISHED
-    )
+    for violation in result.violations:
+        print_error(violation)
+    unwritten = list(_unwritten(_files(chosen), result))
+    return FAILED if result.violations or unwritten else FINISHED
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
@@ -83,18 +82,23 @@ def _read(path: Path | None) -> tuple[Scenario, list[Problem]]:
 
 
 def _may_follow(problem: Problem, faults: Sequence[Problem]) -> bool:
-    """Whether a problem of a setting may follow from a fault in the file: it names the same value, or a part."""
-    wrong = [path for fault in faults for path in fault.path.split(", ")]
-    named = (
-        []
-        if problem.file.startswith("--vary")
-        else [path for path in problem.path.split(", ") if path]
-    )
-    return any(
-        not one or f"{one}.".startswith(f"{path}.") or f"{path}.".startswith(f"{one}.")
-        for one in wrong
-        for path in named
-    )
+    """Whether a problem of a setting may follow from a fault in the file.
+
+    It may if it names the same value, or a part of it.
+    """
+    if problem.file.startswith("--vary"):
+        return False
+    named = [path for path in problem.path.split(", ") if path]
+    for fault in faults:
+        for wrong in fault.path.split(", "):
+            if any(_is_part(path, wrong) or _is_part(wrong, path) for path in named):
+                return True
+    return False
+
+
+def _is_part(path: str, whole: str) -> bool:
+    """Whether a dotted path is another one, or below it. An empty path is the whole file."""
+    return not whole or f"{path}.".startswith(f"{whole}.")
 
 
 def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
@@ -130,9 +134,8 @@ def _files(chosen: StudyArguments) -> dict[Path, Save]:
 
 
 def _save_by(module: str, result: StudyResult, path: Path) -> None:
-    import_module(f"orchard.study.{module}").save(
-        result, path
-    )  # not at the top: matplotlib takes half a second to load
+    """Save a result by a module that is loaded now: matplotlib takes half a second."""
+    import_module(f"orchard.study.{module}").save(result, path)
 
 
 def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:

@@ -29,7 +29,8 @@ from typing import Any, TypeVar, cast
 from orchard.contract.printed import Printed
 
 GLANCE = 0.2  # s between two looks whether to stop
-# Workers that die one after another, without any work done between: then the work itself kills them.
+# Workers that die one after another, without any work done between. Then the work itself kills
+# them.
 MOST_DEATHS = 3
 CONNECTING = 10.0  # s to wait for a scheduler
 # Environment variable of Python: no folder is put on the path.
@@ -168,7 +169,8 @@ def _end_with_parent(alive: Connection, safe_path: str | None) -> None:
 
     `safe_path`: of the parent's environment, which what own classes start gets too.
 
-    Some of what own classes print is shown, by the parent; what C code writes to the file of stdout is not.
+    The parent shows some of what own classes print. What C code writes to the file of stdout is
+    not shown.
     """
     _set_safe_path(safe_path)
     sys.stdout = sys.stderr = Printed(partial(print, file=sys.stderr, flush=True))
@@ -191,7 +193,8 @@ def scheduled(address: str) -> Iterator[Workers]:
     """Yield the workers of a dask.distributed scheduler, which replaces those that die.
 
     Each has this software, and the user's modules.
-    Raises WorkersError if no scheduler answers, it has no workers, their clocks are wrong, or it ends while they work.
+    Raises WorkersError if no scheduler answers, it has no workers, their clocks are wrong, or it
+    ends while they work.
     """
     import distributed
 

@@ -1,1 +1,1 @@
-"""What each command of a terminal needs: options, output, errors, exit codes. It knows no command."""
+"""What each command of a terminal needs: options, output, errors and exit codes."""

@@ -22,7 +22,7 @@ EPILOG = (
 
 
 @dataclass(frozen=True)
-class Entry:
+class CommandEntry:
     """Where a command is, and what --help says of it."""
 
     module: str
@@ -56,49 +56,55 @@ _OF_HARVEST = {"epilog": EPILOG}
 # -3 is no option.
 _NUMBERS = {"context_settings": {"ignore_unknown_options": True}}
 COMMANDS = {
-    "view": Entry("orchard.commands.recordings", "view", "open a recording"),
-    "export": Entry("orchard.bags.commands", "export", "make a bag for ROS 2 from a recording"),
-    "replay": Entry(
+    "view": CommandEntry("orchard.commands.recordings", "view", "open a recording"),
+    "export": CommandEntry(
+        "orchard.bags.commands", "export", "make a bag for ROS 2 from a recording"
+    ),
+    "replay": CommandEntry(
         "orchard.commands.harvest",
         "replay",
         "let the velocities in a bag drive its robots again",
         _OF_HARVEST,
     ),
-    "app": Entry(
+    "app": CommandEntry(
         "orchard.app.commands",
         "app",
         "serve the page on which you set up, run and watch an orchard",
     ),
-    "stop": Entry(
+    "stop": CommandEntry(
         "orchard.commands.asking", "stop", "emergency stop: stop robots of the active runs"
     ),
-    "reset": Entry("orchard.commands.asking", "reset", "let stopped robots go on"),
-    "pause": Entry("orchard.commands.asking", "pause", "pause a run"),
-    "resume": Entry("orchard.commands.asking", "resume", "let a paused run go on"),
-    "step": Entry("orchard.commands.asking", "step", "do some steps of a paused run", _NUMBERS),
-    "secure": Entry("orchard.commands.secure", "secure", "make the certificates of a secured run"),
-    "layout": Entry(
+    "reset": CommandEntry("orchard.commands.asking", "reset", "let stopped robots go on"),
+    "pause": CommandEntry("orchard.commands.asking", "pause", "pause a run"),
+    "resume": CommandEntry("orchard.commands.asking", "resume", "let a paused run go on"),
+    "step": CommandEntry(
+        "orchard.commands.asking", "step", "do some steps of a paused run", _NUMBERS
+    ),
+    "secure": CommandEntry(
+        "orchard.commands.secure", "secure", "make the certificates of a secured run"
+    ),
+    "layout": CommandEntry(
         "orchard.commands.layout",
         "layout",
         "import the rows of an orchard of your own, export its roads",
     ),
-    "study": Entry(
+    "study": CommandEntry(
         "orchard.study.commands",
         "study",
         "compare settings: how many carriers, which policy, which route",
     ),
-    "fork": Entry(
+    "fork": CommandEntry(
         "orchard.futures.commands",
         "fork",
         "go on with a run from any moment, with something changed",
         _OF_HARVEST,
     ),
-    "bound": Entry(
+    "bound": CommandEntry(
         "orchard.commands.bound",
         "bound",
         "prove how short a harvest could be, whatever sends the carriers",
     ),
-    "benchmark": Entry(
+    "benchmark": CommandEntry(
         "orchard.study.commands",
         "benchmark",
         "score a dispatch policy in twenty orchards, beside the built-in ones",

@@ -7,14 +7,14 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from orchard.terminal.catalogue import Entry
+from orchard.terminal.catalogue import CommandEntry
 from orchard.terminal.options import OrchardCommand, OrchardGroup
 
 
 class LazyGroup(OrchardGroup):
     """A group of commands. Those whose packages are left out are not listed."""
 
-    def __init__(self, entries: Mapping[str, Entry], **settings: Any) -> None:
+    def __init__(self, entries: Mapping[str, CommandEntry], **settings: Any) -> None:
         """`entries`: name of a command -> where it is. `settings`: as of Typer's group."""
         super().__init__(**settings)
         self._entries = entries
@@ -29,7 +29,7 @@ class LazyGroup(OrchardGroup):
         return None if entry is None else command_of(cmd_name, entry)
 
 
-def command_of(name: str, entry: Entry) -> Any:
+def command_of(name: str, entry: CommandEntry) -> Any:
     """Return a command for its name and entry. Raises BadParameter if it is left out."""
     loaded = entry.load()
     if isinstance(loaded, TyperGroup):

@@ -17,7 +17,7 @@ from orchard.contract.printed import diverted, printed
 
 
 def harmless(text: str) -> str:
-    """Return a text that may hold anything, such as a path, without what would control a terminal."""
+    """Return a text, such as a path, without what would control a terminal."""
     return "".join(
         character if character.isprintable() or character == "\n" else "?" for character in text
     )

@@ -60,7 +60,7 @@ def test_the_export_of_roads_says_that_its_package_is_left_out(monkeypatch):
 
 def test_a_folder_with_nothing_but_a_cache_is_no_package(monkeypatch):
     """What remains of a removed package is found by Python as a package without a file."""
-    entry = catalogue.Entry("tests_of_nothing.commands", "study", "")
+    entry = catalogue.CommandEntry("tests_of_nothing.commands", "study", "")
     monkeypatch.setattr(
         catalogue, "find_spec", lambda name: importlib.util.spec_from_loader(name, None)
     )

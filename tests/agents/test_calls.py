@@ -4,10 +4,14 @@ import pytest
 from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
+from orchard.agents.bin import CALL_AGAIN, Bin, BinMemory
 from orchard.agents.carrier import CarrierMemory, Job
-from orchard.contract.agent import Heard, Mail
-from orchard.contract.messages import Answer, Call, Come, Confirm, No, Offer
+from orchard.agents.picker import Picker
+from orchard.contract.agent import Heard, Mail, Reply
+from orchard.contract.messages import Answer, Call, Come, Confirm, Here, No, Offer
+from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, Scenario
+from orchard.local import Local
 
 
 class HardOfHearing:
@@ -181,6 +185,34 @@ def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head
     stage.run_until(lambda: stage.world.delivered == 1, 1000)
     assert stage.pose("carrier_13")[0] == 35.4, "nearest by road, but it never answers"
     assert_every_bin_is_taken_once(stage)
+
+
+def test_a_bin_whose_carrier_refuses_calls_again_at_once():
+    bin_ = Bin(lay_out(calling_orchard()), "bin_01")
+    memory = BinMemory(carrier="carrier_01", asked=98)
+    refusal = Reply("carrier_01", 0, Come(1, "east", "picker_01"), No("on another job"))
+    bin_.hear(Mail([], [refusal]), memory, tick=100)
+    assert memory.carrier == ""
+    assert 100 - memory.asked >= CALL_AGAIN
+
+
+def test_a_bin_that_its_picker_has_again_has_no_call():
+    local = Local(calling_orchard())
+    bin_ = Bin(local.engine.layout, "bin_01")
+    action = bin_.tick(local.seen["bin_01"], Mail([], []), BinMemory(since=50))
+    assert action.memory.since == -1
+
+
+@pytest.mark.parametrize(
+    ("brought", "why"),
+    [("bin_09", "no bin is wanted"), ("bin_01", "the place is not taken over yet")],
+)
+def test_a_picker_with_a_bin_tells_why_it_takes_no_other(brought, why):
+    local = Local(calling_orchard())
+    picker = Picker(local.engine.layout, "picker_01")
+    heard = Heard("carrier_01", 0, 0, Here(brought))
+    action = picker.tick(local.seen["picker_01"], Mail([heard], []), None)
+    assert action.answers == [(heard, No(why))]
 
 
 def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_it():

@@ -1,6 +1,7 @@
 """The replications of a study's settings: which runs are planned, and what the store or the workers gave."""
 
 import time
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -27,6 +28,10 @@ class Replications:
     heard: Callable[[], None]  # called after each run
     is_stopped: Callable[[], bool]
     records: dict[str, RunRecord] = field(default_factory=dict)
+    # By model, the time in which workers did runs, s, with their start and all that they wait for.
+    worked_seconds: dict[Model, float] = field(default_factory=lambda: defaultdict(float))
+    # By model, the runs that they did in this time.
+    runs_done: Counter[Model] = field(default_factory=Counter)
     _planned: dict[tuple[int, Model], list[PlannedRun]] = field(
         default_factory=dict
     )  # setting and model -> its runs by seed
@@ -43,11 +48,16 @@ class Replications:
             (run for key, run in runs.items() if key not in self.records),
             key=lambda run: run.scenario.seed,
         )
+        begun = time.time()
         for _, record in self.workers.do(
             partial(do, until=until), left, lambda: self.goes_on(until)
         ):
             if record is not None:
+                self.runs_done[model] += 1
                 self._keep(record)
+            now = time.time()
+            self.worked_seconds[model] += now - begun
+            begun = now
         return all(key in self.records for key in runs)
 
     def _plan(self, settings: Iterable[int], model: Model, count: int) -> dict[str, PlannedRun]:
@@ -74,9 +84,16 @@ class Replications:
         return time.time() < until and not self.is_stopped()
 
     def seconds_for(self, settings: Sequence[int], model: Model, more: float) -> float:
-        """Return about how long so many more replications of each of these settings take, as far as the runs so far tell."""
+        """Return about how long so many more replications of each of these settings take.
+
+        The runs of this study tell it: workers must start, and wait for a busy machine. A store
+        knows only how long runs took by themselves. The larger figure is nearer to what is to come.
+        """
         took = [record.wall_seconds for record in self.records.values() if record.model == model]
-        return more * len(settings) * fmean(took) / self.workers.count if took else 0.0
+        a_run = fmean(took) / self.workers.count if took else 0.0
+        if self.runs_done[model]:
+            a_run = max(a_run, self.worked_seconds[model] / self.runs_done[model])
+        return more * len(settings) * a_run
 
     # -- what they gave
 

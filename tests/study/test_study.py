@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from few_runs import FewRuns
+from stage import empty_orchard
 
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
@@ -712,3 +713,23 @@ def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_
     }
     two = study(scenario, {"dispatch": ["nearest", "longest-waiting"]}, options)
     assert "worse" not in [row.standing for row in two.table]
+
+
+def test_the_estimate_of_what_is_missing_knows_how_long_the_runs_of_this_study_took(
+    tmp_path, monkeypatch
+):
+    """Workers start, and wait for a busy machine: a run that took no time by itself took 30 s."""
+    now = [1000.0]
+    monkeypatch.setattr("orchard.study.replications.time.time", lambda: now[0])
+
+    class SlowRuns(FewRuns):
+        def do(self, work, items, goes_on):
+            for item, record in super().do(work, items, goes_on):
+                now[0] += 30.0
+                yield item, record
+
+    monkeypatch.setattr("orchard.study.study.processes", lambda count: SlowRuns(2))
+    options = StudyOptions(budget_seconds=3600.0, store=tmp_path / "s.db")
+    found = study(empty_orchard(rows=4, pickers=2), {"carriers": [1, 2, 3, 4, 5]}, options)
+    assert len(found.not_run) == 3
+    assert found.seconds_needed == pytest.approx(3 * 30.0)

@@ -18,7 +18,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError, show
 from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario, with_changes
-from orchard.report.bounds import Bounds
+from orchard.report.limits import limit_of_question
 from orchard.terminal.values import value_of
 
 MOST_SETTINGS = 10_000
@@ -304,7 +304,7 @@ def first_numbers(scenario: Scenario) -> list[int]:
     """
     most = most_carriers(scenario)
     try:
-        terms = Bounds(lay_out(with_changes(scenario, carriers=1))).terms
+        terms = limit_of_question(lay_out(with_changes(scenario, carriers=1))).terms
     except ScenarioError:
         # It is of an own class, and reported elsewhere.
         return [scenario.carrier_count]

@@ -1,5 +1,7 @@
 """The page, the table of a study and its answer show one limit; a summary shows that of its own rows."""
 
+from math import ceil
+
 import pytest
 from few_runs import FewRuns
 from stage import empty_orchard
@@ -8,6 +10,7 @@ from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
 from orchard.report.limits import FIRST_SEEDS, limit_of_question
 from orchard.study import study as module
+from orchard.study.settings import MORE, first_numbers
 from orchard.study.study import StudyOptions, study
 
 SMALL = {
@@ -51,3 +54,15 @@ def test_the_limit_is_that_of_the_scenario_where_no_seed_changes_the_rows():
 def test_after_the_last_seed_comes_the_first_one():
     limit = limit_of_question(lay_out(empty_orchard(**SMALL | {"seed": 2**63 - 1}, **DRAWN)))
     assert limit.seeds == (2**63 - 1, 0, 1, 2, 3)
+
+
+def test_a_study_begins_with_the_carriers_that_the_limit_of_the_question_asks_for():
+    """By the rows of seed 3 alone one carrier keeps all busy, by those of five seeds two do."""
+    values = SMALL | {"pickers": 4, "picking_speed": 0.042}
+    scenario = empty_orchard(**values, **DRAWN, carriers=1)
+    layout = lay_out(scenario)
+    busy = []
+    for terms in (Bounds(layout).terms, limit_of_question(layout).terms):
+        busy.append(ceil(terms["pickers"] / terms["carriers"]))
+    assert busy == [1, 2]
+    assert max(first_numbers(scenario)) == ceil(MORE * busy[1]) + 1

@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
-import numba
 from quiet import NOBODY, quiet_layouts
 
 from orchard.discrete.harvest import DiscreteHarvest
@@ -84,16 +83,6 @@ def test_the_machine_does_the_same_as_plain_python(
     assert figures(told) == figures(expected)
     for column in c.ROBOT.names or ():
         assert list(told.model.robots[column]) == list(expected.model.robots[column])
-
-
-@pytest.mark.soak
-def test_no_index_is_out_of_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (*MODULES, harvests):
-        for name, kernel in kernel_functions(module):
-            checked = numba.njit(boundscheck=True, error_model="numpy")(kernel.py_func)
-            monkeypatch.setattr(module, name, checked)
-    for layout in quiet_layouts(seed=5, count=40):
-        assert EventHarvest(layout).run().is_over
 
 
 def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:

@@ -220,6 +220,7 @@ class Logger:
         return code, part
 
     def _what_is_kept(self) -> str:
+        """Return how far the recording goes."""
         if self._tick is None:
             return "nothing is recorded"
         return f"the recording ends at tick {self._tick}"

@@ -107,6 +107,7 @@ class HarvestFigures:
         return self._has_stood(world, 2)
 
     def _has_stood(self, world: World, times: int) -> bool:
+        """Whether there was no progress for so many times the time after which a run is jammed."""
         seconds = (world.tick - self.progress_tick) * TIME_STEP / times
         # Most ticks end here: the layout's size takes longer to compute.
         if seconds < JAM_SECONDS:

@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from orchard.agents.walker import Animal, AnimalMemory
+from orchard.behaviour.walker import Animal, AnimalMemory
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import Where
 from orchard.field.geometry import Twist

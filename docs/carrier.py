@@ -2,15 +2,16 @@
 one-way roads, and its letters.
 """
 
-from orchard.agents import bin as bin_agent
-from orchard.agents import carrier as carrier_agent
-from orchard.agents import forecast, steps, traffic
-from orchard.agents.robot import LOOK_AGAIN, PATIENCE, Step
-from orchard.agents.route import OneWay
+from orchard.behaviour import bin as bin_agent
+from orchard.behaviour import carrier as carrier_agent
+from orchard.behaviour import traffic
 from orchard.field import layout
 from orchard.field.kinds import KINDS
 from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD
 from orchard.field.scenario import Scenario
+from orchard.plans import forecast, steps
+from orchard.plans.robot import LOOK_AGAIN, PATIENCE, Step
+from orchard.plans.route import OneWay
 
 _ROUTE = OneWay(layout.lay_out(Scenario(route=ONE_WAY)))
 _EAST, _WEST, _QUEUE = _ROUTE.east, _ROUTE.west, _ROUTE.queue

@@ -1,9 +1,9 @@
 """Draws the exchange of bins at the end of a row: the places, and the areas that turns sweep."""
 
-from orchard.agents.route import OneWay, Side
-from orchard.agents.routes import route_of
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
+from orchard.plans.route import OneWay, Side
+from orchard.plans.routes import route_of
 from orchard.report.plan import COLOURS, PIXELS, Drawing
 
 

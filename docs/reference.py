@@ -8,9 +8,7 @@ from math import degrees
 from pathlib import Path
 
 from docs import carrier, scenario
-from orchard.agents import robot, sense, steps, tractor, walker, weed
-from orchard.agents.route import OneWay
-from orchard.agents.two_way import TwoWay
+from orchard.behaviour import tractor, walker, weed
 from orchard.field import layout as field
 from orchard.field import placement
 from orchard.field.geometry import Rect
@@ -20,6 +18,9 @@ from orchard.field.queue import BAY_STOP, ONE_WAY, PITCH, TOP_ROAD, USUAL_ROW
 from orchard.field.repeatable import PI, QUARTER
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.field.survey import TRUNK
+from orchard.plans import robot, sense, steps
+from orchard.plans.route import OneWay
+from orchard.plans.two_way import TwoWay
 from orchard.sim import deeds
 from orchard.sim.kernels import move
 
@@ -487,5 +488,5 @@ def _two_way(route: TwoWay) -> str:
         ),
     ]
     text = """The lanes, and the places at a lane, are those of `one-way`; the west side is the east
-side mirrored. The code is `orchard/agents/two_way.py` and `orchard/field/queue.py`."""
+side mirrored. The code is `orchard/plans/two_way.py` and `orchard/field/queue.py`."""
     return _section("Places and roads: `two-way`", text, _points_of(rows))

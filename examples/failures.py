@@ -7,11 +7,11 @@ from typing import ClassVar
 from msgspec.structs import replace
 
 from orchard import Assignment, DriveTo, Face, PlanExecutor, Say
-from orchard.agents.robot import Gate
-from orchard.agents.route import OneWay
-from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import Plan, Wait
-from orchard.agents.two_way import TwoWay
+from orchard.plans.robot import Gate
+from orchard.plans.route import OneWay
+from orchard.plans.sense import bystanders_of
+from orchard.plans.steps import Plan, Wait
+from orchard.plans.two_way import TwoWay
 
 
 class OneRoad(TwoWay):

@@ -51,16 +51,12 @@ __all__ = [
     "with_steps",
 ]
 
-from .agents.carrier import Carrier, CarrierMemory
-from .agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
-from .agents.picker import Picker, PickerMemory
-from .agents.robot import PlanExecutor, Step
-from .agents.route import OneWay, Side
-from .agents.steps import DriveTo, Face, MoveTo, Say, Wait, with_steps
-from .agents.two_way import TwoWay
+from .behaviour.carrier import Carrier, CarrierMemory
+from .behaviour.picker import Picker, PickerMemory
 from .contract.agent import Action, Agent, Heard, Hold, Mail, Observation, Reply, State
 from .contract.messages import AgentMessage, Couple, No, PickFrom, Uncouple, Yes
 from .contract.zone import Zone
+from .dispatch.policy import Assignment, BinReport, CarrierReport, Dispatch
 from .field.geometry import Pose, Twist
 from .field.layout import Layout, lay_out
 from .field.problems import ScenarioError
@@ -69,5 +65,9 @@ from .field.rows import Block
 from .field.scenario import Scenario, load, with_changes
 from .local import Local
 from .net.endpoints import BusError
+from .plans.robot import PlanExecutor, Step
+from .plans.route import OneWay, Side
+from .plans.steps import DriveTo, Face, MoveTo, Say, Wait, with_steps
+from .plans.two_way import TwoWay
 from .remote import Remote, connect
 from .sim.snapshot import Snapshot, SnapshotError

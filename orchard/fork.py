@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from orchard.agents.carrier import Carrier, CarrierMemory
-from orchard.agents.catalogue import make_agents
-from orchard.agents.robot import Step
+from orchard.behaviour.carrier import Carrier, CarrierMemory
+from orchard.behaviour.catalogue import make_agents
 from orchard.contract.agent import STATES
 from orchard.contract.messages import Written, pack, unpack
 from orchard.field.kinds import DISPATCH, kind_of, number_of
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import with_changes
+from orchard.plans.robot import Step
 from orchard.sim.engine import Engine
 from orchard.sim.invariants import overlapping_bodies
 from orchard.sim.restore import fitting, world_from

@@ -6,7 +6,7 @@ Start reading here, and then follow the data:
     orchard.field.layout     scenario -> fences, trees, lanes, and the start of each body
     orchard.sim.engine       one step of the simulation; it uses world (the state), physics (motion and events), scan (laser scans)
     orchard.contract         what an agent receives and returns: observation, mail, action
-    orchard.agents           what each kind of robot, person and animal does
+    orchard.behaviour        what each kind of robot, person and animal does
 
 `orchard.server.loop` is the same loop with the network in the middle.
 """
@@ -17,7 +17,7 @@ from typing import Any
 
 import msgspec
 
-from orchard.agents.catalogue import guarded, make_agents
+from orchard.behaviour.catalogue import guarded, make_agents
 from orchard.contract.agent import Action, Agent, Mail, Observation, Observations
 from orchard.contract.events import Event
 from orchard.contract.guard import Guard

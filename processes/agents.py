@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NoReturn
 
-from orchard.agents.catalogue import guarded
+from orchard.behaviour.catalogue import guarded
 from orchard.contract.agent import Agent
 from orchard.contract.printed import printed
 from orchard.field.kinds import select_agents

@@ -12,8 +12,8 @@ from urllib.parse import urlencode
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from orchard.agents.catalogue import check_plugins
 from orchard.app.own_classes import AGENTS, CHOICES
+from orchard.behaviour.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario, with_changes

@@ -2,12 +2,12 @@
 
 from math import inf, pi
 
-from orchard.agents.robot import ASK
-from orchard.agents.sense import MARGIN, bystanders_of, sweep_radius
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.layout import X_WEST, Layout
 from orchard.field.repeatable import draw, exponential
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.robot import ASK
+from orchard.plans.sense import MARGIN, bystanders_of, sweep_radius
 
 MEETS_WITHIN = (
     5.6  # m: a robot stops once for each of them that is in a strip of this width along its way

@@ -6,10 +6,9 @@ from math import ceil
 
 import simpy
 
-from orchard.agents.bin import CALL_AGAIN
-from orchard.agents.carrier import REMEMBERED, HeardCall, can_leave, first_call
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, is_early
-from orchard.agents.dispatcher import (
+from orchard.behaviour.bin import CALL_AGAIN
+from orchard.behaviour.carrier import REMEMBERED, HeardCall, can_leave, first_call
+from orchard.behaviour.dispatcher import (
     BOOKED_TICKS,
     POLL_TICKS,
     PolicyFault,
@@ -17,18 +16,19 @@ from orchard.agents.dispatcher import (
     checked,
     fault_of,
 )
-from orchard.agents.forecast import horizon
-from orchard.agents.policies import POLICIES, dispatch_of
-from orchard.agents.ranking import MARGIN
-from orchard.agents.robot import ASK
-from orchard.agents.route import OneWay, Side
-from orchard.agents.routes import way_to
 from orchard.contract.messages import unpack
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
+from orchard.dispatch.policies import POLICIES, dispatch_of
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
+from orchard.dispatch.ranking import MARGIN
 from orchard.field.kinds import number_of
 from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.forecast import horizon
+from orchard.plans.robot import ASK
+from orchard.plans.route import OneWay, Side
+from orchard.plans.routes import way_to
 
 HEARD = ASK  # ticks from a call, by way of an offer, to the order that follows it
 ORDERED = 1  # tick from an order to the carrier

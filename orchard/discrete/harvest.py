@@ -8,16 +8,16 @@ from statistics import fmean
 
 import simpy
 
-from orchard.agents.forecast import until_full
-from orchard.agents.robot import PATIENCE
-from orchard.agents.routes import route_of
-from orchard.agents.steps import CRUISE, Confirmed
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.robots import Events, Exchange, Roads, Robot
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.forecast import until_full
+from orchard.plans.robot import PATIENCE
+from orchard.plans.routes import route_of
+from orchard.plans.steps import CRUISE, Confirmed
 
 LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
 JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other

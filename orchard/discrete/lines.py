@@ -2,8 +2,8 @@
 
 import simpy
 
-from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE
 from orchard.field.kinds import KINDS, Kind
+from orchard.plans.sense import SIDE_MARGIN, STOP_DISTANCE
 
 Line = tuple[
     str, float, int

@@ -7,9 +7,9 @@ from typing import Any
 
 import simpy
 
-from orchard.agents.robot import GIVEN_BACK, PATIENCE
-from orchard.agents.traffic import ReservationTable, grant, note
+from orchard.behaviour.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
+from orchard.plans.robot import GIVEN_BACK, PATIENCE
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
 ANSWERS = 0.75  # ticks before a robot acts, it hears answers of traffic: before traffic hears the claims of the last tick

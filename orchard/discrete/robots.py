@@ -9,16 +9,16 @@ from typing import Any, Protocol, cast
 
 import simpy
 
-from orchard.agents import steps as st
-from orchard.agents.robot import ASK, PATIENCE, Gate, Step
-from orchard.agents.sense import SIDE_MARGIN
-from orchard.agents.traffic import is_alone
+from orchard.behaviour.traffic import is_alone
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.scenario import TIME_STEP, Battery
+from orchard.plans import steps as st
+from orchard.plans.robot import ASK, PATIENCE, Gate, Step
+from orchard.plans.sense import SIDE_MARGIN
 
 Events = Generator[simpy.Event, Any, None]
 NEAR = 1e-6  # m

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from orchard.agents import steps as st
-from orchard.agents.forecast import EARLIER, until_full
-from orchard.agents.robot import Gate, Step
-from orchard.agents.route import OneWay
-from orchard.agents.routes import route_of, way_to
 from orchard.event_model import columns as c
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.passes import Pass
 from orchard.field.scenario import TIME_STEP
+from orchard.plans import steps as st
+from orchard.plans.forecast import EARLIER, until_full
+from orchard.plans.robot import Gate, Step
+from orchard.plans.route import OneWay
+from orchard.plans.routes import route_of, way_to
 
 # Ticks of rounding.
 ROUNDING = 1e-6

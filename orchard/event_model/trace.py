@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from orchard.agents.steps import Say
 from orchard.event_model import columns as c
 from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout
+from orchard.plans.steps import Say
 
 # What a robot does during an op of a kind.
 WORDS = {

@@ -1,6 +1,6 @@
 """Dispatch as a Gymnasium Env of events, over the fast model: at each decision an action names the carrier that fetches a bin, or none.
 
-The decisions are those of a dispatch policy (`orchard.agents.dispatch`): the same reports, at the same times. So what has learned here can
+The decisions are those of a dispatch policy (`orchard.dispatch.policy`): the same reports, at the same times. So what has learned here can
 be a policy of the simulator: `Dispatching.orders` is the body of its `assign`.
 """
 
@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
 from orchard.discrete.calls import Decision, Dispatched
 from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode

@@ -10,7 +10,6 @@ from gymnasium.error import ResetNeeded
 from msgspec.structs import replace
 from pettingzoo import ParallelEnv
 
-from orchard.agents.robot import RobotMemory
 from orchard.contract.agent import Action, Observation
 from orchard.contract.events import Event
 from orchard.contract.messages import PickFrom
@@ -23,6 +22,7 @@ from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode
 from orchard.gym.rewards import REWARDS, Moment, Reward, named
 from orchard.gym.spaces import Arrays
 from orchard.local import Local
+from orchard.plans.robot import RobotMemory
 from orchard.sim.engine import Engine, Unaudited
 
 LONGEST = 20_000  # ticks of an episode, 2000 s; the default orchard's harvest takes 5,446

@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium import spaces
 
-from orchard.agents.robot import Gate
-from orchard.agents.steps import DriveTo, Face, Plan
 from orchard.contract.agent import Action, Observation
 from orchard.contract.messages import Couple, Deed, Uncouple
 from orchard.field.geometry import HEADINGS, Twist, angle_between
 from orchard.field.kinds import KINDS, LASER_RANGE, kind_of
 from orchard.field.queue import LONGEST_ROW
+from orchard.plans.robot import Gate
+from orchard.plans.steps import DriveTo, Face, Plan
 from orchard.sim.deeds import COUPLING_REACH
 from orchard.sim.world import NONE, World
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
-from orchard.agents.catalogue import check_plugins
+from orchard.behaviour.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.folders import runs_folder

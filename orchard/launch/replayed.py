@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from orchard.agents.catalogue import make_agents
+from orchard.behaviour.catalogue import make_agents
 from orchard.contract.agent import Agent
 from orchard.field.layout import lay_out
 from orchard.field.problems import printable

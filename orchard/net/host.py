@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from orchard.agents.catalogue import guarded
+from orchard.behaviour.catalogue import guarded
 from orchard.contract.agent import Action, Agent, Mail, Observation
 from orchard.contract.guard import Guard
 from orchard.contract.mail import LocalMail, digest_of

@@ -19,7 +19,7 @@ from orchard.wire.keys import PREFIX
 MOST_SHOWN = 500
 # The only argument of a process that reads its options from its standard input.
 FROM_STDIN = "-"
-FACTORY = "orchard.agents.catalogue:make_agents"
+FACTORY = "orchard.behaviour.catalogue:make_agents"
 # Neither NaN nor infinite.
 Positive = Annotated[float, Meta(gt=0.0, le=1e12)]
 Options = TypeVar("Options", bound="ProcessOptions")

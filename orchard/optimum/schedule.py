@@ -15,12 +15,12 @@ from typing import Any
 
 from ortools.sat.python.cp_model import CpModel, CpSolver, IntervalVar, IntVar, LinearExprT
 
-from orchard.agents.jobs import TimedJob, Use, jobs_of, ticks
-from orchard.agents.routes import route_of
-from orchard.agents.steps import Unload
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.optimum import NoBound
+from orchard.plans.jobs import TimedJob, Use, jobs_of, ticks
+from orchard.plans.routes import route_of
+from orchard.plans.steps import Unload
 
 HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
 WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds

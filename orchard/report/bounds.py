@@ -11,13 +11,9 @@ from functools import cache, lru_cache, partial
 from math import ceil, inf
 from statistics import fmean
 
-from orchard.agents.dispatch import is_early, prefers_near
-from orchard.agents.jobs import HANDOVER, TimedStep, begin_of, timed_steps
-from orchard.agents.policies import POLICIES, dispatch_of
-from orchard.agents.route import OneWay
-from orchard.agents.routes import ROUTES, route_of, way_to
-from orchard.agents.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 from orchard.discrete.harvest import DiscreteHarvest
+from orchard.dispatch.policies import POLICIES, dispatch_of
+from orchard.dispatch.policy import is_early, prefers_near
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.kinds import kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
@@ -25,6 +21,10 @@ from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
+from orchard.plans.jobs import HANDOVER, TimedStep, begin_of, timed_steps
+from orchard.plans.route import OneWay
+from orchard.plans.routes import ROUTES, route_of, way_to
+from orchard.plans.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 
 TRAIN = (
     3.3 + 0.8

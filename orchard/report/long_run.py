@@ -33,10 +33,6 @@ from itertools import pairwise
 from math import ceil, inf
 from statistics import fmean
 
-from orchard.agents.jobs import begin_of
-from orchard.agents.route import OneWay
-from orchard.agents.routes import route_of
-from orchard.agents.steps import FetchEmpty
 from orchard.discrete.harvest import DiscreteFigures, DiscreteHarvest, Jam
 from orchard.discrete.robots import Exchange
 from orchard.field.layout import Layout
@@ -44,6 +40,10 @@ from orchard.field.passes import Pass
 from orchard.field.rounds import Round, round_of
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.jobs import begin_of
+from orchard.plans.route import OneWay
+from orchard.plans.routes import route_of
+from orchard.plans.steps import FetchEmpty
 from orchard.report.bounds import LEAST_SHARE, Bounds, plan_of_pass
 
 # Bins that each picker fills at least.

@@ -3,10 +3,10 @@
 import html
 import math
 
-from orchard.agents.routes import route_of
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
 from orchard.field.layout import DRIVEWAY, X_WEST, Layout
+from orchard.plans.routes import route_of
 from orchard.report.summary import clock
 from orchard.sim.world import World
 

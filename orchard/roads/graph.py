@@ -15,12 +15,12 @@ from math import hypot, inf
 
 from msgspec import structs
 
-from orchard.agents.robot import Step
-from orchard.agents.route import OneWay, Side
-from orchard.agents.steps import DriveTo, Face, Free, Need
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Lane, Layout
+from orchard.plans.robot import Step
+from orchard.plans.route import OneWay, Side
+from orchard.plans.steps import DriveTo, Face, Free, Need
 
 BAY = "bay"
 QUEUE = "queue/"  # the beginning of the names of the queue's nodes

@@ -8,13 +8,13 @@ stands with its bin; `*/wait/*`, beyond the roads; `*/aside/*`, where it holds u
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from orchard.agents.robot import PlanExecutor, Step
-from orchard.agents.route import OneWay, Side
-from orchard.agents.routes import route_of
-from orchard.agents.steps import DriveTo, Face, Free, Need
 from orchard.contract.messages import BinState, StateRequest
 from orchard.field.layout import Layout
 from orchard.field.passes import Pass
+from orchard.plans.robot import PlanExecutor, Step
+from orchard.plans.route import OneWay, Side
+from orchard.plans.routes import route_of
+from orchard.plans.steps import DriveTo, Face, Free, Need
 from orchard.roads.graph import Edge, Graph, Node, graph_of
 
 

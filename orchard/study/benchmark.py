@@ -12,7 +12,7 @@ from math import inf
 from statistics import fmean
 
 import orchard.optimum.schedule  # noqa: F401  # the workers need its extra: without it, this is told before they start
-from orchard.agents.catalogue import check_plugins
+from orchard.behaviour.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, check, with_changes
 from orchard.field.yaml_file import values_of

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 import orchard
-from orchard.agents.dispatcher import PolicyFault
+from orchard.behaviour.dispatcher import PolicyFault
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
 from orchard.field.plugins import (

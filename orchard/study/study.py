@@ -7,13 +7,13 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from orchard.agents.catalogue import check_plugins
-from orchard.agents.routes import route_of
+from orchard.behaviour.catalogue import check_plugins
 from orchard.field.decisions import is_choice
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
+from orchard.plans.routes import route_of
 from orchard.report.bounds import Bounds, proven_seconds
 from orchard.report.limits import common_bottleneck
 from orchard.study.comparing import LOOKS, Comparison, compare, interval

@@ -4,9 +4,9 @@ import pytest
 from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
-from orchard.agents.bin import CALL_AGAIN, Bin, BinMemory
-from orchard.agents.carrier import CarrierMemory, Job
-from orchard.agents.picker import Picker
+from orchard.behaviour.bin import CALL_AGAIN, Bin, BinMemory
+from orchard.behaviour.carrier import CarrierMemory, Job
+from orchard.behaviour.picker import Picker
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.messages import Answer, Call, Come, Confirm, Here, No, Offer
 from orchard.field.layout import lay_out
@@ -141,7 +141,7 @@ def test_a_bin_that_calls_again_says_since_when_it_has_called():
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("dispatch", ["nearest", "orchard.agents.ranking.Nearest"])
+@pytest.mark.parametrize("dispatch", ["nearest", "orchard.dispatch.ranking.Nearest"])
 def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     stage = Stage(Scenario(rows=6, pickers=4, carriers=1, seed=2003, dispatch=dispatch))
     jobs: list[tuple[int, str]] = []  # since when the bin had called, and its name

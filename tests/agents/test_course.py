@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from stage import Stage, empty_orchard
 
-from orchard.agents.robot import Gate
-from orchard.agents.steps import DriveTo, Face, TakeBin, Wait
 from orchard.field.geometry import Twist
 from orchard.field.kinds import EIGHTH
+from orchard.plans.robot import Gate
+from orchard.plans.steps import DriveTo, Face, TakeBin, Wait
 from orchard.report.metrics import collisions
 
 ROBOTS = ("picker_01", "picker_02", "carrier_01", "carrier_02", "tractor_01")

@@ -7,9 +7,9 @@ from local_runs import local_hash, start_afresh
 from stage import NOBODY_ABOUT, Stage, empty_orchard, meadow
 
 from orchard import Local, Scenario
-from orchard.agents.robot import Gate
-from orchard.agents.steps import DriveTo, MayFail
 from orchard.field.picking import failure
+from orchard.plans.robot import Gate
+from orchard.plans.steps import DriveTo, MayFail
 from orchard.report.metrics import JAM_SECONDS
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 

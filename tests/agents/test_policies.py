@@ -22,15 +22,15 @@ from orchard import (
     draw,
     lay_out,
 )
-from orchard.agents import route
-from orchard.agents.catalogue import check_plugins
-from orchard.agents.dispatch import Dispatch
-from orchard.agents.dispatcher import Dispatcher, checked
-from orchard.agents.forecast import Forecast
-from orchard.agents.policies import dispatch_of
+from orchard.behaviour.catalogue import check_plugins
+from orchard.behaviour.dispatcher import Dispatcher, checked
 from orchard.contract.agent import Heard, Mail, Reply, without_body
 from orchard.contract.messages import CarrierQuery, CarrierStatus, Fetch
+from orchard.dispatch.policies import dispatch_of
+from orchard.dispatch.policy import Dispatch
 from orchard.field.scenario import DISPATCH_POLICIES
+from orchard.plans import route
+from orchard.plans.forecast import Forecast
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 
 

@@ -4,12 +4,12 @@ import pytest
 from local_runs import played
 from stage import Acting, Driven, Stage, Standing, empty_orchard, meadow
 
-from orchard.agents.route import OneWay
-from orchard.agents.walker import tell_where
+from orchard.behaviour.walker import tell_where
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.contract.messages import BinState, Claim, StateRequest
 from orchard.field.geometry import Twist
 from orchard.field.scenario import NEAREST, People, Scenario
+from orchard.plans.route import OneWay
 
 
 def test_pickers_begin_at_the_head_of_their_lane_and_pick_it_to_the_end():

@@ -7,11 +7,11 @@ import pytest
 from stage import empty_orchard
 
 from orchard import Assignment, BinReport, CarrierReport, lay_out
-from orchard.agents.rolling import AHEAD, Rolling
-from orchard.agents.rollout import AWAY, RollOut
 from orchard.contract.messages import pack, unpack
 from orchard.discrete.calls import Dispatched
 from orchard.discrete.harvest import DiscreteHarvest
+from orchard.dispatch.rolling import AHEAD, Rolling
+from orchard.dispatch.rollout import AWAY, RollOut
 
 LOADED: list[dict[str, Any]] = [
     {"rows": 10, "pickers": 5, "carriers": 5},

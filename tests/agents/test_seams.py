@@ -20,7 +20,7 @@ from orchard import (
     Step,
     lay_out,
 )
-from orchard.agents.catalogue import check_plugins
+from orchard.behaviour.catalogue import check_plugins
 from orchard.contract.messages import CustomMessage
 from orchard.field.scenario import check
 from orchard.report.bounds import Bounds
@@ -93,7 +93,7 @@ def test_the_farthest_bin_is_fetched_first_by_that_policy():
 
 
 def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
-    local = run(Local(scenario(dispatch="orchard.agents.ranking.Nearest")))
+    local = run(Local(scenario(dispatch="orchard.dispatch.ranking.Nearest")))
     assert local.engine.over
     assert local.engine.world.delivered == 4
 

@@ -12,12 +12,12 @@ from local_runs import start_afresh
 from made_surveys import UNEQUAL, orchard_of
 from stage import Stage, empty_orchard
 
-from orchard.agents.routes import route_of
 from orchard.contract.messages import pack
 from orchard.field.passes import FULL_WITHIN, ORDERS, outward, passes_of
 from orchard.field.rows import Block
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_ORDERS, ROW_RULES, Scenario
 from orchard.local import Local
+from orchard.plans.routes import route_of
 from orchard.sim.lookahead import CheckedHolds, Lookahead
 from orchard.sim.snapshot import Snapshot
 from orchard.tables.exchanges import exchanges

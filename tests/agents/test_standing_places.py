@@ -12,11 +12,19 @@ from hypothesis import strategies as st
 from made_surveys import Row, orchard_of, rows
 from stage import Stage, Standing, empty_orchard
 
-from orchard.agents.robot import Step
-from orchard.agents.route import OneWay
-from orchard.agents.routes import route_of
-from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE, TURN_MARGIN, Box
-from orchard.agents.steps import (
+from orchard.behaviour.tractor import EAST_END, WEST_END
+from orchard.field.geometry import EAST, HEADINGS, SOUTH, WEST, angle_between
+from orchard.field.kinds import KINDS
+from orchard.field.layout import Layout, lay_out
+from orchard.field.queue import MOST_CARRIERS, ONE_WAY, TWO_WAY, queue_of
+from orchard.field.rows import RULES
+from orchard.field.scenario import NEAREST, Scenario
+from orchard.field.survey import CLOSEST
+from orchard.plans.robot import Step
+from orchard.plans.route import OneWay
+from orchard.plans.routes import route_of
+from orchard.plans.sense import SIDE_MARGIN, STOP_DISTANCE, TURN_MARGIN, Box
+from orchard.plans.steps import (
     Alone,
     Confirmed,
     Deliver,
@@ -29,14 +37,6 @@ from orchard.agents.steps import (
     TakeBin,
     Unload,
 )
-from orchard.agents.tractor import EAST_END, WEST_END
-from orchard.field.geometry import EAST, HEADINGS, SOUTH, WEST, angle_between
-from orchard.field.kinds import KINDS
-from orchard.field.layout import Layout, lay_out
-from orchard.field.queue import MOST_CARRIERS, ONE_WAY, TWO_WAY, queue_of
-from orchard.field.rows import RULES
-from orchard.field.scenario import NEAREST, Scenario
-from orchard.field.survey import CLOSEST
 
 COUPLING, D_ROAD, F_ROAD, FULL_BIN, STOP, WAITING = (
     OneWay.COUPLING, OneWay.D_ROAD, OneWay.F_ROAD, OneWay.FULL_BIN, OneWay.STOP, OneWay.WAITING

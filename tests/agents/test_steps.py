@@ -3,12 +3,12 @@
 import pytest
 from stage import Driven, Stage, Standing, empty_orchard, meadow, one_guest
 
-from orchard.agents.robot import Step
-from orchard.agents.sense import stop_zone
-from orchard.agents.steps import Again, Ahead, DriveTo, Face, MoveTo, Realign
 from orchard.contract.agent import IN_TURN
 from orchard.field.geometry import HEADINGS, Pose, Twist, from_frame
 from orchard.field.kinds import KINDS, kind_of
+from orchard.plans.robot import Step
+from orchard.plans.sense import stop_zone
+from orchard.plans.steps import Again, Ahead, DriveTo, Face, MoveTo, Realign
 
 
 def test_sensing_a_robot_stops_for_what_its_laser_sees():

@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stage import Driven, Stage, Standing, empty_orchard
 
-from orchard.agents.routes import route_of
-from orchard.agents.steps import DriveTo, Need
-from orchard.agents.traffic import ReservationTable, grant, note
+from orchard.behaviour.traffic import ReservationTable, grant, note
 from orchard.contract.messages import Claim
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
@@ -25,6 +23,8 @@ from orchard.field.scenario import (
     People,
     Scenario,
 )
+from orchard.plans.routes import route_of
+from orchard.plans.steps import DriveTo, Need
 from orchard.report.bounds import Bounds
 
 FARTHEST = "examples.seams.farthest_first.FarthestFirst"

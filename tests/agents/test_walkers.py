@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 from stage import Driven, Stage, Standing, empty_orchard, meadow, one_guest
 
-from orchard.agents.walker import Animal, Person, WalkerMemory
+from orchard.behaviour.walker import Animal, Person, WalkerMemory
 from orchard.contract.agent import Mail, Observation
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
 from rosbags.highlevel import AnyReader
 
-from orchard.agents.catalogue import make_agents
 from orchard.bags import drives
 from orchard.bags import export as bags
 from orchard.bags.drives import RecordingError, ranges_of, read_drives
@@ -31,6 +30,7 @@ from orchard.bags.replay import (
     replayed,
 )
 from orchard.bags.velocities import BagVelocities
+from orchard.behaviour.catalogue import make_agents
 from orchard.commands.main import app
 from orchard.field.geometry import Twist
 from orchard.field.kinds import KINDS, LASER_RANGE

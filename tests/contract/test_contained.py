@@ -13,11 +13,11 @@ import pytest
 from command_line import PATH, python, scenario_file
 from local_runs import SMALL, driven_by, local_hash, played
 
-from orchard.agents.ranking import Nearest
 from orchard.contract.agent import Action
 from orchard.contract.printed import MOST_LINES, Printed
 from orchard.contract.zone import spans
 from orchard.discrete.harvest import DiscreteHarvest
+from orchard.dispatch.ranking import Nearest
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.rows import balanced, rows_to_pickers

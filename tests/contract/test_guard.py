@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
 from msgspec.structs import replace
 
-from orchard.agents.catalogue import AGENTS, guarded
-from orchard.agents.picker import Picker
-from orchard.agents.ranking import Nearest
+from orchard.behaviour.catalogue import AGENTS, guarded
+from orchard.behaviour.picker import Picker
 from orchard.contract import messages
 from orchard.contract.agent import Action, Heard, Mail, without_body
 from orchard.contract.guard import Guard
 from orchard.contract.mail import digest_of, given_by
 from orchard.contract.messages import CustomMessage, Uncouple, Where, pack
+from orchard.dispatch.ranking import Nearest
 from orchard.field.geometry import Twist
 from orchard.field.kinds import kind_of
 from orchard.field.layout import lay_out

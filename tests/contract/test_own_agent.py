@@ -15,7 +15,7 @@ from local_runs import SMALL, driven_by, local_hash, played
 from patience import PATIENCE
 from recordings import texts_in
 
-from orchard.agents.catalogue import make_agents
+from orchard.behaviour.catalogue import make_agents
 from orchard.contract.agent import STATES, Action
 from orchard.contract.messages import pack, unpack
 from orchard.field.layout import lay_out

@@ -10,14 +10,14 @@ pytest.importorskip("simpy", reason="the extra `study` is not installed")
 from stage import ONE_WAY
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
-from orchard.agents.jobs import begin_of, timed_steps
-from orchard.agents.routes import route_of
-from orchard.agents.steps import FetchEmpty
 from orchard.discrete.calls import Dispatched
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
+from orchard.plans.jobs import begin_of, timed_steps
+from orchard.plans.routes import route_of
+from orchard.plans.steps import FetchEmpty
 from orchard.report.bounds import Bounds
 from orchard.report.long_run import long_run
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from quiet import quiet_layouts
 
-from orchard.agents.jobs import timed_steps
-from orchard.agents.route import OneWay
-from orchard.agents.routes import route_of
-from orchard.agents.steps import Ahead
 from orchard.event_model.program import SIDES, Program
 from orchard.field.layout import Layout, lay_out
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.plans.jobs import timed_steps
+from orchard.plans.route import OneWay
+from orchard.plans.routes import route_of
+from orchard.plans.steps import Ahead
 
 LAYOUTS = list(quiet_layouts(seed=1, count=20))
 

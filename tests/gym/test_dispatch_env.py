@@ -9,9 +9,9 @@ from gymnasium.utils.env_checker import check_env
 from stage import empty_orchard
 
 from examples.learned_dispatch import SCALE, AnyOrchard
-from orchard.agents.dispatch import BinReport, CarrierReport
-from orchard.agents.ranking import Predictive
 from orchard.discrete.harvest import LONGEST, DiscreteHarvest
+from orchard.dispatch.policy import BinReport, CarrierReport
+from orchard.dispatch.ranking import Predictive
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import Dispatching, dispatch_env

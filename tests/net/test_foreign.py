@@ -13,13 +13,13 @@ from stage import ONE_WAY, empty_orchard
 
 from examples import foreign_carrier, foreign_holder, foreign_host
 from orchard import Action, Hold, Local, Twist, Zone
-from orchard.agents.route import OneWay
 from orchard.contract.agent import Heard, Mail, Reply
 from orchard.contract.mail import digest_of, in_hearing_order
 from orchard.contract.messages import Come, Confirm, No, Offer, Position, StateRequest, Where, pack
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Animals, People, Scenario
+from orchard.plans.route import OneWay
 
 pytestmark = pytest.mark.processes
 

@@ -375,7 +375,10 @@ def test_who_asks_does_something_meanwhile_although_nobody_answers():
 
 
 def test_agents_load_neither_the_compiler_nor_the_viewer():
-    code = "import sys, orchard.processes.agents, orchard.agents, orchard.processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
+    code = (
+        "import sys, orchard.behaviour.catalogue, orchard.processes.agents, "
+        "orchard.processes.physics; print({'numba', 'rerun'} & set(sys.modules))"
+    )
     assert python("-c", code).stdout == "set()\n"
 
 

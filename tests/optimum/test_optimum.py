@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from scipy.optimize import Bounds, LinearConstraint, milp
 from stage import Stage, empty_orchard
 
-from orchard.agents.jobs import TimedJob, jobs_of
 from orchard.commands.bound import BoundOptions, print_bound
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
@@ -21,6 +20,7 @@ from orchard.field.queue import QUEUES
 from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
 from orchard.optimum import NoBound
 from orchard.optimum.schedule import optimum
+from orchard.plans.jobs import TimedJob, jobs_of
 
 ORCHARDS: list[dict[str, Any]] = [
     {"rows": 3, "pickers": 2, "carriers": 1},

@@ -7,14 +7,14 @@ from functools import cache
 import pytest
 from stage import Stage, Standing, empty_orchard
 
-from orchard.agents.route import OneWay
-from orchard.agents.routes import duration
-from orchard.agents.steps import DriveTo, Face
-from orchard.agents.two_way import TwoWay
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.geometry import EAST, Pose
 from orchard.field.layout import lay_out
 from orchard.field.scenario import NEAREST, People, Scenario
+from orchard.plans.route import OneWay
+from orchard.plans.routes import duration
+from orchard.plans.steps import DriveTo, Face
+from orchard.plans.two_way import TwoWay
 from orchard.report import bounds, metrics
 from orchard.report.bounds import Bounds, lost_seconds, proven_seconds, schedule_seconds
 from orchard.report.long_run import long_run

@@ -11,16 +11,16 @@ from hypothesis.extra.numpy import arrays
 from local_runs import SMALL, local_hash, played
 from stage import Stage, empty_orchard
 
-from orchard.agents.carrier import HeardCall, hear_calls
-from orchard.agents.picker import Picker
-from orchard.agents.steps import DriveTo
-from orchard.agents.walker import Person, WalkerMemory, ticks_within
+from orchard.behaviour.carrier import HeardCall, hear_calls
+from orchard.behaviour.picker import Picker
+from orchard.behaviour.walker import Person, WalkerMemory, ticks_within
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import LAST_TICK, Call, No, StateRequest, Uncouple
 from orchard.contract.zone import Zone, is_left_freer
 from orchard.field.geometry import STILL, Twist
 from orchard.field.scenario import LaserSettings, People, Scenario
 from orchard.local import Local
+from orchard.plans.steps import DriveTo
 from orchard.sim.kernels.holds import begin_holds
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds, Lookahead
 

@@ -9,11 +9,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from raycaster import world_of
 
-from orchard.agents import sense
 from orchard.field.geometry import EAST, NORTH, Pose, Twist
 from orchard.field.kinds import ANIMALS, KINDS, PEOPLE
 from orchard.field.layout import ROW_WEST
 from orchard.field.repeatable import PI
+from orchard.plans import sense
 from orchard.report.metrics import collisions
 from orchard.sim.kernels import move
 from orchard.sim.physics import step

@@ -12,15 +12,15 @@ from local_runs import local_hash, played
 from recorded_messages import KEYS, Run
 from stage import Stage, empty_orchard
 
-from orchard.agents.carrier import Job
-from orchard.agents.place import GAIN, place_of
-from orchard.agents.steps import SEARCH, DriveTo, Fill, LeaveBin, TakeBin
+from orchard.behaviour.carrier import Job
 from orchard.contract.agent import Observation, Scans
 from orchard.field.geometry import Twist
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario, parse, with_changes
 from orchard.local import Local
+from orchard.plans.estimate import GAIN, place_of
+from orchard.plans.steps import SEARCH, DriveTo, Fill, LeaveBin, TakeBin
 from orchard.report.metrics import collisions
 from orchard.sim.lookahead import CheckedHolds, IgnoredHolds
 from orchard.sim.scan import observe

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from raycaster import distance_to_box
 
-from orchard.agents.routes import route_of
 from orchard.contract.agent import Mail
 from orchard.field.kinds import KINDS, LASER_RANGE
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.local import Local
+from orchard.plans.routes import route_of
 from orchard.sim.scan import Scanner
 from orchard.sim.world import World
 

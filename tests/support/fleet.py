@@ -100,7 +100,7 @@ class Fleet:
     def host(
         self,
         *arguments: str,
-        agents: str = "orchard.agents.catalogue:make_agents",
+        agents: str = "orchard.behaviour.catalogue:make_agents",
         endpoint: str = "",
         before: Sequence[str] = (),
     ) -> Process:
@@ -113,7 +113,7 @@ class Fleet:
         )
         return self.hosts[-1]
 
-    def share(self, hosts: int, agents: str = "orchard.agents.catalogue:make_agents") -> None:
+    def share(self, hosts: int, agents: str = "orchard.behaviour.catalogue:make_agents") -> None:
         for i in range(hosts):
             self.host("--share", f"{i}/{hosts}", agents=agents)
 

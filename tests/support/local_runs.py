@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from orchard.agents.catalogue import make_agents
+from orchard.behaviour.catalogue import make_agents
 from orchard.contract.agent import Agent
 from orchard.contract.messages import pack, unpack
 from orchard.field.scenario import Animals, People, Scenario

@@ -95,15 +95,15 @@ def test_a_bin_hears_how_long_its_picker_waits():
 A_MESSAGE = [
     Edit("orchard/contract/messages.py", "class Here(AgentMessage):\n", HURRY),
     Edit("orchard/contract/messages.py", "    | Here\n", "    | Here\n    | Hurry\n"),
-    Edit("orchard/agents/steps.py", "    Here,\n", "    Here,\n    Hurry,\n"),
+    Edit("orchard/plans/steps.py", "    Here,\n", "    Here,\n    Hurry,\n"),
     Edit(
-        "orchard/agents/steps.py",
+        "orchard/plans/steps.py",
         "            answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)\n",
         "            answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)\n"
         "            robot.ask(robot.memory.full_bin, Hurry(0.0), every=SELDOM)\n",
     ),
     Edit(
-        "orchard/agents/bin.py",
+        "orchard/behaviour/bin.py",
         "        if isinstance(heard.body, messages.Confirm):\n",
         "        if isinstance(heard.body, messages.Hurry):\n"
         "            return messages.Yes()\n"
@@ -152,9 +152,9 @@ def test_people_walk_slower_in_wind():
 '''
 A_VALUE = [
     Edit("orchard/field/scenario.py", "    agents: Annotated[Classes, CHOICE] = {}\n", WIND),
-    Edit("orchard/agents/walker.py", PERSON, PERSON + IN_WIND),
+    Edit("orchard/behaviour/walker.py", PERSON, PERSON + IN_WIND),
     Edit(
-        "orchard/agents/walker.py",
+        "orchard/behaviour/walker.py",
         "self.kind, Twist(x=self.kind.speed)",
         "self.kind, Twist(x=self.pace)",
     ),
@@ -200,9 +200,9 @@ A_FIGURE = [
 
 DRONE = '''"""The drone: goes along the south fence and looks."""
 
-from orchard.agents.robot import PlanExecutor
-from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import DriveTo, Plan, Say
+from orchard.plans.robot import PlanExecutor
+from orchard.plans.sense import bystanders_of
+from orchard.plans.steps import DriveTo, Plan, Say
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.field.layout import Layout
 
@@ -262,14 +262,14 @@ A_ROBOT = [
         '        starts.append(Start(name_of("drone", i + 1), "drone", pose))\n'
         "    if layout.scenario.tractor:\n",
     ),
-    Edit("orchard/agents/drone.py", "", DRONE),
+    Edit("orchard/behaviour/drone.py", "", DRONE),
     Edit(
-        "orchard/agents/catalogue.py",
-        "from orchard.agents.picker import Picker\n",
-        "from orchard.agents.drone import Drone\nfrom orchard.agents.picker import Picker\n",
+        "orchard/behaviour/catalogue.py",
+        "from orchard.behaviour.picker import Picker\n",
+        "from orchard.behaviour.drone import Drone\nfrom orchard.behaviour.picker import Picker\n",
     ),
     Edit(
-        "orchard/agents/catalogue.py",
+        "orchard/behaviour/catalogue.py",
         '    "tractor": Tractor,\n',
         '    "tractor": Tractor,\n    "drone": Drone,\n',
     ),
@@ -287,10 +287,10 @@ NEW_POLICY = '''class ByName(Ranking):
 class LongestWaiting(Ranking):
 '''
 A_POLICY = [
-    Edit("orchard/agents/ranking.py", "class LongestWaiting(Ranking):\n", NEW_POLICY),
-    Edit("orchard/agents/policies.py", "import (\n    Far", "import (\n    ByName,\n    Far"),
+    Edit("orchard/dispatch/ranking.py", "class LongestWaiting(Ranking):\n", NEW_POLICY),
+    Edit("orchard/dispatch/policies.py", "import (\n    Far", "import (\n    ByName,\n    Far"),
     Edit(
-        "orchard/agents/policies.py",
+        "orchard/dispatch/policies.py",
         "    Nearest,\n    FarthestFirst,\n",
         "    Nearest,\n    ByName,\n    FarthestFirst,\n",
     ),

@@ -13,7 +13,7 @@ import msgpack
 from patience import PATIENCE
 
 from docs.message_examples import EXAMPLES
-from orchard.agents.catalogue import make_agents
+from orchard.behaviour.catalogue import make_agents
 from orchard.contract.messages import MAX_PAYLOAD, StateRequest, pack
 from orchard.net.bus import Alive, Final, Inbox, Replied, Sample
 from orchard.net.bus import Query as AnyQuery

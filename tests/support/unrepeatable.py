@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchard.agents.picker import Picker
+from orchard.behaviour.picker import Picker
 from orchard.contract.agent import Action
 from orchard.field.geometry import Twist
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import ClassVar, cast
 
 from orchard import Carrier, CarrierMemory, Heard, Layout, No, PlanExecutor, Step, Yes
-from orchard.agents.sense import something_ahead
-from orchard.agents.steps import Deliver, TakeBin, Unload
 from orchard.contract.messages import Answer, Call, CarrierQuery, CarrierStatus, Come, Offer
 from orchard.field.geometry import STILL
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.sense import something_ahead
+from orchard.plans.steps import Deliver, TakeBin, Unload
 from orchard.roads.actions import DROP, HAND_OVER, PICK, UNLOAD
 from orchard.roads.graph import BAY, QUEUE, Graph
 from orchard_vda5050.calls import Calls

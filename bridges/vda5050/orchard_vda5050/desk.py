@@ -6,8 +6,8 @@ Only a dispatch policy other than `nearest` needs it.
 from typing import Any
 
 from orchard import Action, Layout, Mail, Observation
-from orchard.agents.dispatch import CarrierReport
-from orchard.agents.dispatcher import Booking, Dispatcher, DispatcherMemory
+from orchard.behaviour.dispatcher import Booking, Dispatcher, DispatcherMemory
+from orchard.dispatch.policy import CarrierReport
 from orchard_vda5050.calls import Calls
 
 

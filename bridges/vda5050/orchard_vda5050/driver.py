@@ -12,8 +12,8 @@ import msgspec
 from msgspec.structs import replace
 
 from orchard import DriveTo, Mail, Observation, OneWay, PlanExecutor, Step
-from orchard.agents.steps import Need
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.steps import Need
 from orchard.roads.actions import WITH_THE_BIN
 from orchard.roads.graph import Graph
 from orchard_vda5050 import order as orders

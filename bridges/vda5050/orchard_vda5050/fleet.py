@@ -7,10 +7,10 @@ from collections.abc import Callable, Collection, Mapping
 from functools import cache
 
 from orchard import Agent, Layout
-from orchard.agents.policies import POLICIES
-from orchard.agents.routes import ROUTES
 from orchard.contract.guard import Guard
+from orchard.dispatch.policies import POLICIES
 from orchard.field.kinds import DISPATCH, kind_of
+from orchard.plans.routes import ROUTES
 from orchard.roads.pickers import graphs_of
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.carriers import CarrierVehicle

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import cast
 
 from orchard import Heard, Layout, Picker, PickerMemory, Step
-from orchard.agents.steps import FetchEmpty
 from orchard.contract.messages import Answer
+from orchard.plans.steps import FetchEmpty
 from orchard.roads.actions import DROP, PICK
 from orchard.roads.graph import Graph
 from orchard.roads.pickers import FreeWithout, Weigh, pass_at

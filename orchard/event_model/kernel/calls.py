@@ -1,20 +1,20 @@
 """Which carrier fetches which bin: calls that ask all carriers, or the dispatcher and its policy.
 
-The built-in policies that rank bins are compiled; `orchard.agents.ranking` has their rules.
+The built-in policies that rank bins are compiled; `orchard.dispatch.ranking` has their rules.
 """
 
 from math import ceil, floor
 
-from orchard.agents.bin import CALL_AGAIN
-from orchard.agents.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
-from orchard.agents.dispatcher import POLL_TICKS
-from orchard.agents.ranking import MARGIN
-from orchard.agents.robot import ASK
+from orchard.behaviour.bin import CALL_AGAIN
+from orchard.behaviour.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
+from orchard.behaviour.dispatcher import POLL_TICKS
+from orchard.dispatch.ranking import MARGIN
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.drives import is_moving, x_now
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.robot import ASK
 
 # Ticks from a call, by way of an offer, to the order that follows it.
 HEARD = ASK
@@ -155,7 +155,7 @@ def offer(m, carrier, tick):
 
 @inner
 def is_offered_first(m, carrier, name, other, tick):
-    """Whether a carrier offers itself to one bin before another: as `orchard.agents.carrier.first_call`."""
+    """Whether a carrier offers itself to one bin before another: as `orchard.behaviour.carrier.first_call`."""
     is_late = tick - m.offers[carrier, name] > CHOOSING
     is_other_late = tick - m.offers[carrier, other] > CHOOSING
     if is_late != is_other_late:
@@ -268,7 +268,7 @@ def seconds_to_full(m, picker, tick):
 
 @inner
 def remember(m, picker, tick):
-    """Note when a bin is full: as `orchard.agents.ranking.PredictiveMemory.note`."""
+    """Note when a bin is full: as `orchard.dispatch.ranking.PredictiveMemory.note`."""
     call = m.calls[picker]
     seconds = seconds_to_full(m, picker, tick)
     if seconds > 0.0 or m.bins[call.bin].full < call.since:
@@ -277,7 +277,7 @@ def remember(m, picker, tick):
 
 @inner
 def is_due(m, picker, tick):
-    """Whether a carrier may leave for a bin: as `orchard.agents.ranking.Predictive.is_due`."""
+    """Whether a carrier may leave for a bin: as `orchard.dispatch.ranking.Predictive.is_due`."""
     reach = m.ends[m.calls[picker].end].seconds
     return seconds_to_full(m, picker, tick) - reach <= MARGIN
 
@@ -305,7 +305,7 @@ def is_ranked_before(m, picker, other):
 
 @inner
 def rank(m, picker):
-    """Return two keys by which a policy ranks a bin: as in `orchard.agents.ranking`."""
+    """Return two keys by which a policy ranks a bin: as in `orchard.dispatch.ranking`."""
     call = m.calls[picker]
     end = m.ends[call.end]
     policy = m.desk[0].policy

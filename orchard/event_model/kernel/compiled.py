@@ -8,8 +8,10 @@ import hashlib
 from functools import partial
 from pathlib import Path
 
-from orchard.agents import bin, carrier, dispatcher, ranking, robot, sense
+from orchard.behaviour import bin, carrier, dispatcher
+from orchard.dispatch import ranking
 from orchard.event_model import columns
+from orchard.plans import robot, sense
 from orchard.sim.kernels.jit import jit
 
 # Modules of which constants are part of the code. Those of `orchard.field` count for all kernels.

@@ -1,6 +1,5 @@
 """Bins: a picker leaves the full one and takes the empty one that a carrier has brought."""
 
-from orchard.agents.robot import ASK, PATIENCE
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.calls import call_carriers
 from orchard.event_model.kernel.compiled import inner
@@ -13,6 +12,7 @@ from orchard.event_model.kernel.places import (
     tick_of,
     want_places,
 )
+from orchard.plans.robot import ASK, PATIENCE
 
 # Quarters of a tick after which a letter is heard.
 MAIL = 2

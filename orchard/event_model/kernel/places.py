@@ -1,12 +1,12 @@
 """Places: what a robot claims and when, and how traffic grants it.
 
-`orchard.agents.traffic` has the rules of granting; here they work on sets of places as bits. Claims
+`orchard.behaviour.traffic` has the rules of granting; here they work on sets of places as bits. Claims
 that are sent in one tick are heard together half a tick later.
 """
 
-from orchard.agents.robot import GIVEN_BACK, PATIENCE
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
+from orchard.plans.robot import GIVEN_BACK, PATIENCE
 
 # Quarters of a tick from a claim to when traffic hears it.
 HEARD = 2
@@ -219,7 +219,7 @@ def note_answer(m, robot):
 
 @inner
 def grant(m):
-    """Serve the robots that wait, in the order in which they asked: as `orchard.agents.traffic.grant`."""
+    """Serve the robots that wait, in the order in which they asked: as `orchard.behaviour.traffic.grant`."""
     robot = next_wish(m, c.NONE)
     if robot == c.NONE:
         return

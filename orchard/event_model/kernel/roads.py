@@ -4,10 +4,10 @@ A line keeps the order of its robots: each knows who is ahead and who is behind,
 the last one.
 """
 
-from orchard.agents.sense import SIDE_MARGIN, STOP_DISTANCE
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.field.kinds import KINDS
+from orchard.plans.sense import SIDE_MARGIN, STOP_DISTANCE
 
 BIN_HALF = KINDS["bin"].length / 2
 # m that a train drives to be off a line.

@@ -10,15 +10,15 @@ from typing import ClassVar, NamedTuple
 
 from msgspec.structs import replace
 
-from orchard.agents import steps as st
-from orchard.agents.robot import Gate, Step
-from orchard.agents.sense import STOP_DISTANCE, Box
 from orchard.field.kinds import KINDS
 from orchard.field.layout import EAST_START, Layout
 from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE, ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block
 from orchard.field.scenario import Failure
+from orchard.plans import steps as st
+from orchard.plans.robot import Gate, Step
+from orchard.plans.sense import STOP_DISTANCE, Box
 
 # The place where the queue's lines meet the delivery road.
 TOP = "top"

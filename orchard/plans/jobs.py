@@ -9,10 +9,15 @@ from dataclasses import dataclass
 from math import floor
 from typing import NamedTuple
 
-from orchard.agents.robot import ASK, Gate, Step
-from orchard.agents.route import OneWay, Side
-from orchard.agents.routes import route_of, timetable
-from orchard.agents.steps import (
+from orchard.field.geometry import Pose
+from orchard.field.layout import Layout
+from orchard.field.queue import CLOSED_UP
+from orchard.field.rows import Block
+from orchard.field.scenario import TIME_STEP
+from orchard.plans.robot import ASK, Gate, Step
+from orchard.plans.route import OneWay, Side
+from orchard.plans.routes import route_of, timetable
+from orchard.plans.steps import (
     CRUISE,
     Alone,
     Deliver,
@@ -23,11 +28,6 @@ from orchard.agents.steps import (
     Need,
     Unload,
 )
-from orchard.field.geometry import Pose
-from orchard.field.layout import Layout
-from orchard.field.queue import CLOSED_UP
-from orchard.field.rows import Block
-from orchard.field.scenario import TIME_STEP
 
 HANDOVER = (
     Deliver.handles + FetchEmpty.handles + ASK

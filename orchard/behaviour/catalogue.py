@@ -7,25 +7,25 @@ import logging
 from collections.abc import Collection
 from typing import Any
 
-from orchard.agents.bin import Bin
-from orchard.agents.carrier import Carrier
-from orchard.agents.dispatcher import Dispatcher
-from orchard.agents.picker import Picker
-from orchard.agents.policies import POLICIES, dispatch_of
-from orchard.agents.routes import ROUTES, route_of
-from orchard.agents.steps import Plan, of_known_steps, with_steps
-from orchard.agents.tractor import Tractor
-from orchard.agents.traffic import Traffic
-from orchard.agents.walker import Animal, Person
-from orchard.agents.weed import Weed
+from orchard.behaviour.bin import Bin
+from orchard.behaviour.carrier import Carrier
+from orchard.behaviour.dispatcher import Dispatcher
+from orchard.behaviour.picker import Picker
+from orchard.behaviour.tractor import Tractor
+from orchard.behaviour.traffic import Traffic
+from orchard.behaviour.walker import Animal, Person
+from orchard.behaviour.weed import Weed
 from orchard.contract.agent import Agent
 from orchard.contract.guard import Guard
 from orchard.contract.messages import pack, unpack
+from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.field.kinds import DISPATCH, TRAFFIC, kind_of, select_agents
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, load_plugin, made_of, place_of_class, unusable
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import TOP_ROAD
+from orchard.plans.routes import ROUTES, route_of
+from orchard.plans.steps import Plan, of_known_steps, with_steps
 
 log = logging.getLogger("orchard")
 

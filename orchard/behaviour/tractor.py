@@ -3,11 +3,11 @@
 It stops for obstacles.
 """
 
-from orchard.agents.robot import PlanExecutor, Step
-from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import Again, DriveTo, Face, Plan, Realign, Say, Wait
 from orchard.contract.agent import Action, Mail, Observation
 from orchard.field.layout import Layout
+from orchard.plans.robot import PlanExecutor, Step
+from orchard.plans.sense import bystanders_of
+from orchard.plans.steps import Again, DriveTo, Face, Plan, Realign, Say, Wait
 
 # x, m: 20 m apart (docs/reference.md).
 WEST_END = -45.0

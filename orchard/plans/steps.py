@@ -18,19 +18,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.robot import (
-    ASK,
-    EXACT,
-    LITTLE,
-    PATIENCE,
-    SHIFT,
-    SLACK,
-    Gate,
-    PlanExecutor,
-    RobotMemory,
-    Step,
-)
-from orchard.agents.sense import Box
 from orchard.contract import messages
 from orchard.contract.agent import MOST_HOLD, State
 from orchard.contract.messages import (
@@ -59,6 +46,19 @@ from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.robot import (
+    ASK,
+    EXACT,
+    LITTLE,
+    PATIENCE,
+    SHIFT,
+    SLACK,
+    Gate,
+    PlanExecutor,
+    RobotMemory,
+    Step,
+)
+from orchard.plans.sense import Box
 
 CRUISE = 1.0  # m/s
 # Ticks between two questions if the answer changes nothing.

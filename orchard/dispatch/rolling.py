@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import NamedTuple
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
-from orchard.agents.ranking import Predictive, PredictiveMemory, free_carriers
-from orchard.agents.rollout import RollOut, courses_of
-from orchard.agents.routes import ROUTES
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+from orchard.dispatch.ranking import Predictive, PredictiveMemory, free_carriers
+from orchard.dispatch.rollout import RollOut, courses_of
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
+from orchard.plans.routes import ROUTES
 
 AHEAD = 4  # bins of each picker, from the one with fewest on, that are planned: none is left out for longer
 GAIN, GAIN_OF_ORDER = (

@@ -6,11 +6,11 @@ Deliveries drive south on the outer roads, full bins north on the inner ones.
 from collections.abc import Sequence
 from typing import ClassVar
 
-from orchard.agents.robot import LITTLE, Gate, Step
-from orchard.agents.route import OneWay, Road, Side
-from orchard.agents.steps import DriveTo, Face, Free, Need
 from orchard.field.kinds import KINDS
 from orchard.field.queue import TOP_ROAD, TWO_WAY
+from orchard.plans.robot import LITTLE, Gate, Step
+from orchard.plans.route import OneWay, Road, Side
+from orchard.plans.steps import DriveTo, Face, Free, Need
 
 # Where a full bin that turns west swings over the delivery road.
 CORNER = "corner/north-east"

@@ -3,13 +3,13 @@
 from functools import lru_cache
 from typing import NamedTuple
 
-from orchard.agents.routes import route_of, way_to
-from orchard.agents.steps import CRUISE
 from orchard.contract.agent import Hitch, Observation
 from orchard.contract.messages import LeftAt
 from orchard.field.geometry import EAST, WEST, angle_between
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.routes import route_of, way_to
+from orchard.plans.steps import CRUISE
 
 ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
 LEAST_SPEED = 0.001  # m/s: a picker that is slower does not pick, but stands, or is about to

@@ -7,11 +7,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from orchard.agents.bin import CALL_AGAIN
-from orchard.agents.robot import PlanExecutor, Step
-from orchard.agents.routes import route_of
-from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
+from orchard.behaviour.bin import CALL_AGAIN
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import (
     LAST_TICK,
@@ -27,6 +23,10 @@ from orchard.contract.messages import (
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.queue import PITCH
+from orchard.plans.robot import PlanExecutor, Step
+from orchard.plans.routes import route_of
+from orchard.plans.sense import bystanders_of
+from orchard.plans.steps import Plan, Realign, of_known_steps, with_steps
 
 # Ticks in which a bin that has an offer sends for a carrier. After them it comes last.
 CHOOSING = 5

@@ -21,8 +21,6 @@ from typing import Any, ClassVar, NamedTuple, cast
 
 import msgspec
 
-from orchard.agents import sense
-from orchard.agents.place import Estimate, as_seen_from, place_of
 from orchard.contract.agent import (
     AHEAD,
     IN_TURN,
@@ -57,6 +55,8 @@ from orchard.field.geometry import (
 )
 from orchard.field.kinds import EIGHTH, KINDS, TRAFFIC, kind_of
 from orchard.field.scenario import TIME_STEP
+from orchard.plans import sense
+from orchard.plans.estimate import Estimate, as_seen_from, place_of
 
 # Ticks after which a question is asked again if it was not answered as hoped.
 PATIENCE = 5

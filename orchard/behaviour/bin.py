@@ -26,16 +26,16 @@ from typing import NamedTuple
 
 import msgspec
 
-from orchard.agents.dispatch import BinReport, CarrierReport, is_early
-from orchard.agents.forecast import LEAST_SPEED, Forecast
-from orchard.agents.policies import dispatch_of
 from orchard.contract import messages
 from orchard.contract.agent import Action, Heard, Hitch, Hold, Mail, Observation
+from orchard.dispatch.policies import dispatch_of
+from orchard.dispatch.policy import BinReport, CarrierReport, is_early
 from orchard.field import repeatable
 from orchard.field.geometry import STILL, Pose, Twist, angle_between, from_frame, to_frame
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.forecast import LEAST_SPEED, Forecast
 
 # Ticks from a call that found no carrier to the next call.
 CALL_AGAIN = 20

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
 

@@ -5,13 +5,13 @@ A scenario names a built-in route or a user's class.
 
 from collections.abc import Iterator
 
-from orchard.agents.robot import Step
-from orchard.agents.route import OneWay, Side
-from orchard.agents.two_way import TwoWay
 from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
 from orchard.field.plugins import make_plugin
 from orchard.field.queue import ONE_WAY, TWO_WAY
+from orchard.plans.robot import Step
+from orchard.plans.route import OneWay, Side
+from orchard.plans.two_way import TwoWay
 
 ROUTES = {ONE_WAY: OneWay, TWO_WAY: TwoWay}
 

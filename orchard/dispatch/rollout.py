@@ -13,11 +13,11 @@ from heapq import heappop, heappush
 from itertools import groupby
 from typing import NamedTuple
 
-from orchard.agents.jobs import TimedJob, Use, jobs_of
-from orchard.agents.ranking import MARGIN
-from orchard.agents.steps import Unload
+from orchard.dispatch.ranking import MARGIN
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.jobs import TimedJob, Use, jobs_of
+from orchard.plans.steps import Unload
 
 ORDERED = 12  # ticks from a decision until the carrier leaves, on average
 MOVING_UP = 10  # ticks after which the carrier behind can leave

@@ -4,7 +4,6 @@ import math
 
 import msgspec
 
-from orchard.agents.sense import free_directions, is_path_free, path
 from orchard.contract.agent import MOST_HOLD, Action, Heard, Hold, Mail, Observation, State
 from orchard.contract.messages import LAST_TICK, Answer, No, Position, Where
 from orchard.contract.zone import is_left_freer
@@ -13,6 +12,7 @@ from orchard.field.kinds import KINDS, Kind, kind_of
 from orchard.field.layout import Layout
 from orchard.field.repeatable import PI, draw, wrap
 from orchard.field.scenario import TICKS_PER_SECOND, TIME_STEP
+from orchard.plans.sense import free_directions, is_path_free, path
 
 STEER_WITHIN = 4.0  # m (docs/reference.md)
 TURN_WITHIN = 1.0  # m

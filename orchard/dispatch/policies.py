@@ -5,8 +5,8 @@ docs/bounds.md compares them.
 
 from types import MappingProxyType
 
-from orchard.agents.dispatch import Dispatch
-from orchard.agents.ranking import (
+from orchard.dispatch.policy import Dispatch
+from orchard.dispatch.ranking import (
     FarthestFirst,
     GlobalAssignment,
     LongestWaiting,
@@ -14,7 +14,7 @@ from orchard.agents.ranking import (
     Predictive,
     PredictiveFarthest,
 )
-from orchard.agents.rolling import Rolling
+from orchard.dispatch.rolling import Rolling
 from orchard.field.layout import Layout
 from orchard.field.plugins import make_plugin
 from orchard.field.scenario import DISPATCH_POLICIES

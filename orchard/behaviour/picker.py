@@ -1,12 +1,12 @@
 """The picker: drives its rows, fills its bin, leaves the full bin, and fetches an empty one."""
 
-from orchard.agents.robot import PlanExecutor, Step
-from orchard.agents.routes import route_of
-from orchard.agents.sense import bystanders_of
-from orchard.agents.steps import Plan, Realign, of_known_steps, with_steps
 from orchard.contract.agent import Action, Heard, Mail, Observation
 from orchard.contract.messages import Answer, Here, No, Yes
 from orchard.field.layout import Layout
+from orchard.plans.robot import PlanExecutor, Step
+from orchard.plans.routes import route_of
+from orchard.plans.sense import bystanders_of
+from orchard.plans.steps import Plan, Realign, of_known_steps, with_steps
 
 # Steps: more than a picker does in a tick, and few, because the memory is sent with each action.
 FORESEEN = 50

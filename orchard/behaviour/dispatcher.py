@@ -8,10 +8,6 @@ import logging
 import msgspec
 from msgspec.structs import replace
 
-from orchard.agents.dispatch import Assignment, BinReport, CarrierReport, Dispatch
-from orchard.agents.policies import dispatch_of
-from orchard.agents.ranking import Nearest
-from orchard.agents.routes import route_of, way_to
 from orchard.contract.agent import LARGEST_MEMORY, Action, Heard, Hold, Mail, Observation
 from orchard.contract.messages import (
     LAST_TICK,
@@ -24,10 +20,14 @@ from orchard.contract.messages import (
     pack,
     unpack,
 )
+from orchard.dispatch.policies import dispatch_of
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, Dispatch
+from orchard.dispatch.ranking import Nearest
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, place_of_class, place_of_error, reraise_ctrl_c, text_of
 from orchard.field.problems import printable
 from orchard.field.scenario import END, TIME_STEP
+from orchard.plans.routes import route_of, way_to
 
 log = logging.getLogger("orchard")
 

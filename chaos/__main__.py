@@ -1,10 +1,13 @@
-"""Inject random faults into random harvests and check the results. Then check that memory stays constant over a long run.
+"""Inject random faults into random harvests and check the results.
+
+Then check that memory stays constant over a long run.
 
     python -m chaos [--seconds 600] [--seed 1]
     python -m chaos --seed 1 --only 17
     python -m chaos endurance
 
-The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test and writes chaos/results.md.
+The exit code is 1 if a promise is broken. A soak of ten minutes or more includes the endurance test
+and writes chaos/results.md.
 """
 
 import itertools

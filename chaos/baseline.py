@@ -1,4 +1,7 @@
-"""The result of a scenario in local mode, without faults. Each lockstep run must reach the same hash and the same progress."""
+"""The result of a scenario in local mode, without faults.
+
+Each lockstep run must reach the same hash and the same progress.
+"""
 
 from typing import NamedTuple
 
@@ -19,7 +22,10 @@ class Result(NamedTuple):
 
 
 class Baseline:
-    """Local runs in this process, one for each scenario. Each is continued only as far as a result needs it."""
+    """Local runs in this process, one for each scenario.
+
+    Each is continued only as far as a result needs it.
+    """
 
     def __init__(self) -> None:
         self._runs: dict[str, Local] = {}
@@ -46,6 +52,9 @@ class Baseline:
 
 
 def scenario(seed: int, is_mistaken: bool = False) -> Scenario:
-    """The soak's scenario: 3 rows; carriers leave early in every second one. `is_mistaken`: with an agent that makes mistakes."""
+    """The soak's scenario: 3 rows; carriers leave early in every second one.
+
+    `is_mistaken`: with an agent that makes mistakes.
+    """
     own = {MISTAKEN: f"{Mistaken.__module__}.{Mistaken.__name__}"} if is_mistaken else {}
     return Scenario(rows=3, seed=seed, agents=own, dispatch=("predictive", "nearest")[seed % 2])

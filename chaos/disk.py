@@ -9,7 +9,10 @@ CHUNK = bytes(1 << 20)
 
 
 class Disk:
-    """A disk in memory, mounted on a folder. Without the right to mount, as for most users, there is none."""
+    """A disk in memory, mounted on a folder.
+
+    Without the right to mount, as for most users, there is none.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._filler = folder, folder / "filler"

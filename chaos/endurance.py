@@ -1,4 +1,6 @@
-"""Measures whether memory and file handles stay constant over 100,000 ticks: of physics and two hosts in lockstep, and of local mode."""
+"""Measures whether memory and file handles stay constant over 100,000 ticks: of physics and two
+hosts in lockstep, and of local mode.
+"""
 
 import time
 from collections import defaultdict
@@ -58,7 +60,8 @@ class MemorySeries(NamedTuple):
     def more_handles(self) -> int:
         """How many more handles the later half has than the earlier half.
 
-        Each half counts with its minimum, so a file that is open for a moment, such as a snapshot, does not matter.
+        Each half counts with its minimum, so a file that is open for a moment, such as a snapshot,
+        does not matter.
         """
         middle = len(self.samples) // 2
         earlier, later = (
@@ -97,7 +100,10 @@ def endure(say: Say, ticks: int = TICKS) -> Endurance:
 
 
 def series_of(moments: Iterator[tuple[int, Mapping[str, psutil.Process]]]) -> list[MemorySeries]:
-    """Sample the named processes at each moment (tick, processes). Return a series for each name."""
+    """Sample the named processes at each moment (tick, processes).
+
+    Return a series for each name.
+    """
     found: dict[str, list[MemorySample]] = defaultdict(list)
     for tick, processes in moments:
         for name, process in processes.items():

@@ -1,4 +1,6 @@
-"""Injects the faults of a trial into a running harvest, and measures how long each recovery takes."""
+"""Injects the faults of a trial into a running harvest, and measures how long each recovery
+takes.
+"""
 
 import heapq
 import signal
@@ -57,7 +59,9 @@ SIGNALS = {KILL: signal.SIGKILL, TERMINATE: signal.SIGTERM, INTERRUPT: signal.SI
 
 
 class Recovery(NamedTuple):
-    """A fault, and the time until the run had passed the tick that it had reached when the fault began."""
+    """A fault, and the time until the run had passed the tick that it had reached when the fault
+    began.
+    """
 
     fault: str
     seconds: float  # of wall time, since the beginning of the fault
@@ -74,7 +78,9 @@ class Execution(NamedTuple):
 
 
 class FaultInjector:
-    """Injects the faults of one trial into its run, each at its tick, and ends those that have a duration."""
+    """Injects the faults of one trial into its run, each at its tick, and ends those that have a
+    duration.
+    """
 
     def __init__(self, trial: Trial, harvest: Harvest, network: Network, bus: Bus) -> None:
         """`bus`: a session that is connected without the relay and subscribed to the clock."""
@@ -94,13 +100,18 @@ class FaultInjector:
         self.recoveries: list[Recovery] = []
 
     def listen(self, seconds: float) -> None:
-        """Read all clock messages that have arrived. If there is none, wait up to `seconds` for the next."""
+        """Read all clock messages that have arrived.
+
+        If there is none, wait up to `seconds` for the next.
+        """
         while isinstance(item := self._bus.inbox.take(seconds), Sample):
             self._receive(item)
             seconds = 0.0
 
     def _receive(self, sample: Sample) -> None:
-        """Read a sample on the clock's key: the clock of the run, or a message of the fuzzer, which is ignored."""
+        """Read a sample on the clock's key: the clock of the run, or a message of the fuzzer, which
+        is ignored.
+        """
         with suppress(Refused, ValueError):
             self._run = self._run or read(sample.payload, Clock).run
             self.tick = read_message(sample.payload, Clock, self._run).tick
@@ -202,7 +213,9 @@ class FaultInjector:
         return running
 
     def _targets(self, fault: Fault) -> list[psutil.Process]:
-        """The processes that a fault hits: one of those of its role, or all; empty while none runs."""
+        """The processes that a fault hits: one of those of its role, or all; empty while
+        none runs.
+        """
         if fault.target == ALL:
             return [
                 process
@@ -245,7 +258,10 @@ def _resume(processes: list[psutil.Process]) -> None:
 
 
 def inject_faults(trial: Trial, harvest: Harvest, network: Network) -> Execution:
-    """Inject the trial's faults into a run that has been started. Return when the run has ended or its time limit is over."""
+    """Inject the trial's faults into a run that has been started.
+
+    Return when the run has ended or its time limit is over.
+    """
     limit = time_limit(trial)
     deadline = time.monotonic() + limit
     try:

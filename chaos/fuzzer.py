@@ -1,7 +1,10 @@
-"""A fuzzer: a client that sends random bytes, and mutated messages of the run, on every key. None of them may have an effect.
+"""A fuzzer: a client that sends random bytes, and mutated messages of the run, on every key.
 
-A complete message of the run would be valid, and every client that may write on the bus may send one (docs/security.md says which may).
-Therefore the fuzzer replaces the run's id in a message before it mutates the message further.
+None of them may have an effect.
+
+A complete message of the run would be valid, and every client that may write on the bus may send
+one (docs/security.md says which may). Therefore the fuzzer replaces the run's id in a message
+before it mutates the message further.
 """
 
 import socket
@@ -22,7 +25,10 @@ NAMES = ("picker_01", "carrier_02", "bin_03", "worker_01", "traffic", "unknown",
 
 
 def fuzz(endpoint: str, run: str, seed: int) -> None:
-    """Connect, listen, then publish and query invalid messages. Publish nothing if the router at `endpoint` cannot be reached."""
+    """Connect, listen, then publish and query invalid messages.
+
+    Publish nothing if the router at `endpoint` cannot be reached.
+    """
     random = Random(seed)
     _send_raw_bytes(endpoint, random)
     with suppress(BusError), client(endpoint, seconds=2.0) as bus:
@@ -40,7 +46,9 @@ def fuzz(endpoint: str, run: str, seed: int) -> None:
 
 
 def mutated(random: Random, payload: bytes, run: str) -> bytes:
-    """Return a message with the id of another run, in which some bytes may be changed, cut off or repeated."""
+    """Return a message with the id of another run, in which some bytes may be changed, cut off or
+    repeated.
+    """
     message = bytearray(
         payload.replace(run.encode(), "".join(random.choices("ghijklmn", k=len(run))).encode())
     )

@@ -1,4 +1,6 @@
-"""A run.py process that the soak starts, kills and ends: its processes by role, its log and its summary."""
+"""A run.py process that the soak starts, kills and ends: its processes by role, its log and its
+summary.
+"""
 
 import json
 import os
@@ -22,9 +24,13 @@ STOP_SECONDS = 15.0  # within which a run must stop when it is asked to
 
 
 class Harvest:
-    """A run.py process. Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until `tidy`.
+    """A run.py process.
 
-    It has a folder of its own, in which it keeps notes, snapshots, recordings and compiled kernels: it disturbs no other run.
+    Use it with `with`, which leaves no process behind. Its output goes to `log`, which stays until
+    `tidy`.
+
+    It has a folder of its own, in which it keeps notes, snapshots, recordings and compiled kernels:
+    it disturbs no other run.
     """
 
     def __init__(
@@ -68,12 +74,19 @@ class Harvest:
         ]
         with self.log.open("a") as file:
             self._popen = subprocess.Popen(
-                command, cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(self._kernels)}, stdout=file, stderr=subprocess.STDOUT,
+                command,
+                cwd=ROOT,
+                env=os.environ | {"NUMBA_CACHE_DIR": str(self._kernels)},
+                stdout=file,
+                stderr=subprocess.STDOUT,
                 start_new_session=True,
-            )  # fmt: skip
+            )
 
     def kill_and_resume(self) -> bool:
-        """Kill run.py and continue its run. Return whether that was possible: it must run, and have a snapshot."""
+        """Kill run.py and continue its run.
+
+        Return whether that was possible: it must run, and have a snapshot.
+        """
         if self._popen.poll() is not None or not any(
             self._folder.glob("runs/*.snapshots/*.snapshot")
         ):
@@ -84,7 +97,10 @@ class Harvest:
         return True
 
     def tear_kernel(self, chance: int) -> bool:
-        """Change a bit of a compiled kernel. `chance`: selects the kernel and the bit. Return whether there is one."""
+        """Change a bit of a compiled kernel.
+
+        `chance`: selects the kernel and the bit. Return whether there is one.
+        """
         if files := sorted(self._kernels.rglob("*.nbc")):
             flip_bit(files[chance % len(files)], chance)
         return bool(files)
@@ -109,7 +125,10 @@ class Harvest:
         return self._popen.poll()
 
     def processes(self, role: str) -> list[psutil.Process]:
-        """Return the processes of `processes/{role}.py`. Their order stays the same when one is started again."""
+        """Return the processes of `processes/{role}.py`.
+
+        Their order stays the same when one is started again.
+        """
         found = []
         for process in self._children():
             with suppress(psutil.Error):

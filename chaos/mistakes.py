@@ -1,4 +1,7 @@
-"""An own agent that makes mistakes. They must stay its own: the hash is that of local mode with the same agent."""
+"""An own agent that makes mistakes.
+
+They must stay its own: the hash is that of local mode with the same agent.
+"""
 
 import math
 from asyncio import CancelledError

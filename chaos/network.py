@@ -1,4 +1,6 @@
-"""The network of one run: physics is the router, or a router process of its own stands behind a relay through which every link goes."""
+"""The network of one run: physics is the router, or a router process of its own stands behind a
+relay through which every link goes.
+"""
 
 import socket
 import time
@@ -15,8 +17,8 @@ DELAY_SECONDS = 0.03  # by which a slow link delays each chunk
 class Network:
     """The network of one run. Use it with `with`.
 
-    `arguments`: options of run.py that lead its processes to this network. `endpoint`: the router's own endpoint, without the relay.
-    `relay`: None where physics is the router.
+    `arguments`: options of run.py that lead its processes to this network. `endpoint`: the router's
+    own endpoint, without the relay. `relay`: None where physics is the router.
     """
 
     def __init__(self, is_routed: bool) -> None:
@@ -54,7 +56,10 @@ class Network:
         return was_running
 
     def take_port(self) -> socket.socket | None:
-        """Listen at the port of physics, which has just died. Return None if physics is there again already."""
+        """Listen at the port of physics, which has just died.
+
+        Return None if physics is there again already.
+        """
         with suppress(OSError):
             return socket.create_server(("127.0.0.1", self._port))
         return None

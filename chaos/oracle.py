@@ -12,7 +12,10 @@ from orchard.field.scenario import TIME_STEP
 
 @dataclass
 class Verdict:
-    """The verdict on one run. `complaints`: each fault that was found, as a sentence; empty for a good run."""
+    """The verdict on one run.
+
+    `complaints`: each fault that was found, as a sentence; empty for a good run.
+    """
 
     trial: Trial
     injected: list[str]
@@ -30,7 +33,8 @@ def judge(
 ) -> Verdict:
     """Return the verdict on a run.
 
-    `summary`: run.py's summary; None if it wrote none. `baseline`: what a lockstep run must reach; None in realtime, which has no hash.
+    `summary`: run.py's summary; None if it wrote none. `baseline`: what a lockstep run must reach;
+    None in realtime, which has no hash.
     """
     verdict = Verdict(trial, execution.injected, execution.recoveries)
     if execution.exit_code is None:
@@ -77,7 +81,10 @@ def _check_lockstep(verdict: Verdict, summary: dict[str, Any], baseline: Result)
 
 
 def _check_realtime(verdict: Verdict, summary: dict[str, Any]) -> None:
-    """A whole harvest must deliver every bin. A run of limited time must only reach its last tick: its progress is not promised."""
+    """A whole harvest must deliver every bin.
+
+    A run of limited time must only reach its last tick: its progress is not promised.
+    """
     seconds = verdict.trial.seconds
     if seconds is None:
         verdict.bins_lost = scenario(verdict.trial.orchard).rows - summary["bins_delivered"]

@@ -1,7 +1,8 @@
-"""A TCP relay that simulates a bad network: it cuts, stalls and delays the connections that pass through it.
+"""A TCP relay that simulates a bad network: it cuts, stalls and delays the connections that pass
+through it.
 
-TCP hides the loss of single packets. What remains visible of a bad network is delay, silence, and connections that break, also in the
-middle of a message.
+TCP hides the loss of single packets. What remains visible of a bad network is delay, silence, and
+connections that break, also in the middle of a message.
 """
 
 import asyncio
@@ -33,7 +34,9 @@ class _Link:
 
 
 class Relay:
-    """A relay between a free port and another port of the loopback. Use it with `with`; it works in its own thread.
+    """A relay between a free port and another port of the loopback.
+
+    Use it with `with`; it works in its own thread.
 
     `target`: the port to which each connection is passed on.
     """
@@ -61,7 +64,10 @@ class Relay:
         return f"tcp/127.0.0.1:{self.port}"
 
     def cut(self, which: int | None = None) -> None:
-        """Break a link without notice. `which`: any number, it selects one of the present links; None: all links."""
+        """Break a link without notice.
+
+        `which`: any number, it selects one of the present links; None: all links.
+        """
         self._change(which, _Link.cut)
 
     def stall(self, which: int | None) -> None:

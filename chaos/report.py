@@ -16,7 +16,8 @@ from chaos.oracle import Verdict
 TITLE = """\
 # Results of the soak test
 
-For people who ask how often, and how fast, a run recovers. [Reliability](../docs/reliability.md) has the promise."""
+For people who ask how often, and how fast, a run recovers. [Reliability](../docs/reliability.md)
+has the promise."""
 HEAD = ("fault", "times", "recovered", "median s", "worst s")
 
 
@@ -72,7 +73,10 @@ class Results:
         return [
             (
                 "runs",
-                f"{len(self.verdicts)} ({runs['lockstep']} in lockstep, {runs['realtime']} in realtime; {whole} whole harvests)",
+                (
+                    f"{len(self.verdicts)} ({runs['lockstep']} in lockstep, {runs['realtime']} in"
+                    f" realtime; {whole} whole harvests)"
+                ),
             ),
             ("minutes", f"{self.seconds / 60:.1f}"),
             ("faults injected", str(injected)),
@@ -152,16 +156,17 @@ def markdown(results: Results) -> str:
 
 
 RECOVERY = """\
-A recovery is the wall time from the beginning of a fault to the first later tick that was not received before it, as a client of the bus
-measures it. A few hundredths of a second mean that the fault held up no process. A fault does not count as recovered if its run ended
-earlier."""
+A recovery is the wall time from the beginning of a fault to the first later tick that was not
+received before it, as a client of the bus measures it. A few hundredths of a second mean that the
+fault held up no process. A fault does not count as recovered if its run ended earlier."""
 
 
 def _machine(results: Results) -> str:
     versions = ", ".join(f"{name} {version(name)}" for name in ("eclipse-zenoh", "numpy", "numba"))
     return (
-        f"Written by `make chaos` on {results.day}: seed {results.seed}, Python {platform.python_version()}, {versions}, "
-        f"{platform.system()} on {os.cpu_count()} cores of {_processor()}, load {results.load:.1f} at the end."
+        f"Written by `make chaos` on {results.day}: seed {results.seed}, Python"
+        f" {platform.python_version()}, {versions}, {platform.system()} on {os.cpu_count()} cores"
+        f" of {_processor()}, load {results.load:.1f} at the end."
     )
 
 
@@ -178,9 +183,10 @@ def _endurance_text(endurance: Endurance) -> str:
         f"{rate:,.0f} ticks/s in {mode}" for mode, rate in endurance.ticks_per_second.items()
     )
     return (
-        f"{endurance.ticks:,} ticks at {rates}, sampled every {EVERY:,} ticks from tick {WARM_UP:,} on. A process is flat if its memory "
-        f"grows by no more than {MOST_GROWTH:.0%} along a fitted straight line and it has no more file handles in the later half of the "
-        f"run than in the earlier half."
+        f"{endurance.ticks:,} ticks at {rates}, sampled every {EVERY:,} ticks from tick {WARM_UP:,}"
+        f" on. A process is flat if its memory grows by no more than {MOST_GROWTH:.0%} along a"
+        " fitted straight line and it has no more file handles in the later half of the run than"
+        " in the earlier half."
     )
 
 

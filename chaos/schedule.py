@@ -1,4 +1,7 @@
-"""The schedule of the soak: trials and their faults, derived from a seed and a number. Times are ticks, as received on the key `clock`."""
+"""The schedule of the soak: trials and their faults, derived from a seed and a number.
+
+Times are ticks, as received on the key `clock`.
+"""
 
 from collections.abc import Sequence
 from random import Random
@@ -22,7 +25,9 @@ LASTS = {
     PORT: (0.5, 3.0),
 }  # s of wall time: least and most
 ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started again
-MOST_DEATHS = 4  # of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen process
+# Of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen
+# process.
+MOST_DEATHS = 4
 FIRST, LAST = (
     0.05,
     0.85,
@@ -96,11 +101,17 @@ class Trial(NamedTuple):
     def __str__(self) -> str:
         length = "whole harvest" if self.seconds is None else f"{self.seconds} s"
         network = "router" if self.is_routed else "no router"
-        return f"run {self.number}: {self.mode}, {length} at {self.speed}, hosts {self.hosts}, {network}, {len(self.faults)} faults"
+        return (
+            f"run {self.number}: {self.mode}, {length} at {self.speed}, hosts {self.hosts},"
+            f" {network}, {len(self.faults)} faults"
+        )
 
 
 def trial(seed: int, number: int) -> Trial:
-    """Return the trial of a seed and a number; it depends on nothing else. Every sixth is a whole harvest, every fourth is in realtime."""
+    """Return the trial of a seed and a number; it depends on nothing else.
+
+    Every sixth is a whole harvest, every fourth is in realtime.
+    """
     random = Random(f"{seed}/{number}")
     mode = "realtime" if number % 4 == 3 else "lockstep"
     seconds = None if number % 6 == 5 else random.choice(SECONDS)
@@ -121,7 +132,9 @@ def trial(seed: int, number: int) -> Trial:
 
 
 def _speed(random: Random, mode: str, seconds: int | None) -> str:
-    """Simulated seconds in a second of wall time: fast enough for a short run, slow enough for faults to begin at their ticks."""
+    """Simulated seconds in a second of wall time: fast enough for a short run, slow enough for
+    faults to begin at their ticks.
+    """
     if mode == "realtime":
         return "20" if seconds is None or seconds > 120 else "10"
     return "max" if seconds is None else random.choice(("15", "30", "max"))
@@ -130,7 +143,9 @@ def _speed(random: Random, mode: str, seconds: int | None) -> str:
 def _faults(
     random: Random, ticks: int, due: tuple[str, str], possible: list[tuple[str, str]]
 ) -> tuple[Fault, ...]:
-    """At most 7 faults, one of them `due`, in the order of their ticks; some begin at the same tick."""
+    """At most 7 faults, one of them `due`, in the order of their ticks; some begin at the same
+    tick.
+    """
     faults: list[Fault] = []
     for i in range(random.randint(3, 7)):
         kind, target = random.choice(possible) if i else due

@@ -1,4 +1,7 @@
-"""Runs trial after trial until the time is over. Each run is judged; the log of a run that is not good is kept."""
+"""Runs trial after trial until the time is over.
+
+Each run is judged; the log of a run that is not good is kept.
+"""
 
 import time
 from collections.abc import Callable, Iterable
@@ -60,7 +63,8 @@ def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     say(f"{this}: {'; '.join(verdict.complaints) or 'good'}")
     if verdict.complaints:
         say(
-            f"  to repeat it: python -m chaos --seed {this.seed} --only {this.number}; log: {harvest.log.relative_to(ROOT)}"
+            f"  to repeat it: python -m chaos --seed {this.seed} --only {this.number}; log:"
+            f" {harvest.log.relative_to(ROOT)}"
         )
     else:
         harvest.tidy()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from docs import api, benchmark, keyspace, policies, reference, study, validation
 from docs.exchange import exchange_plan
+from docs.unwrapped import unwrapped
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY
 from orchard.field.scenario import Scenario
@@ -28,7 +29,7 @@ def schema_text() -> str:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **Scenario.model_json_schema(),
     }
-    return json.dumps(schema, indent=2) + "\n"
+    return json.dumps(unwrapped(schema), indent=2) + "\n"
 
 
 def generated() -> dict[str, str]:

@@ -12,6 +12,7 @@ import msgspec
 from docs.key_words import WORDS, meaning_of
 from docs.message_examples import EXAMPLES, TICK, WRITTEN
 from docs.message_fields import UNIONS, parts_of, rows_of, struct_of
+from docs.unwrapped import unwrapped
 from orchard.contract.agent import MOST_HOLD, MOST_ZONES, Heard, Mail, Reply
 from orchard.contract.mail import digest_of
 from orchard.contract.messages import MAX_PAYLOAD, Claim, Places
@@ -187,7 +188,7 @@ def asyncapi() -> str:
         "channels": {what: _channel(what, key) for what, key in TABLE.items()},
         "operations": dict(_operations()),
         "components": {
-            "schemas": _draft_7(schemas),
+            "schemas": unwrapped(_draft_7(schemas)),
             "messages": {
                 type_.__name__: {"payload": {"$ref": f"#/components/schemas/{type_.__name__}"}}
                 for type_ in types

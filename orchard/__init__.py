@@ -1,7 +1,10 @@
-"""A kiwifruit orchard harvested by robots: the library. `orchard.local` is the whole program in one loop: read it first.
+"""A kiwifruit orchard harvested by robots: the library.
 
-What users need is imported from here: `from orchard import Scenario, Local, Action, Twist, connect`. `__init__.pyi` lists all of it. Each
-name is imported when it is first used, so an agent's process does not load Rerun, and local mode does not load Zenoh.
+`orchard.local` is the whole program in one loop: read it first.
+
+What users need is imported from here: `from orchard import Scenario, Local, Action, Twist,
+connect`. `__init__.pyi` lists all of it. Each name is imported when it is first used, so an agent's
+process does not load Rerun, and local mode does not load Zenoh.
 """
 
 import os

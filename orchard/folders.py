@@ -1,4 +1,6 @@
-"""The folders in which the program writes for its user, and the files that it reads and writes: whole, or not at all."""
+"""The folders in which the program writes for its user, and the files that it reads and writes:
+whole, or not at all.
+"""
 
 import errno
 import os
@@ -18,8 +20,8 @@ ABOVE = Path(__file__).parents[
 def runs_folder(above: Path = ABOVE) -> Path:
     """Return the folder for recordings, snapshots and notes of active runs. It need not exist yet.
 
-    `above` is the folder that the package is in. A clone keeps its own runs, whichever way it is started. The installed package keeps
-    them with the user's data, never where it is installed.
+    `above` is the folder that the package is in. A clone keeps its own runs, whichever way it is
+    started. The installed package keeps them with the user's data, never where it is installed.
     """
     is_clone = (above / "run.py").is_file() and (above / "pyproject.toml").is_file()
     own = above if is_clone else platformdirs.user_data_path("orchard", appauthor=False)
@@ -27,7 +29,10 @@ def runs_folder(above: Path = ABOVE) -> Path:
 
 
 def regular(path: str | Path) -> Path:
-    """Return the path of a file. Raises OSError if it is no regular file: from a named pipe or a device a read may never return."""
+    """Return the path of a file.
+
+    Raises OSError if it is no regular file: from a named pipe or a device a read may never return.
+    """
     mode = os.stat(path).st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))

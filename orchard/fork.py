@@ -1,4 +1,6 @@
-"""A run that goes on with something changed: what may change under way, and the snapshot with the changes."""
+"""A run that goes on with something changed: what may change under way, and the snapshot with the
+changes.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
@@ -68,13 +70,13 @@ def forked(snapshot: Snapshot, changes: Mapping[str, Any], stop: Sequence[str] =
     or kinds of robots that stand from now on, until they are reset.
 
     What is random from now on follows from the seed: with another one people and animals walk
-    elsewhere, robots fail at other times, and what remains of the rows takes another time. A carrier
-    that is added begins at a free place of the queue; one that waits there with an empty bin is
-    taken away, and the queue stays as long. People, animals and weeds begin at their starts. New
-    robots have rested.
+    elsewhere, robots fail at other times, and what remains of the rows takes another time. A
+    carrier that is added begins at a free place of the queue; one that waits there with an empty
+    bin is taken away, and the queue stays as long. People, animals and weeds begin at their starts.
+    New robots have rested.
 
-    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot now, ValueError
-    for another word in `stop`.
+    Raises SnapshotError, ScenarioError for what cannot change, NotNow for what cannot now,
+    ValueError for another word in `stop`.
     """
     before = world_from(snapshot)
     old_layout = before.layout
@@ -356,9 +358,9 @@ def _memories(
 ) -> dict[str, bytes | None]:
     """Return the memories with which agents go on.
 
-    Their courses are those of the layout now. An agent of another class, or one in place of a client
-    elsewhere, begins anew if the memory is not its own. So does the dispatcher if the policy or the
-    carriers are others: it hears of all bins within 2 s.
+    Their courses are those of the layout now. An agent of another class, or one in place of a
+    client elsewhere, begins anew if the memory is not its own. So does the dispatcher if the policy
+    or the carriers are others: it hears of all bins within 2 s.
     """
     old_agents = make_agents(before)
     new_agents = make_agents(after)

@@ -1,10 +1,11 @@
-"""The whole program in one loop, without a network: observe, tick the agents, collect their mail, advance the world.
+"""The whole program in one loop, without a network: observe, tick the agents, collect their mail,
+advance the world.
 
 Start reading here, and then follow the data:
 
     orchard.field.scenario   what a user sets, read from YAML and checked
     orchard.field.layout     scenario -> fences, trees, lanes, and the start of each body
-    orchard.sim.engine       one step of the simulation; it uses world (the state), physics (motion and events), scan (laser scans)
+    orchard.sim.engine       one step of the simulation, by world (the state), physics and scan
     orchard.contract         what an agent receives and returns: observation, mail, action
     orchard.behaviour        what each kind of robot, person and animal does
 
@@ -46,11 +47,13 @@ class Local:
         is_hashed: bool = True,
         engine: type[Engine] = Engine,
     ) -> None:
-        """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are made.
+        """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are
+        made.
 
-        `check_agents`: check that own agents are repeatable; what is not is logged, and the state of its action is `broken`.
-        `holds`: which agents are asked at a tick, see `orchard.sim.lookahead`. `is_hashed`: False for a run of a study, which is a tenth
-        faster without its hash. `engine`: `Unaudited` for a run that is neither hashed nor checked.
+        `check_agents`: check that own agents are repeatable; what is not is logged, and the state
+        of its action is `broken`. `holds`: which agents are asked at a tick, see
+        `orchard.sim.lookahead`. `is_hashed`: False for a run of a study, which is a tenth faster
+        without its hash. `engine`: `Unaudited` for a run that is neither hashed nor checked.
         """
         self.engine, self._check_agents = engine.begin(scenario, holds, is_hashed), check_agents
         self._figures = HarvestFigures()
@@ -77,7 +80,9 @@ class Local:
         holds: type[Lookahead] = Lookahead,
         is_hashed: bool = True,
     ) -> "Local":
-        """Return the run of a snapshot, which continues at the snapshot's tick, as often as you resume it. Raises SnapshotError."""
+        """Return the run of a snapshot, which continues at the snapshot's tick, as often as you
+        resume it. Raises SnapshotError.
+        """
         engine = Engine.resume(snapshot, holds, is_hashed)
         local = cls(engine.layout.scenario, check_agents=check_agents)
         local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
@@ -113,9 +118,11 @@ class Local:
         )
 
     def fork(self, stop: Sequence[str] = (), **changes: Any) -> "Local":
-        """Return a run that goes on from this moment with some values changed, as with `with_changes`: see `orchard.fork`.
+        """Return a run that goes on from this moment with some values changed, as with
+        `with_changes`: see `orchard.fork`.
 
-        `stop`: robots that stand from now on. This run stays as it is. Agents that are not of the scenario are left behind.
+        `stop`: robots that stand from now on. This run stays as it is. Agents that are not of the
+        scenario are left behind.
         """
         snapshot = self.snapshot()
         snapshot.memories = {
@@ -126,10 +133,13 @@ class Local:
         return Local.resume(forked(snapshot, changes, stop))
 
     def play(self, name: str, agent: Agent) -> None:
-        """Let `agent` drive `name` from the next tick on. If it raises an error, its robot stands and the run goes on (see `Guard`).
+        """Let `agent` drive `name` from the next tick on.
 
-        It receives the memory of the agent that it replaces, or None if it does not fit `Memory`. Raises ValueError for an unknown name,
-        TypeError for an agent that derives from a built-in one and has another `Memory`.
+        If it raises an error, its robot stands and the run goes on (see `Guard`).
+
+        It receives the memory of the agent that it replaces, or None if it does not fit `Memory`.
+        Raises ValueError for an unknown name, TypeError for an agent that derives from a built-in
+        one and has another `Memory`.
         """
         if name not in self.engine.layout.agents:
             raise ValueError(
@@ -154,7 +164,9 @@ class Local:
 
     @property
     def ended(self) -> str:
-        """Why the run is over, as in a summary: 'harvested', 'jammed', 'broken' (all pickers), or 'refused'; '' while it goes on."""
+        """Why the run is over, as in a summary: 'harvested', 'jammed', 'broken' (all pickers), or
+        'refused'; '' while it goes on.
+        """
         return why_over(self.engine, self._figures)
 
     @property
@@ -164,7 +176,9 @@ class Local:
 
     @property
     def seen(self) -> Observations:
-        """What all bodies observed at the tick at which agents were asked last; before the first tick, what they observe now."""
+        """What all bodies observed at the tick at which agents were asked last; before the first
+        tick, what they observe now.
+        """
         if self._seen is None:
             self._seen = self.engine.observe()
         return self._seen
@@ -172,8 +186,8 @@ class Local:
     def tick(self) -> list[Event]:
         """Advance the run by one tick, 0.1 s, and return the events of the step.
 
-        Raises RuntimeError if the run has `ended`, not harvested, and nothing has gone on for as long
-        again as makes a jam. To go on all the same, call `act(ask())`.
+        Raises RuntimeError if the run has `ended`, not harvested, and nothing has gone on for as
+        long again as makes a jam. To go on all the same, call `act(ask())`.
         """
         if self._figures.stuck(self.engine.world):
             self._refuse_to_wait()
@@ -187,12 +201,15 @@ class Local:
         who = "".join(f"\n  {line}" for line in self.jam)
         raise RuntimeError(
             f"the run has ended ({self.ended}): nothing has gone on for {idle * TIME_STEP:.0f} s,"
-            f" up to tick {self.engine.tick}:{who}\n"
-            "End a loop with `while not run.ended`. To go on all the same, call `run.act(run.ask())`."
+            f" up to tick {self.engine.tick}:{who}\nEnd a loop with `while not run.ended`. To go on"
+            " all the same, call `run.act(run.ask())`."
         )
 
     def ask(self) -> dict[str, Action]:
-        """Let the agents that are due at this tick act on what they observe and hear. Return their actions, for `act`."""
+        """Let the agents that are due at this tick act on what they observe and hear.
+
+        Return their actions, for `act`.
+        """
         self._seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
         self._digests = (
@@ -207,7 +224,9 @@ class Local:
         }
 
     def act(self, answers: dict[str, Action]) -> list[Event]:
-        """Collect the mail of these actions, advance the run by one tick, and return the events of the step."""
+        """Collect the mail of these actions, advance the run by one tick, and return the events of
+        the step.
+        """
         self.answers = answers
         for name, action in answers.items():
             self.post.collect(name, self.engine.tick, action)

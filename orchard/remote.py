@@ -21,7 +21,11 @@ from orchard.wire.messages import RunInfo
 
 
 class Remote:
-    """A connection to a run. `layout`: the place of each thing at the start. `names`: the agents of the run, which `play` accepts."""
+    """A connection to a run.
+
+    `layout`: the place of each thing at the start. `names`: the agents of the run, which `play`
+    accepts.
+    """
 
     def __init__(self, bus: Bus, keys: Keys, known: RunInfo) -> None:
         self._bus, self._keys = bus, keys
@@ -29,7 +33,10 @@ class Remote:
         self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
 
     def play(self, name: str, agent: Agent) -> str:
-        """Drive a robot until the run ends; return why. Raises BusError if it is unknown or another session's, or if physics is gone."""
+        """Drive a robot until the run ends; return why.
+
+        Raises BusError if it is unknown or another session's, or if physics is gone.
+        """
         if name not in self.names:
             raise BusError(f"{name}: no such agent; there are {', '.join(self.names)}")
         host = Host(self._bus, self._keys, self.run, self.mode, self.layout, {name: agent})
@@ -44,10 +51,12 @@ class Remote:
 
 @contextmanager
 def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> Iterator[Remote]:
-    """Connect to the run at an endpoint, such as tcp/127.0.0.1:7447, and close the connection at the end of the `with` block.
+    """Connect to the run at an endpoint, such as tcp/127.0.0.1:7447, and close the connection at
+    the end of the `with` block.
 
-    A secured run requires `secure`: the directory with the certificate of a role (docs/security.md).
-    Raises BusError if no router answers or no run is there. Raises ValueError if the directory is not valid.
+    A secured run requires `secure`: the directory with the certificate of a role
+    (docs/security.md). Raises BusError if no router answers or no run is there. Raises ValueError
+    if the directory is not valid.
     """
     keys = Keys(prefix)
     with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:

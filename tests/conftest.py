@@ -1,4 +1,7 @@
-"""What tests share; helpers (`stage`, `fleet`) are imported by name. Whatever test runs an orchard, its invariants hold at every tick."""
+"""What tests share; helpers (`stage`, `fleet`) are imported by name.
+
+Whatever test runs an orchard, its invariants hold at every tick.
+"""
 
 import gc
 import os
@@ -38,7 +41,9 @@ settings.load_profile("repeatable")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels once, before several workers and hundreds of processes would each do it; the imports of all tests follow."""
+    """Compile the kernels once, before several workers and hundreds of processes would each do it;
+    the imports of all tests follow.
+    """
     collect_seldom()
     if not hasattr(config, "workerinput") and not are_compiled():
         Engine.begin(Scenario(rows=3, laser={"noise": 0.01})).rehearse()
@@ -46,7 +51,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(trylast=True)  # of what `-m` and `-k` have left
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let one worker begin with the tests of the page, and the next with those that wait for processes: the others compute meanwhile."""
+    """Let one worker begin with the tests of the page, and the next with those that wait for
+    processes: the others compute meanwhile.
+    """
     of_page, waiting, others = list[pytest.Item](), list[pytest.Item](), list[pytest.Item]()
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
@@ -66,7 +73,9 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def data_of_the_tests(tmp_path_factory):
-    """No test reads or writes what the user of this machine has recorded, or studied with another version."""
+    """No test reads or writes what the user of this machine has recorded, or studied with another
+    version.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ORCHARD_RUNS", str(tmp_path_factory.mktemp("runs")))
         yield
@@ -74,7 +83,9 @@ def data_of_the_tests(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def invariants_hold(monkeypatch):
-    """For all engines that run in this process: the first tick after which an invariant is broken fails the test."""
+    """For all engines that run in this process: the first tick after which an invariant is broken
+    fails the test.
+    """
     account = Engine.account
 
     def account_and_look(self):
@@ -92,7 +103,10 @@ def soon_jammed(monkeypatch):
 
 @pytest.fixture
 def fleet(tmp_path, request):
-    """Processes of a run, to be started; none is left behind. They are simulated, unless the test is marked as one about processes."""
+    """Processes of a run, to be started; none is left behind.
+
+    They are simulated, unless the test is marked as one about processes.
+    """
     with ExitStack() as stack:
         yield (Fleet if request.node.get_closest_marker("processes") else SimulatedFleet)(
             tmp_path, stack
@@ -135,7 +149,9 @@ def downloads(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory, downloads):
-    """With all but Rerun's viewer, which takes the processor for long; `tests/view/test_pixels.py` looks at pictures."""
+    """With all but Rerun's viewer, which takes the processor for long; `tests/view/test_pixels.py`
+    looks at pictures.
+    """
     with chromium_with(tmp_path_factory.mktemp("profile"), downloads) as browser:
         browser.driver.execute_cdp_cmd("Network.enable", {})
         browser.driver.execute_cdp_cmd("Network.setBlockedURLs", {"urls": ["*.wasm"]})
@@ -144,7 +160,10 @@ def chromium(tmp_path_factory, downloads):
 
 @pytest.fixture
 def browser(chromium, server):
-    """The page with the default orchard. One page serves many tests: to open it takes longer than most of them."""
+    """The page with the default orchard.
+
+    One page serves many tests: to open it takes longer than most of them.
+    """
     chromium.driver.set_window_size(*WINDOW)
     chromium.begin(server[0])
     return chromium

@@ -1,4 +1,6 @@
-"""What every process rests on: a named pipe never has it wait, and it settles before its ticks begin."""
+"""What every process rests on: a named pipe never has it wait, and it settles before its ticks
+begin.
+"""
 
 import os
 import signal
@@ -62,5 +64,8 @@ assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))
 
 
 def test_the_collector_runs_seldom_from_the_first_import_of_a_process_on():
-    program = "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] == orchard.memory.YOUNG"
+    program = (
+        "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] =="
+        " orchard.memory.YOUNG"
+    )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=PATIENCE)

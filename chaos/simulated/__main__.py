@@ -1,11 +1,12 @@
 """Carry out schedules on the simulated network, each from one seed, and check each run.
 
     python -m chaos.simulated --count 1000 --summary counts.json
-    python -m chaos.simulated --seed 83            what happened, line by line, in the smallest plan that fails in the same way
+    python -m chaos.simulated --seed 83     what happened, in the smallest plan that fails like it
     python -m chaos.simulated mutations --most 2000
     python -m chaos.simulated expected             count anew what happens in each scene
 
-The exit code is 1 if a promise is broken, or if a safety net can be cut out without any schedule that fails.
+The exit code is 1 if a promise is broken, or if a safety net can be cut out without any schedule
+that fails.
 """
 
 import json
@@ -107,7 +108,10 @@ def mutations(
     most: Annotated[int, typer.Option(min=1, help="How many schedules may not find it.")] = MOST,
     only: Annotated[str, typer.Option(help="Only mutations with these words.")] = "",
 ) -> None:
-    """Cut out one safety net of the protocol after the other. Write at which seed each is found to chaos/simulated/mutations.md."""
+    """Cut out one safety net of the protocol after the other.
+
+    Write at which seed each is found to chaos/simulated/mutations.md.
+    """
     names = [name for name in MUTATIONS if only in name and name not in BY_TESTS]
     with _workers() as pool:
         found = list(
@@ -126,7 +130,10 @@ def mutations(
     rows = [row.replace(f"{Path.cwd()}/", "") for row in rows]
     _say("\n".join(rows))
     if not only:
-        head = f"What fails if one safety net of the protocol is cut out ({date.today()}, at most {most} schedules each)."
+        head = (
+            f"What fails if one safety net of the protocol is cut out ({date.today()}, at most"
+            f" {most} schedules each)."
+        )
         again = "To measure it again: `python -m chaos.simulated mutations`."
         lines = [
             "# Mutations",
@@ -148,7 +155,8 @@ def _workers(count: int | None = None) -> ProcessPoolExecutor:
 def _in_turn(
     workers: Executor, seeds: Iterable[int], deadline: float, clock: Callable[[], float] = monotonic
 ) -> Iterator[Outcome]:
-    """Yield the outcome of each schedule that is handed out before the deadline, in the order of their seeds.
+    """Yield the outcome of each schedule that is handed out before the deadline, in the order of
+    their seeds.
 
     What a schedule does follows from its seed alone; the deadline decides only how many there are.
     """
@@ -172,7 +180,8 @@ def _tell(seed: int) -> int:
         plan = shrink(plan)
     verdict = carry_out(plan, is_traced=True)
     _say(
-        f"seed {seed}: {plan.scene!r}, {plan.ticks} ticks from {plan.begin} on, {plan.hosts} hosts, {plan.mode}, {plan.delays}"
+        f"seed {seed}: {plan.scene!r}, {plan.ticks} ticks from {plan.begin} on, {plan.hosts} hosts,"
+        f" {plan.mode}, {plan.delays}"
     )
     for line in [*map(str, plan.faults), *verdict.lines, *verdict.complaints]:
         _say(line)

@@ -1,5 +1,5 @@
-"""A client that owns one agent as docs/protocol.md describes it, without the code of a host: it follows `clock`, and its
-agent stands, as in any run; in realtime it walks.
+"""A client that owns one agent as docs/protocol.md describes it, without the code of a host: it
+follows `clock`, and its agent stands, as in any run; in realtime it walks.
 """
 
 from collections.abc import Callable
@@ -95,7 +95,8 @@ class BareClient:
     def _answer(self, tick: int) -> None:
         """Answer a tick, also one that comes again: its answer may be lost."""
         now = self._bus.clock()
-        # A tick that comes again later was sent without its answer: the answer was lost, or changed.
+        # A tick that comes again later was sent without its answer: the answer was lost, or
+        # changed.
         is_again = tick == self._answered and now >= self._answered_at + ANSWER_AGAIN_SECONDS
         # A tick that changed on its way may be far ahead: the true one comes after it.
         if tick != self._answered or is_again:

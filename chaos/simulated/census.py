@@ -1,4 +1,7 @@
-"""What occurs in a schedule: kinds of messages, deeds, requests, answers and events. A count of schedules follows from it."""
+"""What occurs in a schedule: kinds of messages, deeds, requests, answers and events.
+
+A count of schedules follows from it.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -103,7 +106,10 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 
 def summed_up(occurred: Iterable[Mapping[str, Sequence[str]]]) -> dict[str, dict[str, int]]:
-    """Return in how many schedules each kind has occurred. `occurred`: of each schedule, what has occurred of what."""
+    """Return in how many schedules each kind has occurred.
+
+    `occurred`: of each schedule, what has occurred of what.
+    """
     counts: dict[str, dict[str, int]] = {
         what: dict.fromkeys(ones, 0) for what, ones in KINDS.items()
     }

@@ -46,7 +46,10 @@ class Client:
     def ask(
         self, what: str, message: RunMessage | None, session: str = "*", name: str = "*"
     ) -> list[bytes]:
-        """Send a query, and wait until its replies have come. Return them. `message`: None for a query without a payload."""
+        """Send a query, and wait until its replies have come.
+
+        Return them. `message`: None for a query without a payload.
+        """
         payload = b"" if message is None else pack(message)
         self.bus.ask(KEYS.of(what, name, session), payload, what, ASK_SECONDS)
         replies: list[bytes] = []
@@ -64,7 +67,9 @@ class Client:
 
 
 def claim(client: Client) -> None:
-    """Ask for agents that a host has, which is refused; or which it gets, if that host is just gone. Then leave."""
+    """Ask for agents that a host has, which is refused; or which it gets, if that host is just
+    gone. Then leave.
+    """
     bus = client.bus
     names = client.random.sample(fetch_run(bus, KEYS).agents, 3)
     for name in names:
@@ -103,7 +108,9 @@ def repeat(client: Client) -> None:
 
 
 def lie(client: Client) -> None:
-    """Drive robots as soon as their owners are asked: as another session, for another run, and for ticks of the past and the future."""
+    """Drive robots as soon as their owners are asked: as another session, for another run, and for
+    ticks of the past and the future.
+    """
     bus = client.bus
     bus.subscribe(f"{KEYS.prefix}/hosts/*/seen")
     for item in client.hear(client.seconds):
@@ -189,7 +196,9 @@ def stay_mute(client: Client) -> None:
 
 
 def answer_falsely(client: Client) -> None:
-    """Answer the questions of hosts before physics does: with nonsense, with errors, and for another run."""
+    """Answer the questions of hosts before physics does: with nonsense, with errors, and for
+    another run.
+    """
     for what in ("scenario", "join", "recall"):
         client.bus.answer(KEYS.of(what))
     for item in client.hear(client.seconds):

@@ -1,4 +1,6 @@
-"""The course of a run of many processes: what physics reported of each step, and whether local mode does the same."""
+"""The course of a run of many processes: what physics reported of each step, and whether local mode
+does the same.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -25,7 +27,10 @@ class Step(NamedTuple):
 
 
 class Part:
-    """A part of a run: from its begin, a reset or a fork on. A step that is simulated again replaces the one before."""
+    """A part of a run: from its begin, a reset or a fork on.
+
+    A step that is simulated again replaces the one before.
+    """
 
     def __init__(self, scenario: Mapping[str, Any], reference: Reference) -> None:
         self.scenario, self._reference = scenario, reference
@@ -74,7 +79,9 @@ class Course:
         self.is_whole = True  # whether lockstep has waited for all agents until now
 
     def begin(self, scenario: Mapping[str, Any], is_reset: bool) -> None:
-        """Know that physics begins with a scenario: `is_reset`: from its first tick on, because a user wants it."""
+        """Know that physics begins with a scenario: `is_reset`: from its first tick on, because a
+        user wants it.
+        """
         if is_reset:
             self.is_reset = True
             is_that_of_the_scene = scenario == self._scenario
@@ -109,7 +116,9 @@ class Course:
         self._figures.append(said)
 
     def differences(self, with_figures: bool) -> Iterator[str]:
-        """Yield a sentence on what is not as in local mode: steps, and figures that were published."""
+        """Yield a sentence on what is not as in local mode: steps, and figures that were
+        published.
+        """
         for part in self.parts:
             yield from part.differences()
         if not with_figures:

@@ -1,4 +1,5 @@
-"""Whether physics does what drivers ask for: each deed is done or refused, once, and advice drives for as long as it may.
+"""Whether physics does what drivers ask for: each deed is done or refused, once, and advice drives
+for as long as it may.
 
 It needs no other run to compare with: it holds in realtime, and where agents were lost.
 """

@@ -1,4 +1,6 @@
-"""A disk that takes half of a write, because it is full or because the process that writes is killed."""
+"""A disk that takes half of a write, because it is full or because the process that writes is
+killed.
+"""
 
 import os
 from collections.abc import Iterator
@@ -12,7 +14,9 @@ class WriterKilled(BaseException):
 
 @contextmanager
 def takes_half(end: BaseException) -> Iterator[None]:
-    """Let each file that is written in this context have half of its bytes, and the write end with `end`."""
+    """Let each file that is written in this context have half of its bytes, and the write end with
+    `end`.
+    """
 
     def keep_half(file: int) -> None:
         os.ftruncate(file, os.fstat(file).st_size // 2)

@@ -1,7 +1,9 @@
-"""The whole harvest of each scene in local mode: what schedules begin from, and what they must come to.
+"""The whole harvest of each scene in local mode: what schedules begin from, and what they must come
+to.
 
-A harvest is made once for each state of the program, in a process of its own, and kept in `.harvests/`: all workers read it there,
-and what a test or a mutation has changed in its own process does not change it.
+A harvest is made once for each state of the program, in a process of its own, and kept in
+`.harvests/`: all workers read it there, and what a test or a mutation has changed in its own
+process does not change it.
 """
 
 import fcntl
@@ -39,12 +41,15 @@ REPAIRED = "repaired"
 # the events that are counted exactly: how often a bin was handled follows from rows and bins alone
 OF_BINS = ("coupled", "uncoupled", "bin full", "row picked", "unloaded")
 OTHERS = ("picks from", "weed flattened", "charging", "charged", FAILED)
-# figures that depend on the wall clock, or on how often an agent has joined; or that only a run that is over has
+# figures that depend on the wall clock, or on how often an agent has joined; or that only a run
+# that is over has
 OF_THIS_RUN = ("wall_seconds", "times_real_time", "asked_share", "schedule_sim_seconds")
 
 
 class Counts(msgspec.Struct, forbid_unknown_fields=True):
-    """What is stored in the repository of a scene: a harvest that is wrong in each mode is found by it."""
+    """What is stored in the repository of a scene: a harvest that is wrong in each mode is found by
+    it.
+    """
 
     ticks: int  # of the whole harvest; a later change may make it a little longer
     bins: dict[str, int]  # event of OF_BINS -> how often it happens
@@ -91,12 +96,17 @@ class Harvest(msgspec.Struct):
 
 
 def digest_of_figures(figures: Mapping[str, Any]) -> bytes:
-    """Return the digest of the figures that each run of a scenario has at a tick, with their names in order."""
+    """Return the digest of the figures that each run of a scenario has at a tick, with their names
+    in order.
+    """
     return _digest(sorted((key, one) for key, one in figures.items() if key not in OF_THIS_RUN))
 
 
 def digest_of_step(events: Iterable[Event], letters: Mapping[str, Written]) -> bytes:
-    """Return the digest of what happened and was said in a step. In lockstep letters come in the order of arrival."""
+    """Return the digest of what happened and was said in a step.
+
+    In lockstep letters come in the order of arrival.
+    """
     return _digest([list(events), sorted(letters.items())])
 
 
@@ -171,7 +181,10 @@ class _Making:
 
 
 def made(scene: str, expected: Counts | None) -> tuple[Harvest, Counts]:
-    """Let local mode harvest a scene. `expected`: what is stored of it; None: it is made for the first time."""
+    """Let local mode harvest a scene.
+
+    `expected`: what is stored of it; None: it is made for the first time.
+    """
     making = _Making(scene, MOST_TICKS if expected is None else int(LATER * expected.ticks) + 1)
     while making.go_on():
         pass
@@ -196,7 +209,9 @@ def store_counts() -> dict[str, Counts]:
 
 @cache
 def program() -> str:
-    """Return a digest of all that a harvest follows from: the program, the scenes and what is stored of them."""
+    """Return a digest of all that a harvest follows from: the program, the scenes and what is
+    stored of them.
+    """
     here = Path(__file__).parent
     own = [here / name for name in ("harvest.py", "scenes.py", "talkers.py")]
     files = [*sorted((ROOT / "orchard").rglob("*.py")), *own, EXPECTED]
@@ -208,7 +223,10 @@ def program() -> str:
 
 @lru_cache(maxsize=len(SCENES))
 def harvest_of(scene: str) -> Harvest:
-    """Return the harvest of a scene. If this state of the program has none, it is made, by one process at a time."""
+    """Return the harvest of a scene.
+
+    If this state of the program has none, it is made, by one process at a time.
+    """
     FOLDER.mkdir(exist_ok=True)
     name = scene.replace(" ", "_").replace(",", "")
     file = FOLDER / f"{name}.msgpack"

@@ -1,9 +1,11 @@
 """A link between a session and the router of the simulated network, with delays and faults.
 
-- A link has two directions, and each has two lanes: declarations (subscribers, queryables, tokens) may overtake data, and data never
-  declarations. A lane keeps its order.
-- A link that is silent for LEASE seconds is closed by each side that notices it; what is under way is lost; the client connects again.
-- A receiver that takes nothing fills its link: samples that may be dropped are lost, others close the link after a moment.
+- A link has two directions, and each has two lanes: declarations (subscribers, queryables, tokens)
+  may overtake data, and data never declarations. A lane keeps its order.
+- A link that is silent for LEASE seconds is closed by each side that notices it; what is under way
+  is lost; the client connects again.
+- A receiver that takes nothing fills its link: samples that may be dropped are lost, others close
+  the link after a moment.
 - A large payload takes longer than a small one, and what is sent after it waits.
 """
 
@@ -29,12 +31,16 @@ UP, DOWN = 0, 1  # directions: to the router, and from it
 
 # The bytes of a payload from which on its size counts: a smaller one is sent together with others.
 LARGE = 1500
-# The bytes of the messages of a tick that wait for each other on a link, in the scenes of schedules.
+# The bytes of the messages of a tick that wait for each other on a link, in the scenes of
+# schedules.
 OF_A_TICK = 20_000
 
 
 class Delays(NamedTuple):
-    """How long messages take on one link. `typical`, `slow`: s; `share`: of messages that are slow."""
+    """How long messages take on one link.
+
+    `typical`, `slow`: s; `share`: of messages that are slow.
+    """
 
     typical: float = 1e-3
     slow: float = 0.1
@@ -85,7 +91,10 @@ class Link:
         may_drop: bool = False,
         size: int = 0,
     ) -> None:
-        """Let `act` happen at the other side, unless the message is lost. `size`: of its payload, bytes."""
+        """Let `act` happen at the other side, unless the message is lost.
+
+        `size`: of its payload, bytes.
+        """
         if not self.is_open[way]:
             return
         if self._silent[way] and len(self._waiting[way]) >= ROOM:
@@ -112,7 +121,10 @@ class Link:
             act()
 
     def silence(self, ways: Iterable[int]) -> None:
-        """Let nothing through until `speak`. After LEASE the side that hears nothing closes the link."""
+        """Let nothing through until `speak`.
+
+        After LEASE the side that hears nothing closes the link.
+        """
         for way in ways:
             self._silent[way] += 1
             self._silences += 1
@@ -141,9 +153,12 @@ class Link:
             self.close(session=way == DOWN, router=way == UP)
 
     def end(self, way: int, share: float) -> None:
-        """Close it from the side that sends in a direction. `share`: how much of what it has sent still arrives.
+        """Close it from the side that sends in a direction.
 
-        The other side of a silent link does not hear of it: it notices after LEASE, or as the silence ends.
+        `share`: how much of what it has sent still arrives.
+
+        The other side of a silent link does not hear of it: it notices after LEASE, or as the
+        silence ends.
         """
         under_way = max(self._last[way]) - self._scheduler.now
         self.is_open[way] = False
@@ -155,7 +170,10 @@ class Link:
             self.close()
 
     def close(self, session: bool = True, router: bool = True) -> None:
-        """Close it, as one side or both see it. A side that it is not closed for notices soon: the other's socket is gone."""
+        """Close it, as one side or both see it.
+
+        A side that it is not closed for notices soon: the other's socket is gone.
+        """
         if router and self.is_open[1]:
             self.is_open[1] = False
             self.router.lose(self)
@@ -169,7 +187,8 @@ class Link:
 class DirectLink(Link):
     """The link of a router's own session: it has no fault.
 
-    What the session sends is at the router at once. What arrives for it comes from another thread: a moment later.
+    What the session sends is at the router at once. What arrives for it comes from another thread:
+    a moment later.
     """
 
     def silence(self, ways: Iterable[int]) -> None:

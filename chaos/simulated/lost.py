@@ -1,4 +1,6 @@
-"""What must hold after a session was lost: it owns nothing any more, and no robot without a driver drives."""
+"""What must hold after a session was lost: it owns nothing any more, and no robot without a driver
+drives.
+"""
 
 from collections.abc import Iterator
 
@@ -7,7 +9,8 @@ from orchard.server.loop import RunLoop
 
 
 def faults_of_lost(loop: RunLoop) -> Iterator[str]:
-    """Yield a sentence on each session that is lost for some of its agents only, and each robot that drives on without one.
+    """Yield a sentence on each session that is lost for some of its agents only, and each robot
+    that drives on without one.
 
     It holds in lockstep, between two ticks, if no client speaks for others or drives robots.
     """

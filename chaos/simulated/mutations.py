@@ -1,4 +1,6 @@
-"""The protocol with one safety net cut out at a time: each must be found by some schedule, or the net is not needed."""
+"""The protocol with one safety net cut out at a time: each must be found by some schedule, or the
+net is not needed.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -307,15 +309,15 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
 # What no schedule shows, and why: the test that finds it instead.
 BY_TESTS: dict[str, str] = {
     "each join moves the deadline": (
-        "tests/net/test_mail.py: a host is away for longer than physics waits only if others join again "
-        "and again meanwhile, and while hosts are away for so long physics may wait"
+        "tests/net/test_mail.py: a host is away for longer than physics waits only if others join"
+        " again and again meanwhile, and while hosts are away for so long physics may wait"
     ),
     "a session that left and came back counts as left": (
         "tests/net/test_broken_links.py: no host comes back with the id of a session that has left"
     ),
     "an inbox is not emptied at a reset": (
-        "tests/net/test_bus_contract.py: a host handles what is left there before it joins, and forgets "
-        "all of it then; so the net matters only for items that come in between"
+        "tests/net/test_bus_contract.py: a host handles what is left there before it joins, and"
+        " forgets all of it then; so the net matters only for items that come in between"
     ),
 }
 
@@ -330,7 +332,9 @@ def cut_out(name: str) -> Iterator[None]:
 
 
 def first_seed(most: int, name: str) -> tuple[int | None, str]:
-    """Return the first seed, below `most`, at which only the mutation fails, and what fails then; None and '' if there is none."""
+    """Return the first seed, below `most`, at which only the mutation fails, and what fails then;
+    None and '' if there is none.
+    """
     for seed in range(most):
         # Drawn before: what a schedule begins from is that of the whole program.
         plan = draw(seed)

@@ -1,6 +1,8 @@
-"""A simulated network: a router, and sessions that are linked to it, with delays and faults, all in virtual time.
+"""A simulated network: a router, and sessions that are linked to it, with delays and faults, all in
+virtual time.
 
-What it does is what Zenoh does, and no better: `tests/net/test_bus_contract.py` runs the same scripts against both.
+What it does is what Zenoh does, and no better: `tests/net/test_bus_contract.py` runs the same
+scripts against both.
 """
 
 from collections.abc import Callable, Iterator
@@ -28,7 +30,8 @@ RETRY = (
 )  # s between the tries to connect again; the last one for all others
 
 
-# How long it takes until the thread that reads the inbox of the router's own session has the processor.
+# How long it takes until the thread that reads the inbox of the router's own session has the
+# processor.
 OF_A_THREAD = Delays(typical=2e-5, slow=2e-3, share=0.01)
 
 
@@ -40,7 +43,9 @@ class Network:
     def __init__(
         self, scheduler: Scheduler, seed: str, delays: Delays, pauses: float = 0.01
     ) -> None:
-        """`seed`: of all delays. `pauses`: the share of messages before which a sender takes some time."""
+        """`seed`: of all delays. `pauses`: the share of messages before which a sender takes some
+        time.
+        """
         self.scheduler, self.seed, self.pauses, self._delays = scheduler, seed, pauses, delays
         self.router: Router | None = None
         self.sessions: list[SimulatedBus] = []
@@ -191,7 +196,10 @@ class Network:
             link.close()
 
     def freeze(self, name: str) -> Callable[[], None]:
-        """Let a process take no part. If it has the router, that takes none either. Return a function that ends it."""
+        """Let a process take no part.
+
+        If it has the router, that takes none either. Return a function that ends it.
+        """
         self._frozen[name] = self._frozen.get(name, 0) + 1
         has_router = any(
             bus.name == name and isinstance(bus.link, DirectLink) for bus in self.sessions
@@ -212,7 +220,9 @@ class Network:
     def after_messages(
         self, name: str, count: int, act: Callable[[], None], only_queries: bool
     ) -> None:
-        """Let `act` happen as a process is about to send its message, or its query, of that number from now on."""
+        """Let `act` happen as a process is about to send its message, or its query, of that number
+        from now on.
+        """
         for bus in [bus for bus in self.sessions if bus.name == name]:
             bus.fuse = Fuse(count, act, only_queries)
 

@@ -24,10 +24,12 @@ WITH_WALKERS = "crowd"  # the scene in which the bare client walks, in realtime
 class Fault(NamedTuple):
     """A fault: what happens to which process, so many seconds after a tick, and for how long (s).
 
-    `tick`: counted from the begin of the schedule, or from its last reset; -1: before the first tick.
+    `tick`: counted from the begin of the schedule, or from its last reset; -1: before the first
+    tick.
 
-    `message`: it happens as the process is about to send its message of that number from then on, a host its query: between two of them it
-    may have sent its velocities, and not all of its mail. 0: at once.
+    `message`: it happens as the process is about to send its message of that number from then on, a
+    host its query: between two of them it may have sent its velocities, and not all of its mail. 0:
+    at once.
     """
 
     what: str
@@ -104,7 +106,10 @@ class Plan:
 
     @property
     def may_lose(self) -> bool:
-        """Whether a host may be away for longer than physics waits. What is allowed for several faults has room for slow messages."""
+        """Whether a host may be away for longer than physics waits.
+
+        What is allowed for several faults has room for slow messages.
+        """
         joins_after_one = [fault.what != "think" for fault in self._lasting] == [True]
         slow = (
             SLOW_IN_TURN * self.delays.slow + self.late
@@ -115,7 +120,9 @@ class Plan:
 
     @property
     def may_miss_the_end(self) -> bool:
-        """Whether a host may not hear that the run is over: more happens than that one link is cut for a moment."""
+        """Whether a host may not hear that the run is over: more happens than that one link is cut
+        for a moment.
+        """
         heavy = [fault for fault in self.faults if fault.who not in (CLIENT, LOGGER)]
         return (self.is_elsewhere or self.has_bare_client) and (
             len(heavy) > 1 or any(fault.what != "cut" or fault.seconds > 0.7 for fault in heavy)
@@ -123,7 +130,9 @@ class Plan:
 
     @property
     def may_take(self) -> bool:
-        """Whether a client may keep agents that it has got for longer than a host tries: its own question lasts while another is mute."""
+        """Whether a client may keep agents that it has got for longer than a host tries: its own
+        question lasts while another is mute.
+        """
         return any(
             fault.what == "claim" and (fault.seconds > 2.0 or self.has("mute"))
             for fault in self.faults
@@ -217,7 +226,8 @@ OF_A_HARVEST = (*OF_HARVEST, FAILED, REPAIRED, HARVESTED)
 AT_ITS_FIRST_TICK = 0.06
 # The share of the others that begin before one of OF_A_HARVEST; the rest begins before a message.
 BEFORE_AN_EVENT = 0.75
-# The share of faults that happen near an event of the harvest, of those that are not at the begin or the end.
+# The share of faults that happen near an event of the harvest, of those that are not at the begin
+# or the end.
 NEAR_AN_EVENT = 0.85
 BEFORE, AFTER = 12, 6  # ticks: how near
 LEAST_LEAD = 5  # ticks between the begin of a schedule and what it begins before
@@ -284,7 +294,9 @@ def draw(seed: int) -> Plan:
 
 
 def _bandwidth(random: Random) -> float:
-    """Return the bytes a second that a link carries: between a slow radio and a fast cable; infinity where size does not count."""
+    """Return the bytes a second that a link carries: between a slow radio and a fast cable;
+    infinity where size does not count.
+    """
     return 10.0 ** random.uniform(6.0, 8.0) if random.random() < WITH_BANDWIDTH else inf
 
 
@@ -300,7 +312,8 @@ def _tears(random: Random) -> Tears:
 def _span(random: Random, harvest: Harvest) -> tuple[int, int]:
     """Return at the tick of which keyframe a schedule begins, and how many ticks it lasts.
 
-    It begins shortly before something happens, and a robot does a deed in it, unless the next one is far away.
+    It begins shortly before something happens, and a robot does a deed in it, unless the next one
+    is far away.
     """
     ticks = random.choice((60, 100, 100, 200, 300))
     lead = random.randint(LEAST_LEAD, ticks // 2)
@@ -315,7 +328,10 @@ def _span(random: Random, harvest: Harvest) -> tuple[int, int]:
 
 
 def _moment(random: Random, harvest: Harvest) -> int:
-    """Return a tick at which something happens, most often not far from a deed. Each kind is as frequent as another."""
+    """Return a tick at which something happens, most often not far from a deed.
+
+    Each kind is as frequent as another.
+    """
     rare = [what for what in RARE if what in harvest.moments]
     if rare and random.random() < BEFORE_WHAT_IS_RARE:
         return random.choice(harvest.moments[random.choice(rare)])
@@ -401,7 +417,9 @@ def _faults(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
 
 
 def _troubles(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
-    """Faults that come together, two or three: the second one soon after the first one, or as it ends; the third one soon after that."""
+    """Faults that come together, two or three: the second one soon after the first one, or as it
+    ends; the third one soon after that.
+    """
     if random.random() < 0.1:  # a host is debugged in a run that is paused meanwhile
         seconds, moment = random.uniform(12.0, 25.0), moments.draw(random)
         host = Fault(

@@ -1,4 +1,6 @@
-"""The processes of a run as tasks: their own code, the supervisor's own rules, and a disk whose writes take time."""
+"""The processes of a run as tasks: their own code, the supervisor's own rules, and a disk whose
+writes take time.
+"""
 
 import logging
 import os
@@ -178,7 +180,9 @@ class SimulatedProcess:
             self.task.kill()
 
     def _share(self) -> float:
-        """How much of what it has sent still arrives: the system sends on what it has been given."""
+        """How much of what it has sent still arrives: the system sends on what it has been
+        given.
+        """
         return min(1.0, 2.0 * self.world.random.random())
 
     def freeze(self) -> None:
@@ -206,7 +210,10 @@ class SimulatedProcess:
                 self.task.thaw()
 
     def wait(self, timeout: float = inf) -> int:
-        """Let the task that calls it wait for its end. Return its exit code. Raises TimeoutExpired."""
+        """Let the task that calls it wait for its end.
+
+        Return its exit code. Raises TimeoutExpired.
+        """
         scheduler, deadline = self.world.scheduler, self.world.scheduler.now + timeout
         while self.code is None:
             if scheduler.now >= deadline or scheduler.current is None:
@@ -347,7 +354,8 @@ def wrong_begin(tick: int, kept: list[int], torn: set[int]) -> str:
     """Return what is wrong with the tick at which physics begins; empty if nothing is.
 
     It goes on from its newest snapshot, or from the one before if that is torn, and no earlier.
-    `kept`: the ticks of the snapshots that were written, the newest last. `torn`: of those that were damaged since.
+    `kept`: the ticks of the snapshots that were written, the newest last. `torn`: of those that
+    were damaged since.
     """
     whole = [at for at in kept[-KEPT:] if at not in torn]
     if tick > 0 and tick not in kept:

@@ -4,11 +4,14 @@ from chaos.simulated.plan import Plan
 from chaos.simulated.processes import SimulatedProcess, World
 from orchard.sim.engine import Engine
 
-LOOKS = 8  # a snapshot is at most so many looks of run.py old: it is due each 0.5 s, and takes at most 0.2 s
+# A snapshot is at most so many looks of run.py old: it is due each 0.5 s, and takes at most 0.2 s.
+LOOKS = 8
 
 
 class Progress:
-    """Follows the engines of a schedule, each from the begin of physics or of a reset to its end."""
+    """Follows the engines of a schedule, each from the begin of physics or of a reset to
+    its end.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.complaints: list[str] = []

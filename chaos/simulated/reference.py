@@ -1,4 +1,6 @@
-"""What local mode does where a run of many processes is: its hash, its figures, and what happens in each step."""
+"""What local mode does where a run of many processes is: its hash, its figures, and what happens in
+each step.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby

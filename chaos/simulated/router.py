@@ -1,4 +1,6 @@
-"""The router of the simulated network: it passes on what the sessions that are linked to it send and declare."""
+"""The router of the simulated network: it passes on what the sessions that are linked to it send
+and declare.
+"""
 
 from functools import lru_cache, partial
 
@@ -18,7 +20,9 @@ class Router:
     """A router: it passes on what the sessions that are linked to it send and declare."""
 
     def __init__(self, scheduler: Scheduler, owner: str = "", late: float = 0.0) -> None:
-        """`owner`: the name of the process that has it; '' for a router of its own. `late`: s by which it passes on tokens late."""
+        """`owner`: the name of the process that has it; '' for a router of its own. `late`: s by
+        which it passes on tokens late.
+        """
         self.scheduler, self.owner, self._late = scheduler, owner, late
         self.links: dict[str, Link] = {}  # session id ->
         self._subscribers: dict[str, list[str]] = {}  # session id -> keys
@@ -118,7 +122,9 @@ class Router:
         return self.links.get(link.session.id) is link
 
     def _tell_unless_known(self, token: str, up: bool) -> None:
-        """Pass on the first token with a key, and the end of the last one: sessions whose tokens have the same key are one for others."""
+        """Pass on the first token with a key, and the end of the last one: sessions whose tokens
+        have the same key are one for others.
+        """
         if self.knows(token):
             return
         if self._late:

@@ -1,4 +1,6 @@
-"""The scenes of schedules: small orchards, in which something happens often, each with another part of the program at work."""
+"""The scenes of schedules: small orchards, in which something happens often, each with another part
+of the program at work.
+"""
 
 from typing import Any
 

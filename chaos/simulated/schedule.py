@@ -184,7 +184,9 @@ class Schedule:
             ]
 
     def _look_at_lost(self) -> None:
-        """No session is lost by half, and no robot drives without one, for two looks of different ticks."""
+        """No session is lost by half, and no robot drives without one, for two looks of different
+        ticks.
+        """
         loop, plan = self.world.loop, self.plan
         if loop is None or plan.mode != "lockstep" or plan.has(*MAY_DRIVE) or self.complaints:
             return
@@ -197,7 +199,9 @@ class Schedule:
             self._lost &= found
 
     def _end_after_a_reset(self) -> None:
-        """Let the run end that was reset, and has lasted as long as it would have without: its duration is that of a harvest."""
+        """Let the run end that was reset, and has lasted as long as it would have without: its
+        duration is that of a harvest.
+        """
         now = self.world.scheduler.now
         is_late = self._is_reset and self._tick >= self.plan.ticks
         if self.plan.begin and is_late and now >= self._quit_at:
@@ -207,7 +211,9 @@ class Schedule:
 
     @property
     def _is_reset(self) -> bool:
-        """Whether the present part of the run began with its first tick, and not with a keyframe."""
+        """Whether the present part of the run began with its first tick, and not with a
+        keyframe.
+        """
         return bool(self.world.resets) and self.observer.course.is_reset
 
     @property
@@ -264,7 +270,9 @@ class Schedule:
 
     @property
     def _tick(self) -> int:
-        """The tick that physics has come to, from the begin of the schedule, or from a reset; -1 before the first one."""
+        """The tick that physics has come to, from the begin of the schedule, or from a reset; -1
+        before the first one.
+        """
         if self.world.engine is None:
             return -1
         return self.world.engine.tick - (0 if self._is_reset else self.plan.begin)
@@ -370,14 +378,18 @@ class Schedule:
         self.world.is_disk_full = False
 
     def _look_at_robots(self, process: SimulatedProcess, tick: int) -> None:
-        """In realtime, the robots of a host that has not answered since a tick stand in the next tick."""
+        """In realtime, the robots of a host that has not answered since a tick stand in the next
+        tick.
+        """
         if (engine := self.world.engine) is not None and engine.tick > tick + STAND_TICKS:
             self.world.scheduler.after(
                 TICK_SECONDS, partial(self._look_again, process, engine, engine.tick)
             )
 
     def _look_again(self, process: SimulatedProcess, engine: Engine, tick: int) -> None:
-        """Where no tick has followed, the run does not go on: physics is killed or frozen, or has ended."""
+        """Where no tick has followed, the run does not go on: physics is killed or frozen, or has
+        ended.
+        """
         if process.is_stopped and engine.tick > tick:
             moving = [
                 name
@@ -389,7 +401,10 @@ class Schedule:
             ]
 
     def _tear(self) -> None:
-        """Tear the newest snapshot. If no other one is whole the run begins anew, as it was first: only where it has done so."""
+        """Tear the newest snapshot.
+
+        If no other one is whole the run begins anew, as it was first: only where it has done so.
+        """
         files = sorted(self.snapshots.glob(f"tick-*{SNAPSHOT}"))
         # The snapshot of a first tick, also that of a reset, outdates all others.
         kept = self.world.kept

@@ -1,4 +1,5 @@
-"""Virtual time: tasks that run one at a time and wait without cost, and events in the order of their time.
+"""Virtual time: tasks that run one at a time and wait without cost, and events in the order of
+their time.
 
 A task is a greenlet: the code of a process runs in it unchanged, and is left where it waits.
 """
@@ -33,7 +34,9 @@ class Scheduler:
         heapq.heappush(self._events, (self.in_future(seconds), next(self._numbers), act))
 
     def in_future(self, seconds: float) -> float:
-        """Return the time in so many seconds: later than now, however few they are, for a clock that is read twice has moved."""
+        """Return the time in so many seconds: later than now, however few they are, for a clock
+        that is read twice has moved.
+        """
         at = self.now + seconds
         if at > self.now:
             return at
@@ -60,7 +63,10 @@ class Scheduler:
 
 
 class Task:
-    """A task of a schedule. `frozen`: it does not run, as after SIGSTOP. `error`: the exception that ended it."""
+    """A task of a schedule.
+
+    `frozen`: it does not run, as after SIGSTOP. `error`: the exception that ended it.
+    """
 
     def __init__(
         self, scheduler: Scheduler, hub: greenlet, name: str, body: Callable[[], None]

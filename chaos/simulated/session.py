@@ -99,7 +99,9 @@ class SimulatedBus(Bus):
             self._task.wait(left)
 
     def _work(self, is_query: bool = False) -> None:
-        """Take some time now and then, so that a process can be killed between two messages that it sends."""
+        """Take some time now and then, so that a process can be killed between two messages that it
+        sends.
+        """
         if self.fuse is not None and not self.is_dead and (is_query or not self.fuse.only_queries):
             self.fuse.left -= 1
             if not self.fuse.left:
@@ -208,7 +210,9 @@ class SimulatedBus(Bus):
     # -- the link
 
     def use(self, link: Link) -> None:
-        """Use a link that has been opened: all that the session has declared is declared there too."""
+        """Use a link that has been opened: all that the session has declared is declared
+        there too.
+        """
         self.link = link
         link.router.connect(link)
         for what, key in self._declared:
@@ -217,7 +221,9 @@ class SimulatedBus(Bus):
             self._send(lambda link: link.router.interest(link), CONTROL)
 
     def lose(self, link: Link) -> None:
-        """Hear that the link is closed: the others are gone, and the gets that are under way have ended."""
+        """Hear that the link is closed: the others are gone, and the gets that are under way have
+        ended.
+        """
         if self.link is not link:
             return
         self.link = None
@@ -232,7 +238,11 @@ class SimulatedBus(Bus):
         self._network.connect_again(self)
 
     def end(self, share: float) -> None:
-        """Take part no more. `share`: how much of what is under way still arrives: all if the process has closed the session."""
+        """Take part no more.
+
+        `share`: how much of what is under way still arrives: all if the process has closed the
+        session.
+        """
         self.is_dead = True
         if self.link is not None:
             self.link.end(UP, share)

@@ -1,4 +1,6 @@
-"""The tables of physics and hosts: they may not grow with ticks, with messages, or with sessions that have gone."""
+"""The tables of physics and hosts: they may not grow with ticks, with messages, or with sessions
+that have gone.
+"""
 
 from collections import deque
 from collections.abc import Iterator
@@ -18,7 +20,9 @@ FOR_EACH_AGENT, MORE = 3, 10  # entries; and what sessions and kept ticks need
 
 
 def grown(owner: Any, agents: int, mode: str) -> Iterator[str]:
-    """Yield a sentence for each table, among all that an object refers to, with more entries than so many agents need."""
+    """Yield a sentence for each table, among all that an object refers to, with more entries than
+    so many agents need.
+    """
     most = FOR_EACH_AGENT * agents + MORE + (STALE_TICKS if mode == "realtime" else 0)
     left, known = [owner], {id(owner)}
     while left:

@@ -1,4 +1,6 @@
-"""Payloads that change on their way over a link, as Zenoh's do where a write is broken off, only more often."""
+"""Payloads that change on their way over a link, as Zenoh's do where a write is broken off, only
+more often.
+"""
 
 from collections.abc import Callable
 from random import Random
@@ -13,9 +15,11 @@ from orchard.wire.messages import Velocities, read
 class Tears(NamedTuple):
     """How often payloads change on a link. `torn`: the share whose end is bytes of another message.
 
-    `changed`: the share in which one byte is another. Zenoh tore 3 of 380,037 payloads, on links that broke.
+    `changed`: the share in which one byte is another. Zenoh tore 3 of 380,037 payloads, on links
+    that broke.
 
-    `with_valid`: also into what is a message still, with other content. No receiver notices that, so no hash is promised.
+    `with_valid`: also into what is a message still, with other content. No receiver notices that,
+    so no hash is promised.
     """
 
     torn: float = 0.0
@@ -38,7 +42,10 @@ class Tearer:
         self._before = b"\0"  # the payload before
 
     def carry(self, key: str, payload: bytes, is_reply: bool) -> bytes:
-        """Return a payload as it arrives. `key`: of its message, or of the query that it replies to."""
+        """Return a payload as it arrives.
+
+        `key`: of its message, or of the query that it replies to.
+        """
         before, self._before = self._before, payload or self._before
         chance = self._random.random()
         if not payload or chance >= self._tears.torn + self._tears.changed:

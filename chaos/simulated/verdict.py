@@ -34,7 +34,8 @@ LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
 
 
 def leave_limit(plan: Plan) -> float:
-    """Return the seconds of virtual time within which all processes end after physics: a host that starts just then asks TRIES times.
+    """Return the seconds of virtual time within which all processes end after physics: a host that
+    starts just then asks TRIES times.
 
     A client that does not answer makes a question last.
     """
@@ -44,7 +45,10 @@ def leave_limit(plan: Plan) -> float:
 
 @dataclass
 class Verdict:
-    """What came of a schedule. `complaints`: what was promised and did not hold; empty for a good one."""
+    """What came of a schedule.
+
+    `complaints`: what was promised and did not hold; empty for a good one.
+    """
 
     plan: Plan
     summary: dict[str, Any] = field(default_factory=dict)  # of the run; empty if run.py has none
@@ -155,7 +159,9 @@ def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator
 
 
 def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
-    """Complain about a run in lockstep without faults that is slow: something waits, though it need not."""
+    """Complain about a run in lockstep without faults that is slow: something waits, though it need
+    not.
+    """
     plan, over_at = schedule.plan, schedule.over_at
     if plan.mode != "lockstep" or plan.faults or plan.tears or over_at is None:
         return
@@ -166,7 +172,9 @@ def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
 
 
 def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
-    """Complain about lost agents, if no host was away for long, and about sessions that are not back."""
+    """Complain about lost agents, if no host was away for long, and about sessions that are not
+    back.
+    """
     plan, world = schedule.plan, schedule.world
     lost = [line for line in world.lines if "no longer waited for" in line]
     if plan.mode == "lockstep" and lost and not plan.may_lose:
@@ -184,7 +192,9 @@ def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Itera
 
 
 def _of_course(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
-    """Complain about a run that is not that of local mode: its hash, figures, events and messages."""
+    """Complain about a run that is not that of local mode: its hash, figures, events and
+    messages.
+    """
     plan, world, course = schedule.plan, schedule.world, schedule.observer.course
     if not plan.has_hash or world.loop is None:
         return
@@ -221,7 +231,9 @@ def _of_commands(schedule: "Schedule") -> Iterator[str]:
 
 
 def _of_processes(schedule: "Schedule") -> Iterator[str]:
-    """Complain about how the processes have ended: all that were started, also those that were started again."""
+    """Complain about how the processes have ended: all that were started, also those that were
+    started again.
+    """
     plan, lines, supervisor = schedule.plan, schedule.world.lines, schedule.run_py.supervisor
     for process in schedule.world.processes.values():
         name, why = process.spec.name, process.complaints[-1] if process.complaints else ""

@@ -73,7 +73,10 @@ def faults_of_recording(schedule: "Schedule", summary: dict[str, Any]) -> Iterat
 
 
 def _of_frames(schedule: "Schedule", frames: Sequence[Frame]) -> Iterator[str]:
-    """Yield a frame that is there twice, and one without the events of its step. Physics has begun once."""
+    """Yield a frame that is there twice, and one without the events of its step.
+
+    Physics has begun once.
+    """
     steps = schedule.observer.course.parts[0].steps
     for before, frame in pairwise(frames):
         if frame.tick <= before.tick:

@@ -1,1 +1,4 @@
-"""The page in the browser. It starts each run through the command `orchard`, as a user does in a terminal."""
+"""The page in the browser.
+
+It starts each run through the command `orchard`, as a user does in a terminal.
+"""

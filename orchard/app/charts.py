@@ -15,7 +15,10 @@ BINS, WAITING, BUSY = "Bins delivered", "Pickers that wait, %", "Carriers at wor
 
 
 def course_of(history: History, scenario: Scenario, since: float = 0.0) -> Course:
-    """Return figures of a run over time, from a moment on, s. `history`: as in the summary, as far as the run has got."""
+    """Return figures of a run over time, from a moment on, s.
+
+    `history`: as in the summary, as far as the run has got.
+    """
 
     def points(values: Iterable[float]) -> Points:
         return [
@@ -55,7 +58,10 @@ class Charts:
             self._charts = {title: _chart(title) for title in STEPS}
 
     def show(self, courses: Mapping[str, Course], marks: Sequence[float] = ()) -> None:
-        """Draw these runs, by name, and mark moments, s. A figure that is known of none of them has no chart."""
+        """Draw these runs, by name, and mark moments, s.
+
+        A figure that is known of none of them has no chart.
+        """
         if courses == self._shown:
             return
         self._shown = dict(courses)

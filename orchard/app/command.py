@@ -1,4 +1,6 @@
-"""A command `orchard` of the page: its lines are read as they come, and it is asked to stop as by Ctrl-C."""
+"""A command `orchard` of the page: its lines are read as they come, and it is asked to stop as by
+Ctrl-C.
+"""
 
 import contextlib
 import os
@@ -18,8 +20,10 @@ from orchard.folders import RUNS, regular
 
 Result = TypeVar("Result")
 KEPT_LINES = 500
-AGAIN = 6.0  # s after which a command that has not begun is asked once more: a library may swallow the signal
-PATIENCE = 60.0  # s that a command may take to end, with its files; on an idle machine it takes less than 3
+# S after which a command that has not begun is asked once more: a library may swallow the signal.
+AGAIN = 6.0
+# S that a command may take to end, with its files; on an idle machine it takes less than 3.
+PATIENCE = 60.0
 
 
 class RunState(StrEnum):
@@ -44,7 +48,10 @@ STATE_COLOURS = {
 
 
 class Files:
-    """The files of a command: in one folder, under one name. `views`: those of the page's picture."""
+    """The files of a command: in one folder, under one name.
+
+    `views`: those of the page's picture.
+    """
 
     def __init__(self, folder: Path, name: str) -> None:
         self.folder, self.name = folder, name
@@ -55,7 +62,10 @@ class Files:
 
 
 class PageCommand:
-    """A process of its own. `said`: the number of lines printed so far, and the last KEPT_LINES of them."""
+    """A process of its own.
+
+    `said`: the number of lines printed so far, and the last KEPT_LINES of them.
+    """
 
     has_begun = False
 
@@ -69,18 +79,26 @@ class PageCommand:
         self._listener.start()
 
     def words_of(self, line: str) -> str | None:
-        """Take what a line tells. Return its words for a person; None if it is for programs only."""
+        """Take what a line tells.
+
+        Return its words for a person; None if it is for programs only.
+        """
         return line.rstrip()
 
     def finish(self) -> None:
-        """Read what the command has left. Afterwards `is_over` is true, and nothing changes any more."""
+        """Read what the command has left.
+
+        Afterwards `is_over` is true, and nothing changes any more.
+        """
 
     @property
     def is_complete(self) -> bool:
         return False
 
     def read(self, path: Path, kind: type[Result]) -> Result | None:
-        """Return what the command has left in a file; None if there is none, or if it holds something else."""
+        """Return what the command has left in a file; None if there is none, or if it holds
+        something else.
+        """
         try:
             return msgspec.json.decode(regular(path).read_bytes(), type=kind)
         except FileNotFoundError:  # it has failed
@@ -97,7 +115,10 @@ class PageCommand:
         self.finish()
 
     def _hear(self, line: str) -> None:
-        """Keep a line. After a stop request, drop a traceback: Python was interrupted while it started."""
+        """Keep a line.
+
+        After a stop request, drop a traceback: Python was interrupted while it started.
+        """
         self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
         if not self._is_hushed and (words := self.words_of(line)) is not None:
             self._say(words)
@@ -119,7 +140,10 @@ class PageCommand:
         return RunState.stopped if self.asked_to_stop else RunState.failed
 
     def stop(self) -> None:
-        """Ask the command to end. It is killed if it has not ended after PATIENCE, so one call is enough."""
+        """Ask the command to end.
+
+        It is killed if it has not ended after PATIENCE, so one call is enough.
+        """
         if self.asked_to_stop or self.is_over:
             return
         self.asked_to_stop = True
@@ -143,9 +167,11 @@ class PageCommand:
 
 
 def _open(line: list[str], folder: Path) -> subprocess.Popen[str]:
-    """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only through `stop`.
+    """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only
+    through `stop`.
 
-    It inherits a blocked SIGINT, which it unblocks: Python would lose a SIGINT while it loads `site`.
+    It inherits a blocked SIGINT, which it unblocks: Python would lose a SIGINT while it loads
+    `site`.
     """
     null, pipe, wide = (
         subprocess.DEVNULL,
@@ -184,7 +210,10 @@ class Latest(Generic[Started]):
         return None if self.command is None or self.command.is_over else self.command
 
     def start(self, kind: Callable[[Files], Started]) -> None:
-        """Start a command with files of its own. Raises OSError, or RuntimeError while another one goes on."""
+        """Start a command with files of its own.
+
+        Raises OSError, or RuntimeError while another one goes on.
+        """
         if self.going is not None:
             raise RuntimeError(f"another {self.what} is in progress; stop it first")
         self.close()

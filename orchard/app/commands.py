@@ -10,8 +10,8 @@ from orchard.folders import runs_folder
 from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.open_files import allow_files
 
-# Files that this program may have open at once while it serves the page: 32 are enough at its begin;
-# each run and each browser needs some.
+# Files that this program may have open at once while it serves the page: 32 are enough at its
+# begin; each run and each browser needs some.
 PAGE_FILES = 128
 
 _HOST = "Any client that reaches it can start runs; 0.0.0.0: under this machine's name."

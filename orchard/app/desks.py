@@ -31,11 +31,17 @@ class Desks:
         self._kept: OrderedDict[str, Desk] = OrderedDict()
 
     def of(self, browser: str) -> Desk:
-        """Return the desk of a browser. One that was never shown gets a new desk, which is not kept."""
+        """Return the desk of a browser.
+
+        One that was never shown gets a new desk, which is not kept.
+        """
         return self._kept.get(browser) or Desk()
 
     def keep(self, browser: str, desk: Desk) -> None:
-        """Keep the desk of a browser that shows the page. Beyond MOST, the one away longest is dropped."""
+        """Keep the desk of a browser that shows the page.
+
+        Beyond MOST, the one away longest is dropped.
+        """
         self._kept.setdefault(browser, desk)
         self._kept.move_to_end(browser)
         if len(self._kept) > MOST:

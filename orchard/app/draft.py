@@ -44,7 +44,10 @@ def with_point(text: object) -> str:
 
 
 def write_a_point(number: str) -> str:
-    """Return advice to append to an error message. Only a number that is accepted may be advised."""
+    """Return advice to append to an error message.
+
+    Only a number that is accepted may be advised.
+    """
     return f"; write a point: {number}"
 
 
@@ -53,7 +56,9 @@ def span(limits: tuple[float, float]) -> str:
 
 
 def number_problem(text: str, limits: tuple[float, float], also: str = "") -> str:
-    """Return the problem of a text, with the words `also`; '' if it is a number within the limits."""
+    """Return the problem of a text, with the words `also`; '' if it is a number within the
+    limits.
+    """
     if _is_within(text, limits):
         return ""
     problem = f"must be a number from {span(limits)}{also}"
@@ -92,7 +97,8 @@ class Entry:
 
     path: str  # dotted path in the scenario file
     words: str  # description, with the unit
-    kind: type  # int, float, bool, or str: one of `choices`, or a class of the user's that a file names
+    # int, float, bool, or str: one of `choices`, or a class of the user's that a file names.
+    kind: type
     optional: bool  # whether None is allowed: the program then chooses the value
     low: float = -inf
     high: float = inf
@@ -119,7 +125,9 @@ class Entry:
 
     @property
     def step(self) -> float:
-        """The step of the slider: a hundredth of the range, rounded up to 1, 2 or 5 times a power of ten."""
+        """The step of the slider: a hundredth of the range, rounded up to 1, 2 or 5 times a power
+        of ten.
+        """
         if self.kind is int:
             return 1
         rough = (self.high - self.low) / 100
@@ -199,7 +207,9 @@ def words_of(path: str, value: Any) -> str:
 
 
 def title_of(scenario: Scenario) -> str:
-    """Return a scenario in a line: its size and seed, and what else is not as in the default scenario."""
+    """Return a scenario in a line: its size and seed, and what else is not as in the default
+    scenario.
+    """
     default, values = flat(Scenario()), flat(scenario)
     carriers = counted("carriers", scenario.carrier_count)
     size = f"{scenario.rows} rows, {scenario.pickers} pickers, {carriers}, seed {scenario.seed}"
@@ -216,7 +226,10 @@ def _inner(label: str) -> str:
 
 
 class Draft:
-    """Entered values by path. `scenario`: None while a value is invalid. `problems`: messages by path."""
+    """Entered values by path.
+
+    `scenario`: None while a value is invalid. `problems`: messages by path.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self.take(scenario)
@@ -251,7 +264,9 @@ class Draft:
 
     @property
     def classes(self) -> dict[str, str]:
-        """The user's own classes and functions, by the key of the scenario or the agent that names them."""
+        """The user's own classes and functions, by the key of the scenario or the agent that names
+        them.
+        """
         return {
             key: path
             for key, path in self._base.own_classes.items()
@@ -287,7 +302,9 @@ class Draft:
             self.scenario = scenario
 
     def _advice(self, path: str) -> str:
-        """Return advice on a number that was typed with a comma; '' if it is refused with a point too."""
+        """Return advice on a number that was typed with a comma; '' if it is refused with a point
+        too.
+        """
         meant = with_point(self.values.get(path))
         if not meant:
             return ""
@@ -299,9 +316,14 @@ class Draft:
         return write_a_point(meant)
 
     def _strange(self) -> dict[str, str]:
-        """A message for each rule that is neither built in nor of the file: a link must not run any class."""
+        """A message for each rule that is neither built in nor of the file: a link must not run any
+        class.
+        """
         return {
-            path: f"must be {', '.join(builtin)}; a class of your own must be named in a scenario file"
+            path: (
+                f"must be {', '.join(builtin)}; a class of your own must be named in a scenario"
+                " file"
+            )
             for path, builtin in CHOICES.items()
             if self.values[path] not in (*builtin, getattr(self._base, path))
         }
@@ -336,7 +358,9 @@ ON_OFF = {"true": True, "false": False}
 
 
 def query_of(scenario: Scenario) -> str:
-    """Return the query for a scenario: what differs from the default, but own classes and a survey."""
+    """Return the query for a scenario: what differs from the default, but own classes and a
+    survey.
+    """
     default, own = flat(Scenario()), scenario.own_classes
     return urlencode(
         {
@@ -362,7 +386,9 @@ LONGEST_NAME = 60  # characters of a name in a report
 
 
 def draft_of(query: Iterable[tuple[str, str]]) -> tuple[Draft | None, list[str]]:
-    """Return the draft that a link holds, None if it names no setting, and what is wrong with its names."""
+    """Return the draft that a link holds, None if it names no setting, and what is wrong with its
+    names.
+    """
     values: dict[str, Any] = {}
     unknown: list[str] = []
     for path, text in query:

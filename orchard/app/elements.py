@@ -1,4 +1,6 @@
-"""Elements of a page that NiceGUI does not have: headings, words that come and go, dialogs, tables."""
+"""Elements of a page that NiceGUI does not have: headings, words that come and go, dialogs,
+tables.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -30,7 +32,9 @@ def button(
 
 
 class StartAndStop:
-    """Two buttons in one place: one starts a command; while it goes on, its fields are locked, and the other one stops it."""
+    """Two buttons in one place: one starts a command; while it goes on, its fields are locked, and
+    the other one stops it.
+    """
 
     def __init__(
         self,
@@ -64,13 +68,17 @@ def several(
     """Return a choice of any number of names. `field`: its name for tests."""
     some = ui.select(names, value=chosen, multiple=True, on_change=act).classes("several")
     return some.props(
-        f'dense outlined options-dense display-value-html=false data-field={field} aria-label="{label}"'
+        f"dense outlined options-dense display-value-html=false data-field={field}"
+        f' aria-label="{label}"'
     )
 
 
 @contextmanager
 def dialog(title: str, lines: Iterable[str] = (), view: str = "complaint") -> Iterator[ui.dialog]:
-    """Open a dialog with a title and lines, to which more can be added. `view`: its name for tests."""
+    """Open a dialog with a title and lines, to which more can be added.
+
+    `view`: its name for tests.
+    """
     with ui.dialog(value=True) as opened, ui.card().classes("complaint").props(f"data-view={view}"):
         opened.props["aria-label"] = title
         heading(2, title).classes("group-title")
@@ -84,7 +92,10 @@ def table(
     head: Sequence[str] = (),
     act: Callable[[int], Any] | None = None,
 ) -> None:
-    """Add a table: lines whose first cells are names, under a head. `act(number)` adds buttons to a line."""
+    """Add a table: lines whose first cells are names, under a head.
+
+    `act(number)` adds buttons to a line.
+    """
     with ui.element("table"):
         if head:
             with ui.element("tr"):
@@ -115,14 +126,16 @@ def tiles(figures: Iterable[tuple[str, str, str]]) -> None:
 
 
 def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that calls a bound method, and does nothing once the method's object is gone.
+    """Return a function that calls a bound method, and does nothing once the method's object is
+    gone.
 
-    FastAPI remembers some thousand upload routes after their pages were deleted. Through its handler
-    of files, such a route would keep all elements of its page.
+    FastAPI remembers some thousand upload routes after their pages were deleted. Through its
+    handler of files, such a route would keep all elements of its page.
     """
     kept = WeakMethod(method)
 
-    # NiceGUI gives the event only to a handler with a parameter of its own, and not to `*arguments`.
+    # NiceGUI gives the event only to a handler with a parameter of its own, and not to
+    # `*arguments`.
     def call(event: Any) -> Any:
         living = kept()
         return None if living is None else living(event)

@@ -1,4 +1,6 @@
-"""The form: a control for each value of a scenario, and what is wrong there; and the user's own classes."""
+"""The form: a control for each value of a scenario, and what is wrong there; and the user's own
+classes.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +16,9 @@ FIGURES = 4  # significant digits of a number that the program works out
 
 
 class Control:
-    """A labelled value, its limits and its problem: a switch, a choice, or a number, perhaps with a slider."""
+    """A labelled value, its limits and its problem: a switch, a choice, or a number, perhaps with a
+    slider.
+    """
 
     def __init__(self, entry: Entry, draft: Draft, where: str = "") -> None:
         """`where`: goes before its name for tests."""
@@ -40,7 +44,8 @@ class Control:
                     "field-more"
                 )
                 self._automatic.props(
-                    f'dense size=sm data-field={name}-automatic aria-label="{entry.label}: {entry.none}"'
+                    f'dense size=sm data-field={name}-automatic aria-label="{entry.label}:'
+                    f' {entry.none}"'
                 )
             self._problem = note(f"data-problem={name} role=alert")
             self._meaning = note(f"data-meaning={name}", "field-mark")
@@ -154,7 +159,9 @@ _BASIC = [*AGENTS, *(path for paths in GROUPS.values() for path in paths)]
 
 
 class Form:
-    """All controls of a draft, those for experts folded away, and the user's own classes, if there are any."""
+    """All controls of a draft, those for experts folded away, and the user's own classes, if there
+    are any.
+    """
 
     def __init__(self, draft: Draft) -> None:
         self._draft = draft
@@ -185,7 +192,9 @@ class Form:
             self._controls[path].show(value)
 
     def follow(self, running: Scenario | None) -> None:
-        """Show what is wrong, what the program has chosen, and how the scenario that runs differs."""
+        """Show what is wrong, what the program has chosen, and how the scenario that runs
+        differs.
+        """
         draft = self._draft
         other = (
             {}

@@ -1,4 +1,6 @@
-"""A harvest from the page: its controls, the command `orchard` that does it, what it says, and its picture."""
+"""A harvest from the page: its controls, the command `orchard` that does it, what it says, and its
+picture.
+"""
 
 import contextlib
 import sys
@@ -55,12 +57,16 @@ class RunSettings:
             "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
         )
         told = {
-            "speed": ""
-            if self.is_fastest
-            else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}"),
-            "duration": number_problem(self.duration, DURATIONS, also="; empty: the whole harvest")
-            if self.duration.strip()
-            else "",
+            "speed": (
+                ""
+                if self.is_fastest
+                else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}")
+            ),
+            "duration": (
+                number_problem(self.duration, DURATIONS, also="; empty: the whole harvest")
+                if self.duration.strip()
+                else ""
+            ),
         }
         return {name: words for name, words in told.items() if words}
 
@@ -68,7 +74,10 @@ class RunSettings:
 def command(
     settings: RunSettings, files: Files, web_port: int, fork: Fork | None = None
 ) -> list[str]:
-    """Return the command line of a run. The live picture is at `web_port`, its data at the next port."""
+    """Return the command line of a run.
+
+    The live picture is at `web_port`, its data at the next port.
+    """
     what = [str(files.scenario)] if fork is None else ["fork", *fork.words]
     speed = "max" if settings.is_fastest else shown(float(settings.speed))
     duration = ["--duration", shown(float(settings.duration))] if settings.duration.strip() else []
@@ -126,7 +135,8 @@ class RunControls:
                 value=self.settings.speed, suffix="x", on_change=self._enters("speed")
             ).classes("number")
             self._speed.props(
-                "dense outlined inputmode=decimal autocomplete=off data-field=speed aria-label=Speed input-class=figure"
+                "dense outlined inputmode=decimal autocomplete=off data-field=speed"
+                " aria-label=Speed input-class=figure"
             )
             self._speed.props(f'title="times real time, {span(SPEEDS)}"')
             self._slider.on(
@@ -151,10 +161,12 @@ class RunControls:
                 on_change=self._enters("duration"),
             )
             duration.props(
-                "dense outlined clearable inputmode=decimal autocomplete=off data-field=duration input-class=figure"
+                "dense outlined clearable inputmode=decimal autocomplete=off data-field=duration"
+                " input-class=figure"
             )
             duration.props(
-                f'aria-label="End after" title="simulated seconds, {span(DURATIONS)}; empty: the whole harvest"'
+                f'aria-label="End after" title="simulated seconds, {span(DURATIONS)}; empty: the'
+                ' whole harvest"'
             )
             duration.classes("number wide")
 

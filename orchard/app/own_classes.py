@@ -1,4 +1,6 @@
-"""The user's own classes that a scenario names: the page takes them from one folder, and asks first."""
+"""The user's own classes that a scenario names: the page takes them from one folder, and asks
+first.
+"""
 
 import sys
 from importlib.machinery import PathFinder
@@ -32,7 +34,10 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 
 
 def _is_in(path: str, folder: Path) -> bool:
-    """Whether Python finds a module in this folder, not in one inside, as .venv may be. It is not run."""
+    """Whether Python finds a module in this folder, not in one inside, as .venv may be.
+
+    It is not run.
+    """
     module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
     parts = module.split(".")
     # An import looks there too, after all else: `orchard.field.plugins`.
@@ -48,7 +53,10 @@ def _is_in(path: str, folder: Path) -> bool:
 
 
 async def may_run(classes: dict[str, str], file: str) -> bool:
-    warning = "It names these classes. They can do whatever you can: read, change and send your files. Do you trust them?"
+    warning = (
+        "It names these classes. They can do whatever you can: read, change and send your files. Do"
+        " you trust them?"
+    )
     named = [f"{key}: {path}" for key, path in classes.items()]
     with (
         dialog(f"{file} runs code on this computer", [warning, *named], "question") as question,

@@ -1,7 +1,8 @@
 """Which requests the page answers: those of its own pages, and of a user who opens it.
 
-A name of another site that suddenly means this machine (DNS rebinding) shows in `Host`. A request of
-another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says whose page asks.
+A name of another site that suddenly means this machine (DNS rebinding) shows in `Host`. A request
+of another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says whose page
+asks.
 """
 
 import socket
@@ -34,7 +35,8 @@ def guard(app: App, host: str, secret: str) -> None:
 
 
 class OwnOrigin:
-    """Refuses requests of other sites' pages, and lets none of them frame this page: a click there is no click here.
+    """Refuses requests of other sites' pages, and lets none of them frame this page: a click there
+    is no click here.
 
     A link on another site may open the page in a tab: that request is let through.
     """
@@ -72,7 +74,9 @@ def is_own(headers: Headers) -> bool:
 
 
 def opens_a_tab(headers: Headers) -> bool:
-    """Whether a request shows the page in a tab: not in a frame, and not in advance, which shows nothing yet."""
+    """Whether a request shows the page in a tab: not in a frame, and not in advance, which shows
+    nothing yet.
+    """
     is_in_advance = "prefetch" in headers.get("sec-purpose", "").lower()
     is_tab = (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == (
         "navigate",

@@ -1,4 +1,6 @@
-"""The page: presets, files and link on top; the form on the left; the run, the stage and figures on the right."""
+"""The page: presets, files and link on top; the form on the left; the run, the stage and figures on
+the right.
+"""
 
 from copy import copy
 from functools import partial
@@ -37,7 +39,10 @@ FIRST = (
 
 
 class Page:
-    """A page in one browser, which begins with what was entered there last. All share one run and one study."""
+    """A page in one browser, which begins with what was entered there last.
+
+    All share one run and one study.
+    """
 
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
         self.runs, self.studies, self.desk, self.draft = runs, studies, desk, copy(desk.draft)
@@ -144,7 +149,10 @@ class Page:
             self._replace(linked)
 
     def _ask_for(self, linked: Draft, unknown: list[str]) -> None:
-        """Ask whether a link may replace what was entered. One dialog says all: two would hide each other."""
+        """Ask whether a link may replace what was entered.
+
+        One dialog says all: two would hide each other.
+        """
         lines = [
             f"You have entered: {self.draft.title}.",
             f"The link has: {linked.title}.",
@@ -290,7 +298,9 @@ class Page:
 
 
 async def _is_trusted(scenario: Scenario, file: str) -> bool:
-    """Whether its own classes may run here: from elsewhere they may not, and else the user is asked."""
+    """Whether its own classes may run here: from elsewhere they may not, and else the user is
+    asked.
+    """
     classes = scenario.own_classes
     if refused := from_elsewhere(classes, Path.cwd()):
         complain(NOT_OPENED, [f"{file}: {words}" for words in refused])

@@ -1,4 +1,6 @@
-"""What a scenario looks like before it is run: the plan to scale, and the figures that follow from it."""
+"""What a scenario looks like before it is run: the plan to scale, and the figures that follow from
+it.
+"""
 
 from nicegui import ui
 
@@ -15,7 +17,9 @@ DEEP = 2.0  # from this many times its width on, a plan is shown as wide as the 
 
 
 def figures(layout: Layout, limit: QuestionLimit) -> list[tuple[str, str, str]]:
-    """Return the derived figures of an orchard: name, value with its unit, and a note on its meaning."""
+    """Return the derived figures of an orchard: name, value with its unit, and a note on its
+    meaning.
+    """
     scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
     each = "{}" if min(trees) == max(trees) else "{} to {}"
     bins = sum(start.kind == "bin" for start in layout.starts)
@@ -46,7 +50,9 @@ def _mean_over(seeds: tuple[int, ...]) -> str:
 
 
 def derive(layout: Layout) -> tuple[list[tuple[str, str, str]], dict[str, float]]:
-    """Return the derived figures of an orchard, and what each part of its harvest allows, bins/s."""
+    """Return the derived figures of an orchard, and what each part of its harvest allows,
+    bins/s.
+    """
     limit = limit_of_question(layout)
     return figures(layout, limit), limit.terms
 
@@ -86,7 +92,9 @@ class PlanView:
             self._full_width.set_value(is_deep)
 
     def fade(self) -> None:
-        """Mark the plan as stale: the input is invalid, so the plan shows the last valid scenario."""
+        """Mark the plan as stale: the input is invalid, so the plan shows the last valid
+        scenario.
+        """
         self._plan.classes("stale")
 
 

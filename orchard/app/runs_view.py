@@ -76,7 +76,8 @@ class PastRun:
         known = self.record
         return {
             "Bins": f"{known.bins_delivered} of {known.bins}",
-            "Simulated": f"{moment(known.sim_seconds)} min",  # not hours: the list sorts by the first number
+            # Not hours: the list sorts by the first number.
+            "Simulated": f"{moment(known.sim_seconds)} min",
             "Bins per hour": f"{known.bins_per_hour:.1f}",
             "Mean wait": f"{known.picker_waiting_seconds:.0f} s",
             "Carriers at work": f"{100 * known.carrier_utilisation:.0f} %",
@@ -84,7 +85,9 @@ class PastRun:
 
 
 def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
-    """Return the newest MOST runs with a summary, newest first, and why other files are passed over."""
+    """Return the newest MOST runs with a summary, newest first, and why other files are passed
+    over.
+    """
     known, others = [], []
     for path in sorted(set(folder.glob("*.json")) - set(folder.glob("study-*.json"))):
         try:
@@ -99,7 +102,9 @@ def past_runs(folder: Path) -> tuple[list[PastRun], list[str]]:
 
 
 def differences(scenarios: Sequence[Scenario]) -> dict[str, list[str]]:
-    """Return the settings that are not the same in all scenarios: label -> a value for each scenario."""
+    """Return the settings that are not the same in all scenarios: label -> a value for each
+    scenario.
+    """
     values = [flat(scenario) | scenario.own_classes for scenario in scenarios]
     paths = dict.fromkeys(path for one in values for path in one)
     found = {
@@ -128,7 +133,10 @@ COLUMNS = (
 )
 UNDER_PARENT = "(value, row) => value === row.Ended ? row.under + value : value"
 BY_NUMBER = "(a, b) => a.localeCompare(b, 'en', {numeric: true})"  # 10:24 min comes after 9:50 min
-CHECKBOX = "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', ' + props.row.Scenario\" />"
+CHECKBOX = (
+    "<q-checkbox v-model=\"props.selected\" dense :aria-label=\"'Compare ' + props.row.Ended + ', '"
+    ' + props.row.Scenario" />'
+)
 MOST_NAMED = 5  # files that are passed over
 PAGE = 8  # runs on a page of the list
 
@@ -139,7 +147,9 @@ class RunsView:
     def __init__(
         self, folder: Path, take: Callable[[Scenario, str], Awaitable[None]], go_on: GoOn
     ) -> None:
-        """`folder`: of the runs. `take`: sets the form to a run's scenario, under the run's name. `go_on`: as for `what_if`."""
+        """`folder`: of the runs. `take`: sets the form to a run's scenario, under the run's name.
+        `go_on`: as for `what_if`.
+        """
         self._folder, self._take, self._go_on = folder, take, go_on
         self._past: dict[str, PastRun] = {}
         column = {"align": "left", "sortable": True, ":sort": BY_NUMBER, ":format": UNDER_PARENT}
@@ -171,7 +181,9 @@ class RunsView:
         self._chosen = list[PastRun]()
 
     def refresh(self, *names: str) -> None:
-        """List the runs that there are now, and choose these; without names, those that were chosen."""
+        """List the runs that there are now, and choose these; without names, those that were
+        chosen.
+        """
         chosen = names or [row["name"] for row in self._list.selected]
         runs, others = past_runs(self._folder)
         self._past = {past.name: past for past in runs}
@@ -227,7 +239,9 @@ def _name(past: PastRun) -> str:
 
 
 def lines(known: Mapping[str, PastRun]) -> list[list[PastRun]]:
-    """Return a line for each run, from its first ancestor to itself, in the order of the list: forks stand under their parent."""
+    """Return a line for each run, from its first ancestor to itself, in the order of the list:
+    forks stand under their parent.
+    """
     found, order = [], {name: number for number, name in enumerate(known)}
     for past in known.values():
         line = [past]

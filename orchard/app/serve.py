@@ -1,8 +1,8 @@
 """Serve the page.
 
 It answers only requests to its own address that its own pages make: a page of another site could
-start runs otherwise. Such a page can open this one by a link; then what the user entered stays until
-the user agrees, and nothing of the request is kept before the browser shows the page.
+start runs otherwise. Such a page can open this one by a link; then what the user entered stays
+until the user agrees, and nothing of the request is kept before the browser shows the page.
 """
 
 import contextlib
@@ -26,7 +26,10 @@ ICON = "🥝"
 
 
 def serve(host: str, port: int, folder: Path, shows: bool) -> None:
-    """Serve the page until Ctrl-C. `folder`: of its files. `shows`: open a browser. Raises ValueError for a bad address."""
+    """Serve the page until Ctrl-C.
+
+    `folder`: of its files. `shows`: open a browser. Raises ValueError for a bad address.
+    """
     try:
         socket.create_server((host, port)).close()
     except (OSError, OverflowError) as error:
@@ -56,5 +59,16 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
     print(f"The page is at http://{host}:{port}  (Ctrl-C stops the server)", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        ui.run(page, host=host, port=port, show=shows, reload=False, show_welcome_message=False, title="Kiwifruit orchard",
-               language="en-US", favicon=ICON, reconnect_timeout=PATIENCE, storage_secret=secret)  # fmt: skip
+        ui.run(
+            page,
+            host=host,
+            port=port,
+            show=shows,
+            reload=False,
+            show_welcome_message=False,
+            title="Kiwifruit orchard",
+            language="en-US",
+            favicon=ICON,
+            reconnect_timeout=PATIENCE,
+            storage_secret=secret,
+        )

@@ -1,4 +1,6 @@
-"""A study from the page: what it compares, as entered, and the command `orchard study` that does it."""
+"""A study from the page: what it compares, as entered, and the command `orchard study` that does
+it.
+"""
 
 import contextlib
 import sys

@@ -21,20 +21,26 @@ from orchard.study.words import setting_words
 REDRAW_SECONDS = 1.0  # s between two pictures
 Take = Callable[[Scenario, str], Awaitable[None]]
 HINT = (
-    "Tries numbers of carriers in the orchard of the form, as many as it takes, and tells how many are worth it. Choose policies "
-    "or routes to compare them, too; all else, and the prices, are in the form."
+    "Tries numbers of carriers in the orchard of the form, as many as it takes, and tells how many"
+    " are worth it. Choose policies or routes to compare them, too; all else, and the prices, are"
+    " in the form."
 )
 HORIZONS = {"long": "the long run", "harvest": "one harvest"}
 LAST_WORDS = 12  # lines of a study that failed
 
 
 class StudyView:
-    """The fields, Start and Stop, and what the study has found. All pages share one study at a time."""
+    """The fields, Start and Stop, and what the study has found.
+
+    All pages share one study at a time.
+    """
 
     def __init__(
         self, studies: Studies, desk: Desk, drafted: Callable[[], Scenario | None], take: Take
     ) -> None:
-        """`drafted`: gives the form's scenario, None if invalid. `take`: sets the form to a scenario with a name."""
+        """`drafted`: gives the form's scenario, None if invalid. `take`: sets the form to a
+        scenario with a name.
+        """
         self._studies, self._desk, self._drafted, self._take = studies, desk, drafted, take
         self._settings = desk.study
         self._shown: tuple[StudyRun, StudyResult | None, bool] | None = None
@@ -78,7 +84,8 @@ class StudyView:
                 on_change=lambda event: self._enter(budget=event.value or ""),
             ).classes("number")
             text.props(
-                'dense outlined autocomplete=off inputmode=decimal data-field=study-budget aria-label="Time to take, s"'
+                "dense outlined autocomplete=off inputmode=decimal data-field=study-budget"
+                ' aria-label="Time to take, s"'
             )
             text.props("input-class=figure")
 
@@ -142,7 +149,10 @@ class StudyView:
             self._badge.props(f"color={STATE_COLOURS[study.state]}")
 
     async def _watch(self) -> None:
-        """Show what is new of the study. Whether it is over is read first: then the result is the last one."""
+        """Show what is new of the study.
+
+        Whether it is over is read first: then the result is the last one.
+        """
         self._update_buttons()
         if (study := self._studies.command) is None:
             return

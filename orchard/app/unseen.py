@@ -1,4 +1,7 @@
-"""Pages for which no browser has come yet. A page holds some megabytes, and a request alone makes one."""
+"""Pages for which no browser has come yet.
+
+A page holds some megabytes, and a request alone makes one.
+"""
 
 from nicegui import Client
 

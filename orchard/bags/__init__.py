@@ -1,4 +1,6 @@
-"""Bags of ROS 2: a recording as an MCAP file, with the messages of the bridge, and a replay of a bag's velocities."""
+"""Bags of ROS 2: a recording as an MCAP file, with the messages of the bridge, and a replay of a
+bag's velocities.
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""How the bodies of a recorded run drove: poses and velocities, tick by tick, and what lasers hit."""
+"""How the bodies of a recorded run drove: poses and velocities, tick by tick, and what
+lasers hit.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -21,7 +23,10 @@ STILL: Velocities = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RecordingError(Exception):
-    """A recording cannot be read, or lacks what is needed. The text names the file and the reason."""
+    """A recording cannot be read, or lacks what is needed.
+
+    The text names the file and the reason.
+    """
 
 
 State = tuple[float, float, float, float]  # x, y (m), z and w of the quaternion, in the frame `map`
@@ -29,7 +34,10 @@ State = tuple[float, float, float, float]  # x, y (m), z and w of the quaternion
 
 @dataclass
 class Drives:
-    """What a recording tells of its bodies. The maps have entries only for the ticks at which something changes."""
+    """What a recording tells of its bodies.
+
+    The maps have entries only for the ticks at which something changes.
+    """
 
     scenario: Scenario
     names: list[str]  #: of all bodies, in the order of the layout
@@ -49,7 +57,9 @@ class Drives:
     )  #: tick -> body -> (m, 2) m, what its laser hit, in its frame
 
     def ticks(self) -> Iterator[tuple[int, Mapping[str, State], Mapping[str, Velocities]]]:
-        """Yield for each recorded tick its number, and pose and velocities of every body that was seen so far."""
+        """Yield for each recorded tick its number, and pose and velocities of every body that was
+        seen so far.
+        """
         poses, velocities = dict[str, State](), dict[str, Velocities]()
         for tick in range(self.first, self.last + 1):
             poses |= self.poses.get(tick, {})
@@ -59,7 +69,10 @@ class Drives:
 
 
 def read_drives(recording: Path, with_scans: bool = False) -> Drives:
-    """Return what all parts of a recording tell of its bodies; torn parts are repaired first. Raises RecordingError."""
+    """Return what all parts of a recording tell of its bodies; torn parts are repaired first.
+
+    Raises RecordingError.
+    """
     parts = parts_of(recording)
     if not parts:
         raise RecordingError(f"{recording}: no such recording")
@@ -80,7 +93,8 @@ def read_drives(recording: Path, with_scans: bool = False) -> Drives:
             _take(drives, chunk)
     if drives is None or not drives.poses:
         raise RecordingError(
-            f"{recording}: it has no pose of any body: the run ended within its first second, or too much is missing"
+            f"{recording}: it has no pose of any body: the run ended within its first second, or"
+            " too much is missing"
         )
     drives.first, drives.last = min(drives.poses), max(drives.poses)
     return drives
@@ -127,7 +141,9 @@ def _take_poses(drives: Drives, chunk: Chunk) -> None:
 
 
 def ranges_of(points: np.ndarray, laser: Laser, every: int) -> np.ndarray:
-    """Return the ranges of every `every`-th beam, m, float32, +inf without a return, from the points that it hit, (m, 2) m."""
+    """Return the ranges of every `every`-th beam, m, float32, +inf without a return, from the
+    points that it hit, (m, 2) m.
+    """
     beams = math.ceil(laser.beams / every)
     ranges = np.full(beams, np.inf, dtype=np.float32)
     x, y = points[:, 0] - laser.ahead, points[:, 1]

@@ -98,15 +98,21 @@ Track = Callable[
 
 
 def chosen(drives: Drives, words: Sequence[str]) -> list[str]:
-    """Return the bodies of these names or kinds; without any, the robots that drive. Raises ValueError."""
+    """Return the bodies of these names or kinds; without any, the robots that drive.
+
+    Raises ValueError.
+    """
     names = select_agents(drives.names, list(words), [])
     return [name for name in names if words or kind_of(name) in VEHICLES]
 
 
 def export(drives: Drives, robots: Sequence[str], file: Path, track: Track) -> int:
-    """Write a bag, and return the number of its messages. Scans are in it if `drives` has them. Raises OSError.
+    """Write a bag, and return the number of its messages.
 
-    A velocity has the time at which the step with it begins, all else that of its tick. Of a body that never drove there is no velocity.
+    Scans are in it if `drives` has them. Raises OSError.
+
+    A velocity has the time at which the step with it begins, all else that of its tick. Of a body
+    that never drove there is no velocity.
     """
     with Bag(file) as bag:
         _begin(bag, drives, robots)

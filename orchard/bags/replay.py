@@ -1,4 +1,7 @@
-"""Lets the velocities in a bag drive its robots again. Their agents go on with plan, mail and deeds."""
+"""Lets the velocities in a bag drive its robots again.
+
+Their agents go on with plan, mail and deeds.
+"""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -109,7 +112,9 @@ def _check_velocities(bag: Path, velocities: Mapping[str, Any], topics: set[str]
 
 
 def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, Any]]:
-    """Yield the velocities and scenarios of a bag: connection, time in ns, message; fill in all its topics."""
+    """Yield the velocities and scenarios of a bag: connection, time in ns, message; fill in all its
+    topics.
+    """
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
             topics |= {f"{one.topic} ({one.msgtype})" for one in reader.connections}
@@ -139,9 +144,13 @@ def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> Non
     """Raise ValueError if the bag drives bodies that are not in the orchard."""
     if unknown := sorted(commands.velocities.keys() - names.keys()):
         robots = [name for name in names if kind_of(name) in VEHICLES]
-        drives = f"it drives {printable(', '.join(unknown), 500)}, not in this orchard, whose robots are {', '.join(robots)}"
+        drives = (
+            f"it drives {printable(', '.join(unknown), 500)}, not in this orchard, whose robots are"
+            f" {', '.join(robots)}"
+        )
         raise ValueError(
-            f"{bag}: {drives}; expected the orchard of the bag: its scenario, or --pickers and --carriers as there"
+            f"{bag}: {drives}; expected the orchard of the bag: its scenario, or --pickers and"
+            " --carriers as there"
         )
 
 
@@ -164,6 +173,7 @@ def _twist_of(message: Any, where: str) -> Twist:
     twist = Twist(given.linear.x, given.linear.y, given.angular.z)
     if not all(math.isfinite(part) and abs(part) <= FASTEST for part in twist):
         raise ValueError(
-            f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to {FASTEST:g}"
+            f"{where}: a velocity of {tuple(twist)}; expected numbers from {-FASTEST:g} to"
+            f" {FASTEST:g}"
         )
     return twist

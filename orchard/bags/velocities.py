@@ -1,4 +1,6 @@
-"""When the velocities of a bag drive its robots: what is refused before a run, and told after it."""
+"""When the velocities of a bag drive its robots: what is refused before a run, and told
+after it.
+"""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,1 +1,3 @@
-"""The interface between agents and simulators: observations, mail, actions, events, and the guard that checks actions."""
+"""The interface between agents and simulators: observations, mail, actions, events, and the guard
+that checks actions.
+"""

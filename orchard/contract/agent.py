@@ -24,8 +24,18 @@ from orchard.contract.zone import Zone
 from orchard.field.geometry import STILL, Pose, Twist, yaw_of
 
 State = Literal[
-    "picking", "driving", "waiting", "calling", "handling a bin", "hauling", "unloading", "resting", "stopped", "broken", "failed"
-]  # fmt: skip
+    "picking",
+    "driving",
+    "waiting",
+    "calling",
+    "handling a bin",
+    "hauling",
+    "unloading",
+    "resting",
+    "stopped",
+    "broken",
+    "failed",
+]
 STATES: tuple[State, ...] = get_args(State)
 # The states of a picker or a bin that waits for a carrier.
 WAITING_STATES: tuple[State, ...] = ("waiting", "calling")
@@ -75,8 +85,8 @@ class Hitch(NamedTuple):
 class Observation(msgspec.Struct, frozen=True, dict=True):
     """What one body observes at one tick, in the frame `map`.
 
-    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they are
-    not the truth, see docs/reference.md. An agent without a body has x and y NaN and scan None.
+    Pose and twist are what the body's sensors measure. If the scenario sets errors for them they
+    are not the truth, see docs/reference.md. An agent without a body has x and y NaN and scan None.
 
     It is read-only, and so are its arrays. `msgspec.structs.replace` returns a changed copy,
     `scan.copy()` an array to change.
@@ -169,15 +179,15 @@ Holds = Literal["on", "ignored", "checked"]
 class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A promise: until a tick, asked again, the agent would answer the same.
 
-    That is the same velocity, no deed, request or answer, and the same words of itself. So it is not
-    asked, and its velocity is applied again. It is asked at the tick `until` at the latest, and at
-    the first tick at which
+    That is the same velocity, no deed, request or answer, and the same words of itself. So it is
+    not asked, and its velocity is applied again. It is asked at the tick `until` at the latest, and
+    at the first tick at which
 
     - it hears mail: a request, or the reply to its own;
     - its body did not move with its velocity in the last step: the step was refused, limited, or
       stopped;
-    - its body was coupled or uncoupled, or is a bin that got full or empty; or the body at the other
-      end of the bar changed its velocity;
+    - its body was coupled or uncoupled, or is a bin that got full or empty; or the body at the
+      other end of the bar changed its velocity;
     - whether a return lies in a zone of `watch` differs from when it answered;
     - a return in a zone of `still` has come, gone or changed since the tick before;
     - with `freer_within`: the freer side differs from when it answered, left or right, of which

@@ -14,8 +14,8 @@ _SIMPLE = (float, str, int, bool, bytes, type(None))
 def difference(before: Any, after: Any, where: str) -> str:
     """Return the first difference between two values, as "memory['seen']: set {1}, then list [1]".
 
-    Return '' if they are the same, types too. An int is the same as an equal float, as which a field
-    of type float reads it. NaN is the same as NaN. `where`: the name of the values.
+    Return '' if they are the same, types too. An int is the same as an equal float, as which a
+    field of type float reads it. NaN is the same as NaN. `where`: the name of the values.
     """
     if _is_same(before, after):
         return ""

@@ -1,4 +1,6 @@
-"""What a run shows to observers: the events of a step, and one frame of the picture for each tick."""
+"""What a run shows to observers: the events of a step, and one frame of the picture for
+each tick.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,13 +31,27 @@ STOPPED = "stopped"  # `doing` of a robot under an emergency stop
 SCAN_TICKS = 5  # ticks between two frames with scans: twice a second
 
 What = Literal[
-    "coupled", "uncoupled", "picks from", "row picked", "bin full", "unloaded", "weed flattened", "deed refused", "collision", "stopped",
-    "reset", "charging", "charged", "flat",
-]  # fmt: skip
+    "coupled",
+    "uncoupled",
+    "picks from",
+    "row picked",
+    "bin full",
+    "unloaded",
+    "weed flattened",
+    "deed refused",
+    "collision",
+    "stopped",
+    "reset",
+    "charging",
+    "charged",
+    "flat",
+]
 
 
 class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Something that happened in the step from `tick` to the next: an effect of physics (`What`), or a message between agents ('call')."""
+    """Something that happened in the step from `tick` to the next: an effect of physics (`What`),
+    or a message between agents ('call').
+    """
 
     tick: Tick
     what: Text  # a short word, such as one of `What` or a message's `type`
@@ -116,7 +132,9 @@ def merged(old: Frame, new: Frame) -> Frame:
 
 
 def talk_of(tick: int, letters: Mapping[str, Written]) -> list[LetterEvent]:
-    """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its letters."""
+    """Return the messages that agents sent at a tick as events, printable. `letters`: sender -> its
+    letters.
+    """
     said = [(sender, to, body) for sender, written in letters.items() for to, body in written.sent]
     return [
         LetterEvent(

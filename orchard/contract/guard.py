@@ -62,8 +62,9 @@ class Guard:
     ) -> None:
         """Guard an agent; None if it could not be made: then its robot stands.
 
-        `names`: all agents of the orchard, to which it may send requests. `trusted`: it is built in,
-        with all that it uses. So only that is checked which mail may spoil: tests check the rest.
+        `names`: all agents of the orchard, to which it may send requests. `trusted`: it is built
+        in, with all that it uses. So only that is checked which mail may spoil: tests check the
+        rest.
         """
         self.name = name
         self.agent: Any = agent
@@ -249,7 +250,9 @@ class Guard:
             _refuse_more(f"requests to {to}", count, limits.MOST_TO_ONE)
 
     def _typed(self, mail: Mail) -> Mail:
-        """Return mail with messages of the agent's own types. A request that does not fit is left out."""
+        """Return mail with messages of the agent's own types. A request that does not fit is left
+        out.
+        """
         if not self._messages:
             return mail
         requests = []
@@ -265,7 +268,9 @@ class Guard:
         return Mail(requests, replies)
 
     def _of_type(self, sender: str, body: Any) -> Any:
-        """Return a message as the agent's own type of its name; None, and a warning, if it does not fit."""
+        """Return a message as the agent's own type of its name; None, and a warning, if it does not
+        fit.
+        """
         if not isinstance(body, CustomMessage) or body.name not in self._messages:
             return body
         try:
@@ -288,7 +293,9 @@ class Guard:
 
 
 class Repetition:
-    """Asks a copy of an agent, as it was made, what the agent was asked, and compares the two answers."""
+    """Asks a copy of an agent, as it was made, what the agent was asked, and compares the two
+    answers.
+    """
 
     def __init__(self, name: str, agent: Agent) -> None:
         self._name = name
@@ -458,7 +465,9 @@ def _refuse_more(name: str, count: int, most: int) -> None:
 
 
 def place_in_agent(frame: FrameType | None) -> str:
-    """Return the file and line of an agent's own code, below its guard; '' if the frame is not in an agent."""
+    """Return the file and line of an agent's own code, below its guard; '' if the frame is not in
+    an agent.
+    """
     frames = traceback.extract_stack(frame)
     own = (__file__, plugins.__file__)
     guards = [i for i, frame in enumerate(frames) if frame.filename == __file__]

@@ -1,8 +1,8 @@
 """Mail between agents, which physics does not interpret.
 
-It is repeatable: it is heard in a fixed order. A request of tick k is heard in tick k + 1, sorted by
-kind, sender and number. It is answered in that tick or never. The sender receives the reply in tick
-k + 2, with an answer or without.
+It is repeatable: it is heard in a fixed order. A request of tick k is heard in tick k + 1, sorted
+by kind, sender and number. It is answered in that tick or never. The sender receives the reply in
+tick k + 2, with an answer or without.
 """
 
 import hashlib
@@ -36,7 +36,9 @@ def digest_of(mail: Mail) -> bytes:
 
 
 def given_by(action: Action) -> list[Given]:
-    """Return the answers of an action, each with the number of its request in place of the request."""
+    """Return the answers of an action, each with the number of its request in place of the
+    request.
+    """
     return [
         Given(heard.sender, heard.tick, heard.number, answer) for heard, answer in action.answers
     ]

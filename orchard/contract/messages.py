@@ -1,4 +1,6 @@
-"""Requests, answers and deeds as plain data, and their encoding as bytes. Only this module encodes and decodes msgpack."""
+"""Requests, answers and deeds as plain data, and their encoding as bytes. Only this module encodes
+and decodes msgpack.
+"""
 
 from functools import cache
 from typing import Annotated, Any, NamedTuple
@@ -26,9 +28,11 @@ End = Annotated[str, Meta(pattern=r"^(east|west)\Z")]  # an end of a lane
 class AgentMessage(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower
 ):
-    """A message to another agent or to physics. Its `type` on the wire is the class name in small letters.
+    """A message to another agent or to physics. Its `type` on the wire is the class name in small
+    letters.
 
-    For messages of your own, derive classes from it, and list them in your agent's `Messages`: see `CustomMessage`.
+    For messages of your own, derive classes from it, and list them in your agent's `Messages`: see
+    `CustomMessage`.
     """
 
 
@@ -55,7 +59,9 @@ class Flatten(AgentMessage):
 
 
 class PickFrom(AgentMessage):
-    """From a picker: until it drives over this x in a row it picks nothing. It may lie inside what is not picked."""
+    """From a picker: until it drives over this x in a row it picks nothing. It may lie inside what
+    is not picked.
+    """
 
     x: Metres
 
@@ -66,7 +72,9 @@ Deed = Couple | Uncouple | Flatten | PickFrom
 
 
 class Call(AgentMessage):
-    """With `dispatch: nearest`, from a full bin to each carrier: is it free to fetch the bin? It offers itself to the oldest call only."""
+    """With `dispatch: nearest`, from a full bin to each carrier: is it free to fetch the bin? It
+    offers itself to the oldest call only.
+    """
 
     lane: int
     side: End  # end of the lane at which the bin stands: 'east' or 'west'
@@ -96,7 +104,9 @@ class Here(AgentMessage):
 
 
 class Claim(AgentMessage):
-    """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a partner with which it may share places."""
+    """From a robot to `traffic`: the places that it keeps and those that it wants; `beside`: a
+    partner with which it may share places.
+    """
 
     keep: RoadPlaces
     want: RoadPlaces
@@ -108,7 +118,9 @@ class StateRequest(AgentMessage, tag="state"):
 
 
 class LeftAt(AgentMessage, tag="left_at"):
-    """From a picker to its bin: the end of the row at which it will leave the bin next, and the metres of row in it then."""
+    """From a picker to its bin: the end of the row at which it will leave the bin next, and the
+    metres of row in it then.
+    """
 
     lane: int
     side: End
@@ -116,11 +128,15 @@ class LeftAt(AgentMessage, tag="left_at"):
 
 
 class Where(AgentMessage):
-    """From a robot, before and during a turn, to a person or an animal that its lasers may not see: where is it?"""
+    """From a robot, before and during a turn, to a person or an animal that its lasers may not see:
+    where is it?
+    """
 
 
 class Fetch(AgentMessage):
-    """With any other `dispatch`, from a bin that is full, or soon will be, to the dispatcher: which carrier fetches the bin?"""
+    """With any other `dispatch`, from a bin that is full, or soon will be, to the dispatcher: which
+    carrier fetches the bin?
+    """
 
     lane: int
     side: End
@@ -136,8 +152,9 @@ class CarrierQuery(AgentMessage):
 class CustomMessage(AgentMessage, tag="custom"):
     """A request or answer of a user's own type, on its way between two agents that know the type.
 
-    An agent lists its types in `Messages`. The sender's guard converts a message of such a type to a `CustomMessage`, and the recipient's
-    guard checks it and converts it back. All other programs pass it on unread.
+    An agent lists its types in `Messages`. The sender's guard converts a message of such a type to
+    a `CustomMessage`, and the recipient's guard checks it and converts it back. All other programs
+    pass it on unread.
     """
 
     name: Word  # `type` of the message
@@ -181,13 +198,17 @@ class No(AgentMessage):
 
 
 class CarrierComing(AgentMessage, tag="carrier"):
-    """From a bin to its picker, or from the dispatcher to a bin: the carrier that comes ('' while none is found)."""
+    """From a bin to its picker, or from the dispatcher to a bin: the carrier that comes ('' while
+    none is found).
+    """
 
     carrier: Word
 
 
 class Places(AgentMessage):
-    """From `traffic`: the places that are reserved for the robot now, and the robots that are in the way of the rest."""
+    """From `traffic`: the places that are reserved for the robot now, and the robots that are in
+    the way of the rest.
+    """
 
     held: list[Word]
     blockers: list[Word]
@@ -203,8 +224,10 @@ class BinState(AgentMessage):
 
 
 class CarrierStatus(AgentMessage):
-    """From a carrier to the dispatcher: its job ('' or the full bin that it fetches); whether it is next of its line of the queue, as it
-    waits there and no other stands before it; metres by road to the head of its own line."""
+    """From a carrier to the dispatcher: its job ('' or the full bin that it fetches); whether it is
+    next of its line of the queue, as it waits there and no other stands before it; metres by road
+    to the head of its own line.
+    """
 
     job: Word
     is_next: bool
@@ -273,7 +296,9 @@ def as_json(message: AgentMessage) -> str:
 
 
 def unpack(data: bytes, type_: Any) -> Any:
-    """Decode msgpack bytes and check the data against a type. Raises ValueError, with the fault and its place in the message."""
+    """Decode msgpack bytes and check the data against a type. Raises ValueError, with the fault and
+    its place in the message.
+    """
     try:
         return _decoder(type_).decode(data)
     except RecursionError as error:

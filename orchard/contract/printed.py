@@ -1,4 +1,6 @@
-"""What a user's code prints while a run goes on: some lines of it, harmless in a terminal, with the place in the user's file."""
+"""What a user's code prints while a run goes on: some lines of it, harmless in a terminal, with the
+place in the user's file.
+"""
 
 import ctypes
 import io
@@ -17,7 +19,9 @@ MOST_BYTES = 1 << 16  # of it that are read at a look
 
 
 class Printed(io.TextIOBase):
-    """A stream in place of stdout and stderr. `show` gets its first MOST_LINES lines, each as one that the program says."""
+    """A stream in place of stdout and stderr. `show` gets its first MOST_LINES lines, each as one
+    that the program says.
+    """
 
     def __init__(self, show: Callable[[str], None]) -> None:
         self._show, self._left, self._begun = show, MOST_LINES, ""
@@ -43,7 +47,9 @@ def printed(show: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
-    """In this context, `show` gets some of what C code writes to the files 1 and 2. Yield stdout and stderr for the program's own words."""
+    """In this context, `show` gets some of what C code writes to the files 1 and 2. Yield stdout
+    and stderr for the program's own words.
+    """
     is_over, stream = (
         Event(),
         Printed(lambda words: show(words.replace("printed: printed", "printed", 1))),

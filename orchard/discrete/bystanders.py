@@ -1,4 +1,6 @@
-"""What people and animals, spread evenly, cost a robot on its way: random stops, measured as docs/bounds.md says."""
+"""What people and animals, spread evenly, cost a robot on its way: random stops, measured as
+docs/bounds.md says.
+"""
 
 from math import inf, pi
 
@@ -30,7 +32,9 @@ class Bystanders:
         )  # m, mean
 
     def metres_to(self, robot: str, number: int) -> float:
-        """Return the metres that a robot drives from one meeting to the next, for its meeting with this number."""
+        """Return the metres that a robot drives from one meeting to the next, for its meeting with
+        this number.
+        """
         if not self.density:
             return inf
         return exponential(
@@ -44,7 +48,9 @@ class Bystanders:
         )
 
     def turning_ticks(self, robot: str, number: int, is_towing: bool) -> int:
-        """Return the ticks for which a robot stands before a turn: until all have told where they are, and while one is near."""
+        """Return the ticks for which a robot stands before a turn: until all have told where they
+        are, and while one is near.
+        """
         if not self.density:
             return 0
         within = sweep_radius(KINDS[kind_of(robot)], is_towing) + self.radius + MARGIN

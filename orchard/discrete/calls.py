@@ -1,4 +1,6 @@
-"""Which carrier fetches which bin in the discrete-event model: the same policies, and the ticks that their letters take."""
+"""Which carrier fetches which bin in the discrete-event model: the same policies, and the ticks
+that their letters take.
+"""
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass
@@ -55,7 +57,9 @@ class OpenCall:
 
 @dataclass
 class Decision:
-    """A time at which carriers can be sent to bins: what a policy is told, and the calls and robots that it is about."""
+    """A time at which carriers can be sent to bins: what a policy is told, and the calls and robots
+    that it is about.
+    """
 
     now: int  # tick
     bins: list[BinReport]
@@ -70,7 +74,9 @@ class Decision:
 
 
 class Calls:
-    """The calls of bins that ask all carriers: the oldest one gets the nearest carrier that can leave."""
+    """The calls of bins that ask all carriers: the oldest one gets the nearest carrier that can
+    leave.
+    """
 
     def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
         self.env, self.route, self.layout, self.free = env, route, route.layout, list(carriers)
@@ -81,7 +87,9 @@ class Calls:
         }  # carrier -> bin -> tick of its first offer
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float, seen: int) -> None:
-        """Hear that a picker begins a row, or to drive into it; when its bin sees that, a tick; and in how many seconds it will be full."""
+        """Hear that a picker begins a row, or to drive into it; when its bin sees that, a tick; and
+        in how many seconds it will be full.
+        """
 
     def fails(self, robot: Robot) -> None:
         """Hear that a picker stands in its row because it failed."""
@@ -244,7 +252,8 @@ class Dispatched(Calls):
             if not self._knows_policy or (ready and any(self._is_due(call) for call in calls)):
                 self.decide(self._decision(calls, carriers, ready))
                 continue
-            for call in calls:  # of those that are full at the next question: this one, or none, was the last before
+            # Of those that are full at the next question: this one, or none, was the last before.
+            for call in calls:
                 if (
                     before <= max(call.full, call.since)
                     and call.full <= self._decided + POLL_TICKS + 1
@@ -259,9 +268,12 @@ class Dispatched(Calls):
         )
 
     def _learn(self, call: OpenCall) -> None:
-        """Let a policy of ours learn of a bin what it would have at the last question, if it was not asked because nothing was due.
+        """Let a policy of ours learn of a bin what it would have at the last question, if it was
+        not asked because nothing was due.
 
-        What it remembers is that of the last question before a bin is full, or its estimate changes: so no other one is needed."""
+        What it remembers is that of the last question before a bin is full, or its estimate
+        changes: so no other one is needed.
+        """
         is_new = max(call.since, call.learned) < self._decided
         if self._knows_policy and is_new and call.bin not in self._booked and call in self.open:
             call.learned = self._decided
@@ -300,7 +312,9 @@ class Dispatched(Calls):
             )
 
     def _told(self, ready: Container[str]) -> list[CarrierReport]:
-        """What the carriers answer: all but those that the dispatcher has sent, until it is told of their jobs."""
+        """What the carriers answer: all but those that the dispatcher has sent, until it is told of
+        their jobs.
+        """
         head, sent = self.layout.queue.head, ceil(self.env.now) - BOOKED_TICKS
         told = [
             (robot, *self._jobs.get(robot.name, ("", -BOOKED_TICKS)))

@@ -1,4 +1,6 @@
-"""A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places on the roads."""
+"""A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places
+on the roads.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,7 +26,9 @@ JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait f
 
 
 class Jam(RuntimeError):
-    """Raised for the figures of a harvest that does not go on: some robots wait for ever, or as good as that."""
+    """Raised for the figures of a harvest that does not go on: some robots wait for ever, or as
+    good as that.
+    """
 
 
 @dataclass(frozen=True)
@@ -48,10 +52,12 @@ class DiscreteHarvest:
         calls: type[Calls] | None = None,
         free_roads: bool = False,
     ) -> None:
-        """`rows_each`: how many rows each picker picks, its own again and again; None: each of its own once.
+        """`rows_each`: how many rows each picker picks, its own again and again; None: each of its
+        own once.
 
-        `calls`: what sends carriers; None: what the scenario says. `free_roads`: no robot is in another's way.
-        Raises ValueError for agents of the user's own, and for sensors that are not exact.
+        `calls`: what sends carriers; None: what the scenario says. `free_roads`: no robot is in
+        another's way. Raises ValueError for agents of the user's own, and for sensors that are not
+        exact.
         """
         scenario = layout.scenario
         if not scenario.sensors.are_exact:
@@ -60,7 +66,8 @@ class DiscreteHarvest:
             )
         if own := {**scenario.agents, **scenario.agents_without_body}:
             raise ValueError(
-                f"the discrete-event model knows built-in agents only, and not {', '.join(sorted(own))}; run the simulator"
+                "the discrete-event model knows built-in agents only, and not"
+                f" {', '.join(sorted(own))}; run the simulator"
             )
         if rows_each:
             rows = {
@@ -83,9 +90,9 @@ class DiscreteHarvest:
         self._full_since: dict[
             str, int
         ] = {}  # picker that waits for an empty bin -> tick at which its bin was full
-        self._waits: list[
-            tuple[int, int, int]
-        ] = []  # tick at which a picker got an empty bin; ticks since it stood there; since its bin was full
+        # Tick at which a picker got an empty bin; ticks since it stood there; since its bin was
+        # full.
+        self._waits: list[tuple[int, int, int]] = []
         # Of each picker, in the order in which it got empty bins for full ones.
         self.exchanges: dict[str, list[Exchange]] = {name: [] for name in layout.blocks}
         self._trips: list[
@@ -117,7 +124,9 @@ class DiscreteHarvest:
             self.env.process(robot.run())
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
-        """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`, and return it."""
+        """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`,
+        and return it.
+        """
         before, longest = -1, LONGEST * self.bins
         while goes_on() and self.env.peek() < longest and (self.done > before or self.drives):
             before = self.done
@@ -157,7 +166,9 @@ class DiscreteHarvest:
         return sum(robot.done for robot in self.robots.values())
 
     def begin_row(self, picker: Robot, before: float = 0.0) -> None:
-        """Hear that a picker begins its next pass through a row, or begins to drive into the row from so many metres before it picks."""
+        """Hear that a picker begins its next pass through a row, or begins to drive into the row
+        from so many metres before it picks.
+        """
         one = self._passes[picker.name][0]
         row, side, lane = one.row, self.route.sides[one.end], self.layout.lane(one.row)
         if not one.leaves_bin:
@@ -224,7 +235,9 @@ class DiscreteHarvest:
         carrier.exchange = None
 
     def spread_charges(self) -> None:
-        """Let carriers begin with batteries charged differently, as they are after some days, and not all full."""
+        """Let carriers begin with batteries charged differently, as they are after some days, and
+        not all full.
+        """
         for number, carrier in enumerate(self._carriers):
             carrier.charge = 1.0 - (1.0 - self.battery.reserve) * number / len(self._carriers)
 
@@ -258,7 +271,8 @@ class DiscreteHarvest:
         return max(min(robot.stood, robot.parked) for robot in self.robots.values()) * TIME_STEP
 
     def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
-        """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got none.
+        """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got
+        none.
 
         Of bins that they got between two times. The drive to the place where they stand is no wait.
         """
@@ -267,14 +281,18 @@ class DiscreteHarvest:
 
     @property
     def waited_seconds(self) -> float:
-        """The time for which all pickers together have had no bin to fill so far, s, drives included."""
+        """The time for which all pickers together have had no bin to fill so far, s, drives
+        included.
+        """
         still = [
             max(0.0, self.env.now - tick) for tick in self._full_since.values()
         ]  # of those that wait now
         return sum([*(without for _, _, without in self._waits), *still]) * TIME_STEP
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
-        """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over the carriers; None: to the end."""
+        """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over
+        the carriers; None: to the end.
+        """
         end = self.seconds if until is None else until
         away = [(carrier.away, inf) for carrier in self._carriers if carrier not in self.calls.free]
         busy = sum(
@@ -285,7 +303,9 @@ class DiscreteHarvest:
 
     @property
     def is_over(self) -> bool:
-        """Whether all bins were delivered, and no battery is flat; if not, robots wait for each other."""
+        """Whether all bins were delivered, and no battery is flat; if not, robots wait for each
+        other.
+        """
         return self.delivered == self.bins and all(
             carrier.charge > 0.0 for carrier in self._carriers
         )

@@ -43,7 +43,9 @@ class Lines:
             self._on[robot.line].remove(robot)
 
     def before(self, robot: Follower, line: Line, at: float) -> Follower | None:
-        """Return the robot that one at a coordinate of a line follows there, or would follow; None if there is none."""
+        """Return the robot that one at a coordinate of a line follows there, or would follow; None
+        if there is none.
+        """
         on = self._on.get(line, [])
         number = on.index(robot) if robot.line == line else _number_before(on, at)
         return on[number - 1] if number else None
@@ -54,7 +56,9 @@ def _number_before(on: list[Follower], at: float) -> int:
 
 
 def room(robot: Follower, before: Follower) -> float:
-    """Return how far a robot may drive, in the direction of its line, m: up to where the one before it stands or will stand."""
+    """Return how far a robot may drive, in the direction of its line, m: up to where the one before
+    it stands or will stand.
+    """
     other = before.kind
     tail = (
         other.width / 2

@@ -1,4 +1,6 @@
-"""Traffic in the discrete-event model: the reservations of the agent `traffic`, asked by letters that take a tick each way."""
+"""Traffic in the discrete-event model: the reservations of the agent `traffic`, asked by letters
+that take a tick each way.
+"""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -12,7 +14,9 @@ from orchard.contract.messages import Claim
 from orchard.plans.robot import GIVEN_BACK, PATIENCE
 
 MAIL = 0.5  # ticks: letters arrive between two ticks, so that a robot hears them before it acts
-ANSWERS = 0.75  # ticks before a robot acts, it hears answers of traffic: before traffic hears the claims of the last tick
+# Ticks before a robot acts, it hears answers of traffic: before traffic hears the claims of the
+# last tick.
+ANSWERS = 0.75
 
 
 class Claimant:
@@ -70,7 +74,11 @@ class Claimant:
         return Claim(keep=self.reserved, want=self.wanted, beside=self.beside)
 
     def _repeated(self) -> int:
-        """The tick of its last claim. While it waits it claims the same every PATIENCE ticks. That changes nothing, so it is no event."""
+        """The tick of its last claim.
+
+        While it waits it claims the same every PATIENCE ticks. That changes nothing, so it is no
+        event.
+        """
         now = ceil(self.env.now)
         return now - (now - self.claimed) % PATIENCE if self.wanted else self.claimed
 
@@ -86,7 +94,10 @@ class Claimant:
         return self._answers[0][1]
 
     def is_answered(self, heard: float, table: ReservationTable) -> None:
-        """Hear traffic's table at a time, in ticks. A robot that is granted nothing goes on as before."""
+        """Hear traffic's table at a time, in ticks.
+
+        A robot that is granted nothing goes on as before.
+        """
         self._answers.append((heard, table))
 
     def is_granted(self, places: list[str]) -> None:
@@ -108,7 +119,9 @@ class Claimant:
             self._pause.callbacks.clear()
 
     def granted_or(self, event: simpy.Event) -> simpy.Event:
-        """Return an event for the robot to wait for: it waits only until the tick after it is granted places, if that is before."""
+        """Return an event for the robot to wait for: it waits only until the tick after it is
+        granted places, if that is before.
+        """
         self._pause = event
         return event
 
@@ -151,7 +164,10 @@ def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any
 
 
 def first_of(env: simpy.Environment, events: Sequence[simpy.Event]) -> simpy.Event:
-    """Return what happens as soon as one of some events does. It does the work of simpy's `any_of`, which also gathers their values."""
+    """Return what happens as soon as one of some events does.
+
+    It does the work of simpy's `any_of`, which also gathers their values.
+    """
     first = env.event()
 
     def happen(_: simpy.Event) -> None:

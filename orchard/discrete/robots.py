@@ -1,4 +1,6 @@
-"""A robot in the discrete-event model: it walks through the steps of its plan, and each takes the time that it takes in the simulator."""
+"""A robot in the discrete-event model: it walks through the steps of its plan, and each takes the
+time that it takes in the simulator.
+"""
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
@@ -167,7 +169,8 @@ class Robot(Follower):
         )
         target = sign * (step.x if step.x is not None else cast(float, step.y))
         here = sign * (self.x if axis == "x" else self.y)
-        # a bin that sees its picker drive into the row, perhaps through a part of it, can call from then on
+        # a bin that sees its picker drive into the row, perhaps through a part of it, can call from
+        # then on
         said = [one.state if isinstance(one, st.Say) else "" for one in self.plan[:3]]
         if "picking" in said and said[0] in ("driving", "picking"):
             drives = (
@@ -263,7 +266,8 @@ class Robot(Follower):
     ) -> tuple[float, float, simpy.Event | None]:
         """Drop the gates that it has passed, and those of places that it has.
 
-        Return where the next one is, m, in how many ticks the robot asks for its places, and what happens when a bin is left before that.
+        Return where the next one is, m, in how many ticks the robot asks for its places, and what
+        happens when a bin is left before that.
         """
         while needs and (here > needs[0][0] + NEAR or self.places.has(needs[0][1].places)):
             del needs[0]
@@ -278,7 +282,9 @@ class Robot(Follower):
         return gate_at, inf, None
 
     def _left_at(self, axis: str, sign: int, here: float) -> float:
-        """Where a drive has left the robot's line, in the drive's direction: before its beginning if the robot has failed on the way."""
+        """Where a drive has left the robot's line, in the drive's direction: before its beginning
+        if the robot has failed on the way.
+        """
         return (
             min(here, sign * self.line[1])
             if self.line is not None and self.line[0] != axis
@@ -300,7 +306,9 @@ class Robot(Follower):
             self._tell()
 
     def _tell(self) -> None:
-        """Let the robots behind go on, if they wait: in the next tick, and a tick later if they see its bin, which follows it."""
+        """Let the robots behind go on, if they wait: in the next tick, and a tick later if they see
+        its bin, which follows it.
+        """
         if self.moved.callbacks:
             happened, self.moved = self.moved, self.env.event()
             at(self.env, self.env.now + (2 if self.bin else 1), happened.succeed)
@@ -470,7 +478,10 @@ class Robot(Follower):
         self.use_battery(0.0)
 
     def use_battery(self, standing: float) -> None:
-        """Count what the battery was used for since it was last counted, or charged. `standing`: the power since then while it stood."""
+        """Count what the battery was used for since it was last counted, or charged.
+
+        `standing`: the power since then while it stood.
+        """
         worked = self.moved_ticks + standing * (self.tick - self.since - self.moved_ticks)
         self.charge -= worked * TIME_STEP / 3600.0 / (self.model.battery.hours or inf)
         self.since, self.moved_ticks = self.tick, 0

@@ -1,7 +1,9 @@
-"""The dispatch policy `rolling`: before it sends a carrier, it does the next jobs of all pickers in advance, for each bin to choose from.
+"""The dispatch policy `rolling`: before it sends a carrier, it does the next jobs of all pickers in
+advance, for each bin to choose from.
 
-It knows the orchard, the plans of robots, and what bins and carriers report. Where no choice gains enough it decides as `predictive`. So it
-does on a route of the user's own, with many pickers, and in the long run, in which pickers pick their rows again: there it gained 0.2 %.
+It knows the orchard, the plans of robots, and what bins and carriers report. Where no choice gains
+enough it decides as `predictive`. So it does on a route of the user's own, with many pickers, and
+in the long run, in which pickers pick their rows again: there it gained 0.2 %.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,11 +17,10 @@ from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.plans.routes import ROUTES
 
-AHEAD = 4  # bins of each picker, from the one with fewest on, that are planned: none is left out for longer
-GAIN, GAIN_OF_ORDER = (
-    25.0,
-    100.0,
-)  # ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once
+# Bins of each picker, from the one with fewest on, that are planned: none is left out for longer.
+AHEAD = 4
+# Ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once.
+GAIN, GAIN_OF_ORDER = (25.0, 100.0)
 WAIT = 0.02  # ticks of a plan's length for each tick that a picker waits
 MOST = 5  # bins, the latest ones, that may be first
 MOST_PICKERS = 20  # of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %
@@ -50,7 +51,9 @@ class RollingMemory(PredictiveMemory):
 
 
 class Rolling(Predictive):
-    """Of the bins for which it is time, the one with which the next bins of all pickers are home first. Ties as `predictive`."""
+    """Of the bins for which it is time, the one with which the next bins of all pickers are home
+    first. Ties as `predictive`.
+    """
 
     Memory: type = RollingMemory
 
@@ -92,7 +95,10 @@ class Rolling(Predictive):
         return self.orders(now, due, free, reported, memory) if free else []
 
     def reported(self, bins: Sequence[BinReport], memory: RollingMemory) -> dict[str, NextBin]:
-        """Return the bin of each picker that reports. One that is not expected there is left out."""
+        """Return the bin of each picker that reports.
+
+        One that is not expected there is left out.
+        """
         reported, expected = dict[str, NextBin](), self.starts | memory.after
         for report in bins:
             courses = self.courses.get(report.picker, [])
@@ -139,7 +145,9 @@ class Rolling(Predictive):
         memory.after[trip.picker] = NextBin(trip.bin.number + 1, stop + job.going_on + ready)
 
     def plan(self, now: int, reported: dict[str, NextBin], memory: RollingMemory) -> RollOut:
-        """Return where all robots are now, as far as can be known, and up to which bins they go on."""
+        """Return where all robots are now, as far as can be known, and up to which bins
+        they go on.
+        """
         expected = self.starts | memory.after | reported
         plan = RollOut(self.courses, self.lines.values(), now, self.ends(expected))
         for carrier, trip in memory.trips.items():
@@ -163,7 +171,9 @@ class Rolling(Predictive):
         return {picker: min(level, total[picker]) for picker in total}
 
     def best(self, due: Sequence[BinReport], line: int, plan: RollOut) -> BinReport:
-        """Return the bin for which the next carrier of a line leaves: none of a picker that is far ahead of another one."""
+        """Return the bin for which the next carrier of a line leaves: none of a picker that is far
+        ahead of another one.
+        """
         behind = [
             report for report in due if plan.number[report.picker] < plan.ends[report.picker]
         ] or due
@@ -177,7 +187,9 @@ class Rolling(Predictive):
         return behind[values.index(min(values))]
 
     def value(self, report: BinReport, line: int, plan: RollOut) -> float:
-        """Return how long the plan takes if the next carrier of a line leaves for a bin, in ticks."""
+        """Return how long the plan takes if the next carrier of a line leaves for a bin, in
+        ticks.
+        """
         plan = plan.fork()
         plan.send(report.picker, line, plan.now)
         plan.run(inf)

@@ -1,6 +1,9 @@
-"""A roll-out: the next jobs of all pickers, done in advance by a rule. The policy `rolling` compares what comes of its choices.
+"""A roll-out: the next jobs of all pickers, done in advance by a rule.
 
-It is a small event-driven model: robots follow the courses of their jobs, and wait in line for each place on the roads, and for the bay.
+The policy `rolling` compares what comes of its choices.
+
+It is a small event-driven model: robots follow the courses of their jobs, and wait in line for each
+place on the roads, and for the bay.
 """
 
 from collections import Counter
@@ -114,7 +117,8 @@ class RobotUnderWay(NamedTuple):
 class RollOut:
     """All robots from a tick on.
 
-    The rule: a carrier at the head of its line leaves for the bin for which it is latest, of those for which it is time.
+    The rule: a carrier at the head of its line leaves for the bin for which it is latest, of those
+    for which it is time.
     """
 
     def __init__(
@@ -159,7 +163,9 @@ class RollOut:
         return other
 
     def come_out(self, picker: str, number: int, stop: int) -> None:
-        """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick on."""
+        """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick
+        on.
+        """
         self.wanted[picker], self.number[picker] = stop, number
         self.taken[f"{picker} is out"] = []
         self._begin(
@@ -257,7 +263,10 @@ class RollOut:
         self._look(tick, line)
 
     def _look(self, tick: int, line: int) -> None:
-        """Look at a tick whether a carrier may leave a line. The first line comes first, as in the dispatcher's decisions."""
+        """Look at a tick whether a carrier may leave a line.
+
+        The first line comes first, as in the dispatcher's decisions.
+        """
         heappush(self.next, (tick, line - len(self.home)))
 
     def _due(self, picker: str) -> int:

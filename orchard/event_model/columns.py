@@ -1,4 +1,5 @@
-"""The arrays of the event model and their columns: a program, which is constant, and the state of a harvest.
+"""The arrays of the event model and their columns: a program, which is constant, and the state of a
+harvest.
 
 Lengths are in m, speeds in m/s. A tick is a whole number; a time is in quarters of a tick, because
 letters arrive between two ticks. An index of NONE stands for nothing.
@@ -186,7 +187,8 @@ ROBOT = np.dtype(
         ("has_arrived", np.bool_),
         ("next_need", np.int64),
         ("next_free", np.int64),
-        # -- the leg of a drive: it began here at this tick, ends at the limit, and was to reach the goal
+        # -- the leg of a drive: it began here at this tick, ends at the limit, and was to reach the
+        # goal
         ("leg_begun", np.int64),
         ("leg_from", np.float64),
         ("leg_stride", np.float64),

@@ -218,7 +218,9 @@ class EventHarvest:
     # -- the harvest
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "EventHarvest":
-        """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`."""
+        """Do the whole harvest, or all until robots wait for each other, or it no longer
+        `goes_on`.
+        """
         before = -1
         until = 0
         longest = LONGEST * self.program.bins
@@ -264,7 +266,8 @@ class EventHarvest:
     @property
     def done(self) -> int:
         """The steps that all robots have done."""
-        return int(self.model.robots.done.sum())
+        robots = self.model.robots
+        return int(robots.done.sum())
 
     @property
     def bins(self) -> int:
@@ -289,7 +292,8 @@ class EventHarvest:
     @property
     def seconds(self) -> float:
         """The length of the harvest, s."""
-        return float(self.model.robots.stood.max()) * TIME_STEP
+        robots = self.model.robots
+        return float(robots.stood.max()) * TIME_STEP
 
     @property
     def exchanges(self) -> dict[str, list[int]]:
@@ -300,7 +304,8 @@ class EventHarvest:
         return ticks
 
     def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
-        """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got none.
+        """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got
+        none.
 
         Of bins that they got between two times. The drive to the place where they stand is no wait.
         """
@@ -312,7 +317,9 @@ class EventHarvest:
         return fmean(waits) * TIME_STEP if waits else 0.0
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
-        """Return the share of the time for which a carrier is outside the queue, 0 to 1, as the mean."""
+        """Return the share of the time for which a carrier is outside the queue, 0 to 1, as the
+        mean.
+        """
         end = self.seconds if until is None else until
         trips = [(trip.since, trip.until) for trip in self._trips()]
         carriers = 0

@@ -66,7 +66,9 @@ class Table:
 
 @dataclass
 class _Writer:
-    """What the translation of a plan knows at a step: the steps, which one it is, and what was before."""
+    """What the translation of a plan knows at a step: the steps, which one it is, and what was
+    before.
+    """
 
     steps: Sequence[Step]
     pose: Pose
@@ -147,7 +149,10 @@ class Program:
         return self.queue_lines.index(y)
 
     def translate_job(self, queue_line: int, end: int) -> int:
-        """Translate a carrier's job, from a line of the queue to a lane's end. Return its first op."""
+        """Translate a carrier's job, from a line of the queue to a lane's end.
+
+        Return its first op.
+        """
         lane, side = divmod(end, 2)
         place = queue_line * self.layout.queue.places
         job = self.route.fetch(
@@ -336,7 +341,10 @@ class Program:
         self._append_begin_row(step, writer, metres)
 
     def _append_begin_row(self, step: Step, writer: _Writer, before: float) -> None:
-        """Append what tells a bin when it will be full. `before`: m that its picker drives first."""
+        """Append what tells a bin when it will be full.
+
+        `before`: m that its picker drives first.
+        """
         number, drive = writer.passes[0]
         if not drive.leaves_bin:
             return

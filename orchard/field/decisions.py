@@ -1,7 +1,7 @@
 """Who decides a value of the scenario: the grower chooses it, or it is given by the circumstances.
 
-A field says so in its annotation. What a section says holds for all that is in it. A study looks for
-the best of what can be chosen, for each of the circumstances.
+A field says so in its annotation. What a section says holds for all that is in it. A study looks
+for the best of what can be chosen, for each of the circumstances.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +21,9 @@ class Decision(Enum):
 
 
 def decision_at(model: type[BaseModel], path: str) -> Decision | None:
-    """Return who decides the value at a dotted path; None for a section of which the parts say it."""
+    """Return who decides the value at a dotted path; None for a section of which the parts
+    say it.
+    """
     inside: Any = model
     for name in path.split("."):
         is_section = isinstance(inside, type) and issubclass(inside, BaseModel)
@@ -45,7 +47,10 @@ def decided(model: type[BaseModel], decision: Decision, before: str = "") -> Ite
 
 
 def is_choice(model: type[BaseModel], path: str, values: Sequence[Any]) -> bool:
-    """Whether the grower chooses among these values. One of a section is a map of what it changes."""
+    """Whether the grower chooses among these values.
+
+    One of a section is a map of what it changes.
+    """
     leaves = {leaf for value in values for leaf in _leaves(path, value)}
     return all(decision_at(model, leaf) is Decision.CHOICE for leaf in leaves)
 

@@ -1,8 +1,11 @@
-"""A scenario from surveyed rows: the lines of a GeoJSON file (RFC 7946), each the centre line of a row, in any coordinate system.
+"""A scenario from surveyed rows: the lines of a GeoJSON file (RFC 7946), each the centre line of a
+row, in any coordinate system.
 
-The lines are put into a projected system that keeps angles: their own, or the zone of UTM. There one rotation, one shift and the system's
-scale lead to the frame `map`: metres on the ground, rows along x, the first one in the north (REP-103). A point is a complex number here:
-easting + i northing, or x + i y. Only this module uses pyproj, and only when rows are imported: it is in the extra `survey`.
+The lines are put into a projected system that keeps angles: their own, or the zone of UTM. There
+one rotation, one shift and the system's scale lead to the frame `map`: metres on the ground, rows
+along x, the first one in the north (REP-103). A point is a complex number here: easting + i
+northing, or x + i y. Only this module uses pyproj, and only when rows are imported: it is in the
+extra `survey`.
 """
 
 import cmath
@@ -38,7 +41,9 @@ class SurveyedLine(NamedTuple):
     """A row as surveyed."""
 
     id: str
-    points: np.ndarray  # (n,) complex: in the file's system, then m on the ground about the middle of all, then m in the rows' frame
+    # (n,) complex: in the file's system, then m on the ground about the middle of all, then m in
+    # the rows' frame.
+    points: np.ndarray
 
 
 class Plane(NamedTuple):
@@ -50,9 +55,12 @@ class Plane(NamedTuple):
 
 
 def import_rows(path: Path, crs: str | None = None) -> Scenario:
-    """Return a scenario with the rows of a GeoJSON file. `crs`: their coordinate system, such as EPSG:2193; None: the one in the file.
+    """Return a scenario with the rows of a GeoJSON file.
 
-    Raises ScenarioError with all that does not fit, and ModuleNotFoundError if pyproj is not installed.
+    `crs`: their coordinate system, such as EPSG:2193; None: the one in the file.
+
+    Raises ScenarioError with all that does not fit, and ModuleNotFoundError if pyproj is not
+    installed.
     """
     file = key_text(str(path))
     content = _content(path, file)
@@ -62,7 +70,10 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
         [one for one in found if isinstance(one, Problem)],
     )
     if not FEWEST_ROWS <= len(lines) <= MOST_ROWS:
-        wanted = f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings; of a larger orchard, a file for each block"
+        wanted = (
+            f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings; of a larger orchard, a file for"
+            " each block"
+        )
         problems.append(Problem(file, f"has {len(lines)} rows; {wanted}"))
     if not lines:
         raise ScenarioError(problems)
@@ -99,7 +110,9 @@ def _content(path: Path, file: str) -> dict[str, Any]:
 
 
 def _named_system(content: dict[str, Any]) -> str:
-    """The coordinate system that a file names, as GeoJSON of 2008 does, and QGIS and GDAL still do."""
+    """The coordinate system that a file names, as GeoJSON of 2008 does, and QGIS and GDAL
+    still do.
+    """
     crs = content.get("crs")
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
@@ -160,7 +173,8 @@ def _point(number: int, given: Any) -> complex:
     if not cmath.isfinite(point):
         told = printable(json.dumps(given), 60)
         raise ValueError(
-            f"its point {number} is {told}; each point must be two finite numbers, such as [176.3, -37.8]"
+            f"its point {number} is {told}; each point must be two finite numbers, such as [176.3,"
+            " -37.8]"
         )
     return point
 
@@ -218,14 +232,19 @@ def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[S
         )
         if not is_there.all():
             at = complex(line.points[~is_there][0])
-            words = f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the coordinate system {printable(given.name)}"
+            words = (
+                f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the"
+                f" coordinate system {printable(given.name)}"
+            )
             raise ValueError(f"{words}; {RIGHT_SYSTEM}")
         converted.append(SurveyedLine(line.id, points))
     return converted
 
 
 def _scale(crs: Any, middle: complex) -> float:
-    """Return a projected system's units in a metre on the ground; 0 if they differ between its axes, or these are not east and north."""
+    """Return a projected system's units in a metre on the ground; 0 if they differ between its
+    axes, or these are not east and north.
+    """
     from pyproj import Transformer
 
     if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
@@ -252,7 +271,9 @@ def _middle(values: np.ndarray) -> float:
 
 
 def _direction(lines: Sequence[SurveyedLine]) -> float:
-    """Return the rows' direction, rad, in (-pi / 2, pi / 2]: the median, so that one line that is askew does not turn the others."""
+    """Return the rows' direction, rad, in (-pi / 2, pi / 2]: the median, so that one line that is
+    askew does not turn the others.
+    """
     ways = [_way(line.points) for line in lines]
     longest = max(ways, key=abs)
     yaw = cmath.phase(longest) + median(cmath.phase((way / longest) ** 2) / 2 for way in ways)
@@ -260,7 +281,9 @@ def _direction(lines: Sequence[SurveyedLine]) -> float:
 
 
 def _way(points: np.ndarray) -> complex:
-    """Return the way from a line's first point to its last one; to the farthest one, if the line comes back to where it began."""
+    """Return the way from a line's first point to its last one; to the farthest one, if the line
+    comes back to where it began.
+    """
     ways = points - points[0]
     return complex(ways[-1] or ways[np.abs(ways).argmax()])
 
@@ -282,7 +305,10 @@ def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, st
         elif off > STRAIGHT:
             yield (
                 line.id,
-                f"is not parallel: {off:.2f} m off the direction of the rows; must be at most {STRAIGHT:g} m",
+                (
+                    f"is not parallel: {off:.2f} m off the direction of the rows; must be at most"
+                    f" {STRAIGHT:g} m"
+                ),
             )
         if not SHORTEST_ROW <= length <= LONGEST_ROW:
             yield line.id, f"is {length:.2f} m long; must be {SHORTEST_ROW:g} to {LONGEST_ROW:g} m"

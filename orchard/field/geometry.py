@@ -19,7 +19,9 @@ Number = TypeVar("Number", float, np.ndarray)
 
 
 class Pose(NamedTuple):
-    """The position of a body's centre in the orchard's frame (`map` in REP-105), m, and its yaw, rad."""
+    """The position of a body's centre in the orchard's frame (`map` in REP-105), m, and its yaw,
+    rad.
+    """
 
     x: float
     y: float
@@ -27,7 +29,9 @@ class Pose(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """A velocity in the body's own frame (`base_link` in REP-105): forward, to the left, counter-clockwise."""
+    """A velocity in the body's own frame (`base_link` in REP-105): forward, to the left,
+    counter-clockwise.
+    """
 
     x: float = 0.0  #: m/s
     y: float = 0.0  #: m/s

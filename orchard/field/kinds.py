@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from orchard.field.repeatable import PI
 
 
-# Lasers are compared by identity: there is one for each kind, and they are keys of what is looked up
-# often.
+# Lasers are compared by identity: there is one for each kind, and they are keys of what is looked
+# up often.
 @dataclass(frozen=True, eq=False)
 class Laser:
     """A laser range finder. Its beams go counter-clockwise."""
@@ -53,8 +53,8 @@ class Kind:
 
 
 LASER_RANGE = 10.0  # m
-# m. A ray is cast from the laser's centre itself (orchard/sim/kernels/laser.py), so no return is too
-# near.
+# m. A ray is cast from the laser's centre itself (orchard/sim/kernels/laser.py), so no return is
+# too near.
 LASER_NEAREST = 0.0
 
 

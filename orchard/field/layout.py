@@ -148,7 +148,9 @@ class Layout:
 
     @cached_property
     def bins(self) -> int:
-        """The number of bins that a harvest fills; of each picker's the last one may be part full."""
+        """The number of bins that a harvest fills; of each picker's the last one may be
+        part full.
+        """
         count = 0
         for block in self.blocks.values():
             count += sum(drive.leaves_bin for drive in self.passes(block))
@@ -357,7 +359,9 @@ def _laid_out(text: str) -> Layout:
 
 
 def _moving_order(start: Start) -> tuple[bool, bool, str]:
-    """Return what is least for the body that moves first: robots, then people and animals, weeds."""
+    """Return what is least for the body that moves first: robots, then people and animals,
+    weeds.
+    """
     kind = KINDS[start.kind]
     return not kind.robot, not kind.solid, start.name
 

@@ -84,7 +84,9 @@ class Unpicked(NamedTuple):
         return self.east - self.west
 
     def towards(self, end: End) -> tuple[float, float]:
-        """Return x of both edges in the order in which a picker comes to them that leaves at an end."""
+        """Return x of both edges in the order in which a picker comes to them that leaves at an
+        end.
+        """
         if end == "east":
             return self.west, self.east
         return self.east, self.west

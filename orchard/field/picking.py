@@ -1,8 +1,9 @@
-"""Work as it is: how fast each row is picked, when a robot fails and for how long, drawn by the seed.
+"""Work as it is: how fast each row is picked, when a robot fails and for how long, drawn by the
+seed.
 
 Of a row's picking time, the time to drive along it at top speed is sure, and the rest is drawn. So
-no row is picked faster than a picker can drive, and mean and deviation of the whole time are exactly
-those that the scenario names.
+no row is picked faster than a picker can drive, and mean and deviation of the whole time are
+exactly those that the scenario names.
 """
 
 import math

@@ -1,4 +1,5 @@
-"""The start poses of people, animals and weeds: the given place if it is free, else the nearest free one.
+"""The start poses of people, animals and weeds: the given place if it is free, else the nearest
+free one.
 
 A place is free if the circle around the body's box is clear of all obstacles, so the body fits at
 any yaw. Poses are hashed. All lengths are in m.
@@ -63,11 +64,11 @@ def guests(
 ) -> list[Start]:
     """Return the starts of all people, animals and weeds, each clear of all before it.
 
-    `machines`: the robots, which must face east or west. `walls`: (n, 4), m: x, y, half length along
-    x, half width along y of each fixed obstacle. `inside`: the ground between the fences. `rows`:
-    that between the first and the last tree line, where no person is placed. `keep_off`: no person
-    or animal is placed there. The same seed gives the same starts. Raises ValueError if no free
-    place is left.
+    `machines`: the robots, which must face east or west. `walls`: (n, 4), m: x, y, half length
+    along x, half width along y of each fixed obstacle. `inside`: the ground between the fences.
+    `rows`: that between the first and the last tree line, where no person is placed. `keep_off`: no
+    person or animal is placed there. The same seed gives the same starts. Raises ValueError if no
+    free place is left.
     """
     solid: list[Obstacle] = [(*wall, CLEAR) for wall in walls.tolist()]
     for machine in machines:
@@ -134,7 +135,9 @@ class _Ground:
     def _closed(
         self, obstacles: Iterable[Obstacle], before: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return which grid points are free, (ys, xs) bool: of all, or of those that were `before`."""
+        """Return which grid points are free, (ys, xs) bool: of all, or of those that were
+        `before`.
+        """
         if before is None:
             points = np.ones((len(self.ys), len(self.xs)), dtype=bool)
         else:

@@ -1,4 +1,6 @@
-"""Loads the users' classes and functions that a scenario names, or refuses them with the reason and its place."""
+"""Loads the users' classes and functions that a scenario names, or refuses them with the reason and
+its place.
+"""
 
 import ctypes
 import decimal
@@ -19,7 +21,9 @@ from typing import Any, TypeVar
 
 from orchard.field.problems import Problem, ScenarioError, printable
 
-MISTAKES = BaseException  # raised by a user's code: whatever it is, it must not end other agents or the run (see `reraise_ctrl_c`)
+# Raised by a user's code: whatever it is, it must not end other agents or the run (see
+# `reraise_ctrl_c`).
+MISTAKES = BaseException
 LEFT_SECONDS = 2.0  # that threads of a user's code may still run when the program is over
 IMPORTED = (
     "modules are imported from the directory in which you run the program, or from PYTHONPATH"
@@ -31,15 +35,18 @@ _LIBRARIES = tuple(
 )
 
 
-# resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux defines that
+# resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux
+# defines that
 _SET_FLAGS = ctypes.CDLL(None).fesetenv if sys.platform == "linux" else bool
 _DEFAULT_FLAGS = ctypes.c_void_p(-1)
 Result = TypeVar("Result")
 
 
 def contained(call: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a user's code, which may set what counts for a whole thread: numpy's treatment of errors, decimal's context, Python's recursion
-    limit and, on Linux, the processor's floating-point flags. At its end they are as before, so no agent changes what others compute."""
+    """Call a user's code, which may set what counts for a whole thread: numpy's treatment of
+    errors, decimal's context, Python's recursion limit and, on Linux, the processor's
+    floating-point flags. At its end they are as before, so no agent changes what others compute.
+    """
     limit = sys.getrecursionlimit()
     try:
         return copy_context().run(_with_own_decimals, call, *arguments)
@@ -54,7 +61,9 @@ def _with_own_decimals(call: Callable[..., Result], *arguments: Any) -> Result:
 
 
 def end_soon(code: int, show: Callable[[str], None]) -> None:
-    """Let this process, which is about to end, not wait for threads that a user's code has left: `show` gets their names, and it ends."""
+    """Let this process, which is about to end, not wait for threads that a user's code has left:
+    `show` gets their names, and it ends.
+    """
     timer = threading.Timer(LEFT_SECONDS, _end_threads, (code, show))
     timer.daemon = True
     timer.start()
@@ -67,7 +76,8 @@ def _end_threads(code: int, show: Callable[[str], None]) -> None:
         if not thread.daemon and thread is not threading.main_thread()
     ]:
         show(
-            f"own classes have left threads that still run: {', '.join(left)}; the program ends without them"
+            f"own classes have left threads that still run: {', '.join(left)}; the program ends"
+            " without them"
         )
         os._exit(code)
 
@@ -87,7 +97,9 @@ def import_own(module: str) -> ModuleType:
 
 
 def load_plugin(key: str, path: str) -> Any:
-    """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in `key`. Raises ScenarioError."""
+    """Return the object at `path`, 'module.name' or 'module:name', which the scenario names in
+    `key`. Raises ScenarioError.
+    """
     module, _, name = path.replace(":", ".").rpartition(".")
     try:
         return getattr(import_own(module), name)
@@ -103,7 +115,10 @@ def make_plugin(
     methods: Sequence[str] = (),
     base: type = object,
 ) -> Result:
-    """Return an object of the class that `path` names, built-in or a user's. Raises ScenarioError if that fails or a method is missing."""
+    """Return an object of the class that `path` names, built-in or a user's.
+
+    Raises ScenarioError if that fails or a method is missing.
+    """
     class_: Callable[..., Result] = builtin[path] if path in builtin else load_plugin(key, path)
     try:
         made = made_of(class_, *arguments)
@@ -117,7 +132,10 @@ def make_plugin(
 
 
 def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a user's class. Raises what it raises; a TypeError of the call itself says with what the program calls it."""
+    """Call a user's class.
+
+    Raises what it raises; a TypeError of the call itself says with what the program calls it.
+    """
     try:
         return contained(class_, *arguments)
     except TypeError as error:
@@ -134,7 +152,9 @@ def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
 def unusable(
     key: str, path: str, error: BaseException, wanted: str = "", place: str = ""
 ) -> ScenarioError:
-    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place in the user's files, what is allowed."""
+    """Return the error for a plug-in that cannot be used: the scenario's key, the fault, its place
+    in the user's files, what is allowed.
+    """
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
     wanted = f"it must be {wanted}" if wanted else IMPORTED if _is_not_found(error, path) else ""
@@ -161,7 +181,9 @@ def text_of(error: BaseException) -> str:
 
 
 def reraise_ctrl_c(error: BaseException) -> None:
-    """Raise an error again if a signal's handler raised it, as for Ctrl-C at the terminal, and not a user's code by itself."""
+    """Raise an error again if a signal's handler raised it, as for Ctrl-C at the terminal, and not
+    a user's code by itself.
+    """
     codes, place = [], error.__traceback__
     while place is not None:
         codes.append(place.tb_frame.f_code)
@@ -181,7 +203,9 @@ def reraise_ctrl_c(error: BaseException) -> None:
 
 
 def place_of_error(error: BaseException) -> str:
-    """Return the place in the user's files where an error was raised, as ' (FILE, line N)', also if a library raised it; '' without one."""
+    """Return the place in the user's files where an error was raised, as ' (FILE, line N)', also if
+    a library raised it; '' without one.
+    """
     if isinstance(error, SyntaxError):
         return f" ({error.filename}, line {error.lineno})"
     files = traceback.extract_tb(error.__traceback__)
@@ -197,12 +221,16 @@ def place_of_error(error: BaseException) -> str:
 
 
 def is_own(file: str) -> bool:
-    """Return whether a file of Python is the user's own: neither of this package nor of a library."""
+    """Return whether a file of Python is the user's own: neither of this package nor of a
+    library.
+    """
     return file.endswith(".py") and not file.startswith((_PACKAGE, *_LIBRARIES))
 
 
 def place_of_class(class_: Callable[..., Any]) -> str:
-    """Return the place where a class or a function begins, as ' (FILE, line N)'; '' if it is unknown."""
+    """Return the place where a class or a function begins, as ' (FILE, line N)'; '' if it is
+    unknown.
+    """
     try:
         return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
     except (OSError, TypeError):

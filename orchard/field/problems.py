@@ -1,4 +1,6 @@
-"""Error reports for a scenario that cannot be used: file, line, key, value, what is allowed; and what all its sections are."""
+"""Error reports for a scenario that cannot be used: file, line, key, value, what is allowed; and
+what all its sections are.
+"""
 
 import difflib
 from dataclasses import dataclass
@@ -17,8 +19,13 @@ LONGEST = 200  # characters of a line of a user's code
 Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
 _CLASSES = {  # what each map of names and classes must be
-    "agents": f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker: my_package.MyPicker}}",
-    "agents_without_body": "a map of new names and the classes that drive them: {weather: my_package.Weather}",
+    "agents": (
+        f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker:"
+        " my_package.MyPicker}"
+    ),
+    "agents_without_body": (
+        "a map of new names and the classes that drive them: {weather: my_package.Weather}"
+    ),
 }
 _NOT_A_NAME = {  # what is wrong with a key of it
     "agents": f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01",
@@ -27,7 +34,9 @@ _NOT_A_NAME = {  # what is wrong with a key of it
 
 
 def printable(words: str, most: int = LONGEST) -> str:
-    """Return the text of an agent, a class or a client that may be faulty as one short line, harmless in a terminal, a log and a page."""
+    """Return the text of an agent, a class or a client that may be faulty as one short line,
+    harmless in a terminal, a log and a page.
+    """
     short = words if len(words) <= most else words[: most - 3] + "..."
     if type(short) is str and short.isprintable():
         return short
@@ -46,7 +55,10 @@ class Problem:
 
     @property
     def what(self) -> str:
-        """The place with its value: "rows = 2". A rule about several values has all of them: "pickers = 4, rows = 3"."""
+        """The place with its value: "rows = 2".
+
+        A rule about several values has all of them: "pickers = 4, rows = 3".
+        """
         paths, values = self.path.split(", "), self.value.split(", ")
         if len(paths) != len(values):
             paths, values = [self.path], [self.value]
@@ -61,9 +73,12 @@ class Problem:
 
 
 class ScenarioError(Exception):
-    """A scenario cannot be used. `problems` holds all its faults in file order; the message names the first MOST_TOLD of them.
+    """A scenario cannot be used.
 
-    `rest`: the scenario with the defaults in place of all that is wrong; None if nothing of it can be read.
+    `problems` holds all its faults in file order; the message names the first MOST_TOLD of them.
+
+    `rest`: the scenario with the defaults in place of all that is wrong; None if nothing of it can
+    be read.
     """
 
     def __init__(self, problems: list[Problem], rest: Any = None) -> None:
@@ -80,12 +95,17 @@ class ScenarioError(Exception):
 
 
 class Section(BaseModel):
-    """A section of a scenario: a map with known keys, strictly typed, with rules about several of their fields."""
+    """A section of a scenario: a map with known keys, strictly typed, with rules about several of
+    their fields.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     def _demand(self, holds: bool, text: str, *fields: str) -> None:
-        """Check a rule about several fields, named by dotted paths. Raise an error that names them and their values unless it holds."""
+        """Check a rule about several fields, named by dotted paths.
+
+        Raise an error that names them and their values unless it holds.
+        """
         if not holds:
             values = [reduce(getattr, field.split("."), self) for field in fields]
             raise PydanticCustomError(
@@ -119,7 +139,9 @@ def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines
 
 
 def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
-    """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees, m)'."""
+    """The allowed values of a field: 'a number from 5.0 to 12.0 (width of a row between its trees,
+    m)'.
+    """
     if path[0] in _CLASSES:
         return (
             _CLASSES[path[0]]
@@ -129,7 +151,10 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     field = _field(path, model)
     limits = {type(limit).__name__: limit for limit in field.metadata}
     if get_origin(field.annotation) is tuple and not path[-1].isdecimal():
-        return f"a list of {limits['MinLen'].min_length} to {limits['MaxLen'].max_length} maps ({field.description})"
+        return (
+            f"a list of {limits['MinLen'].min_length} to {limits['MaxLen'].max_length} maps"
+            f" ({field.description})"
+        )
     if inner := _section(field):
         return f"a map with some of the keys {', '.join(inner.model_fields)}"
     kinds: dict[Any, str] = {

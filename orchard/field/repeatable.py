@@ -111,7 +111,10 @@ def atan2(y: float, x: float) -> float:
 
 
 def wrap(angle: float) -> float:
-    """Return the same direction in (-pi, pi], rad. An angle already in this range keeps its bits."""
+    """Return the same direction in (-pi, pi], rad.
+
+    An angle already in this range keeps its bits.
+    """
     if -PI < angle <= PI:
         return angle
     wrapped = angle - TURN * math.floor(angle / TURN + 0.5)

@@ -55,7 +55,8 @@ class Round:
         return rounds
 
     def rate(self, exchanges: Sequence[float]) -> float | None:
-        """Return the rate over as many whole rounds as end with the last exchanges, bins a unit of time.
+        """Return the rate over as many whole rounds as end with the last exchanges, bins a unit of
+        time.
 
         `exchanges`: the times at which the picker got an empty bin for a full one, in their order.
         None if there were too few rounds between the first and the last one.

@@ -67,7 +67,10 @@ RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without
 
 
 def _choice(names: Sequence[str], what: str) -> Any:
-    """One of some names. Programs that offer a choice, such as the page, find them in `examples`."""
+    """One of some names.
+
+    Programs that offer a choice, such as the page, find them in `examples`.
+    """
     return Field(
         pattern=rf"^({'|'.join(names)})$",
         examples=list(names),
@@ -168,7 +171,10 @@ class Picking(Section):
 
 
 class Battery(Section):
-    """How long a battery lasts, and takes to charge. One that is at the reserve when its carrier's job is done must charge."""
+    """How long a battery lasts, and takes to charge.
+
+    One that is at the reserve when its carrier's job is done must charge.
+    """
 
     hours: Annotated[
         float | None,
@@ -229,7 +235,9 @@ MOST_WHITE, MOST_BIAS = (
 
 
 class Gnss(Section):
-    """Errors of receivers in x and in y: a white one, and a slow one, a Gauss-Markov process of the first order. See docs/reference.md."""
+    """Errors of receivers in x and in y: a white one, and a slow one, a Gauss-Markov process of the
+    first order. See docs/reference.md.
+    """
 
     white: Annotated[
         float,
@@ -244,7 +252,9 @@ class Gnss(Section):
 
 
 class OdometrySettings(Section):
-    """Errors of the odometry of pickers, carriers and the tractor: constants, drawn for each robot."""
+    """Errors of the odometry of pickers, carriers and the tractor: constants, drawn for
+    each robot.
+    """
 
     distance: Annotated[
         float,
@@ -263,7 +273,10 @@ class OdometrySettings(Section):
 
 
 class SensorSettings(Section):
-    """Errors of what robots measure of their own motion. Without them what they measure is the truth."""
+    """Errors of what robots measure of their own motion.
+
+    Without them what they measure is the truth.
+    """
 
     gnss: Annotated[Gnss, Field(description="the receivers that measure where robots are")] = Gnss()
     odometry: Annotated[
@@ -286,7 +299,10 @@ def _price(what: str) -> Any:
 
 
 class Prices(Section):
-    """What a harvest costs, in a currency of your own. `orchard study` tells costs if a price is given; a run does not depend on them."""
+    """What a harvest costs, in a currency of your own.
+
+    `orchard study` tells costs if a price is given; a run does not depend on them.
+    """
 
     picker_per_hour: Annotated[float | None, _price("price of an hour of a picker; null: none")] = (
         None
@@ -327,18 +343,33 @@ def _plugin(builtin: Sequence[str], what: str) -> Any:
 
 
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
-METRES_PER_BIN = "length of row that fills a bin, m; null: what bins_per_row or crop say, else each row fills one"
-BINS_PER_ROW = "number of bins that a row fills, the mean one if surveyed; null: what metres_per_bin or crop say, else 1"
+METRES_PER_BIN = (
+    "length of row that fills a bin, m; null: what bins_per_row or crop say, else each row"
+    " fills one"
+)
+BINS_PER_ROW = (
+    "number of bins that a row fills, the mean one if surveyed; null: what metres_per_bin or crop"
+    " say, else 1"
+)
 PICKING_SPEED = "speed of a picker while it picks, m/s; null: what picking_rate says, else 1"
-PICKING_RATE = "what a picker fills while it picks, bins/h; of a person: 1.2 to 1.8; null: what picking_speed says"
+PICKING_RATE = (
+    "what a picker fills while it picks, bins/h; of a person: 1.2 to 1.8; null: what picking_speed"
+    " says"
+)
 CARRIERS = "number of carriers; null: 7 for every 10 pickers, rounded up"
-QUEUE_ROOM = "number of carriers for which the queue has places; null, or less than there are: as many as there are"
+QUEUE_ROOM = (
+    "number of carriers for which the queue has places; null, or less than there are: as many as"
+    " there are"
+)
 
 
 CROP = "crop.tonnes_per_hectare", "crop.kilograms_per_bin"
 SLOWEST = 0.001  # m/s, of a picker while it picks
 SHORTEST_BIN, LONGEST_BIN = 5.0, 200.0  # m of row that fill a bin
-CHARGERS = "number of carriers that can charge at once, in lines of their own in the queue; only batteries need them"
+CHARGERS = (
+    "number of carriers that can charge at once, in lines of their own in the queue; only batteries"
+    " need them"
+)
 SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 
 
@@ -461,7 +492,9 @@ class Scenario(Section):
 
     @property
     def bin_metres(self) -> float | None:
-        """The metres of row that fill a bin: `metres_per_bin`, or what `bins_per_row` or `crop` say; None: each row fills one."""
+        """The metres of row that fill a bin: `metres_per_bin`, or what `bins_per_row` or `crop`
+        say; None: each row fills one.
+        """
         if self.bins_per_row is not None:
             return self.mean_row / self.bins_per_row
         tonnes, kilograms = self.crop.tonnes_per_hectare, self.crop.kilograms_per_bin
@@ -480,7 +513,9 @@ class Scenario(Section):
 
     @property
     def row_pitch(self) -> float:
-        """From the centre line of a row to that of the next one, m; the mean, if they are surveyed."""
+        """From the centre line of a row to that of the next one, m; the mean, if they are
+        surveyed.
+        """
         if self.survey is None:
             return self.row_width + TRUNK
         souths = [row.south for row in self.survey.rows]
@@ -488,7 +523,9 @@ class Scenario(Section):
 
     @property
     def mean_picking_speed(self) -> float:
-        """The speed of a picker while it picks, m/s: `picking_speed`, or what `picking_rate` says."""
+        """The speed of a picker while it picks, m/s: `picking_speed`, or what
+        `picking_rate` says.
+        """
         if self.picking_rate is None:
             return 1.0 if self.picking_speed is None else self.picking_speed
         return self.picking_rate * self._mean_bin / 3600.0
@@ -524,7 +561,9 @@ class Scenario(Section):
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:
-        """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and those of the user."""
+        """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and
+        those of the user.
+        """
         return (
             TRAFFIC,
             *([] if self.dispatch == NEAREST else [DISPATCH]),
@@ -533,12 +572,16 @@ class Scenario(Section):
 
     @property
     def own_classes(self) -> dict[str, str]:
-        """The classes and functions of a user's own that it names, by the key of a rule or the agent that names them: code."""
+        """The classes and functions of a user's own that it names, by the key of a rule or the
+        agent that names them: code.
+        """
         return self.agents | self.agents_without_body | self._own_rules
 
     @property
     def without_code(self) -> "Scenario":
-        """The same with the default for each rule of a user's own: the names of the bodies, and walls and trees, are as they were."""
+        """The same with the default for each rule of a user's own: the names of the bodies, and
+        walls and trees, are as they were.
+        """
         return self.model_copy(
             update={name: type(self).model_fields[name].default for name in self._own_rules}
         )
@@ -569,7 +612,10 @@ class Scenario(Section):
             self.pickers <= self.rows, "must be at most one picker a row", "pickers", "rows"
         )
         self._demand_one_way_to_say_it()
-        text = f"must be 1 to {MOST_CARRIERS} chargers for carriers with batteries; without chargers, hours must be null"
+        text = (
+            f"must be 1 to {MOST_CARRIERS} chargers for carriers with batteries; without chargers,"
+            " hours must be null"
+        )
         self._demand(
             self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
         )
@@ -589,7 +635,9 @@ class Scenario(Section):
         return self
 
     def _demand_one_way_to_say_it(self) -> None:
-        """A picking speed or a rate; metres per bin, bins per row, or a crop; and what follows from them lies within the limits."""
+        """A picking speed or a rate; metres per bin, bins per row, or a crop; and what follows from
+        them lies within the limits.
+        """
         self._demand(
             (self.crop.tonnes_per_hectare is None) == (self.crop.kilograms_per_bin is None),
             "must be set together",
@@ -606,7 +654,10 @@ class Scenario(Section):
             )
         metres = self.bin_metres
         if metres is not None and metres != self.metres_per_bin:
-            text = f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to {LONGEST_BIN:g} m"
+            text = (
+                f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to"
+                f" {LONGEST_BIN:g} m"
+            )
             fields = (
                 (*CROP, "row_width")
                 if self.bins_per_row is None
@@ -617,13 +668,18 @@ class Scenario(Section):
             math.ceil(36e5 * SLOWEST / self._mean_bin) / 1e3,
             math.floor(36e5 / self._mean_bin) / 1e3,
         )
-        text = f"must be {least:g} to {most:g} where {self._mean_bin:.4g} m of row fill a bin: a picker goes {SLOWEST:g} to 1 m/s"
+        text = (
+            f"must be {least:g} to {most:g} where {self._mean_bin:.4g} m of row fill a bin: a"
+            f" picker goes {SLOWEST:g} to 1 m/s"
+        )
         self._demand(
             self.picking_rate is None or least <= self.picking_rate <= most, text, "picking_rate"
         )
 
     def _demand_that_no_row_is_faster_than_a_picker(self) -> None:
-        """A row takes at least the time to drive along it, so only the rest of its mean time can spread."""
+        """A row takes at least the time to drive along it, so only the rest of its mean time can
+        spread.
+        """
         spread, top = self.picking.spread, KINDS["picker"].speed
         most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.mean_picking_speed / top)
         what = (
@@ -647,20 +703,29 @@ class Scenario(Section):
 
 
 def load(path: str | Path) -> Scenario:
-    """Return the scenario in a YAML file. Values that the file leaves out keep their defaults. Raises `ScenarioError`."""
+    """Return the scenario in a YAML file.
+
+    Values that the file leaves out keep their defaults. Raises `ScenarioError`.
+    """
     source = key_text(str(path))
     return parse(read(path, source), source)
 
 
 def parse(text: str, source: str = "scenario") -> Scenario:
-    """Return the scenario in a YAML text. `source` names the text in errors. Raises `ScenarioError`."""
+    """Return the scenario in a YAML text.
+
+    `source` names the text in errors. Raises `ScenarioError`.
+    """
     values, lines, repeated = values_of(text, source)
     return check({} if values is None else values, source, lines, repeated)
 
 
 def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
-    """Return a scenario with some values changed, checked again. Raises `ScenarioError`. Name a nested value by its dotted path, or give
-    a map of changes to a section: `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers": 0})`.
+    """Return a scenario with some values changed, checked again.
+
+    Raises `ScenarioError`. Name a nested value by its dotted path, or give a map of changes to a
+    section: `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers":
+    0})`.
     """
     values = scenario.model_dump()
     for path, value in changes.items():
@@ -674,7 +739,9 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def to_short_yaml(scenario: Scenario) -> str:
-    """Return the values of a scenario that differ from their defaults as YAML, a line for each surveyed row."""
+    """Return the values of a scenario that differ from their defaults as YAML, a line for each
+    surveyed row.
+    """
     return dump(scenario.model_dump(exclude_defaults=True), default_flow_style=None, width=200)
 
 
@@ -687,7 +754,10 @@ def check(
     lines: Lines | None = None,
     known: list[Problem] | None = None,
 ) -> Scenario:
-    """Return the scenario with these values. Raises a `ScenarioError` with all problems, including those in `known`."""
+    """Return the scenario with these values.
+
+    Raises a `ScenarioError` with all problems, including those in `known`.
+    """
     if not isinstance(values, Mapping | BaseModel):
         raise ScenarioError(
             [
@@ -716,8 +786,9 @@ def _plain(values: Any, levels: int = 3) -> Any:
 def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
     """Return all errors, and the scenario without the fields of these errors.
 
-    Pydantic ends at the first broken rule about several fields, and checks none if a field is invalid. So the fields of all errors are
-    set to their defaults, which break no rule, and all is checked again, until every rule has been checked.
+    Pydantic ends at the first broken rule about several fields, and checks none if a field is
+    invalid. So the fields of all errors are set to their defaults, which break no rule, and all is
+    checked again, until every rule has been checked.
     """
     found: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
@@ -738,7 +809,9 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Return what is set to its default because a field is wrong: the field, or the whole survey, because its sizes have no default."""
+    """Return what is set to its default because a field is wrong: the field, or the whole survey,
+    because its sizes have no default.
+    """
     return (
         [("survey",)]
         if field[0] == "survey"
@@ -749,7 +822,9 @@ def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 
 def _counts_what_is_wrong(error: Any) -> bool:
-    """Whether a list is told to be too short only because some of it is wrong, which other errors tell."""
+    """Whether a list is told to be too short only because some of it is wrong, which other errors
+    tell.
+    """
     return bool(
         error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"])
     )

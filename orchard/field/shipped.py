@@ -24,6 +24,8 @@ def _one(name: str) -> Scenario:
 
 
 def load_or_shipped(path: Path | None) -> Scenario:
-    """Return the scenario of a file, or else the shipped one of this name; the default one for None. Raises `ScenarioError`."""
+    """Return the scenario of a file, or else the shipped one of this name; the default one for
+    None. Raises `ScenarioError`.
+    """
     name = DEFAULT if path is None else str(path)
     return _one(name) if name in names() and (path is None or not path.is_file()) else load(name)

@@ -1,6 +1,7 @@
-"""Environments in which a policy learns: PettingZoo and Gymnasium over local mode, and dispatch over the fast model.
+"""Environments in which a policy learns: PettingZoo and Gymnasium over local mode, and dispatch
+over the fast model.
 
-    parallel_env(scenario, learned)   PettingZoo's ParallelEnv: some bodies learn, all others follow our agents
+    parallel_env(scenario, learned)   PettingZoo's ParallelEnv: some bodies learn
     single_env(scenario, robot)       the same for one body, as a Gymnasium Env
     dispatch_env(scenario)            a Gymnasium Env of events: which carrier fetches which bin
 

@@ -1,7 +1,9 @@
-"""Dispatch as a Gymnasium Env of events, over the fast model: at each decision an action names the carrier that fetches a bin, or none.
+"""Dispatch as a Gymnasium Env of events, over the fast model: at each decision an action names the
+carrier that fetches a bin, or none.
 
-The decisions are those of a dispatch policy (`orchard.dispatch.policy`): the same reports, at the same times. So what has learned here can
-be a policy of the simulator: `Dispatching.orders` is the body of its `assign`.
+The decisions are those of a dispatch policy (`orchard.dispatch.policy`): the same reports, at the
+same times. So what has learned here can be a policy of the simulator: `Dispatching.orders` is the
+body of its `assign`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,11 +32,13 @@ Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
 class Dispatching:
     """Dispatch in one orchard as arrays.
 
-    An action is 0, which sends no carrier, or 1 + b * C + c: carrier c of C fetches bin b, both in the order of their names.
+    An action is 0, which sends no carrier, or 1 + b * C + c: carrier c of C fetches bin b, both in
+    the order of their names.
 
-    An observation holds `seconds` since the start, (1,); `bins`, six numbers for each bin: 1 if it needs a carrier, its lane, s since it
-    began to call, s until it is full, s in which a carrier can be there, m by road to it, and all 0 if it needs none; `carriers`, two
-    numbers for each: 1 if it can leave now, and m by road to the queue's head.
+    An observation holds `seconds` since the start, (1,); `bins`, six numbers for each bin: 1 if it
+    needs a carrier, its lane, s since it began to call, s until it is full, s in which a carrier
+    can be there, m by road to it, and all 0 if it needs none; `carriers`, two numbers for each: 1
+    if it can leave now, and m by road to the queue's head.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -90,7 +94,10 @@ class Dispatching:
         )
 
     def number(self, action: Any) -> int:
-        """Return an action as a number: a whole one, or an array of one. Raises ValueError for what is no action."""
+        """Return an action as a number: a whole one, or an array of one.
+
+        Raises ValueError for what is no action.
+        """
         given = np.asarray(action)
         if (
             given.size != 1
@@ -103,7 +110,10 @@ class Dispatching:
         return int(given.item())
 
     def order(self, action: Any) -> Assignment | None:
-        """Return the order that an action is; None for 0. Raises ValueError for what is no action."""
+        """Return the order that an action is; None for 0.
+
+        Raises ValueError for what is no action.
+        """
         number = self.number(action)
         bin_, carrier = divmod(number - 1, len(self.carriers))
         return None if number == NO_ORDER else Assignment(self.bins[bin_], self.carriers[carrier])
@@ -111,7 +121,10 @@ class Dispatching:
     def orders(
         self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
     ) -> list[Assignment]:
-        """Return the orders of what has learned here: the body of a policy's `assign`. What cannot be sends none."""
+        """Return the orders of what has learned here: the body of a policy's `assign`.
+
+        What cannot be sends none.
+        """
         orders: list[Assignment] = []
         while (mask := self.mask(bins, carriers)).sum() > 1:
             action = self.number(choose(self.observation(now, bins, carriers), mask))
@@ -162,23 +175,31 @@ REWARDS: Mapping[str, Reward] = {"time": time, "waiting": waiting, "delivery": d
 
 
 class Paused(Dispatched):
-    """Dispatch that waits for what learns: a decision is kept, and nothing is sent until it is taken."""
+    """Dispatch that waits for what learns: a decision is kept, and nothing is sent until it is
+    taken.
+    """
 
     pending: Decision | None = None
     scripted: Sequence[Assignment] = ()
 
     def decide(self, decision: Decision) -> None:
-        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides. Raises PolicyFault."""
+        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides.
+
+        Raises PolicyFault.
+        """
         self.scripted = self.orders(decision)
         self.pending = decision if decision.is_open else None
 
 
 class DispatchEnv(gymnasium.Env[Arrays, Any]):
-    """The dispatch of a scenario, over the fast model: which carrier fetches which bin. `harvest` is the model, from the first `reset` on.
+    """The dispatch of a scenario, over the fast model: which carrier fetches which bin.
 
-    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends no carrier, or nothing more can be sent.
-    An action that cannot be, by `info["action_mask"]`, sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if
-    that is `early`, bins report before they are full.
+    `harvest` is the model, from the first `reset` on.
+
+    A step is an action at a decision: see `Dispatching`. A decision goes on until an action sends
+    no carrier, or nothing more can be sent. An action that cannot be, by `info["action_mask"]`,
+    sends no carrier. `info["scripted"]` is what the scenario's own policy would do; if that is
+    `early`, bins report before they are full.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
@@ -187,11 +208,12 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def __init__(
         self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST
     ) -> None:
-        """`reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`: ticks, after which an episode is truncated,
-        as it is after 600 s in which nothing moves on, because robots wait for each other or for a carrier that is never sent.
+        """`reward`: "time", "waiting", "delivery", or a function of a `Transition`. `longest`:
+        ticks, after which an episode is truncated, as it is after 600 s in which nothing moves on,
+        because robots wait for each other or for a carrier that is never sent.
 
-        Raises TypeError for what is no scenario, and ValueError for an unknown reward, an episode without a tick, and for a scenario with
-        agents of one's own or errors of sensors.
+        Raises TypeError for what is no scenario, and ValueError for an unknown reward, an episode
+        without a tick, and for a scenario with agents of one's own or errors of sensors.
         """
         refuse_what_is_no_episode(scenario, longest)
         self.scenario, self._reward, self._longest = scenario, named(reward, REWARDS), longest
@@ -209,7 +231,10 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
-        """Begin an episode, and return observation and info at its first decision. `seed`: that of the scenario, as for `HarvestEnv`."""
+        """Begin an episode, and return observation and info at its first decision.
+
+        `seed`: that of the scenario, as for `HarvestEnv`.
+        """
         super().reset(seed=plain(seed))
         if options:
             raise ValueError(
@@ -220,7 +245,10 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         return self._observed(), self._info()
 
     def _begin(self, episode: Episode) -> None:
-        """Go to the first decision of an episode. If the scenario's policy fails, the episode is over."""
+        """Go to the first decision of an episode.
+
+        If the scenario's policy fails, the episode is over.
+        """
         self.harvest = DiscreteHarvest(
             lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused
         )
@@ -244,10 +272,13 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._is_over = is_over
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
-        """Do an action, and move on to the next decision if this one is taken. Return observation, reward, terminated, truncated and info.
+        """Do an action, and move on to the next decision if this one is taken.
 
-        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for what is no action. This and `reset` raise
-        RuntimeError, which says what and where, if the scenario's own policy raises an error or decides what cannot be.
+        Return observation, reward, terminated, truncated and info.
+
+        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for
+        what is no action. This and `reset` raise RuntimeError, which says what and where, if the
+        scenario's own policy raises an error or decides what cannot be.
         """
         if self._is_over:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
@@ -271,7 +302,9 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         )
 
     def action_masks(self) -> np.ndarray:
-        """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks for it."""
+        """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks
+        for it.
+        """
         return self.dispatching.mask(*self._reports()).astype(bool)
 
     @property

@@ -12,14 +12,17 @@ def refuse_what_is_no_episode(scenario: object, longest: int) -> None:
     """Raise TypeError for what is no scenario, and ValueError for an episode without a tick."""
     if not isinstance(scenario, Scenario):
         raise TypeError(
-            f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or load('my.yaml')"
+            f"scenario = {scenario!r}: must be a Scenario, such as Scenario(rows=3) or"
+            " load('my.yaml')"
         )
     if longest < 1:
         raise ValueError(f"longest = {longest}: must be at least 1 tick")
 
 
 def plain(seed: Any) -> Any:
-    """Return a whole number of numpy as one of Python, which Gymnasium wants; anything else as it is."""
+    """Return a whole number of numpy as one of Python, which Gymnasium wants; anything else as it
+    is.
+    """
     return int(seed) if isinstance(seed, np.integer) else seed
 
 

@@ -1,4 +1,6 @@
-"""A harvest as a PettingZoo ParallelEnv: local mode, in which some bodies learn, and all others follow our agents."""
+"""A harvest as a PettingZoo ParallelEnv: local mode, in which some bodies learn, and all others
+follow our agents.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -40,13 +42,21 @@ class Look(NamedTuple):
 
 
 class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # PettingZoo has no types
-    """A harvest in which the bodies `learned` learn; all others follow our agents. `local` is its run, from the first `reset` on.
+    """A harvest in which the bodies `learned` learn; all others follow our agents.
 
-    An action is a velocity, m/s forward and rad/s counter-clockwise. The body's own agent keeps its plan, its mail and its deeds, so a
-    harvest goes on; `info["scripted"]` is the velocity that this agent would have chosen. A body that gets no action follows its agent.
+    `local` is its run, from the first `reset` on.
+
+    An action is a velocity, m/s forward and rad/s counter-clockwise. The body's own agent keeps its
+    plan, its mail and its deeds, so a harvest goes on; `info["scripted"]` is the velocity that this
+    agent would have chosen. A body that gets no action follows its agent.
     """
 
-    metadata: dict[str, Any] = {"name": "orchard_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - as PettingZoo has it
+    # As PettingZoo has it.
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "name": "orchard_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
     render_mode = None
     local: Local
 
@@ -60,11 +70,13 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         longest: int = LONGEST,
         is_hashed: bool = False,
     ) -> None:
-        """`reward`: a name in `REWARDS`, or a function of a `Moment`. `deeds`: an action also names a deed, in place of its agent's; the
-        info's `action_mask` says which can be. `longest`: ticks, after which an episode is truncated. `is_hashed`: whether the run has its
-        hash, and its invariants are checked: slower.
+        """`reward`: a name in `REWARDS`, or a function of a `Moment`. `deeds`: an action also names
+        a deed, in place of its agent's; the info's `action_mask` says which can be. `longest`:
+        ticks, after which an episode is truncated. `is_hashed`: whether the run has its hash, and
+        its invariants are checked: slower.
 
-        Raises TypeError for what is no scenario, ValueError for a name that cannot learn, an unknown reward, or an episode without ticks.
+        Raises TypeError for what is no scenario, ValueError for a name that cannot learn, an
+        unknown reward, or an episode without ticks.
         """
         refuse_what_is_no_episode(scenario, longest)
         if isinstance(learned, str) or not isinstance(learned, Sequence):
@@ -101,9 +113,10 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     ) -> tuple[dict[str, Arrays], Infos]:
         """Begin an episode. Return the observations and infos of the learned bodies.
 
-        `seed`: that of the scenario. Without it, the first episode has the scenario's own, and each further one a seed that is drawn from
-        the one given last. `options["scenario"]`: changes of the scenario as for `with_changes`, for a curriculum. Raises ScenarioError or
-        ValueError for changes that cannot be.
+        `seed`: that of the scenario. Without it, the first episode has the scenario's own, and each
+        further one a seed that is drawn from the one given last. `options["scenario"]`: changes of
+        the scenario as for `with_changes`, for a curriculum. Raises ScenarioError or ValueError for
+        changes that cannot be.
         """
         changes = _changes_in(options or {})
         episode = self._episode.after(plain(seed))
@@ -120,16 +133,19 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Arrays], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Move on by a tick, 0.1 s. Return observations, rewards, terminations, truncations and infos of the learned bodies.
+        """Move on by a tick, 0.1 s.
 
-        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for an action that cannot be: then nothing
-        has moved, and no action counts.
+        Return observations, rewards, terminations, truncations and infos of the learned bodies.
+
+        Raises ResetNeeded before the first reset and after the end of an episode, ValueError for an
+        action that cannot be: then nothing has moved, and no action counts.
         """
         if not self.agents:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         if unknown := [str(name) for name in actions if name not in self.agents]:
             raise ValueError(
-                f"actions for {', '.join(unknown)}, which do not learn here; {', '.join(self.agents)} do"
+                f"actions for {', '.join(unknown)}, which do not learn here;"
+                f" {', '.join(self.agents)} do"
             )
         commands = {
             name: arrays.command_of(name, given, self._deeds) for name, given in actions.items()
@@ -168,8 +184,9 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
     def _command(self, name: str, command: arrays.Command) -> None:
         """Put an action in the place of what the body's own agent commands.
 
-        The agent keeps its hold only if it would have moved so itself. What it remembers of its own motion becomes what is commanded:
-        without that, it would take a body that was told to stand for one that collided.
+        The agent keeps its hold only if it would have moved so itself. What it remembers of its own
+        motion becomes what is commanded: without that, it would take a body that was told to stand
+        for one that collided.
         """
         look, world = self._looks[name], self.local.engine.world
         if command.velocity == look.action.twist and not self._deeds:
@@ -213,7 +230,10 @@ def _bin_of(look: Look) -> str:
 
 
 def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The changes of the scenario in the options of a reset. PettingZoo's test gives other options."""
+    """The changes of the scenario in the options of a reset.
+
+    PettingZoo's test gives other options.
+    """
     changes = options.get("scenario", {})
     if not isinstance(changes, Mapping):
         raise ValueError(f"options: scenario = {changes!r}: must be a map of keys and values")
@@ -222,8 +242,11 @@ def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
     able = [name for name in layout.names if kind_of(name) in MOVERS]
-    wrong = [f"{name}: " + ("given twice" if name in able else "no such body can learn") for name in learned
-             if name not in able or learned.count(name) > 1]  # fmt: skip
+    wrong = [
+        f"{name}: " + ("given twice" if name in able else "no such body can learn")
+        for name in learned
+        if name not in able or learned.count(name) > 1
+    ]
     if wrong or not learned:
         raise ValueError(
             f"learned: {'; '.join(dict.fromkeys(wrong)) or 'empty'}; there are {', '.join(able)}"
@@ -234,12 +257,17 @@ parallel_env = HarvestEnv  # PettingZoo's name for what makes an environment
 
 
 class SingleEnv(gymnasium.Env[Arrays, Any]):
-    """A harvest in which one body learns; all others follow our agents. `harvest` is the HarvestEnv whose only learned body it is."""
+    """A harvest in which one body learns; all others follow our agents.
+
+    `harvest` is the HarvestEnv whose only learned body it is.
+    """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
 
     def __init__(self, scenario: Scenario, robot: str, **options: Any) -> None:
-        """`options`: reward, deeds, longest and is_hashed, as for `HarvestEnv`. Raises as it does."""
+        """`options`: reward, deeds, longest and is_hashed, as for `HarvestEnv`. Raises as
+        it does.
+        """
         self.robot, self.harvest = robot, HarvestEnv(scenario, [robot], **options)
         self.observation_space: spaces.Space[Any] = self.harvest.observation_space(robot)
         self.action_space: spaces.Space[Any] = self.harvest.action_space(robot)
@@ -257,7 +285,11 @@ class SingleEnv(gymnasium.Env[Arrays, Any]):
         return observations[self.robot], infos[self.robot]
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
-        """Move on by a tick, 0.1 s. Return observation, reward, terminated, truncated and info. Raises as `HarvestEnv.step` does."""
+        """Move on by a tick, 0.1 s.
+
+        Return observation, reward, terminated, truncated and info. Raises as `HarvestEnv.step`
+        does.
+        """
         observations, rewards, terminated, truncated, infos = self.harvest.step(
             {self.robot: action}
         )

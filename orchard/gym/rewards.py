@@ -35,7 +35,9 @@ Happened = TypeVar("Happened")  # what a reward is given: a Moment, or a Transit
 
 
 def imitation(moment: Moment) -> float:
-    """Minus the squared distance to our agent's velocity; 1 is the body's greatest speed, or its greatest turn."""
+    """Minus the squared distance to our agent's velocity; 1 is the body's greatest speed, or its
+    greatest turn.
+    """
     kind = KINDS[kind_of(moment.after.name)]
     forward = (moment.velocity.x - moment.scripted.x) / kind.speed
     turn = (moment.velocity.yaw - moment.scripted.yaw) / kind.turn
@@ -43,7 +45,9 @@ def imitation(moment: Moment) -> float:
 
 
 def goal(moment: Moment) -> float:
-    """Metres, and radians, by which the body came nearer to what its plan asked for before the step."""
+    """Metres, and radians, by which the body came nearer to what its plan asked for before the
+    step.
+    """
     x, y, turn = moment.goal
     before, after = moment.before, moment.after
     metres = math.hypot(x - before.x, y - before.y) - math.hypot(x - after.x, y - after.y)
@@ -85,18 +89,25 @@ REWARDS: Mapping[str, Reward] = {
 def named(
     reward: str | Callable[[Happened], float], rewards: Mapping[str, Callable[[Happened], float]]
 ) -> Callable[[Happened], float]:
-    """Return a reward by its name, or the function itself. Raises ValueError for an unknown name."""
+    """Return a reward by its name, or the function itself.
+
+    Raises ValueError for an unknown name.
+    """
     if not isinstance(reward, str):
         return NamelessReward(reward) if _is_nameless(reward) else reward
     if reward not in rewards:
         raise ValueError(
-            f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and functions of your own"
+            f"reward {reward!r}: there is none of that name; there are {', '.join(rewards)}, and"
+            " functions of your own"
         )
     return rewards[reward]
 
 
 class NamelessReward(Generic[Happened]):
-    """A reward that Python cannot find by a name, such as a lambda. It can be copied and pickled."""
+    """A reward that Python cannot find by a name, such as a lambda.
+
+    It can be copied and pickled.
+    """
 
     def __init__(self, function: Callable[[Happened], float]) -> None:
         self._function = function
@@ -109,13 +120,16 @@ class NamelessReward(Generic[Happened]):
         return NamelessReward(deepcopy(self._function, memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how pickle makes it again. Raises PicklingError if the function holds what cannot be pickled."""
+        """Return how pickle makes it again.
+
+        Raises PicklingError if the function holds what cannot be pickled.
+        """
         try:
             code = cloudpickle.dumps(self._function)
         except Exception as error:
             raise pickle.PicklingError(
-                f"the reward {self._function} cannot be pickled: {error}; expected a function at the"
-                " top of a module, or one that uses nothing but data"
+                f"the reward {self._function} cannot be pickled: {error}; expected a function at"
+                " the top of a module, or one that uses nothing but data"
             ) from error
         return _from_code, (code,)
 
@@ -126,7 +140,9 @@ def _from_code(code: bytes) -> NamelessReward[Any]:
 
 
 def _is_nameless(function: Callable[..., float]) -> bool:
-    """Whether Python cannot find a function by a name: a lambda, a function within one, a part of these."""
+    """Whether Python cannot find a function by a name: a lambda, a function within one, a part of
+    these.
+    """
     while isinstance(function, partial):
         function = function.func
     return isinstance(function, FunctionType) and "<" in function.__qualname__

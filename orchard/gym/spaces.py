@@ -56,7 +56,10 @@ def _box(*bounds: tuple[float, float]) -> spaces.Box:
 
 
 def observation_space(name: str) -> spaces.Dict:
-    """Return the space of what a body observes: see the table above. It does not depend on the orchard: a curriculum may change it."""
+    """Return the space of what a body observes: see the table above.
+
+    It does not depend on the orchard: a curriculum may change it.
+    """
     kind, one = KINDS[kind_of(name)], (0.0, 1.0)
     return spaces.Dict(  # in the order in which Gymnasium sorts them
         bar=_box(one),
@@ -72,7 +75,10 @@ def observation_space(name: str) -> spaces.Dict:
 
 
 def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
-    """Return the space of what a body does: m/s forward, rad/s. With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple."""
+    """Return the space of what a body does: m/s forward, rad/s.
+
+    With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple.
+    """
     velocity = _box(
         *[(-most, most) for most in (KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn)]
     )
@@ -82,8 +88,8 @@ def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
 def goal_of(seen: Observation, memory: Any) -> Goal:
     """Return what the present step of a plan still asks for.
 
-    A drive's goal is its end, or the first place on the way that traffic has not granted. A step that is neither drive nor turn asks for
-    nothing, and so does an agent without a plan.
+    A drive's goal is its end, or the first place on the way that traffic has not granted. A step
+    that is neither drive nor turn asks for nothing, and so does an agent without a plan.
     """
     step = memory.plan[0] if isinstance(memory, Plan) and memory.plan else None
     if isinstance(step, Face):
@@ -114,7 +120,10 @@ def mail_of(action: Action) -> tuple[float, float, float, float]:
 
 
 def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arrays:
-    """Return what a body observes: see the table above. `fill`: m in its bin; `action`: the newest one of its own agent."""
+    """Return what a body observes: see the table above.
+
+    `fill`: m in its bin; `action`: the newest one of its own agent.
+    """
     (z, w), (forward, _, turn) = seen.orientation, seen.twist
     cosine, sine = w * w - z * z, 2.0 * z * w
     dx, dy, left = goal[0] - seen.x, goal[1] - seen.y, goal[2]
@@ -145,7 +154,10 @@ class Command(NamedTuple):
 
 
 def command_of(name: str, given: Any, deeds: bool) -> Command:
-    """Return what an action commands. Raises ValueError for one that is not in the action space, limits aside."""
+    """Return what an action commands.
+
+    Raises ValueError for one that is not in the action space, limits aside.
+    """
     kind = KINDS[kind_of(name)]
     try:
         velocity, deed = (given["velocity"], given["deed"]) if deeds else (given, NOTHING)
@@ -171,7 +183,10 @@ def command_of(name: str, given: Any, deeds: bool) -> Command:
 
 
 def _numbers(given: Any, kinds: str) -> np.ndarray:
-    """Return numbers as an array. `kinds`: numpy's letters for those that can be. Raises ValueError for others."""
+    """Return numbers as an array.
+
+    `kinds`: numpy's letters for those that can be. Raises ValueError for others.
+    """
     numbers = np.asarray(given)
     if numbers.dtype.kind not in kinds:
         raise ValueError(given)
@@ -179,7 +194,10 @@ def _numbers(given: Any, kinds: str) -> np.ndarray:
 
 
 def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
-    """Return the deeds for the number in an action. A deed that cannot be is left out: see `deed_mask`."""
+    """Return the deeds for the number in an action.
+
+    A deed that cannot be is left out: see `deed_mask`.
+    """
     robot = world.index[name]
     if not deed_mask(world, name)[deed] or deed == NOTHING:
         return []
@@ -191,14 +209,19 @@ def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
 
 
 def deed_mask(world: World, name: str) -> np.ndarray:
-    """Return which deeds a body can try, (3,) int8: nothing; couple, where a free bin stands on its coupling point; uncouple."""
+    """Return which deeds a body can try, (3,) int8: nothing; couple, where a free bin stands on its
+    coupling point; uncouple.
+    """
     robot = world.index[name]
     has = bool(world.coupled[robot] != NONE)
     return np.array([True, not has and _bin_behind(world, robot) != NONE, has], dtype=np.int8)
 
 
 def _bin_behind(world: World, robot: int) -> int:
-    """The free bin within reach of a robot's coupling point; NONE without one. Physics decides on the rest."""
+    """The free bin within reach of a robot's coupling point; NONE without one.
+
+    Physics decides on the rest.
+    """
     x, y, yaw = world.pose[robot].tolist()
     behind = float(world.fixed.tows[robot])
     at = x - behind * math.cos(yaw), y - behind * math.sin(yaw)

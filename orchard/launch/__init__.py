@@ -1,1 +1,3 @@
-"""Starts runs: options, processes and their supervision, local runs, and what is said at the end."""
+"""Starts runs: options, processes and their supervision, local runs, and what is said at
+the end.
+"""

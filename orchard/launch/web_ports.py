@@ -8,7 +8,8 @@ VIEWER_FILES = 48
 
 
 def check_ports(port: int) -> None:
-    """Check that the web viewer can have its port and that of its data, the next one, and its files.
+    """Check that the web viewer can have its port and that of its data, the next one, and its
+    files.
 
     Raises BusError for a port, ValueError for the number of files.
     """

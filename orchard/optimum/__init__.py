@@ -1,6 +1,8 @@
-"""How good can a harvest be? A proven bound on its time: the jobs of its carriers, and the schedule of them that ends first.
+"""How good can a harvest be? A proven bound on its time: the jobs of its carriers, and the schedule
+of them that ends first.
 
-A copy of a duration or a place may not live here: jobs are read from the plans that robots follow, as in `orchard.discrete`.
+A copy of a duration or a place may not live here: jobs are read from the plans that robots follow,
+as in `orchard.discrete`.
 """
 
 

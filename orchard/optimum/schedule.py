@@ -1,12 +1,17 @@
-"""The schedule of a harvest's jobs that ends first, and a proof that none ends before a time, by the solver CP-SAT.
+"""The schedule of a harvest's jobs that ends first, and a proof that none ends before a time, by
+the solver CP-SAT.
 
-Why no dispatch policy can beat it: each constraint is one that the simulator enforces, and whatever else it enforces is left out.
+Why no dispatch policy can beat it: each constraint is one that the simulator enforces, and whatever
+else it enforces is left out.
 
-- A picker goes on with its next row only once it has an empty bin. A carrier gets the lane's place only once the picker has left it.
-- A job takes its carrier at least what its plan takes on free roads, and no more jobs are done at a time than there are carriers.
+- A picker goes on with its next row only once it has an empty bin. A carrier gets the lane's place
+  only once the picker has left it.
+- A job takes its carrier at least what its plan takes on free roads, and no more jobs are done at a
+  time than there are carriers.
 - A harvest ends when the last carrier stands in the queue, behind the others of its line.
-- With traffic: a place on the roads belongs to one robot, from its gate there until it has left the place and the next one has heard so.
-  A bin is unloaded alone, and the next carrier is then at least `HEADWAY` behind.
+- With traffic: a place on the roads belongs to one robot, from its gate there until it has left the
+  place and the next one has heard so. A bin is unloaded alone, and the next carrier is then at
+  least `HEADWAY` behind.
 """
 
 from collections.abc import Sequence
@@ -22,14 +27,20 @@ from orchard.plans.jobs import TimedJob, Use, jobs_of, ticks
 from orchard.plans.routes import route_of
 from orchard.plans.steps import Unload
 
-HEADWAY = 40  # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before it
-WORK = 10.0  # of the solver, which it counts, so that the answer is the same on every machine: some seconds
+# ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before
+# it.
+HEADWAY = 40
+# Of the solver, which it counts, so that the answer is the same on every machine: some seconds.
+WORK = 10.0
 # s of the clock: a net for machines that do far less work in a second than others. Busy ones need
 # some times as long as the work, and must not reach it.
 LEAST_PATIENCE = 600.0
 PATIENCE_FOR_WORK = 100.0
-FIRST = 0.2  # share of the work for the search that finds schedules; the other one raises the bound step by step
-SEARCH = {  # one worker: several would depend on each other's speed. Linear relaxations prove less here
+# Share of the work for the search that finds schedules; the other one raises the bound step by
+# step.
+FIRST = 0.2
+# One worker: several would depend on each other's speed. Linear relaxations prove less here.
+SEARCH = {
     "num_workers": 1,
     "linearization_level": 0,
     "use_overload_checker_in_cumulative": True,
@@ -53,7 +64,8 @@ class Optimum:
 
 
 def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Optimum:
-    """Return what is proven of the shortest harvest of an orchard, with exact sensors, without people and animals.
+    """Return what is proven of the shortest harvest of an orchard, with exact sensors, without
+    people and animals.
 
     `work`: of the solver, at most. `free_roads`: no robot is in another's way, nor in the bay.
     Raises NoBound for agents and steps of the user's own.
@@ -99,7 +111,10 @@ def _unknown(layout: Layout) -> str:
     if own := sorted({*scenario.agents, *scenario.agents_without_body}):
         return f"the bound knows built-in agents only, and not {', '.join(own)}"
     if route.Steps:
-        return f"the bound does not know the steps of your route: {', '.join(step.__name__ for step in route.Steps)}"
+        return (
+            "the bound does not know the steps of your route:"
+            f" {', '.join(step.__name__ for step in route.Steps)}"
+        )
     return ""
 
 
@@ -120,7 +135,9 @@ def _cut_after(solver: CpSolver) -> float | None:
 
 
 class Schedule:
-    """The model: when each job's carrier stops at its lane, and when it stands in the bay, in ticks."""
+    """The model: when each job's carrier stops at its lane, and when it stands in the bay, in
+    ticks.
+    """
 
     def __init__(self, jobs: Sequence[TimedJob], carriers: int) -> None:
         self.jobs, self.carriers, self.model = jobs, carriers, CpModel()
@@ -172,8 +189,10 @@ class Schedule:
 
     @property
     def least(self) -> int:
-        """What needs no search: the end of the last job if each is done as early as can be, and of all if no carrier ever waits. No carrier
-        begins before its first job can, nor works on when the harvest is over, but for its place in the queue."""
+        """What needs no search: the end of the last job if each is done as early as can be, and of
+        all if no carrier ever waits. No carrier begins before its first job can, nor works on when
+        the harvest is over, but for its place in the queue.
+        """
         last = max(
             stop + job.to_bay + job.to_rest
             for stop, job in zip(self._earliest(), self.jobs, strict=True)

@@ -11,7 +11,9 @@ from orchard.field.scenario import TIME_STEP
 from orchard.plans.routes import route_of, way_to
 from orchard.plans.steps import CRUISE
 
-ALONG = 0.01  # rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it, or is in it
+# Rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it,
+# or is in it.
+ALONG = 0.01
 LEAST_SPEED = 0.001  # m/s: a picker that is slower does not pick, but stands, or is about to
 EARLIER = 30.0  # s before a carrier would have to leave for the farthest lane
 
@@ -32,10 +34,12 @@ class Forecast:
     def of(
         self, seen: Observation, picker: Hitch, picking_speed: float, left_at: LeftAt | None = None
     ) -> Ripening | None:
-        """Return the forecast for a bin on a picker; None unless the picker is in a row that is not picked, or drives into one.
+        """Return the forecast for a bin on a picker; None unless the picker is in a row that is not
+        picked, or drives into one.
 
-        `picking_speed`: m/s in this row. `left_at`: where the bin will be left, unless each row fills one.
-        A picker that stands before a row may have to wait for roads that early carriers block.
+        `picking_speed`: m/s in this row. `left_at`: where the bin will be left, unless each row
+        fills one. A picker that stands before a row may have to wait for roads that early carriers
+        block.
         """
         side = next(
             (
@@ -76,13 +80,17 @@ class Forecast:
 
 
 def until_full(layout: Layout, row: int, side: str, picking: float, before: float) -> float:
-    """Return the seconds until a bin is full and at the furthest end of a row: after `picking`, s, and `before`, m driven."""
+    """Return the seconds until a bin is full and at the furthest end of a row: after `picking`, s,
+    and `before`, m driven.
+    """
     return picking + (before + layout.beyond(row, side)) / CRUISE
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def horizon(layout: Layout) -> float:
-    """Return how long before it is full a bin begins to call, s: a carrier for the farthest lane then comes in time."""
+    """Return how long before it is full a bin begins to call, s: a carrier for the farthest lane
+    then comes in time.
+    """
     route = route_of(layout)
     return (
         max(

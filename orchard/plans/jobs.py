@@ -1,7 +1,9 @@
-"""The jobs of a harvest: what picker and carrier need at least for each bin, from the plans that they follow in the simulator.
+"""The jobs of a harvest: what picker and carrier need at least for each bin, from the plans that
+they follow in the simulator.
 
-Times are in ticks, rounded down, with roads that are free. So no robot is faster, whatever sends it. Failures, batteries, people, animals
-and errors of sensors are left out: they take time, and give none.
+Times are in ticks, rounded down, with roads that are free. So no robot is faster, whatever sends
+it. Failures, batteries, people, animals and errors of sensors are left out: they take time, and
+give none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,19 +41,28 @@ class Use(NamedTuple):
     """A place that a robot has alone, on free roads."""
 
     place: str
-    at: float  #: when the robot comes to the gate of the place, s from the carrier's stop at the lane on; negative before it
-    ticks: int  #: until another robot can be at a gate of it: the place was given back, and the other one has heard of it
+    #: When the robot comes to the gate of the place, s from the carrier's stop at the lane on;
+    #: negative before it.
+    at: float
+    #: Until another robot can be at a gate of it: the place was given back, and the other one has
+    #: heard of it.
+    ticks: int
 
 
 @dataclass(frozen=True)
 class TimedJob:
-    """An exchange of bins, in ticks. The picker leaves a full bin, and goes on with the empty one that a carrier has brought."""
+    """An exchange of bins, in ticks.
+
+    The picker leaves a full bin, and goes on with the empty one that a carrier has brought.
+    """
 
     picker: str
     lane: int
     side: str  #: the end of the lane
     crossings: list[Use]  #: of the picker since then, in their order
-    ready: int  #: from the time at which the picker went on before, or from the start, until a carrier can stand at its stop at the lane
+    #: From the time at which the picker went on before, or from the start, until a carrier can
+    #: stand at its stop at the lane.
+    ready: int
     clearing: int  #: of it, from the full bin in the lane, as bins report it, on
     way: list[Use]  #: of the carrier, from the first lane on, in their order
     exits: list[
@@ -61,7 +72,8 @@ class TimedJob:
     going_on: int  #: from the stop until the picker goes on
     to_bay: int  #: from the stop until the carrier stands in the bay
     to_head: int  #: from there to its line's head
-    to_rest: int  #: from there to where it stands when the harvest is over: behind the others of its line
+    #: From there to where it stands when the harvest is over: behind the others of its line.
+    to_rest: int
 
 
 class TimedStep(NamedTuple):
@@ -145,7 +157,9 @@ def _job(
     went_on: float,
     waits: bool,
 ) -> TimedJob:
-    """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the carrier has left the lane's place."""
+    """`before`: the picker's steps since it `went_on`, s. `waits`: whether it goes on only once the
+    carrier has left the lane's place.
+    """
     layout, queue, place = route.layout, route.queue, side.place("D", row)
     lines = range(0, layout.queue_places, queue.places)
     plans = [
@@ -163,7 +177,8 @@ def _job(
     ready = next((use for use in reversed(crossings) if use.place == place), None)
     if of_lane is None or ready is None:
         raise ValueError(
-            f"robots need no place {place} on your route, or do not give it back: so it is not known when they are there"
+            f"robots need no place {place} on your route, or do not give it back: so it is not"
+            " known when they are there"
         )
     stands = (
         ready.at + ready.ticks * TIME_STEP + stop - of_lane.at
@@ -205,7 +220,10 @@ def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:
 
 
 def timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:
-    """Yield the steps of a plan on free roads, with their times. A step's answers and bins take its `ticks`."""
+    """Yield the steps of a plan on free roads, with their times.
+
+    A step's answers and bins take its `ticks`.
+    """
     late = 0.0
     for step, pose, begins, ends in timetable(list(steps), start):
         yield TimedStep(step, pose, begins + late, ends + late + step.ticks * TIME_STEP)

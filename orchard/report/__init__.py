@@ -1,1 +1,3 @@
-"""What a run is judged by: figures, bounds, the summary, the progress in the terminal, the plan as SVG."""
+"""What a run is judged by: figures, bounds, the summary, the progress in the terminal, the plan as
+SVG.
+"""

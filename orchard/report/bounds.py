@@ -1,8 +1,10 @@
-"""What a harvest could be without traffic: the rate that each part allows in the long run, and its length.
+"""What a harvest could be without traffic: the rate that each part allows in the long run, and its
+length.
 
-The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. The length is that of the discrete-event model with
-roads that each robot has to itself: of `nearest` for a policy of the user's own, and of the built-in route with the same queue for a route
-with steps of its own. Another policy may be faster: `proven_seconds` is what none can beat.
+The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. The length is
+that of the discrete-event model with roads that each robot has to itself: of `nearest` for a policy
+of the user's own, and of the built-in route with the same queue for a route with steps of its own.
+Another policy may be faster: `proven_seconds` is what none can beat.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -26,18 +28,23 @@ from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
 from orchard.plans.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 
-TRAIN = (
-    3.3 + 0.8
-)  # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the bay
-ROUNDS = 2  # times that a picker picks its rows in the means, or a multiple: after two, each row is left at the same ends again
+# m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the
+# bay.
+TRAIN = 3.3 + 0.8
+# Times that a picker picks its rows in the means, or a multiple: after two, each row is left at the
+# same ends again.
+ROUNDS = 2
 FULL_BINS = 10  # that it fills in them at least, if a row does not fill one
-# Of the bins of another picker, which each one fills at least: in a long run a policy must serve all.
+# Of the bins of another picker, which each one fills at least: in a long run a policy must serve
+# all.
 LEAST_SHARE = 0.5
 PROOF = 0.1  # of the solver's work: at most about half a second
 
 
 class Bounds:
-    """The terms for one orchard, in which each picker picks its rows again and again: bins/s that each part allows."""
+    """The terms for one orchard, in which each picker picks its rows again and again: bins/s that
+    each part allows.
+    """
 
     def __init__(self, layout: Layout) -> None:
         scenario, route, policy = layout.scenario, route_of(layout), dispatch_of(layout)
@@ -49,7 +56,9 @@ class Bounds:
         picking, crossing, wait, cycle, row_end, charging = map(fmean, zip(*of_each, strict=True))
         self.picking_seconds = picking  # T, to pick what fills a bin
         self.crossing_seconds = crossing  # t_x, to leave a full bin and to go on
-        self.row_end_seconds = row_end  # of t_x, what a bin costs because it fills inside a row: exchanged there it would cost nothing
+        # Of t_x, what a bin costs because it fills inside a row: exchanged there it would cost
+        # nothing.
+        self.row_end_seconds = row_end
         self.wait_seconds = (
             wait  # w, from the full bin to an empty one, if a carrier is free at once
         )
@@ -87,7 +96,8 @@ class Bounds:
 
 
 def _mean_of_near(work: Iterable[float]) -> float:
-    """Return the least mean time for a bin, s, if some pickers fill only `LEAST_SHARE` of what others do.
+    """Return the least mean time for a bin, s, if some pickers fill only `LEAST_SHARE` of what
+    others do.
 
     `work`: the mean time for a bin of each picker. A policy that prefers near bins may leave those
     out of which the bins take longest, and a long run allows it up to that share.
@@ -108,7 +118,8 @@ PassTimes = Callable[[Pass, Pass], tuple[float, ...]]
 
 
 def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
-    """Return the mean times of a picker's bin without traffic, s: the sums of what `_seconds` returns.
+    """Return the mean times of a picker's bin without traffic, s: the sums of what `_seconds`
+    returns.
 
     A part-full last bin does not count.
     """
@@ -124,7 +135,9 @@ def _of_a_bin(layout: Layout, block: Block, times_of: PassTimes) -> list[float]:
 
 
 def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
-    """Return a picker's steps from the head of one row to the head of the next one, on free roads."""
+    """Return a picker's steps from the head of one row to the head of the next one, on free
+    roads.
+    """
     side = route.sides[current.end]
     lane = route.layout.lane(current.row)
     x = lane.west if side is route.east else lane.east
@@ -151,7 +164,8 @@ def _seconds(
     )
     leaving = next(moment.ends for moment in way if isinstance(moment.step, LeaveBin)) - driving
     coming_out = begin_of(FetchEmpty, way) - driving - leaving
-    # an early carrier leaves when the picker drives into the row, or later, and holds before the lane's place until the picker has come out
+    # an early carrier leaves when the picker drives into the row, or later, and holds before the
+    # lane's place until the picker has come out
     entering = (
         abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x) / CRUISE
     )
@@ -188,7 +202,9 @@ def _handling(plan: Sequence[TimedStep]) -> float:
 
 
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:
-    """Return a scenario without people, animals, tractor and errors of sensors, and with other changes."""
+    """Return a scenario without people, animals, tractor and errors of sensors, and with other
+    changes.
+    """
     nothing = {
         "people": {"workers": 0, "visitors": 0},
         "animals": {"dogs": 0, "cats": 0},
@@ -232,8 +248,9 @@ def _seconds_on_free_roads(ideal: Layout) -> float:
 
 
 def proven_seconds(layout: Layout) -> float | None:
-    """Return what is proven of the shortest time of the harvest without traffic, s; None if the extra `optimum` is missing, and for agents,
-    steps and some routes of the user's own."""
+    """Return what is proven of the shortest time of the harvest without traffic, s; None if the
+    extra `optimum` is missing, and for agents, steps and some routes of the user's own.
+    """
     return _proven(
         lay_out(undisturbed(layout.scenario, dispatch=NEAREST))
     )  # the same for each policy
@@ -254,11 +271,13 @@ def _proven(layout: Layout) -> float | None:
 
 
 def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
-    """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a policy or a route of the user's own.
+    """Split the length of a whole harvest, s, into parts that add up to it; {} if it has agents, a
+    policy or a route of the user's own.
 
-    `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy, and robots that fail, lose without
-    traffic. `traffic`: what robots lose to each other. `charging`: what batteries cost then. `people_and_animals`: the rest. Without
-    a proof `schedule` is the first two.
+    `optimum`: what is proven of the shortest harvest without traffic. `dispatch`: what the policy,
+    and robots that fail, lose without traffic. `traffic`: what robots lose to each other.
+    `charging`: what batteries cost then. `people_and_animals`: the rest. Without a proof `schedule`
+    is the first two.
     """
     scenario = layout.scenario
     if (

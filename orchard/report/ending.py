@@ -16,7 +16,9 @@ def why_over(engine: Engine, figures: HarvestFigures) -> str:
 
 
 def fault_of(engine: Engine, figures: HarvestFigures) -> str:
-    """Return why a run must end before the harvest: 'broken', 'jammed', or 'refused' if the scenario says so; '' if it goes on."""
+    """Return why a run must end before the harvest: 'broken', 'jammed', or 'refused' if the
+    scenario says so; '' if it goes on.
+    """
     ends_by_refusal = engine.layout.scenario.dispatch_errors == END
     # The last step may not be counted yet.
     is_refused = figures.orders_refused or orders_refused(engine.answers)
@@ -28,7 +30,9 @@ def fault_of(engine: Engine, figures: HarvestFigures) -> str:
 
 
 def jam_of(engine: Engine, figures: HarvestFigures) -> list[str]:
-    """Return which robot waits for what, one line each, if there was no progress for ten simulated minutes; else empty."""
+    """Return which robot waits for what, one line each, if there was no progress for ten simulated
+    minutes; else empty.
+    """
     if not figures.jammed(engine.world):
         return []
     waiting = who_waits(as_shown(engine.world, engine.actions))

@@ -1,30 +1,30 @@
 """The long run of the fast model: a harvest that goes on, beside what it could be without traffic.
 
-A run ends, and its figures are those of the bins that it happened to fill: one more of a fast row, or
-at the nearer end of a row. So a plain count of bins may exceed any limit a little. The run is
+A run ends, and its figures are those of the bins that it happened to fill: one more of a fast row,
+or at the nearer end of a row. So a plain count of bins may exceed any limit a little. The run is
 therefore asked for two shares only, and the limit's own means, which `Bounds` has, do the rest.
 
 1. How fast was each picker, as a share of its plan? Between two exchanges no picker needs less time
    than its plan takes for them on free roads. So over any exchanges the time by the plan is at most
    the time that passed. Their ratio, at most 1, times the picker's rate in the limit is its rate x.
    So the sum of all x is at most the limit of the pickers.
-2. How long was a carrier busy for a bin, as a multiple of its plan? No job takes less than its plan.
-   That ratio, at least 1, times the mean time C of the picker's bins in the limit is the time d that
-   a carrier needs for one. All carriers together have the time of c carriers, so the sum of all
-   x * d is at most c. Where the windows of pickers are of different times, it may come out higher:
-   some pickers were served in the one part of the run, and others in the other. Then all rates are
-   lowered until carriers have as much to do as they can. So the sum of all x * C is at most c,
-   which is the limit of the carriers if pickers fill as many bins each. The same holds for
+2. How long was a carrier busy for a bin, as a multiple of its plan? No job takes less than its
+   plan. That ratio, at least 1, times the mean time C of the picker's bins in the limit is the time
+   d that a carrier needs for one. All carriers together have the time of c carriers, so the sum of
+   all x * d is at most c. Where the windows of pickers are of different times, it may come out
+   higher: some pickers were served in the one part of the run, and others in the other. Then all
+   rates are lowered until carriers have as much to do as they can. So the sum of all x * C is at
+   most c, which is the limit of the carriers if pickers fill as many bins each. The same holds for
    chargers, and for the bay, at which bins came at least as far apart as the two closest ones.
 
-So no job that is cut by the begin or the end of a run counts for more than it is: a job counts whole,
-with all of its time, or not at all.
+So no job that is cut by the begin or the end of a run counts for more than it is: a job counts
+whole, with all of its time, or not at all.
 
-Three things are beyond this argument. Repairs are drawn, and the limit has their mean: in a run with
-few of them robots are faster. If pickers fill unequal numbers of bins, those near the queue most of
-them, all could fill more than by the mean of C; policies that serve who has waited for longest do
-not do so where carriers have no time left. And by a policy that goes to the nearest bin they do:
-there `Bounds` counts as much more as a long run allows.
+Three things are beyond this argument. Repairs are drawn, and the limit has their mean: in a run
+with few of them robots are faster. If pickers fill unequal numbers of bins, those near the queue
+most of them, all could fill more than by the mean of C; policies that serve who has waited for
+longest do not do so where carriers have no time left. And by a policy that goes to the nearest bin
+they do: there `Bounds` counts as much more as a long run allows.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,8 @@ from orchard.report.bounds import LEAST_SHARE, Bounds, plan_of_pass
 LEAST_BINS = 24
 # How often those with most rows pick theirs, if each fills a bin.
 LEAST_ROUNDS = 3
-# That each carrier charges, by the mean, if it is busy for that share; others charge while they wait.
+# That each carrier charges, by the mean, if it is busy for that share; others charge while they
+# wait.
 CHARGES = 6.0
 LEAST_BUSY = 0.25
 # Share of the bins that is left out.
@@ -98,7 +99,9 @@ class _PickerFigures:
 
 
 class _LongRun:
-    """A harvest in which pickers pick their rows again and again, until each has done whole rounds."""
+    """A harvest in which pickers pick their rows again and again, until each has done whole
+    rounds.
+    """
 
     def __init__(self, layout: Layout, bounds: Bounds, least_rows: int) -> None:
         """`least_rows`: that the fastest picker picks at least."""
@@ -160,7 +163,9 @@ class _LongRun:
     # -- the rate
 
     def _bins_a_second(self) -> float:
-        """Return the rate of all pickers, bins/s, for which carriers, chargers and the bay have time."""
+        """Return the rate of all pickers, bins/s, for which carriers, chargers and the bay have
+        time.
+        """
         scenario = self.layout.scenario
         rate = 0.0
         carriers = 0.0
@@ -212,7 +217,9 @@ class _LongRun:
         return measured
 
     def _finished(self, name: str) -> list[Exchange]:
-        """Return the exchanges of a picker up to the first one of which the carrier is still out."""
+        """Return the exchanges of a picker up to the first one of which the carrier is
+        still out.
+        """
         finished = list[Exchange]()
         for exchange in self.harvest.exchanges[name]:
             if exchange.carrier_ticks is None:

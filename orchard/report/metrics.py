@@ -1,4 +1,6 @@
-"""Figures of a harvest, from events and states: how good it is, and whether it still makes progress."""
+"""Figures of a harvest, from events and states: how good it is, and whether it still makes
+progress.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +18,9 @@ from orchard.report.bounds import Bounds, schedule_seconds
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
-JAM_SECONDS = 600.0  # without a metre picked or a step of work finished, in an orchard of up to JAM_METRES from north to south
+# Without a metre picked or a step of work finished, in an orchard of up to JAM_METRES from north to
+# south.
+JAM_SECONDS = 600.0
 JAM_METRES = 300.0  # a carrier drives one step home past all rows, at 1 m/s or slower
 
 
@@ -24,7 +28,8 @@ JAM_METRES = 300.0  # a carrier drives one step home past all rows, at 1 m/s or 
 class HarvestFigures:
     """The figures of a run, updated at each tick. All of it is plain data."""
 
-    #: s for which a picker stood until it coupled an empty bin, without its own drive to that place.
+    #: s for which a picker stood until it coupled an empty bin, without its own drive to that
+    #: place.
     waits: list[float] = field(default_factory=list)
     #: Picker that has filled its bin -> tick since which it stands, or at which the bin was full.
     waiting_since: dict[str, int] = field(default_factory=dict)
@@ -67,7 +72,8 @@ class HarvestFigures:
         self.watch(world, answers)
 
     def watch(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        """Account for a tick as far as it decides whether a run goes on: its progress, and orders refused.
+        """Account for a tick as far as it decides whether a run goes on: its progress, and orders
+        refused.
 
         A program that needs no other figure calls this in place of `update`.
         """
@@ -123,7 +129,9 @@ def orders_refused(answers: Mapping[str, Action | None]) -> int:
 
 
 def who_waits(actions: Mapping[str, Action]) -> list[str]:
-    """Return a line for each robot that waits, or has failed: what it does, and what it waits for."""
+    """Return a line for each robot that waits, or has failed: what it does, and what it
+    waits for.
+    """
     robots = [(name, action) for name, action in sorted(actions.items()) if kind_of(name) in ROBOTS]
     waits = {
         name: f" waits for {action.waits_for}" if action.waits_for else ""
@@ -137,7 +145,9 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
 
 
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
-    """Return the number of collisions that bodies of these kinds began: as many as there are events."""
+    """Return the number of collisions that bodies of these kinds began: as many as there are
+    events.
+    """
     return sum(
         int(world.collisions[i]) for name, i in world.layout.index.items() if kind_of(name) in kinds
     )
@@ -149,7 +159,9 @@ def _ideals(layout: Layout) -> tuple[Bounds, float]:
 
 
 def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
-    """Return the part of the summary that depends on the simulation only and is the same in every repetition."""
+    """Return the part of the summary that depends on the simulation only and is the same in every
+    repetition.
+    """
     hours = world.tick * TIME_STEP / 3600.0
     scenario, (bounds, schedule) = world.layout.scenario, _ideals(world.layout)
     distance: dict[str, float] = {}
@@ -176,9 +188,9 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "row_end_seconds": bounds.row_end_seconds,
         "row_end_share": bounds.row_end_share,
         "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
-        "carrier_utilisation": figures.busy_ticks / figures.carrier_ticks
-        if figures.carrier_ticks
-        else 0.0,
+        "carrier_utilisation": (
+            figures.busy_ticks / figures.carrier_ticks if figures.carrier_ticks else 0.0
+        ),
         "charging_seconds": round(figures.charging_ticks * TIME_STEP, 1),
         "flat_seconds": round(figures.flat_ticks * TIME_STEP, 1),
         "orders_refused": figures.orders_refused,
@@ -241,7 +253,10 @@ def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
 
 
 def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> list[float]:
-    """Return what share of its time a robot spent so, 0 to 1, between samples. `robots`: how many there are together."""
+    """Return what share of its time a robot spent so, 0 to 1, between samples.
+
+    `robots`: how many there are together.
+    """
     times, spent = [0.0, *history["seconds"]], [0.0, *history[name]]
     steps = zip(times, times[1:], spent, spent[1:], strict=False)
     return [

@@ -1,4 +1,6 @@
-"""Plans of an orchard as SVG, to scale: fences, trees, rows, roads, places, and all bodies at their starts."""
+"""Plans of an orchard as SVG, to scale: fences, trees, rows, roads, places, and all bodies at their
+starts.
+"""
 
 import html
 import math
@@ -10,14 +12,29 @@ from orchard.plans.routes import route_of
 from orchard.report.summary import clock
 from orchard.sim.world import World
 
-COLOURS = {"ground": "#dfe8cf", "driveway": "#cbb98f", "lane": "#c7b08a", "tree": "#7fae5d", "trunk": "#5b4128", "fence": "#6b6b6b",
-           "picked": "#b08d57", "D": "#2f7fd1", "F": "#c0392b", "picker": "#b23bb2", "bay": "#e0a030", "charging": "#2e9e4f"}  # fmt: skip
+COLOURS = {
+    "ground": "#dfe8cf",
+    "driveway": "#cbb98f",
+    "lane": "#c7b08a",
+    "tree": "#7fae5d",
+    "trunk": "#5b4128",
+    "fence": "#6b6b6b",
+    "picked": "#b08d57",
+    "D": "#2f7fd1",
+    "F": "#c0392b",
+    "picker": "#b23bb2",
+    "bay": "#e0a030",
+    "charging": "#2e9e4f",
+}
 OTHER_ROAD = "#777777"
 PIXELS = 12  # for a metre
 
 
 class Drawing:
-    """Ground and roads as SVG elements, in metres, y north. `west`, `south`, `east`, `north`: the part that is seen."""
+    """Ground and roads as SVG elements, in metres, y north.
+
+    `west`, `south`, `east`, `north`: the part that is seen.
+    """
 
     def __init__(
         self, layout: Layout, west: float, south: float, east: float, north: float
@@ -51,7 +68,8 @@ class Drawing:
             f' transform="rotate({-math.degrees(yaw):.1f} {self.x(x)} {self.y(y)})"' if yaw else ""
         )
         self.elements.append(
-            f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size}{turn} style="{style}">{label}</rect>'
+            f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size}{turn}'
+            f' style="{style}">{label}</rect>'
         )
 
     def line(self, points: list[tuple[float, float]], style: str) -> None:
@@ -59,9 +77,14 @@ class Drawing:
         self.elements.append(f'<polyline points="{path}" style="fill:none;{style}"/>')
 
     def label(self, x: float, y: float, words: str, metres: float) -> None:
-        """Write words of this height, m, to the right of a point, with a white edge, to be read on any ground."""
+        """Write words of this height, m, to the right of a point, with a white edge, to be read on
+        any ground.
+        """
         at = f'x="{self.x(x)}" y="{self.y(y)}" font-size="{round(metres * PIXELS, 2)}"'
-        style = f"font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:white;stroke-width:{PIXELS / 3}"
+        style = (
+            "font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:white;"
+            f"stroke-width:{PIXELS / 3}"
+        )
         self.elements.append(f'<text {at} style="{style}">{html.escape(words)}</text>')
 
     def svg(self) -> str:
@@ -80,7 +103,9 @@ def orchard_plan(layout: Layout) -> str:
 
 
 def present_plan(world: World) -> str:
-    """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each body where it is."""
+    """Return the drawing of the whole orchard as it is now: what is picked of the rows, and each
+    body where it is.
+    """
     layout = world.layout
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
     for lane, (west, east, *inside), total in zip(
@@ -126,7 +151,10 @@ def _paint(kind: str) -> str:
 
 
 def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None:
-    """Draw a body. `share`: how full a bin is; an empty one is pale. Pickers and carriers have labels: P1, C2."""
+    """Draw a body.
+
+    `share`: how full a bin is; an empty one is pale. Pickers and carriers have labels: P1, C2.
+    """
     kind = kind_of(name)
     pale = f";fill-opacity:{0.15 + 0.85 * share:.2f}" if kind == "bin" else ""
     drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)

@@ -1,4 +1,6 @@
-"""Progress of a run in the terminal: a live table, or plain lines if the output is not a terminal."""
+"""Progress of a run in the terminal: a live table, or plain lines if the output is not a
+terminal.
+"""
 
 import math
 import threading
@@ -17,17 +19,22 @@ from orchard.field.kinds import ROBOTS, kind_of, short_name
 from orchard.report.summary import clock, headline_of
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
-STILL_SECONDS = 10.0  # s of wall time between two plain lines while the run gets ready; a terminal shows each second
+# S of wall time between two plain lines while the run gets ready; a terminal shows each second.
+STILL_SECONDS = 10.0
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot whose agent was lost
 STANDS = (STOPPED, SILENT)  # shown in red
 
 
 class Progress:
-    """Shows the progress of a run, in a context: a live table on a terminal, else a line now and then."""
+    """Shows the progress of a run, in a context: a live table on a terminal, else a line now and
+    then.
+    """
 
     def __init__(self, console: Console, as_json: bool = False, until: float | None = None) -> None:
-        """`as_json`: lines are objects {"progress": {...}}. `until`: simulated time at which the run ends, s."""
+        """`as_json`: lines are objects {"progress": {...}}. `until`: simulated time at which the
+        run ends, s.
+        """
         self.console, self._as_json, self._until = console, as_json, until
         live = Live(
             console=console,
@@ -52,7 +59,9 @@ class Progress:
             self._live.stop()
 
     def get_ready(self, words: str) -> None:
-        """Print what the run does before it begins and, until its first figures come, how long it has done so."""
+        """Print what the run does before it begins and, until its first figures come, how long it
+        has done so.
+        """
         self.say(words)
         self.preparing = threading.Thread(target=self._show_that_it_goes_on, daemon=True)
         self.preparing.start()
@@ -69,7 +78,10 @@ class Progress:
     def show(
         self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]
     ) -> None:
-        """Update the table, or print a line if the last one is LINE_SECONDS old. `waits_for`: robot -> agent or thing."""
+        """Update the table, or print a line if the last one is LINE_SECONDS old.
+
+        `waits_for`: robot -> agent or thing.
+        """
         self._has_begun.set()
         known = headline_of(figures)
         if self._live:
@@ -99,7 +111,8 @@ def robots(
 ) -> Table:
     """Return a table of what each robot does, for a console of `width` x `height` characters.
 
-    Bins only follow other robots: they are left out if one column is too short for all. The last line says how many robots have no room.
+    Bins only follow other robots: they are left out if one column is too short for all. The last
+    line says how many robots have no room.
     """
     names = [name for kind in ROBOTS for name in sorted(doing) if kind_of(name) == kind]
     room = max(4, height - 3)

@@ -1,4 +1,6 @@
-"""The summary of a run: the figures that it must have, as a file and as a table; what it says in sentences."""
+"""The summary of a run: the figures that it must have, as a file and as a table; what it says in
+sentences.
+"""
 
 import json
 import math
@@ -20,7 +22,10 @@ UNITS = {
     "limit_bins_per_hour": "bins/h, of this policy in a long harvest of these rows without traffic",
     "schedule_sim_seconds": "s, this harvest without traffic",
     "lost_seconds": "s, which add up to the harvest's length",
-    "row_end_seconds": "s a bin, of driving to the ends of rows, which exchanges inside the rows would save at most",
+    "row_end_seconds": (
+        "s a bin, of driving to the ends of rows, which exchanges inside the rows would save at"
+        " most"
+    ),
     "row_end_share": "of a picker's time for a bin",
     "picker_waiting_seconds": "s, standing at the row's end until an empty bin comes, mean",
     "carrier_utilisation": "of the time, outside the queue",
@@ -48,7 +53,10 @@ UNUSUAL = (
 )  # shown if they are not zero
 NAMED = 3  # broken agents that a line of progress names
 OF_NONE = {
-    "lost_seconds": "known of a complete harvest only, of built-in classes, not stopped, not forked with changes"
+    "lost_seconds": (
+        "known of a complete harvest only, of built-in classes, not stopped, not forked with"
+        " changes"
+    )
 }  # if it is empty
 NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
 
@@ -85,7 +93,10 @@ class Headline(msgspec.Struct, kw_only=True):
         ) / 2
 
     def seconds_left(self, until: float | None = None) -> float:
-        """Return the estimated rest of the harvest, s of wall time. `until`: simulated time at which the run ends, s."""
+        """Return the estimated rest of the harvest, s of wall time.
+
+        `until`: simulated time at which the run ends, s.
+        """
         rest = max(
             self.schedule_sim_seconds - self.sim_seconds,
             (1.0 - self.fraction) * self.schedule_sim_seconds,
@@ -94,7 +105,10 @@ class Headline(msgspec.Struct, kw_only=True):
         return rest / self.times_real_time if self.times_real_time else math.inf
 
     def line(self, until: float | None = None) -> str:
-        """Return the headline as a line of at most 80 characters, and the broken agents. `until`: as in `seconds_left`."""
+        """Return the headline as a line of at most 80 characters, and the broken agents.
+
+        `until`: as in `seconds_left`.
+        """
         left, picked = (
             self.seconds_left(until),
             share_picked(self.metres_picked, self.rows * self.row_length),
@@ -144,7 +158,9 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def as_table(summary: dict[str, Any]) -> Table:
-    """Return a table of the figures, with their units, in the order of the summary: the violations come last."""
+    """Return a table of the figures, with their units, in the order of the summary: the violations
+    come last.
+    """
     table = Table(show_header=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
@@ -183,13 +199,19 @@ ENDS = {  # other words come from the processes of the run
 
 
 def sentence(outcome: Outcome) -> str:
-    """Return the first sentence of a summary: the result. Times are simulated, since the start, also of a resumed run."""
+    """Return the first sentence of a summary: the result.
+
+    Times are simulated, since the start, also of a resumed run.
+    """
     faults = [
         _count(outcome.violations, "violation"),
         _count(outcome.broken_agents, "broken agent"),
     ]
     rows = f"{outcome.rows_picked} of {outcome.rows} rows"
-    whole = f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an hour"
+    whole = (
+        f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an"
+        " hour"
+    )
     told = whole if outcome.finished else _unfinished(outcome)
     return f"{told}{''.join(f'; {fault}' for fault in faults if fault)}."
 
@@ -203,7 +225,9 @@ LOSSES = {  # parts of `lost_seconds` beside what a harvest takes at least, in w
 
 
 def limit_sentence(outcome: Outcome) -> str:
-    """Return the second sentence: what limits the rate; if known, how far the harvest is from the optimum, and to what most was lost."""
+    """Return the second sentence: what limits the rate; if known, how far the harvest is from the
+    optimum, and to what most was lost.
+    """
     limited_by = (
         outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
     )
@@ -225,7 +249,9 @@ def above_optimum(seconds: float, proven: float) -> str:
 
 
 def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Return the figures that matter most, in words: name, value with its unit, and a note on its meaning."""
+    """Return the figures that matter most, in words: name, value with its unit, and a note on its
+    meaning.
+    """
     limit, schedule = summary["limit_bins_per_hour"], clock(summary["schedule_sim_seconds"])
     return [
         (
@@ -268,7 +294,10 @@ def clock(seconds: float) -> str:
 
 
 def share_picked(metres: float, all_metres: float) -> str:
-    """Return the share of all metres that is picked: 37 %. Rounded down, it is 100 % only when all is picked."""
+    """Return the share of all metres that is picked: 37 %.
+
+    Rounded down, it is 100 % only when all is picked.
+    """
     return f"{int(100.0 * metres / all_metres + 1e-9)} %"
 
 

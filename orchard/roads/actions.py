@@ -1,4 +1,6 @@
-"""What a vehicle can do at a node or on an edge, and what it obeys at once: as orders name it, and as its factsheet declares it."""
+"""What a vehicle can do at a node or on an edge, and what it obeys at once: as orders name it, and
+as its factsheet declares it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +10,11 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Action:
-    """An action. `nodes`: at which nodes it is possible, or on the edges to them; `needs_load`: whether it needs the parameter `loadId`."""
+    """An action.
+
+    `nodes`: at which nodes it is possible, or on the edges to them; `needs_load`: whether it needs
+    the parameter `loadId`.
+    """
 
     nodes: str
     needs_load: bool
@@ -17,7 +23,9 @@ class Action:
 
     @property
     def blocking(self) -> list[str]:
-        """The blocking types that fit it: at a node a vehicle stands and does one thing, on an edge it drives."""
+        """The blocking types that fit it: at a node a vehicle stands and does one thing, on an edge
+        it drives.
+        """
         return ["HARD"] if self.scope == "NODE" else ["NONE", "SINGLE"]
 
     def is_done_at(self, node: str) -> bool:
@@ -34,7 +42,8 @@ ACTIONS: Mapping[str, Mapping[str, Action]] = {  # by kind of vehicle
         HAND_OVER: Action(
             "*/stop/*",
             True,
-            "leave the empty bin to the picker that has left the full bin loadId, and wait until it has it",
+            "leave the empty bin to the picker that has left the full bin loadId, and wait until it"
+            " has it",
         ),
         UNLOAD: Action("bay", False, "stand in the bay until the bin is empty"),
     },
@@ -61,7 +70,9 @@ IGNORED = ("stationType", "stationName", "loadType")  # parameters that change n
 INSTANT: Mapping[str, str] = {
     "startPause": "stand, until stopPause",
     "stopPause": "go on",
-    "cancelOrder": "drive on to the next node at most, finish a running action, and forget the order",
+    "cancelOrder": (
+        "drive on to the next node at most, finish a running action, and forget the order"
+    ),
     "stateRequest": "send the state",
     "factsheetRequest": "send the factsheet",
     "clearInstantActions": "forget the instant actions that are finished or failed",

@@ -1,4 +1,6 @@
-"""Writes the roads of an orchard into a file, as a map for fleet control: `orchard layout export --lif`."""
+"""Writes the roads of an orchard into a file, as a map for fleet control: `orchard layout export
+--lif`.
+"""
 
 import json
 from datetime import UTC, datetime
@@ -17,4 +19,7 @@ def export_map(layout: Layout, file: Path) -> str:
     write_whole(
         file, (json.dumps(lif_of(graphs, "the Orchard", made_at), indent=1) + "\n").encode()
     )
-    return f"{sum(len(graph.nodes) for graph in graphs)} nodes, {sum(len(graph.edges) for graph in graphs)} edges"
+    return (
+        f"{sum(len(graph.nodes) for graph in graphs)} nodes,"
+        f" {sum(len(graph.edges) for graph in graphs)} edges"
+    )

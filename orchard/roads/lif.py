@@ -1,4 +1,6 @@
-"""The roads of an orchard as a track layout in the Layout Interchange Format (LIF) of the VDMA, which fleet control imports."""
+"""The roads of an orchard as a track layout in the Layout Interchange Format (LIF) of the VDMA,
+which fleet control imports.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,7 +14,10 @@ SPEED = 1.0  # m/s
 
 
 def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any]:
-    """Return the layout of what several kinds of vehicles drive on. `creator`: who exports it; `made_at`: when, ISO 8601."""
+    """Return the layout of what several kinds of vehicles drive on.
+
+    `creator`: who exports it; `made_at`: when, ISO 8601.
+    """
     meta = {
         "projectIdentification": MAP,
         "creator": creator,

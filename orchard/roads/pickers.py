@@ -1,4 +1,5 @@
-"""The roads of pickers, made from the drives of the scenario's route, as those of carriers; they go on southward only.
+"""The roads of pickers, made from the drives of the scenario's route, as those of carriers; they go
+on southward only.
 
 At each end of a row there are four nodes: `*/out/*`, where a picker that comes through the row
 stands with its bin; `*/wait/*`, beyond the roads; `*/aside/*`, where it holds up no carrier; and
@@ -102,7 +103,10 @@ def _through(route: OneWay, side: Side, row: int, start: str) -> Edge:
 def pass_at(
     row: int, side: Side, begin: float, stop: float, fill: float = 0.0, is_full: bool = False
 ) -> Pass:
-    """A pass that ends on a side, as the route knows passes. Where the bin is left, fleet control says."""
+    """A pass that ends on a side, as the route knows passes.
+
+    Where the bin is left, fleet control says.
+    """
     return Pass(
         row, "east" if side.sign > 0 else "west", begin, stop, False, fill, is_full, False, True
     )

@@ -311,7 +311,9 @@ class Engine:
 
 
 def said_in(action: Action) -> dict[str, Any]:
-    """Return what an action says of its robot, as plain data: the fields of an action that only does this."""
+    """Return what an action says of its robot, as plain data: the fields of an action that only
+    does this.
+    """
     return {
         "doing": action.doing,
         "state": state_of(action),

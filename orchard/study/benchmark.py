@@ -1,7 +1,9 @@
-"""A benchmark of dispatch policies: how near are their harvests of twenty fixed orchards to the shortest ones that are possible?
+"""A benchmark of dispatch policies: how near are their harvests of twenty fixed orchards to the
+shortest ones that are possible?
 
-The score of a harvest is what is proven of the shortest one, as a share of the time that it took: no policy has more than 1. A harvest
-that is never finished has 0. A policy's score is the mean over the orchards, and that of an orchard the mean over its seeds.
+The score of a harvest is what is proven of the shortest one, as a share of the time that it took:
+no policy has more than 1. A harvest that is never finished has 0. A policy's score is the mean over
+the orchards, and that of an orchard the mean over its seeds.
 """
 
 from collections.abc import Callable, Mapping
@@ -38,7 +40,10 @@ def orchards() -> dict[str, Scenario]:
 
 @dataclass(frozen=True, kw_only=True)
 class Harvests:
-    """The harvests of one orchard with one policy, by seed. An orchard in which nothing is random has one."""
+    """The harvests of one orchard with one policy, by seed.
+
+    An orchard in which nothing is random has one.
+    """
 
     orchard: str
     policy: str
@@ -56,7 +61,9 @@ class Harvests:
 
     @property
     def difference(self) -> float | None:
-        """By how much the fast model's harvests are longer than the simulator's, as a share of these; None if that is not known."""
+        """By how much the fast model's harvests are longer than the simulator's, as a share of
+        these; None if that is not known.
+        """
         fast, full = (
             [seconds for seconds in found if seconds] for found in (self.seconds, self.checked)
         )
@@ -78,7 +85,9 @@ class BenchmarkResult:
 
 
 class Benchmark:
-    """A benchmark that runs: the harvests of one policy and of all built-in ones by the fast model, and the bounds."""
+    """A benchmark that runs: the harvests of one policy and of all built-in ones by the fast model,
+    and the bounds.
+    """
 
     def __init__(
         self,
@@ -130,7 +139,10 @@ class Benchmark:
         return bounds + sum(counts) + sum(counts[number] for number in self.checked)
 
     def run(self) -> BenchmarkResult | None:
-        """Do what the store does not know, and return all; None if it was stopped. Raises WorkersError, RunFailed or StoreFailed."""
+        """Do what the store does not know, and return all; None if it was stopped.
+
+        Raises WorkersError, RunFailed or StoreFailed.
+        """
         do = partial(self.runs.do, until=inf)
         is_known = do(range(len(self.settings)), "fast", SEEDS) and do(
             self.bounds.values(), "proven", 1
@@ -139,7 +151,11 @@ class Benchmark:
         return self._result() if is_whole else None
 
     def _hear(self) -> None:
-        """Tell how far it is. A run of the simulator counts as one of the fast model, so a check takes most of the time at the end."""
+        """Tell how far it is.
+
+        A run of the simulator counts as one of the fast model, so a check takes most of the time at
+        the end.
+        """
         self.tell(len(self.runs.records) / self.wanted)
 
     def _result(self) -> BenchmarkResult:
@@ -184,5 +200,10 @@ class Benchmark:
 
     def _notes(self) -> list[str]:
         found = {self.cells[i][0]: self.runs.known(i, "full") for i in self.checked}
-        return [f"{orchard}, seed {one.seed}: {line}" for orchard, records in found.items() for one in records
-                for line in f"{one.violations}\n{one.faults}".split("\n") if line]  # fmt: skip
+        return [
+            f"{orchard}, seed {one.seed}: {line}"
+            for orchard, records in found.items()
+            for one in records
+            for line in f"{one.violations}\n{one.faults}".split("\n")
+            if line
+        ]

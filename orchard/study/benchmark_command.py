@@ -1,4 +1,6 @@
-"""The command `orchard benchmark`: how near a dispatch policy comes to what is possible, beside the built-in ones."""
+"""The command `orchard benchmark`: how near a dispatch policy comes to what is possible, beside the
+built-in ones.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -33,7 +35,10 @@ CHECKED = "The harvests with {policy}, s; of three seeds the mean."
 
 
 def run_benchmark(chosen: BenchmarkOptions) -> int:
-    """Do a benchmark, print and write what came out. Return the exit code: 1 if harvests fail, or it was stopped."""
+    """Do a benchmark, print and write what came out.
+
+    Return the exit code: 1 if harvests fail, or it was stopped.
+    """
     with (
         own_classes_run(),
         exit_on_errors(ScenarioError, StoreError, OSError),
@@ -97,7 +102,8 @@ def _print(result: BenchmarkResult) -> None:
     ]:
         counts = ", ".join(f"{count} of {name}" for name, count in jams)
         print_line(
-            f"- never finished, as robots waited for each other, or for a carrier that was not sent: {counts}"
+            "- never finished, as robots waited for each other, or for a carrier that was not"
+            f" sent: {counts}"
         )
     if any(one.checked for one in result.of(result.policy)):
         console.print(_differences(result))

@@ -1,4 +1,6 @@
-"""The options of `orchard study` and `orchard benchmark`: their types, values and help texts, and all that is wrong with them at once."""
+"""The options of `orchard study` and `orchard benchmark`: their types, values and help texts, and
+all that is wrong with them at once.
+"""
 
 import math
 from collections.abc import Callable
@@ -48,7 +50,8 @@ def _confidence(text: str) -> float:
     confidence = _share(text)
     if not LEAST_CONFIDENCE <= confidence <= MOST_CONFIDENCE:
         raise BadParameter(
-            f"{text}: expected a share from {LEAST_CONFIDENCE:g} to {MOST_CONFIDENCE:g}, such as 0.95 or 95%"
+            f"{text}: expected a share from {LEAST_CONFIDENCE:g} to {MOST_CONFIDENCE:g}, such as"
+            " 0.95 or 95%"
         )
     return confidence
 
@@ -82,7 +85,9 @@ def _store(text: str) -> Path:
 
 
 def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A parser whose value for a fault is a Problem: so a study reports the faults of all its options at once."""
+    """A parser whose value for a fault is a Problem: so a study reports the faults of all its
+    options at once.
+    """
 
     def parsed(text: str) -> Any:
         try:
@@ -104,8 +109,14 @@ def _choice(panel: str, what: str, words: Any, default: str | None) -> Any:
     return option(panel, what, "|".join(known), default=default, parser=_checked(parse))
 
 
-MODELS = "Of one harvest: fast: the discrete-event model; full: the simulator; both: it checks the best two. A long run is fast."
-VARY = "What varies: carriers=1..20, dispatch=nearest,predictive (repeatable). Default: carriers, as many as it takes."
+MODELS = (
+    "Of one harvest: fast: the discrete-event model; full: the simulator; both: it checks the best"
+    " two. A long run is fast."
+)
+VARY = (
+    "What varies: carriers=1..20, dispatch=nearest,predictive (repeatable). Default: carriers, as"
+    " many as it takes."
+)
 GOALS = "What is best. Default: the least cost if the scenario has prices, else the most bins."
 KEPT = "File that keeps all runs. Default: studies.db beside the recordings."
 SCHEDULER = "A scheduler of dask.distributed: tcp://192.168.1.10:8786."
@@ -153,7 +164,9 @@ class StudyArguments:
         ]
 
     def problems(self) -> list[Problem]:
-        """Return what is wrong with each option, whose value then means nothing, and with all together."""
+        """Return what is wrong with each option, whose value then means nothing, and with all
+        together.
+        """
         found = [
             replace(value, file=named([name]))
             for name, value in vars(self).items()
@@ -182,7 +195,8 @@ class BenchmarkOptions:
     check: bool = flag(
         RUNS,
         "--check",
-        "Do the harvests of POLICY by the simulator too, which takes long, and show the difference.",
+        "Do the harvests of POLICY by the simulator too, which takes long, and show the"
+        " difference.",
     )
     workers: int | None = option(RUNS, "Processes. Default: one per core.", "N", parser=_workers)
     out: Path | None = option(RUNS, KEPT, "STORE", parser=_store)

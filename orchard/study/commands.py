@@ -17,7 +17,9 @@ def study(chosen: StudyArguments) -> None:
 
 @with_options(BenchmarkOptions)
 def benchmark(chosen: BenchmarkOptions) -> None:
-    """Score a dispatch policy in twenty fixed orchards, beside the built-in ones: docs/bounds.md."""
+    """Score a dispatch policy in twenty fixed orchards, beside the built-in ones:
+    docs/bounds.md.
+    """
     with needs_extra("A benchmark", "study,optimum", ", or in a clone: make study"):
         from orchard.study.benchmark_command import run_benchmark
     raise typer.Exit(run_benchmark(chosen))

@@ -1,9 +1,12 @@
-"""What replications on common seeds tell of settings: by how much the best is ahead of each, and whether that is worth anything.
+"""What replications on common seeds tell of settings: by how much the best is ahead of each, and
+whether that is worth anything.
 
-A setting is *equal* to the best if the whole interval of its paired difference is smaller than what is worth it, *worse* if the whole
-interval is larger, and *unknown* else: too few runs are no equality. The intervals are Student's. Bonferroni's rule shares 1 - confidence
-among the settings and the LOOKS, so all of them hold together, at whichever look a study ends. An unknown setting is no longer undecided
-when its difference is known to half of what is worth it: one on the very edge would take runs for ever, and either word is as good.
+A setting is *equal* to the best if the whole interval of its paired difference is smaller than what
+is worth it, *worse* if the whole interval is larger, and *unknown* else: too few runs are no
+equality. The intervals are Student's. Bonferroni's rule shares 1 - confidence among the settings
+and the LOOKS, so all of them hold together, at whichever look a study ends. An unknown setting is
+no longer undecided when its difference is known to half of what is worth it: one on the very edge
+would take runs for ever, and either word is as good.
 
 A setting is *worse* too if its limit without traffic is behind the best mean by what is worth it.
 No run exceeds the limit, so more runs could tell nothing else.
@@ -24,7 +27,10 @@ LOOKS = (FIRST_SEEDS, 10, 20, 40, 80)
 
 
 def interval(values: Sequence[float], confidence: float) -> Interval:
-    """Return the mean with its t interval. Of one value, or if all are the same, low and high are the mean."""
+    """Return the mean with its t interval.
+
+    Of one value, or if all are the same, low and high are the mean.
+    """
     count, mean = len(values), float(np.mean(values))
     if count < 2 or np.ptp(values) == 0.0:
         return Interval(mean=mean, low=mean, high=mean)
@@ -93,7 +99,9 @@ class Comparison:
         return may_be_best and not self._decides(lead, self.count)
 
     def replications_needed(self) -> int | None:
-        """Return the look at which what is undecided will be decided, if the runs so far tell; None: later than the last one."""
+        """Return the look at which what is undecided will be decided, if the runs so far tell;
+        None: later than the last one.
+        """
         looks = [look for look in LOOKS if look > self.count]
         return next(
             (
@@ -105,7 +113,9 @@ class Comparison:
         )
 
     def _decides(self, lead: Interval | None, look: int) -> bool:
-        """Whether so many replications tell a lead from what is worth it, or each alone knows it to half of that."""
+        """Whether so many replications tell a lead from what is worth it, or each alone knows it to
+        half of that.
+        """
         if lead is None:
             return True
         deviation = (lead.high - lead.mean) / _half(1.0, self.count, self.error)
@@ -126,10 +136,11 @@ def compare(
     """Compare settings by their values on the same seeds, as many of each.
 
     `without_chance`: those of which all seeds give the same. `limits`: the best mean that a setting
-    can have, as far as that is known. `intervals`: of all comparisons of a study, which hold together;
-    None: this is the only one.
+    can have, as far as that is known. `intervals`: of all comparisons of a study, which hold
+    together; None: this is the only one.
 
-    Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign test: 2 / 2**n must be small.
+    Leads that are the same on all seeds have no spread. They tell as much as signs do, by the sign
+    test: 2 / 2**n must be small.
     """
     sign = 1.0 if is_max else -1.0
     top = max(samples, key=lambda i: sign * float(np.mean(samples[i])))

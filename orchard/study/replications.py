@@ -1,4 +1,6 @@
-"""The replications of a study's settings: which runs are planned, and what the store or the workers gave."""
+"""The replications of a study's settings: which runs are planned, and what the store or the workers
+gave.
+"""
 
 import time
 from collections import Counter, defaultdict
@@ -18,7 +20,10 @@ from orchard.study.workers import Workers, WorkersError
 
 @dataclass
 class Replications:
-    """The runs of all settings, which are numbers from 0. Replication n has the same seed in all of them."""
+    """The runs of all settings, which are numbers from 0.
+
+    Replication n has the same seed in all of them.
+    """
 
     settings: Sequence[Setting]
     goal: Goal
@@ -39,9 +44,11 @@ class Replications:
     # -- doing runs
 
     def do(self, settings: Iterable[int], model: Model, count: int, until: float) -> bool:
-        """Have so many replications of each of these settings done, with those that it has, seed by seed. Return whether all of them are.
+        """Have so many replications of each of these settings done, with those that it has, seed by
+        seed. Return whether all of them are.
 
-        A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done."""
+        A setting without chance has one. Raises WorkersError or RunFailed if they cannot be done.
+        """
         runs = self._plan(settings, model, count)
         self.records |= self.store.known(key for key in runs if key not in self.records)
         left = sorted(
@@ -73,7 +80,8 @@ class Replications:
     def _keep(self, record: RunRecord) -> None:
         if record.version != software():
             raise WorkersError(
-                f"a worker has version {record.version}, and this is {software()}: install the same there"
+                f"a worker has version {record.version}, and this is {software()}: install the same"
+                " there"
             )
         self.records[record.key] = record
         self.store.keep(record)
@@ -116,7 +124,10 @@ class Replications:
         return 3600.0 * record.bins / rate if self.goal == "harvest_seconds" else rate
 
     def sample(self, i: int, model: Model, count: int) -> list[float]:
-        """Return the values of the goal by seed. The one run of a setting without chance stands for all seeds."""
+        """Return the values of the goal by seed.
+
+        The one run of a setting without chance stands for all seeds.
+        """
         values = [self.value(i, record) for record in self.known(i, model)[:count]]
         return values if self.settings[i].is_random else values[:1] * count
 
@@ -128,7 +139,9 @@ LEAST_CHECKS = 3  # fewer are told
 def confirmed(
     replications: Replications, two: Sequence[int], confidence: float, until: float
 ) -> tuple[dict[int, Check], list[str]]:
-    """Have the full model harvest two settings, on the seeds of the fast model, as far as the time allows. Return the checks, and notes."""
+    """Have the full model harvest two settings, on the seeds of the fast model, as far as the time
+    allows. Return the checks, and notes.
+    """
     replications.do(two, "full", CHECKS, until)
     checks = {i: _check(replications, i, confidence) for i in two if replications.known(i, "full")}
     return checks, [note for i in two for note in _notes(replications.settings[i], checks.get(i))]
@@ -160,7 +173,8 @@ def _notes(setting: Setting, check: Check | None) -> list[str]:
     words, wanted = setting.words or "the scenario", CHECKS if setting.is_random else 1
     if check is None:
         return [
-            f"the budget did not allow a run of {words} by the simulator: the fast model alone answers"
+            f"the budget did not allow a run of {words} by the simulator: the fast model alone"
+            " answers"
         ]
     notes = []
     if check.replications < wanted:
@@ -170,10 +184,12 @@ def _notes(setting: Setting, check: Check | None) -> list[str]:
             else ""
         )
         notes.append(
-            f"the budget allowed {check.replications} of {wanted} runs of {words} by the simulator{least}"
+            f"the budget allowed {check.replications} of {wanted} runs of {words} by the"
+            f" simulator{least}"
         )
     if check.jammed:
         notes.append(
-            f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and none in the fast model"
+            f"{words}: {check.jammed} of {check.replications} runs jammed in the simulator, and"
+            " none in the fast model"
         )
     return notes

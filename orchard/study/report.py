@@ -33,7 +33,10 @@ def save(result: StudyResult, path: Path) -> None:
 
 
 def document(result: StudyResult) -> str:
-    """Return the report: answer, picture, table, how it was made, and the scenario. All words are escaped."""
+    """Return the report: answer, picture, table, how it was made, and the scenario.
+
+    All words are escaped.
+    """
     heads, lines = words(result)
     environment = Environment(
         loader=PackageLoader("orchard.study", "."),

@@ -1,4 +1,6 @@
-"""What a study found, as data: the settings in a table, the best among them, and the answer in two sentences."""
+"""What a study found, as data: the settings in a table, the best among them, and the answer in two
+sentences.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -15,7 +17,10 @@ Goal = Literal["bins_per_hour", "cost_per_bin", "harvest_seconds"]
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """A mean with its confidence interval. `low` and `high` are the mean if all replications gave the same."""
+    """A mean with its confidence interval.
+
+    `low` and `high` are the mean if all replications gave the same.
+    """
 
     mean: float
     low: float
@@ -24,7 +29,9 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """What the full model (the simulator) says of a setting, on common seeds with the fast model."""
+    """What the full model (the simulator) says of a setting, on common seeds with the fast
+    model.
+    """
 
     bins_per_hour: Interval
     difference: (
@@ -36,12 +43,17 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One setting of the table. Rates are in bins per hour, times in s, costs in the currency of the scenario's prices."""
+    """One setting of the table.
+
+    Rates are in bins per hour, times in s, costs in the currency of the scenario's prices.
+    """
 
     setting: dict[str, Any]  # what varies: {"carriers": 9, "dispatch": "predictive"}
     model: Model
     replications: int
-    jammed: int  # replications in which robots waited for ever, or too few carriers came to a picker; all other figures are of the rest
+    # Replications in which robots waited for ever, or too few carriers came to a picker; all other
+    # figures are of the rest.
+    jammed: int
     bins_per_hour: Interval | None  # None: every replication jammed
     harvest_seconds: Interval | None
     cost_per_bin: Interval | None  # None too if the scenario has no prices
@@ -54,14 +66,16 @@ class Row:
     #: best: the answer, for each combination of what nobody chooses. The others are beside the best
     #: mean. unknown: the runs do not tell. alone: nothing that can be chosen varies.
     standing: Standing
-    lead: (
-        Interval | None
-    )  # by how much the best mean is ahead, as a share of this one's; all hold together; None: not known
+    # By how much the best mean is ahead, as a share of this one's; all hold together; None: not
+    # known.
+    lead: Interval | None
     #: The same without an interval: one run tells it. None: this is the best mean, or it jammed.
     behind: float | None = None
     check: Check | None = None
     proven_seconds: float | None = (
-        None  # no harvest without traffic is shorter; None: it is not about harvests, or nothing is proven
+        # No harvest without traffic is shorter; None: it is not about harvests, or nothing is
+        # proven.
+        None
     )
 
 
@@ -71,9 +85,9 @@ class StudyResult:
 
     answer: str  # two sentences
     orchard: str  # what of it does not vary, in words
-    best: (
-        dict[str, Any] | None
-    )  # of the settings that are as good as the best mean, that with the fewest robots; None: all jammed
+    # Of the settings that are as good as the best mean, that with the fewest robots; None: all
+    # jammed.
+    best: dict[str, Any] | None
     table: list[Row]
     goal: Goal
     horizon: Horizon
@@ -97,8 +111,8 @@ class StudyResult:
     violations: list[str] = field(default_factory=list)  # of invariants, in full runs
     #: Settings that are asked for, and have no run yet. One of them may be the best.
     not_run: list[dict[str, Any]] = field(default_factory=list)
-    #: The keys with several values that nobody chooses. Then `best` is None: each combination of them
-    #: has a best row of its own, if anything can be chosen.
+    #: The keys with several values that nobody chooses. Then `best` is None: each combination of
+    #: them has a best row of its own, if anything can be chosen.
     given: list[str] = field(default_factory=list)
 
     @property

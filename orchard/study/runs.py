@@ -1,4 +1,6 @@
-"""One run of a study: one setting with one seed by one model, in one process; what came out is a flat record."""
+"""One run of a study: one setting with one seed by one model, in one process; what came out is a
+flat record.
+"""
 
 import ast
 import hashlib
@@ -72,7 +74,9 @@ class PlannedRun:
 
     @cached_property
     def key(self) -> str:
-        """The digest of all that decides what the run gives: scenario, seed, model, horizon, software, own classes."""
+        """The digest of all that decides what the run gives: scenario, seed, model, horizon,
+        software, own classes.
+        """
         return digest(
             self.scenario_digest,
             self.scenario.seed,
@@ -94,7 +98,10 @@ class PlannedRun:
         return digest(self.scenario.model_dump_json(exclude=set(NOT_DECIDING)))
 
     def do(self, until: float) -> "RunRecord | None":
-        """Do the run in this process. Return None if a full one is not over at `until`, as time.time()."""
+        """Do the run in this process.
+
+        Return None if a full one is not over at `until`, as time.time().
+        """
         begun = time.perf_counter()
         if self.model == "proven":
             outcome: RunResult | None = _proven(self.scenario)
@@ -122,7 +129,10 @@ class PlannedRun:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """How a run went. Of a jammed run the bins, the time, the rate, the wait and the utilisation mean nothing."""
+    """How a run went.
+
+    Of a jammed run the bins, the time, the rate, the wait and the utilisation mean nothing.
+    """
 
     sim_seconds: Amount = 0.0
     bins: Annotated[int, Meta(ge=0)]
@@ -135,7 +145,9 @@ class RunResult:
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
-    faults: str = ""  # a line for each: of own classes, refused orders and broken agents; why a run by the fast model jammed
+    # A line for each: of own classes, refused orders and broken agents; why a run by the fast model
+    # jammed.
+    faults: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +174,9 @@ class RunRecord(RunResult):
 
 
 class RunFailed(Exception):
-    """A run raised an error, as one with an own class may do: the text says which run, what, and where."""
+    """A run raised an error, as one with an own class may do: the text says which run, what, and
+    where.
+    """
 
 
 def do(run: PlannedRun, until: float) -> RunRecord | None:
@@ -186,7 +200,9 @@ def digest(*parts: object) -> str:
 
 @cache
 def software() -> str:
-    """Return the version of this software, with a digest of the files that decide what a run gives: "0.1.0+1f3a9c2b"."""
+    """Return the version of this software, with a digest of the files that decide what a run gives:
+    "0.1.0+1f3a9c2b".
+    """
     root = Path(inspect.getfile(orchard)).parent
     files = [
         root / "local.py",
@@ -241,7 +257,9 @@ def _proven(scenario: Scenario) -> RunResult:
 
 
 def _full(scenario: Scenario, until: float) -> RunResult | None:
-    """A harvest by the simulator, without a hash; None if the clock is at `until` before it ends."""
+    """A harvest by the simulator, without a hash; None if the clock is at `until` before it
+    ends.
+    """
     local, figures = Local(scenario, is_hashed=False), HarvestFigures()
     engine, ends = local.engine, scenario.dispatch_errors == END
     while (
@@ -284,7 +302,9 @@ def _faults(found: dict[str, Any]) -> list[str]:
 
 @cache
 def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
-    """Return the files of own classes, and the user's files that these import: a run is known while these stay the same."""
+    """Return the files of own classes, and the user's files that these import: a run is known while
+    these stay the same.
+    """
     for key, path in classes:
         load_plugin(key if key in Scenario.model_fields else f"agents.{key}", path)
     files: dict[str, bytes] = {}
@@ -304,7 +324,10 @@ def own_source(classes: tuple[tuple[str, str], ...]) -> tuple[bytes, ...]:
 
 
 def _file(name: str, packages: set[str]) -> Path | None:
-    """The file of a module if it is the user's. A library is not even looked into, because that would import it."""
+    """The file of a module if it is the user's.
+
+    A library is not even looked into, because that would import it.
+    """
     whole = name.partition(".")[0]
     with suppress(ImportError, ValueError):
         top = find_spec(whole)

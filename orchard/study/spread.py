@@ -30,7 +30,9 @@ def spread(varied: Mapping[str, Sequence[Any]], settings: Sequence[Mapping[str, 
 
 
 def _rounds(values: Sequence[Any]) -> list[int]:
-    """Return for each value the round in which it is tried first: 0 if it is an end or no number."""
+    """Return for each value the round in which it is tried first: 0 if it is an end or no
+    number.
+    """
     rounds = [0] * len(values)
     in_order = sorted(
         (number for number, value in enumerate(values) if is_number(value)),

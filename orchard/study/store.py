@@ -1,4 +1,7 @@
-"""The store of a study: an SQLite file with a row for each run. What is there, and sound, is never run again."""
+"""The store of a study: an SQLite file with a row for each run.
+
+What is there, and sound, is never run again.
+"""
 
 import os
 import sqlite3
@@ -23,14 +26,22 @@ class StoreError(ValueError):
 
 
 class StoreFailed(Exception):
-    """A store that failed while it was used, as on a full disk: the text names the file, and says why."""
+    """A store that failed while it was used, as on a full disk: the text names the file, and says
+    why.
+    """
 
 
 class Store:
-    """The runs that are known, by key. Only the parent process of a study writes; several studies may share a store."""
+    """The runs that are known, by key.
+
+    Only the parent process of a study writes; several studies may share a store.
+    """
 
     def __init__(self, path: Path, anew: bool = False) -> None:
-        """Open a store, or make it. `anew`: forget the runs of a store of another version. Raises StoreError."""
+        """Open a store, or make it.
+
+        `anew`: forget the runs of a store of another version. Raises StoreError.
+        """
         self.path = path
         self.damaged: dict[
             str, str
@@ -62,7 +73,9 @@ class Store:
             made.replace(self.path)
 
     def _made(self) -> Path:
-        """Write an empty store under another name, to be put in its place: no study sees half of one."""
+        """Write an empty store under another name, to be put in its place: no study sees half of
+        one.
+        """
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
         columns = ", ".join(
             f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS
@@ -81,7 +94,10 @@ class Store:
         self._database.close()
 
     def known(self, keys: Iterable[str]) -> dict[str, RunRecord]:
-        """Return those of these runs that are there, by key. A damaged one is noted in `damaged`. Raises StoreFailed."""
+        """Return those of these runs that are there, by key.
+
+        A damaged one is noted in `damaged`. Raises StoreFailed.
+        """
         wanted = list(keys)
         found: dict[str, RunRecord] = {}
         for begin in range(0, len(wanted), 500):  # SQLite allows so many parameters everywhere
@@ -97,7 +113,10 @@ class Store:
         return found
 
     def keep(self, record: RunRecord) -> None:
-        """Keep a run, in place of one with its key, which was damaged or the same. Raises StoreFailed."""
+        """Keep a run, in place of one with its key, which was damaged or the same.
+
+        Raises StoreFailed.
+        """
         self._do(
             "INSERT OR REPLACE INTO runs ({}) VALUES ({})",
             [getattr(record, name) for name in COLUMNS],
@@ -118,7 +137,10 @@ def fault_of(path: Path, anew: bool) -> str:
     if (other := _version(path)) is None:
         return "is no store of a study; it stays as it is; name another file with --out"
     if other != software() and not anew:
-        return f"is a store of version {other}, and this is {software()}; --anew forgets its runs, --out names another file"
+        return (
+            f"is a store of version {other}, and this is {software()}; --anew forgets its runs,"
+            " --out names another file"
+        )
     return ""
 
 

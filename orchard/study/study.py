@@ -84,12 +84,14 @@ def study(
 ) -> StudyResult:
     """Compare all settings of a scenario, and return the answer.
 
-    `varied`: dotted path of the scenario -> its values; each combination is a setting. Without values of `carriers` the study tries as
-    many as it takes. `tell` hears what is known so far. When `is_stopped`
-    says True, the study returns what it knows. The same study gives the same table, whatever the workers do and the store knows already;
-    only what the budget allows depends on the machine.
+    `varied`: dotted path of the scenario -> its values; each combination is a setting. Without
+    values of `carriers` the study tries as many as it takes. `tell` hears what is known so far.
+    When `is_stopped` says True, the study returns what it knows. The same study gives the same
+    table, whatever the workers do and the store knows already; only what the budget allows depends
+    on the machine.
 
-    Raises ScenarioError or StoreError for what a user can correct; WorkersError, RunFailed or StoreFailed if runs cannot be done or kept.
+    Raises ScenarioError or StoreError for what a user can correct; WorkersError, RunFailed or
+    StoreFailed if runs cannot be done or kept.
     """
     settings, problems = checked_settings(scenario, varied, options)
     if problems:
@@ -105,7 +107,9 @@ def study(
 def checked_settings(
     scenario: Scenario, varied: Mapping[str, Sequence[Any]], options: StudyOptions
 ) -> tuple[list[Setting], list[Problem]]:
-    """Return the settings of a study, and all that is wrong with them, with what options ask, and with own classes."""
+    """Return the settings of a study, and all that is wrong with them, with what options ask, and
+    with own classes.
+    """
     settings, problems = settings_of(scenario, numbered(scenario, varied))
     asked = settings or [Setting({}, scenario)]
     return settings, [
@@ -134,13 +138,15 @@ def _option_problems(settings: Sequence[Setting], options: StudyOptions) -> list
     no_end = "a long run has no end; choose --horizon harvest, or another goal"
     no_long_run = "only the fast model can tell the long run; choose --horizon harvest"
     found = {
-        Problem("--goal cost_per_bin", prices, "prices"): options.goal == "cost_per_bin"
-        and not all(one.has_prices for one in settings),
+        Problem("--goal cost_per_bin", prices, "prices"): (
+            options.goal == "cost_per_bin" and not all(one.has_prices for one in settings)
+        ),
         Problem("--goal harvest_seconds", no_end): is_long and options.goal == "harvest_seconds",
         Problem(model, no_long_run): is_long and not is_fast,
         Problem(model, agents, "agents"): is_fast and bool(own),
-        Problem(model, sensors, "sensors"): is_fast
-        and not all(one.scenario.sensors.are_exact for one in settings),
+        Problem(model, sensors, "sensors"): (
+            is_fast and not all(one.scenario.sensors.are_exact for one in settings)
+        ),
     }
     return [problem for problem, is_there in found.items() if is_there]
 
@@ -173,7 +179,9 @@ def _plugin_problems_of(setting: Setting, model: Models) -> list[Problem]:
 
 @dataclass
 class _Study:
-    """A study that runs: replications of all settings, look by look, until they answer; then the full model's word."""
+    """A study that runs: replications of all settings, look by look, until they answer; then the
+    full model's word.
+    """
 
     scenario: Scenario
     varied: dict[str, list[Any]]
@@ -235,7 +243,9 @@ class _Study:
         return self._result()
 
     def _prove(self, settings: Sequence[int]) -> None:
-        """Prove how short their harvests could be, of the first one even if the budget is used up; of none whose rows the seed changes."""
+        """Prove how short their harvests could be, of the first one even if the budget is used up;
+        of none whose rows the seed changes.
+        """
         for i in settings:
             is_time = not self.proven or time.time() < self._share(1.0)
             if (
@@ -257,7 +267,10 @@ class _Study:
     # -- replications
 
     def _replicate_until(self, until: float) -> StoppedBy:
-        """Do replications of all settings. One of each comes first: it shows what jams, and whether other numbers must be tried."""
+        """Do replications of all settings.
+
+        One of each comes first: it shows what jams, and whether other numbers must be tried.
+        """
         for look in (1, *LOOKS):
             if not self._replicate(look, until):
                 return "stopped" if self.runs.is_stopped() else "budget"
@@ -440,7 +453,9 @@ class _Study:
     def _seconds_needed(
         self, comparisons: Sequence[Comparison], missing: Sequence[int]
     ) -> float | None:
-        """Return how long a run of each missing setting takes, or what decides all; None: unknown."""
+        """Return how long a run of each missing setting takes, or what decides all; None:
+        unknown.
+        """
         if missing:
             return self.runs.seconds_for(missing, self.model, 1) if comparisons else None
         undecided = [one for one in comparisons if one.undecided]
@@ -485,7 +500,8 @@ class _Study:
                 else "there was no time for"
             )
             notes.append(
-                f"{why} a run of {counted('settings', len(missing))}, {self._words(missing)}: not in the table"
+                f"{why} a run of {counted('settings', len(missing))}, {self._words(missing)}: not"
+                " in the table"
             )
         for i in self.jammed:
             faults = [
@@ -502,14 +518,17 @@ class _Study:
         ]
 
     def _unequal(self, shown: Sequence[int]) -> list[str]:
-        """That the long run, in which each picker has rows for ever, does not see unequal shares of the rows, if these vary."""
+        """That the long run, in which each picker has rows for ever, does not see unequal shares of
+        the rows, if these vary.
+        """
         is_seen = self.options.horizon == "harvest" or SHARES.isdisjoint(self.varied)
         if is_seen or not any(
             _is_unequal(lay_out(self.settings[i].scenario), self.options.within) for i in shown
         ):
             return []
         return [
-            "some pickers get more rows than others, and only one harvest waits for the last one: --horizon harvest"
+            "some pickers get more rows than others, and only one harvest waits for the last one:"
+            " --horizon harvest"
         ]
 
     def _no_room(self, comparisons: Sequence[Comparison]) -> list[str]:
@@ -528,11 +547,14 @@ class _Study:
             return []
         share = Bounds(lay_out(self.settings[found.best].scenario)).row_end_share
         return [
-            f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging bins inside rows could gain no more"
+            f"drives to the ends of rows take {100 * share:.1f} % of a picker's time: exchanging"
+            " bins inside rows could gain no more"
         ]
 
     def _part_full(self, found: Comparison | None) -> list[str]:
-        """That the bins of one harvest have less fruit than as many full ones, with the best setting."""
+        """That the bins of one harvest have less fruit than as many full ones, with the best
+        setting.
+        """
         if self.given:
             return []
         scenario = self.settings[found.best].scenario if found is not None else self.scenario
@@ -542,18 +564,24 @@ class _Study:
         fruit = sum(lane.length for lane in layout.lanes) / scenario.bin_metres
         if layout.bins <= (1.0 + self.options.within) * fruit:
             return []
-        bins = f"each picker's last bin may be part full: {layout.bins} bins have the fruit of {fruit:.1f}"
+        bins = (
+            f"each picker's last bin may be part full: {layout.bins} bins have the fruit of"
+            f" {fruit:.1f}"
+        )
         return [f"{bins}, so a full one costs {100.0 * (layout.bins / fruit - 1.0):.1f} % more"]
 
     def _faults(self, rows: Iterable[int]) -> list[str]:
-        """Of each setting in which an own class failed, the first fault: its figures are those of another rule."""
+        """Of each setting in which an own class failed, the first fault: its figures are those of
+        another rule.
+        """
         notes = []
         for i in rows:
             records = [*self.runs.known(i, "fast"), *self.runs.known(i, "full")]
             if faulty := [record for record in records if record.faults]:
                 first = f"seed {faulty[0].seed}: {faulty[0].faults.splitlines()[0]}"
                 notes.append(
-                    f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)} runs had faults; {first}"
+                    f"{self.settings[i].words or 'the scenario'}: {len(faulty)} of {len(records)}"
+                    f" runs had faults; {first}"
                 )
         return notes
 
@@ -563,7 +591,8 @@ class _Study:
             return []
         first = next(iter(store.damaged.values()))
         return [
-            f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}: they are done again"
+            f"{store.path}: {len(store.damaged)} of the runs in it were damaged, as by {first}:"
+            " they are done again"
         ]
 
     def _words(self, settings: Sequence[int], most: int = 5) -> str:
@@ -581,7 +610,9 @@ def _is_unequal(layout: Layout, within: float) -> bool:
 
 
 def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) -> Row:
-    """Return the line of a setting in the table, from its runs by one model, with the standing of one that jams."""
+    """Return the line of a setting in the table, from its runs by one model, with the standing of
+    one that jams.
+    """
     jammed = sum(record.ended == "jammed" for record in records)
     harvested = [] if jammed else records  # the others would tell of lucky runs
     rates = [record.bins_per_hour for record in harvested]

@@ -1,4 +1,6 @@
-"""The command `orchard study`: asks, shows what is known so far, and prints and writes the answer."""
+"""The command `orchard study`: asks, shows what is known so far, and prints and writes the
+answer.
+"""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -53,7 +53,9 @@ def setting_words(setting: Mapping[str, Any]) -> str:
 
 
 def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
-    """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers, one-way, predictive dispatch'."""
+    """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers,
+    one-way, predictive dispatch'.
+    """
     rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
     length = (
         ", as surveyed"
@@ -108,7 +110,9 @@ def _description(key: str) -> str:
 
 
 def value_words(value: object, key: str = "") -> str:
-    """Return a value of a setting: '0.03', 'predictive', and for none what the key's description says: 'never'."""
+    """Return a value of a setting: '0.03', 'predictive', and for none what the key's description
+    says: 'never'.
+    """
     return (
         none_words(_description(key))
         if value is None
@@ -119,20 +123,26 @@ def value_words(value: object, key: str = "") -> str:
 
 
 def none_words(description: str) -> str:
-    """Return the words for no value that a description gives, as after `null: never`; else 'automatic'."""
+    """Return the words for no value that a description gives, as after `null: never`; else
+    'automatic'.
+    """
     found = re.search(r"null: (\w+)$", description)
     return found.group(1) if found else "automatic"
 
 
 def number_words(value: float, spread: float = 0.0) -> str:
-    """Return a number with the digits that its spread leaves: 84.1 for 0.6, 1,217 for 12; three digits without one."""
+    """Return a number with the digits that its spread leaves: 84.1 for 0.6, 1,217 for 12; three
+    digits without one.
+    """
     size = spread / TWO_DIGITS or abs(value) / 100.0
     places = min(3, max(0, -floor(log10(size)))) if size else 0
     return f"{value:,.{places}f}"
 
 
 def interval_words(interval: Interval | None, sign: str = " ± ") -> str:
-    """Return a mean with the larger half of its interval: '84.1 ± 0.6'; '84.1' if it has no width; '' for none."""
+    """Return a mean with the larger half of its interval: '84.1 ± 0.6'; '84.1' if it has no width;
+    '' for none.
+    """
     if interval is None:
         return ""
     half = max(interval.high - interval.mean, interval.mean - interval.low)
@@ -150,7 +160,9 @@ MOST_NAMED = 3  # settings that the answer names; of more it says how many
 
 
 def answer(result: StudyResult) -> str:
-    """Return the answer in two sentences: the best setting, its figures and what is not sure of it; and for which orchard that holds."""
+    """Return the answer in two sentences: the best setting, its figures and what is not sure of it;
+    and for which orchard that holds.
+    """
     if not result.table:
         return "No setting has been run yet."
     if result.given:
@@ -167,7 +179,10 @@ def answer(result: StudyResult) -> str:
         _checked(best, result),
     ]
     limit = best.bottleneck if best.bottleneck == "unloading" else f"the {best.bottleneck}"
-    orchard = f"The orchard: {result.orchard}; without traffic {limit} would allow {number_words(best.bound_bins_per_hour)} bins an hour"
+    orchard = (
+        f"The orchard: {result.orchard}; without traffic {limit} would allow"
+        f" {number_words(best.bound_bins_per_hour)} bins an hour"
+    )
     return f"{'; '.join(filter(None, parts))}. {orchard}."
 
 
@@ -265,7 +280,8 @@ def _not_run(result: StudyResult) -> str:
 def _figures(best: Row, result: StudyResult) -> str:
     """Bins an hour and cost; before them the figure of another goal, with its interval.
 
-    The least cost of one harvest has its time too: it may be the same for a long one and a short one.
+    The least cost of one harvest has its time too: it may be the same for a long one and a short
+    one.
     """
     names: list[Goal] = ["bins_per_hour", "cost_per_bin"]
     if result.goal == "cost_per_bin" and result.horizon == "harvest":
@@ -306,9 +322,15 @@ def _alike(result: StudyResult) -> str:
         return ""
     key, within = _only_difference([result.best, *equal]), f"{100.0 * result.within:g} %"
     if (lead := result.best_row and result.best_row.lead) and lead.high > result.within:
-        return f"the best mean is {100.0 * lead.mean:.1f} ± {100.0 * (lead.high - lead.mean):.1f} % ahead, where {within} count"
+        return (
+            f"the best mean is {100.0 * lead.mean:.1f} ± {100.0 * (lead.high - lead.mean):.1f} %"
+            f" ahead, where {within} count"
+        )
     if key is None:
-        return f"{_listed([_one(one) for one in equal])} {'is' if len(equal) == 1 else 'are'} within {within} of it"
+        return (
+            f"{_listed([_one(one) for one in equal])} {'is' if len(equal) == 1 else 'are'} within"
+            f" {within} of it"
+        )
     values = [one[key] for one in equal]
     if key in ROBOTS and result.goal != "cost_per_bin" and None not in (result.best[key], *values):
         following = min(values)
@@ -318,7 +340,10 @@ def _alike(result: StudyResult) -> str:
             else f"{value_words(following)} gain"
         )
         return f"{more} less than {within}"
-    return f"{_listed(list(map(value_words, values)))} {'is' if len(values) == 1 else 'are'} within {within} of it"
+    return (
+        f"{_listed(list(map(value_words, values)))} {'is' if len(values) == 1 else 'are'} within"
+        f" {within} of it"
+    )
 
 
 def _undecided(result: StudyResult) -> str:
@@ -365,11 +390,16 @@ def _checked(best: Row, result: StudyResult) -> str:
         if share < 0.0005
         else f"{100.0 * share:.1f} % {'more' if check.difference > 0 else 'less'}"
     )
-    return f"the simulator says {interval_words(check.bins_per_hour)}, {than}{jams}{_overtaken(best, result)}"
+    return (
+        f"the simulator says {interval_words(check.bins_per_hour)},"
+        f" {than}{jams}{_overtaken(best, result)}"
+    )
 
 
 def _overtaken(best: Row, result: StudyResult) -> str:
-    """The setting that is certainly better in the simulator, if it is about bins or time; '' if there is none."""
+    """The setting that is certainly better in the simulator, if it is about bins or time; '' if
+    there is none.
+    """
     if best.check is None or result.goal == "cost_per_bin":
         return ""
     rates = [

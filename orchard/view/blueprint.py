@@ -44,7 +44,9 @@ ON_THE_PLAN = ["world/**", "plan/**", "pins/**", "talk/**", "scans/**"]
 
 
 def blueprint(layout: Layout) -> rrb.Blueprint:
-    """Return the blueprint: 3-D views above the plan, or beside a high one, and histories; beside them figures and events."""
+    """Return the blueprint: 3-D views above the plan, or beside a high one, and histories; beside
+    them figures and events.
+    """
     pickers, carriers = layout.scenario.pickers, layout.scenario.carrier_count
     spaces, histories, plan = _spaces(layout), _histories(pickers, carriers + 1), _plan()
     if _is_high(layout):
@@ -68,7 +70,9 @@ def blueprint(layout: Layout) -> rrb.Blueprint:
 
 
 def for_page(layout: Layout) -> rrb.Blueprint:
-    """Return a small blueprint for a page that draws figures itself: 3-D views and plan, side by side if it is high."""
+    """Return a small blueprint for a page that draws figures itself: 3-D views and plan, side by
+    side if it is high.
+    """
     both, hidden = (_spaces(layout), _plan()), rrb.PanelState.Hidden
     views = (
         rrb.Horizontal(*both, column_shares=[12, 10])

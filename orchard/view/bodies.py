@@ -1,4 +1,6 @@
-"""Bodies and rows in the recording: frames, shapes, pins, names, bars, fruit, and how far each row is picked."""
+"""Bodies and rows in the recording: frames, shapes, pins, names, bars, fruit, and how far each row
+is picked.
+"""
 
 from collections.abc import Container, Mapping
 from itertools import pairwise
@@ -50,7 +52,10 @@ class BodyView:
             self._log_static(start)
 
     def remember(self, said: Mapping[str, Mapping[str, palette.Colour]]) -> None:
-        """Keep the colours of the state texts in earlier parts. `said`: entity path -> text -> colour."""
+        """Keep the colours of the state texts in earlier parts.
+
+        `said`: entity path -> text -> colour.
+        """
         for name in self._said:
             self._said[name] = dict(said.get(f"/{self.path[name]}", {}))
 
@@ -83,7 +88,10 @@ class BodyView:
         self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
 
     def doing(self, name: str, text: str, state: State) -> None:
-        """Add what a body does now: its state, and the colour of its pin. Weeds and unknown names are ignored."""
+        """Add what a body does now: its state, and the colour of its pin.
+
+        Weeds and unknown names are ignored.
+        """
         path, colour, known = self.path.get(name), palette.STATES[state], self._said.get(name)
         if path is None or known is None:
             return
@@ -101,7 +109,10 @@ class BodyView:
             self.columns.add(f"pins/{name}", rr.Points3D, colors=[colour])
 
     def fills(self, fill: np.ndarray) -> None:
-        """Add the fruit level of the bins in which it changed. `fill`: (n,) metres of row, one per body."""
+        """Add the fruit level of the bins in which it changed.
+
+        `fill`: (n,) metres of row, one per body.
+        """
         levels = np.ceil(FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin - 1e-9).astype(
             int
         )
@@ -119,7 +130,10 @@ class BodyView:
             )
 
     def bars(self, coupled: np.ndarray) -> None:
-        """Add the bars between robots and bins that have changed. `coupled`: (n,) index of the other body, or -1."""
+        """Add the bars between robots and bins that have changed.
+
+        `coupled`: (n,) index of the other body, or -1.
+        """
         for i, there in self._changed("bars", coupled[self._towing] >= 0):
             robot = self.layout.starts[self._towing[i]]
             path, kind = f"{self.path[robot.name]}/bar", KINDS[robot.kind]
@@ -159,7 +173,10 @@ FRUIT_Z = 1.95  # m, just below the pergola
 
 
 class RowView:
-    """A strip of ground and a cloud of fruit per row. `show` adds the rows of which another piece has been picked."""
+    """A strip of ground and a cloud of fruit per row.
+
+    `show` adds the rows of which another piece has been picked.
+    """
 
     def __init__(self, columns: Columns, layout: Layout) -> None:
         self.columns, self._names = columns, [f"row_{lane.number:02d}" for lane in layout.lanes]
@@ -213,7 +230,10 @@ def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fruit(lane: Lane) -> np.ndarray:
-    """Return where a lane's fruit hangs, (CHUNKS, FRUIT_IN_A_CHUNK, 3), m. It is the same every time."""
+    """Return where a lane's fruit hangs, (CHUNKS, FRUIT_IN_A_CHUNK, 3), m.
+
+    It is the same every time.
+    """
     draw = np.random.default_rng(lane.number)
     size, chunk = (CHUNKS, FRUIT_IN_A_CHUNK), lane.length / CHUNKS
     west = lane.west + chunk * np.arange(CHUNKS)[:, None]

@@ -1,4 +1,6 @@
-"""What changes in a recording, gathered by entity: a row that is sent alone costs as much as a hundred that are sent together."""
+"""What changes in a recording, gathered by entity: a row that is sent alone costs as much as a
+hundred that are sent together.
+"""
 
 from collections.abc import Sequence
 from itertools import chain
@@ -22,7 +24,9 @@ class Columns:
         ] = {}  # entity, archetype, components -> rows
 
     def add(self, path: str, archetype: Any, tick: int | None = None, /, **values: Any) -> None:
-        """Add a row to an entity: components of an archetype, or of `rr.AnyValues`, each a list or an array of its instances."""
+        """Add a row to an entity: components of an archetype, or of `rr.AnyValues`, each a list or
+        an array of its instances.
+        """
         self._rows.setdefault((path, archetype, *values), []).append(
             (self.tick if tick is None else tick, values)
         )

@@ -1,4 +1,6 @@
-"""The files of a recording, NAME.rrd, NAME.part2.rrd, ..., and the path of Rerun's program that opens them."""
+"""The files of a recording, NAME.rrd, NAME.part2.rrd, ..., and the path of Rerun's program that
+opens them.
+"""
 
 import logging
 import os
@@ -50,7 +52,10 @@ def existing_recording(path: Path | None, folder: Path) -> Path:
 
 
 def packing(path: Path) -> Path:
-    """Return the path of the packed copy while it is written. It is that of no recording: a kill may leave half of it."""
+    """Return the path of the packed copy while it is written.
+
+    It is that of no recording: a kill may leave half of it.
+    """
     return path.with_suffix(f"{path.suffix}.packing")
 
 
@@ -83,11 +88,13 @@ def check_recording(path: Path) -> None:
     """
     if path.suffix != ".rrd":
         raise ValueError(
-            f"{path}: a recording would replace this file; expected a name that ends in .rrd, as {path.with_suffix('.rrd')}"
+            f"{path}: a recording would replace this file; expected a name that ends in .rrd, as"
+            f" {path.with_suffix('.rrd')}"
         )
     if is_further_part(path):
         raise ValueError(
-            f"{path}: a further part of another recording has such a name; expected one without .part and a number"
+            f"{path}: a further part of another recording has such a name; expected one without"
+            " .part and a number"
         )
     parts = parts_of(path) or [path]
     for file in (*parts, *map(packing, parts)):
@@ -113,7 +120,8 @@ QUIET = {
 def viewer_program() -> str:
     """Return the path of Rerun's program. Raises FileNotFoundError if there is no such file.
 
-    `python -m rerun` is not used: it starts the program as a child, which keeps running when its parent is ended.
+    `python -m rerun` is not used: it starts the program as a child, which keeps running when its
+    parent is ended.
     """
     found = find_spec(
         "rerun_cli"
@@ -125,7 +133,8 @@ def viewer_program() -> str:
     if not path.is_file():
         which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
         raise FileNotFoundError(
-            f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk installs"
+            f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk"
+            " installs"
         )
     return str(path)
 
@@ -135,11 +144,15 @@ IN_A_BROWSER = "to watch in a browser on this machine, give --web 9090, or anoth
 
 
 def window(*what: str) -> list[str]:
-    """Return the command line of a viewer window for data of this machine. Raises FileNotFoundError, OSError without a screen."""
+    """Return the command line of a viewer window for data of this machine.
+
+    Raises FileNotFoundError, OSError without a screen.
+    """
     program = viewer_program()
     if sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
         raise OSError(
-            f"no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set; {IN_A_BROWSER}"
+            "no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set;"
+            f" {IN_A_BROWSER}"
         )
     return [program, "--bind", "127.0.0.1", *what]
 
@@ -150,7 +163,9 @@ log = logging.getLogger("orchard")
 
 
 class RecordingFile(threading.Thread):
-    """Writes into a file what is written into the pipe `inlet`. On a full disk, where Rerun's own sink hangs, it reads on.
+    """Writes into a file what is written into the pipe `inlet`.
+
+    On a full disk, where Rerun's own sink hangs, it reads on.
 
     Call `seal` when the writer has opened the inlet, and `join` when the writer has closed it.
     """

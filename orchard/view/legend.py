@@ -1,4 +1,6 @@
-"""The legend of a recording: two lines of words below the views, each beside a mark in the colour that it explains."""
+"""The legend of a recording: two lines of words below the views, each beside a mark in the colour
+that it explains.
+"""
 
 from typing import NamedTuple
 

@@ -1,4 +1,6 @@
-"""Names on the plan, each where it covers no other or else left out, and the point that the first view's camera follows."""
+"""Names on the plan, each where it covers no other or else left out, and the point that the first
+view's camera follows.
+"""
 
 import math
 from itertools import compress, pairwise, product
@@ -31,7 +33,8 @@ COVERS_NAME, COVERS_PIN, MOVES, RANK = (
     0.1,
 )  # what speaks against a place. The first of PLACES has rank 0
 
-# Places of a name's middle, in halves of its size and its pin's: below its pin, above, on its right, on its left, in the corners, further
+# Places of a name's middle, in halves of its size and its pin's: below its pin, above, on its
+# right, on its left, in the corners, further
 BESIDE = [(0, -1), (0, 1), (1, 0), (-1, 0), *product((1, -1), (-1, 1))]
 PLACES = np.array(
     [*BESIDE, (0, -2.5), (0, 2.5), (2.2, 0), (-2.2, 0), *product((2.2, -2.2), (-2.5, 2.5))], float
@@ -120,7 +123,9 @@ class NameView:
 
 
 def _covers(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return which boxes, (b, 4), each name covers at its possible middles, (..., p, 2): (..., p, b). `halves`: (..., 2) half sizes."""
+    """Return which boxes, (b, 4), each name covers at its possible middles, (..., p, 2): (..., p,
+    b). `halves`: (..., 2) half sizes.
+    """
     spots, halves = spots[..., None, :], halves[..., None, None, :]
     across = np.abs(spots[..., 0] - boxes[:, 0]) - boxes[:, 2] - halves[..., 0] < 0.0
     along = np.abs(spots[..., 1] - boxes[:, 1]) - boxes[:, 3] - halves[..., 1] < 0.0

@@ -48,7 +48,9 @@ QUIET = frozenset(
 
 
 def plain(what: str) -> str:
-    """Return the key of an event's word in these tables: lower case, without spaces and underscores."""
+    """Return the key of an event's word in these tables: lower case, without spaces and
+    underscores.
+    """
     return what.lower().replace(" ", "").replace("_", "")
 
 

@@ -1,4 +1,6 @@
-"""Reads what the parts of a recording contain and lack, and the end of a file if its writer was killed."""
+"""Reads what the parts of a recording contain and lack, and the end of a file if its writer was
+killed.
+"""
 
 import logging
 import os
@@ -60,7 +62,10 @@ class Before(NamedTuple):
 
 
 def before(path: Path, run: str) -> Before:
-    """Return where to continue the recording of a run. A part without a readable frame, or of another run, is overwritten."""
+    """Return where to continue the recording of a run.
+
+    A part without a readable frame, or of another run, is overwritten.
+    """
     known, number = Before(path, 0, {}), 1
     while (found := read_part(known.file)) is not None and found.run == run and found.last:
         number += 1
@@ -69,7 +74,10 @@ def before(path: Path, run: str) -> Before:
 
 
 def read_part(path: Path) -> RecordingPart | None:
-    """Return the content of a file, or None if nothing can be read. A file that a kill has torn is repaired first."""
+    """Return the content of a file, or None if nothing can be read.
+
+    A file that a kill has torn is repaired first.
+    """
     with suppress(*UNREADABLE):
         return _read(path) if path.exists() and path.stat().st_size else None
     try:
@@ -82,7 +90,10 @@ def read_part(path: Path) -> RecordingPart | None:
 
 
 def optimize(path: str | Path) -> None:
-    """Pack a recording in place, to half its size, or repair it. Raises OSError if that fails; then it stays as it is."""
+    """Pack a recording in place, to half its size, or repair it.
+
+    Raises OSError if that fails; then it stays as it is.
+    """
     packed = packing(Path(path))
     command = [
         viewer_program(),
@@ -119,7 +130,9 @@ def _why(error: subprocess.SubprocessError) -> str:
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
-    """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left out."""
+    """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left
+    out.
+    """
     parts = {file: found for file in parts_of(path) if (found := read_part(file)) is not None}
     last = max((found.last for found in parts.values()), default=0)
     gaps = [gap for found in parts.values() for gap in found.gaps] + (

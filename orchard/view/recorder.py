@@ -1,4 +1,6 @@
-"""Writes frames into a Rerun recording: moving things in chunks of a second, what changes rarely when it changes."""
+"""Writes frames into a Rerun recording: moving things in chunks of a second, what changes rarely
+when it changes.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -28,7 +30,8 @@ CHUNK_TICKS, MOST_TICKS = (
     10,
     250,
 )  # a second; in a chunk at most, while more frames wait: a few large chunks cost less than many
-END_SECONDS = 30.0  # to wait for the end of the file: a program that an own agent has started may hold the pipe
+# To wait for the end of the file: a program that an own agent has started may hold the pipe.
+END_SECONDS = 30.0
 SCANS = 10  # sweeps that are sent together without a live server: a third less to write
 SCAN_BEAMS = 2  # every second beam
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
@@ -44,12 +47,16 @@ SERIES: dict[str, tuple[str, palette.Colour, float]] = {
 
 
 class Recorder:
-    """Writes one run, or a further part of one. Call `tick` for each frame in order, then `close`."""
+    """Writes one run, or a further part of one.
+
+    Call `tick` for each frame in order, then `close`.
+    """
 
     def __init__(
         self, layout: Layout, run: str, path: str | Path | None = None, port: int | None = None
     ) -> None:
-        """`run`: its id, by which viewers tell recordings apart. `port`: of a server for viewers on the loopback.
+        """`run`: its id, by which viewers tell recordings apart. `port`: of a server for viewers on
+        the loopback.
 
         Raises OSError if the file cannot be opened.
         """
@@ -109,7 +116,10 @@ class Recorder:
         return server.uri if server is not None else ""
 
     def tick(self, frame: Frame) -> None:
-        """Record one frame. Frames come in order; ticks may be left out. With one of tick 1 the start is recorded too."""
+        """Record one frame.
+
+        Frames come in order; ticks may be left out. With one of tick 1 the start is recorded too.
+        """
         if frame.tick == 1 and self._second < 0:
             starts = np.array([start.pose for start in self.layout.starts])
             self._record(
@@ -142,10 +152,14 @@ class Recorder:
         if is_due and (not self.waiting() or frame.tick - self._sent >= MOST_TICKS):
             self._send()
             if not self.uri:
-                self.rec.flush()  # into the file, 0.3 ms: a kill loses what waits, and at most one second more
+                # Into the file, 0.3 ms: a kill loses what waits, and at most one second more.
+                self.rec.flush()
 
     def gap(self, since: int, until: int, why: str) -> None:
-        """Record that nothing is recorded between two ticks, and why. The next frame must be a whole one."""
+        """Record that nothing is recorded between two ticks, and why.
+
+        The next frame must be a whole one.
+        """
         self._columns.add(MISSING, rr.AnyValues, until, **{SINCE: [since]})
         words = (
             f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
@@ -161,7 +175,10 @@ class Recorder:
         self._letter(event)
 
     def close(self) -> Path | None:
-        """Write the rest, wait, and end the file and the server. Return the file if all is in it."""
+        """Write the rest, wait, and end the file and the server.
+
+        Return the file if all is in it.
+        """
         self._send()
         self._send_scans()
         self.rec.flush()
@@ -322,9 +339,11 @@ class Recorder:
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points that a laser hit, (m, 3) float32, in the body's frame, and the number of points of each sweep, (n,).
+    """Return the points that a laser hit, (m, 3) float32, in the body's frame, and the number of
+    points of each sweep, (n,).
 
-    `sweeps`: (n, beams) ranges, m; of these, every `every`-th beam counts. x and y are rounded to 1/32 m.
+    `sweeps`: (n, beams) ranges, m; of these, every `every`-th beam counts. x and y are rounded to
+    1/32 m.
     """
     ranges = sweeps[:, ::every]
     seen = ranges < LASER_RANGE

@@ -1,8 +1,10 @@
-"""The fixed scenery: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's camera. It is logged once.
+"""The fixed scenery: ground, driveway, fences, trees, posts, wires, the pergola, and the plan's
+camera. It is logged once.
 
-Shapes are models, which are GLB files for any 3-D program (as Blender), or batches of boxes and discs whose sizes the orchard gives. A
-body's model stands with the middle of its base at the origin, x ahead, z up, and fills the length, width and height of its kind; a hat may
-rise above them. The colours, sRGB, are those of its vertices.
+Shapes are models, which are GLB files for any 3-D program (as Blender), or batches of boxes and
+discs whose sizes the orchard gives. A body's model stands with the middle of its base at the
+origin, x ahead, z up, and fills the length, width and height of its kind; a hat may rise above
+them. The colours, sRGB, are those of its vertices.
 """
 
 from collections.abc import Iterable, Sequence
@@ -99,7 +101,10 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
 def _instances(
     rec: rr.RecordingStream, path: str, name: str, at: Sequence[tuple[float, float, float]]
 ) -> None:
-    """Log a model at many places, half of them turned to look less alike. `at`: x and y, m, and the share of the model's own width."""
+    """Log a model at many places, half of them turned to look less alike.
+
+    `at`: x and y, m, and the share of the model's own width.
+    """
     x, y, width = np.array(at, dtype=np.float32).T
     none, turned = np.zeros_like(x), (np.arange(len(x)) * 7 // 3) % 2
     quaternions = np.stack([none, none, turned, 1 - turned], axis=1)
@@ -194,7 +199,9 @@ def _bay(layout: Layout) -> list[Part]:
 
 
 def queue_lines(layout: Layout) -> list[Part]:
-    """The lines of the queue: white those in which carriers wait, green those in which they charge."""
+    """The lines of the queue: white those in which carriers wait, green those in which they
+    charge.
+    """
     places = [layout.queue.place(number) for number in range(layout.queue_places)]
     lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
     paint = {y: palette.CHARGING if y in layout.charging_lines else palette.PAINT for y in lines}

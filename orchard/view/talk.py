@@ -1,4 +1,6 @@
-"""Messages between bodies: an arc from the sender to the recipient for a few seconds, and the lines of the event log."""
+"""Messages between bodies: an arc from the sender to the recipient for a few seconds, and the lines
+of the event log.
+"""
 
 from collections.abc import Hashable, Sequence
 from typing import NamedTuple
@@ -31,13 +33,17 @@ ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(
 
 
 def level_of(what: str) -> str:
-    """Return the log level of an event word: DEBUG for frequent messages, WARN and ERROR for faults, INFO for the rest."""
+    """Return the log level of an event word: DEBUG for frequent messages, WARN and ERROR for
+    faults, INFO for the rest.
+    """
     word = palette.plain(what)
     return "DEBUG" if word in palette.QUIET else ALARMS.get(word, "INFO")
 
 
 def line_of(event: Event) -> str:
-    """Return an event as one line, such as 'bin_01 > carrier_02: call, is a carrier free? row 3, east end'."""
+    """Return an event as one line, such as 'bin_01 > carrier_02: call, is a carrier free? row 3,
+    east end'.
+    """
     what, text = event.what, event.detail
     said = (
         text
@@ -50,7 +56,9 @@ def line_of(event: Event) -> str:
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
-    """Return the events; each request to many, and replies from many, are merged into one ('14 carriers')."""
+    """Return the events; each request to many, and replies from many, are merged into one ('14
+    carriers').
+    """
     said = [
         replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike))
         for alike in _alike(events, "who")
@@ -102,7 +110,10 @@ class Talk:
         ] = {}  # message -> tick in which it was last sent
 
     def is_news(self, tick: int, event: Event) -> bool:
-        """Return whether the same event did not occur in the last 30 s. Agents repeat a request until it is answered."""
+        """Return whether the same event did not occur in the last 30 s.
+
+        Agents repeat a request until it is answered.
+        """
         if len(self._said) >= MOST_SAID:
             self._said = {}
         said = event.what, event.who, event.whom, event.detail
@@ -110,11 +121,17 @@ class Talk:
         return last is None or tick - last > REPEAT_TICKS
 
     def forget(self) -> None:
-        """Drop all arcs, after a gap. Those that are still shown are removed when arcs are next drawn."""
+        """Drop all arcs, after a gap.
+
+        Those that are still shown are removed when arcs are next drawn.
+        """
         self._there, self._lines = True, []
 
     def show(self, tick: int, poses: np.ndarray, news: Sequence[Event]) -> None:
-        """Draw the arcs again if there is a new one, and every half second while there are any. `poses`: (n, 3)."""
+        """Draw the arcs again if there is a new one, and every half second while there are any.
+
+        `poses`: (n, 3).
+        """
         fresh = [drawn for event in news if (drawn := self._drawn(tick, event))]
         if not fresh and tick // RENEWED_TICKS == self._renewed:
             return

@@ -1,9 +1,11 @@
-"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer, and a recording for it to play.
+"""Rerun's viewer in a browser: a web server on the loopback that serves the viewer, and a recording
+for it to play.
 
-`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs until its standard input ends, as `serve_web` starts it.
-`rr.serve_web_viewer` is not used: it listens on all interfaces. A recording goes to the viewer over HTTP, which plays it from its
-beginning. What comes from Rerun's own server opens at the end, and keeps a core busy (rerun-io/rerun#10944). The parts of a recording
-are one answer, in their order: of two answers the viewer begins with either.
+`python -m orchard.view.web rerun+http://127.0.0.1:9091/proxy --port 9090` runs until its standard
+input ends, as `serve_web` starts it. `rr.serve_web_viewer` is not used: it listens on all
+interfaces. A recording goes to the viewer over HTTP, which plays it from its beginning. What comes
+from Rerun's own server opens at the end, and keeps a core busy (rerun-io/rerun#10944). The parts of
+a recording are one answer, in their order: of two answers the viewer begins with either.
 """
 
 import argparse
@@ -31,17 +33,24 @@ LOOK_SECONDS = 1.0  # between two checks that the server still runs
 
 
 def data_uri(port: int) -> str:
-    """Return the address of the data of a live run, for a viewer that is served on a port: on the next port."""
+    """Return the address of the data of a live run, for a viewer that is served on a port: on the
+    next port.
+    """
     return f"rerun+http://{LOOPBACK}:{port + 1}/proxy"
 
 
 def address(port: int, what: str) -> str:
-    """Return where a viewer that is served on a port finds data: a file on the next port, live data at their own address."""
+    """Return where a viewer that is served on a port finds data: a file on the next port, live data
+    at their own address.
+    """
     return what if "://" in what else f"http://{LOOPBACK}:{port + 1}/{quote(Path(what).name)}"
 
 
 def page_url(port: int, *what: str) -> str:
-    """Return the address to open in a browser or a frame. `what`: recordings that are served, or addresses of data."""
+    """Return the address to open in a browser or a frame.
+
+    `what`: recordings that are served, or addresses of data.
+    """
     options = {
         "url": [address(port, each) for each in what],
         "hide_welcome_screen": "1",
@@ -65,7 +74,9 @@ def command(port: int, what: str) -> list[str]:
 
 
 def how_to_open(words: str, port: int, what: str) -> list[str]:
-    """Return lines for the user: a viewer's address after some words and, over ssh, how to reach it."""
+    """Return lines for the user: a viewer's address after some words and, over ssh, how to reach
+    it.
+    """
     there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
     forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
     return [
@@ -75,9 +86,12 @@ def how_to_open(words: str, port: int, what: str) -> list[str]:
 
 
 def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
-    """Serve the viewer at `page_url(port, what[0])`. The caller ends the returned process with `terminate()`.
+    """Serve the viewer at `page_url(port, what[0])`.
 
-    `what`: the address of live data, or the parts of a recording. Each part but the last must be whole.
+    The caller ends the returned process with `terminate()`.
+
+    `what`: the address of live data, or the parts of a recording. Each part but the last must be
+    whole.
     """
     # The server has another working directory.
     shown = [each if "://" in each else str(Path(each).resolve()) for each in what]
@@ -92,7 +106,9 @@ def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
 
 
 def free_pair() -> int:
-    """Return a port of the loopback that was free a moment ago, as was the next port: for the viewer, and for its data."""
+    """Return a port of the loopback that was free a moment ago, as was the next port: for the
+    viewer, and for its data.
+    """
     while True:
         with socket.socket() as first, socket.socket() as second:
             first.bind((LOOPBACK, 0))
@@ -136,7 +152,10 @@ class _Recording(BaseHTTPRequestHandler):
 
 
 def main() -> None:
-    """Replace this process by the viewer's server, so that a signal reaches it. A child serves files, and ends it."""
+    """Replace this process by the viewer's server, so that a signal reaches it.
+
+    A child serves files, and ends it.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback."
     )

@@ -1,4 +1,6 @@
-"""Carriers with batteries: they use them, go to charge when their job is done, and share the chargers. Whole small harvests."""
+"""Carriers with batteries: they use them, go to charge when their job is done, and share the
+chargers. Whole small harvests.
+"""
 
 from functools import cache
 
@@ -56,7 +58,8 @@ def test_carriers_charge_when_their_job_is_done_and_share_the_charger(route, dis
     stage.assert_no_collisions()
 
 
-def test_a_battery_is_used_with_time_outside_the_queue_by_less_while_its_carrier_stands_and_charged_to_the_full():
+def test_a_battery_is_used_outside_the_queue_and_charged_to_the_full():
+    """With time, and by less while its carrier stands."""
     stage = Stage(charging({"hours": 1.0, "standing": 0.5}, carriers=1, dispatch="nearest"))
     stage.run(3)
     assert stage.world.charge[stage.world.fixed.carriers] == 1.0, "in the queue it is off"
@@ -147,9 +150,8 @@ def test_a_run_that_is_resumed_while_a_carrier_charges_has_the_hash_of_one_never
     assert played(local, TICKS).engine.hash == expected_hash()
 
 
-def test_lockstep_has_the_hash_of_local_mode_although_a_host_and_physics_are_killed_while_a_carrier_charges(
-    fleet, tmp_path
-):
+def test_kills_while_a_carrier_charges_leave_the_hash_of_local_mode(fleet, tmp_path):
+    """A host is killed, and physics."""
     run = (
         "--speed",
         "30",
@@ -196,7 +198,10 @@ def test_spare_carriers_are_off_in_the_queue_and_where_they_were_charged():
 REFUSED = [
     (
         {"chargers": 0},
-        "chargers = 0, carrying.battery.hours = 0.12: must be 1 to 120 chargers for carriers with batteries",
+        (
+            "chargers = 0, carrying.battery.hours = 0.12: must be 1 to 120 chargers for carriers"
+            " with batteries"
+        ),
     ),
     (
         {"carriers": 70},

@@ -1,4 +1,7 @@
-"""Bin calls: each exchange has one carrier. A call that fails is followed by a new call, and no bin is lost."""
+"""Bin calls: each exchange has one carrier.
+
+A call that fails is followed by a new call, and no bin is lost.
+"""
 
 import pytest
 from msgspec.structs import replace
@@ -30,7 +33,9 @@ class HardOfHearing:
 
 
 class LateAnswerer:
-    """A carrier that acts when a bin sends for it, but its answers are lost before a certain tick."""
+    """A carrier that acts when a bin sends for it, but its answers are lost before a
+    certain tick.
+    """
 
     def __init__(self, agent, until: int) -> None:
         self.agent, self.Memory, self.until = agent, agent.Memory, until

@@ -124,7 +124,9 @@ def test_a_harvest_in_which_advice_turns_and_drives_robots_at_any_moment_finishe
 
 
 def harvest(changes: dict, advice: list[tuple[int, str, float, float, int]]) -> Stage:
-    """Harvest while each piece of advice drives a robot, from a tick on, at a speed and a rate, for so many ticks."""
+    """Harvest while each piece of advice drives a robot, from a tick on, at a speed and a rate, for
+    so many ticks.
+    """
     stage = Stage(empty_orchard(**changes))
     for tick, name, speed, rate, ticks in advice:
         while stage.world.tick < tick and not stage.local.engine.over:

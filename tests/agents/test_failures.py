@@ -1,4 +1,6 @@
-"""Pickers and carriers that fail while they work, and rows that take their own time: whole small harvests."""
+"""Pickers and carriers that fail while they work, and rows that take their own time: whole small
+harvests.
+"""
 
 from functools import cache
 
@@ -40,7 +42,8 @@ def harvest(seed: int) -> Stage:
     return stage
 
 
-def test_a_picker_fails_where_it_has_picked_for_as_long_as_was_drawn_and_goes_on_when_it_is_repaired():
+def test_a_picker_fails_when_it_was_drawn_and_goes_on_when_repaired():
+    """It has picked then for as long as was drawn."""
     stage = Stage(
         empty_orchard(
             picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}
@@ -95,7 +98,7 @@ def failed(stage: Stage) -> bool:
     return stage.world.tick > 0 and stage.local.actions["carrier_01"].state == "failed"
 
 
-def test_a_robot_that_has_worked_for_longer_than_was_drawn_goes_on_where_it_has_nothing_to_drive_and_fails_on_its_next_drive():
+def test_a_robot_that_worked_longer_than_drawn_fails_on_its_next_drive():
     """As after a fork with another seed."""
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)

@@ -1,4 +1,6 @@
-"""The failures of docs/traffic.md: each scenario jams as it is, with the words that the page shows, and finishes with its cure."""
+"""The failures of docs/traffic.md: each scenario jams as it is, with the words that the page shows,
+and finishes with its cure.
+"""
 
 import re
 

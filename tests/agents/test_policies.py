@@ -1,4 +1,6 @@
-"""The built-in dispatch policies: what they decide, whole harvests with them, early carriers, and policies that make mistakes."""
+"""The built-in dispatch policies: what they decide, whole harvests with them, early carriers, and
+policies that make mistakes.
+"""
 
 import re
 from functools import cache
@@ -200,7 +202,9 @@ def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_
 def test_a_policy_whose_package_is_missing_names_the_package():
     with pytest.raises(
         ScenarioError,
-        match=r"dispatch = own_policies.Lacking: cannot be used: .*No module named 'no_such_package'",
+        match=(
+            r"dispatch = own_policies.Lacking: cannot be used: .*No module named 'no_such_package'"
+        ),
     ):
         check_plugins(lay_out(empty_orchard(dispatch="own_policies.Lacking")))
 
@@ -295,7 +299,9 @@ def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_t
 
 
 def test_a_forecast_comes_true():
-    """From the time at which the picker faces its row, also while it still drives up to it; in the first row and in the next one."""
+    """From the time at which the picker faces its row, also while it still drives up to it; in the
+    first row and in the next one.
+    """
     stage = Stage(small("predictive", picking_speed=0.5))
     forecast, rows = Forecast(stage.world.layout), []
     while len(rows) < 2:
@@ -318,7 +324,10 @@ MISTAKES = {
     "Inventing": r"assigns bin bin_77, which is not available; .* \(.*own_policies.py, line \d+\)",
     "Overworking": r"assigns bin bin_0\d twice \(.*own_policies.py, line \d+\)",
     "Hoarding": r"the policy's memory takes 20009 bytes; at most 16384 \(.*own_policies.py",
-    "Silent": r"assign returned None; it must return a list of Assignment\(bin, carrier\) \(.*own_policies.py",
+    "Silent": (
+        r"assign returned None; it must return a list of Assignment\(bin, carrier\)"
+        r" \(.*own_policies.py"
+    ),
 }
 
 
@@ -341,9 +350,10 @@ def test_a_carrier_whose_answers_to_two_questions_come_together_is_sent_to_one_b
 
 def test_names_in_a_decision_may_be_of_a_text_type_of_a_library():
     (order,) = checked([Assignment(np.str_("bin_01"), np.str_("carrier_02"))], [NEAR], [HEAD])
-    assert [type(name) for name in order] == [str, str], (
-        "the dispatcher keeps them in its memory, which takes plain text only"
-    )
+    assert [type(name) for name in order] == [
+        str,
+        str,
+    ], "the dispatcher keeps them in its memory, which takes plain text only"
 
 
 @pytest.mark.parametrize("name", MISTAKES)
@@ -380,7 +390,10 @@ def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_s
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(40))
 def test_soak_carriers_that_leave_much_too_early_never_lock_each_other(seed):
-    """Random orchards. Some robots are stopped for a while: the others that wait then go on afterwards."""
+    """Random orchards.
+
+    Some robots are stopped for a while: the others that wait then go on afterwards.
+    """
 
     def some(name: str, low: int, high: int) -> int:
         return low + int(draw(seed, f"early carriers, {name}", 0)[0] * (high + 1 - low))

@@ -125,7 +125,7 @@ def test_bins_tell_whether_they_are_full_and_on_whom():
     assert left == BinState(full=True, fill=70.0, coupled_to="")
 
 
-def test_a_bin_that_begins_without_a_memory_on_a_picker_that_has_begun_forecasts_by_the_mean_speed():
+def test_a_bin_without_a_memory_forecasts_by_the_mean_speed():
     """As in realtime, where a process that is killed early has given no memory yet."""
     local = played(Scenario(rows=3, seed=3), 150)
     del local.memories["bin_01"]

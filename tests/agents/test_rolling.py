@@ -63,7 +63,8 @@ def test_of_several_lines_the_first_one_leaves_first_as_in_the_decisions_of_the_
     assert [robot.line for robot in plan.robots if robot.line != AWAY] == lines == [0, 1, 2, 3]
 
 
-def test_it_decides_as_predictive_with_many_pickers_in_the_long_run_and_on_roads_that_it_does_not_know():
+def test_it_decides_as_predictive_where_it_cannot_look_ahead():
+    """With many pickers, in the long run, and on roads that it does not know."""
     many, most = orchard(rows=30, pickers=21, carriers=4), orchard(rows=30, pickers=20, carriers=4)
     unknown = orchard(
         rows=4, pickers=2, carriers=2, route="examples.seams.signalled_route.SignalledRoute"

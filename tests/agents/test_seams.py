@@ -1,4 +1,5 @@
-"""The plug-ins that a scenario can name besides agents: policy, rows, route, agents without a body, and their messages and steps.
+"""The plug-ins that a scenario can name besides agents: policy, rows, route, agents without a body,
+and their messages and steps.
 
 Each example of examples/seams/ runs in local mode and in lockstep with the same hash.
 """
@@ -160,7 +161,9 @@ class Unregistered(OneWay):
 
 
 class Nested(OneWay):
-    """Its wait in the queue, which a refused job falls back to within `Confirmed`, has a step of its own."""
+    """Its wait in the queue, which a refused job falls back to within `Confirmed`, has a step of
+    its own.
+    """
 
     Steps = [Detour]  # noqa: RUF012
 
@@ -234,7 +237,10 @@ UNUSABLE = [
     ({"order_in_row": "test_seams.nothing", "metres_per_bin": 10.0}, "no attribute 'nothing'"),
     (
         {"order_in_row": "test_seams.from_the_middle", "metres_per_bin": 6.0},
-        r"order_in_row.*it returned -25.5 for 6 m of x = -35.5 to -15.5; must be -35.5 or -21.5.*\(.*test_seams.py, line \d+",
+        (
+            r"order_in_row.*it returned -25.5 for 6 m of x = -35.5 to -15.5; must be -35.5 or"
+            r" -21.5.*\(.*test_seams.py, line \d+"
+        ),
     ),
 ]
 

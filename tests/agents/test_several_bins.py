@@ -1,4 +1,6 @@
-"""Several bins a row: a bin that fills inside a row is left at its end, and one that is part full there goes on with the next row."""
+"""Several bins a row: a bin that fills inside a row is left at its end, and one that is part full
+there goes on with the next row.
+"""
 
 from functools import cache
 from itertools import pairwise
@@ -194,7 +196,9 @@ def test_random_harvests_finish_without_a_collision(values, holds, kill_every):
     "name", ["bins that go on with the next row", "bins that are full where the row ends"]
 )
 def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash(name):
-    """Each stretch of the run ends with the state, the memories and the mail with which the next one begins."""
+    """Each stretch of the run ends with the state, the memories and the mail with which the next
+    one begins.
+    """
     for begun, meant in pairwise(snapshots_of(name)[1]):
         again = Local.resume(begun)
         while again.engine.tick < meant.world["tick"]:

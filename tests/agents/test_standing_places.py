@@ -1,4 +1,6 @@
-"""The traffic plan: each place where a robot or a bin may stand is clear of each drive and turn there, and turns are of each other."""
+"""The traffic plan: each place where a robot or a bin may stand is clear of each drive and turn
+there, and turns are of each other.
+"""
 
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -39,8 +41,13 @@ from orchard.plans.steps import (
 )
 
 COUPLING, D_ROAD, F_ROAD, FULL_BIN, STOP, WAITING = (
-    OneWay.COUPLING, OneWay.D_ROAD, OneWay.F_ROAD, OneWay.FULL_BIN, OneWay.STOP, OneWay.WAITING
-)  # fmt: skip
+    OneWay.COUPLING,
+    OneWay.D_ROAD,
+    OneWay.F_ROAD,
+    OneWay.FULL_BIN,
+    OneWay.STOP,
+    OneWay.WAITING,
+)
 PITCH = 5.5  # m, at the narrowest rows
 QUARTER = np.pi / 2
 
@@ -60,7 +67,9 @@ def train(kind: str) -> np.ndarray:
 
 
 def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
-    """Return all points that a shape passes while it turns on the spot, in steps of a degree at most."""
+    """Return all points that a shape passes while it turns on the spot, in steps of a degree at
+    most.
+    """
     angles = start + np.linspace(0.0, turn, 181)
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     px, py = shape[:, 0], shape[:, 1]
@@ -108,7 +117,8 @@ def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start, least
     assert min(gap(turn, fruit) for fruit in bins) >= least
 
 
-def test_a_carrier_that_leaves_with_the_full_bin_stays_off_the_road_of_deliveries_but_for_its_own_place():
+def test_a_carrier_with_the_full_bin_stays_off_the_road_of_deliveries():
+    """It may stand at its own place there."""
     turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
     assert turn[:, 1].max() < 2.8, "no robot waits nearer than that"
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1
@@ -120,7 +130,9 @@ WAITS = (Need, Alone, Deliver, FetchEmpty, LeaveBin, TakeBin, Unload, Confirmed)
 
 
 class Area(NamedTuple):
-    """An upright rectangle, m: a robot or bin may stand there, or a robot must find it free to drive on."""
+    """An upright rectangle, m: a robot or bin may stand there, or a robot must find it free to
+    drive on.
+    """
 
     x: float
     y: float
@@ -128,7 +140,9 @@ class Area(NamedTuple):
     half_y: float
     robot: str
     picker: str  # a carrier's: for which it works
-    stage: int  # 2 row while its picker picks a row and leaves the bin, then 2 row + 1; a job for that row has that number
+    # 2 row while its picker picks a row and leaves the bin, then 2 row + 1; a job for that row has
+    # that number.
+    stage: int
     heading: str  # of a robot or its bin; '' for a bin that is left
     places: frozenset[str]  # that the robot holds
     end: tuple[float, float] = (
@@ -210,7 +224,9 @@ class Walk:
         self.stand()
 
     def drive(self, step: DriveTo) -> None:
-        """Drive from gate to gate: before a gate the robot may stand, while it does not hold the places."""
+        """Drive from gate to gate: before a gate the robot may stand, while it does not hold the
+        places.
+        """
         ahead, target = sum(UNIT[self.heading]), self.along(step)
         needs = {
             gate.at: [
@@ -257,7 +273,9 @@ class Walk:
 
 
 def walks_of(layout: Layout) -> Iterator[Walk]:
-    """The work of every picker, a job for every row and from every line of the queue, and the other carriers in the queue."""
+    """The work of every picker, a job for every row and from every line of the queue, and the other
+    carriers in the queue.
+    """
     route, carriers = route_of(layout), range(1, layout.scenario.carrier_count + 1)
     heads = carriers[:: layout.queue.places]
     yield from (
@@ -291,9 +309,12 @@ def walks_of(layout: Layout) -> Iterator[Walk]:
 
 
 def may_meet(drive: Area, stand: Area) -> bool:
-    """Whether a robot may drive here while the other stands there. A place that both need, or the order of the work, can forbid that.
+    """Whether a robot may drive here while the other stands there.
 
-    A carrier is blind to the bins and the picker for which it works. Nor does it count that carriers follow each other on one road.
+    A place that both need, or the order of the work, can forbid that.
+
+    A carrier is blind to the bins and the picker for which it works. Nor does it count that
+    carriers follow each other on one road.
     """
     if drive.robot == stand.robot or drive.places & stand.places or follows(drive, stand):
         return False
@@ -306,7 +327,9 @@ def may_meet(drive: Area, stand: Area) -> bool:
 
 
 def follows(drive: Area, stand: Area) -> bool:
-    """Whether the other carrier stands on the same road, straight ahead or round the next corner."""
+    """Whether the other carrier stands on the same road, straight ahead or round the next
+    corner.
+    """
     if (
         "" in (stand.heading, drive.heading)
         or drive.robot == drive.picker
@@ -336,9 +359,11 @@ def too_near(layout: Layout) -> list[tuple[Area, Area]]:
 
 
 def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
-    """Whether lasers keep its distance from the other robot, which stands on the road from which it comes, or to which it turns.
+    """Whether lasers keep its distance from the other robot, which stands on the road from which it
+    comes, or to which it turns.
 
-    There it sees the other one only if that is in the way of its own drive to the turn: what stands beside it is behind its laser.
+    There it sees the other one only if that is in the way of its own drive to the turn: what stands
+    beside it is behind its laser.
     """
     along_x = stand.heading in ("EAST", "WEST")
     aside, ahead = (
@@ -378,9 +403,9 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
                 angle_between(HEADINGS[at.heading], HEADINGS[heading]),
             ).T.copy()
             apart = {
-                (bx, by, half_x, half_y): np.maximum(
-                    np.abs(x - bx) - half_x, np.abs(y - by) - half_y
-                ).min()
+                (bx, by, half_x, half_y): (
+                    np.maximum(np.abs(x - bx) - half_x, np.abs(y - by) - half_y).min()
+                )
                 for bx, by, half_x, half_y in {
                     stands[j][:4] for j in candidates
                 }  # many stand at one place
@@ -488,7 +513,9 @@ def test_what_stands_is_clear_of_every_turn_beside_it(scenario: Scenario) -> Non
 
 
 def from_the_tractor(points: np.ndarray) -> float:
-    """The least distance of points to what the tractor sweeps: its drive, and a turn at each end, m."""
+    """The least distance of points to what the tractor sweeps: its drive, and a turn at each end,
+    m.
+    """
     shape = outline("tractor")
     x, aside, radius = points[:, 0], np.abs(points[:, 1] - 29.0), np.hypot(*shape.T).max()
     beyond = np.maximum(np.maximum(WEST_END - radius - x, x - EAST_END - radius), 0.0)
@@ -498,7 +525,9 @@ def from_the_tractor(points: np.ndarray) -> float:
 
 
 def nearest_to_the_tractor(layout: Layout) -> float:
-    """How near a carrier or its bin comes to what the tractor sweeps, m, where it stands, drives or turns; at most 9."""
+    """How near a carrier or its bin comes to what the tractor sweeps, m, where it stands, drives or
+    turns; at most 9.
+    """
     found = [9.0]
     for walk in walks_of(layout):
         for area in (
@@ -596,7 +625,10 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(
 
 @pytest.mark.soak
 def test_soak_half_of_the_pickers_of_the_largest_orchard_stand_in_no_way_of_the_others() -> None:
-    """Bins call when they are full. With an early policy carriers would hold for the pickers that stand, in the way of others."""
+    """Bins call when they are full.
+
+    With an early policy carriers would hold for the pickers that stand, in the way of others.
+    """
     pickers = [f"picker_{number:02d}" for number in range(1, 21)]
     stage = Stage(
         empty_orchard(rows=20, pickers=20, dispatch=NEAREST),

@@ -1,4 +1,6 @@
-"""The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a collision."""
+"""The abilities of every robot: sense, turn, move, realign, tow a bin, and stand after a
+collision.
+"""
 
 import pytest
 from stage import Driven, Stage, Standing, empty_orchard, meadow, one_guest

@@ -178,7 +178,10 @@ RANDOM_SEED = 20260  # of the soak's scenarios
 
 
 def random_scenario(number: int) -> Scenario:
-    """Return a random valid scenario. Its picking speed is high enough that a run does not take hours."""
+    """Return a random valid scenario.
+
+    Its picking speed is high enough that a run does not take hours.
+    """
     chance = random.Random(f"{RANDOM_SEED}/{number}")
     rows, route = chance.randint(3, 20), chance.choice([ONE_WAY, TWO_WAY])
     length, bay = (
@@ -209,7 +212,10 @@ def random_scenario(number: int) -> Scenario:
 
 
 def large_scenario(number: int) -> Scenario:
-    """Return a random scenario beyond the manual's sizes. Pickers are fast, so that a run takes minutes at most."""
+    """Return a random scenario beyond the manual's sizes.
+
+    Pickers are fast, so that a run takes minutes at most.
+    """
     chance = random.Random(f"{RANDOM_SEED}/large/{number}")
     rows, route, length = (
         chance.randint(21, chance.choice([30, 45, 100])),
@@ -273,10 +279,14 @@ def test_an_animal_that_crosses_in_front_of_a_carrier_is_not_run_over():
 
 
 def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
-    """Return (side, road, lane) of each place on a road that a carrier or its bin is in now, while it drives along the road."""
+    """Return (side, road, lane) of each place on a road that a carrier or its bin is in now, while
+    it drives along the road.
+    """
     x, y, facing = stage.pose(carrier)
     route, touched = route_of(stage.world.layout), []
-    reach = {  # road -> metres before and past a lane, along the road, in which others turn, cross and deliver at that lane
+    # Road -> metres before and past a lane, along the road, in which others turn, cross and deliver
+    # at that lane.
+    reach = {
         ONE_WAY: {"D": (2.6, 3.0), "F": (2.6, 3.0)},
         TWO_WAY: {"D": (2.6, 1.2), "F": (2.9, 1.2)},
     }[stage.world.layout.scenario.route]
@@ -323,7 +333,9 @@ def test_a_carrier_on_a_road_has_every_place_that_it_or_its_bin_is_in(
 
 
 def test_a_two_way_carrier_asks_for_one_place_after_the_other():
-    """So a place that a robot only waits for keeps no robot from another place: the proof in docs/traffic.md rests on it."""
+    """So a place that a robot only waits for keeps no robot from another place: the proof in
+    docs/traffic.md rests on it.
+    """
     layout = lay_out(empty_orchard(rows=6, pickers=3, carriers=40, route=TWO_WAY))
     route, claims = route_of(layout), []
     for one in layout.passes(Block(tuple(range(1, 6)))):

@@ -1,4 +1,6 @@
-"""The behaviour of people, animals and weeds: they steer by their scans, and do not stay in one place; what moves flattens weeds."""
+"""The behaviour of people, animals and weeds: they steer by their scans, and do not stay in one
+place; what moves flattens weeds.
+"""
 
 from itertools import pairwise
 
@@ -16,7 +18,9 @@ from orchard.local import Local
 
 
 def facing(*boxes: tuple[float, float]) -> Observation:
-    """Return what a worker at the origin, facing east, observes of 1 m boxes with near sides at (metres ahead, metres to the left)."""
+    """Return what a worker at the origin, facing east, observes of 1 m boxes with near sides at
+    (metres ahead, metres to the left).
+    """
     angles = np.radians(np.linspace(-90, 90, 180))
     scan = np.full(180, np.inf, dtype=np.float32)
     for ahead, left in boxes:
@@ -178,7 +182,9 @@ def test_weeds_stay_for_what_stands_still_or_passes_further_off():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(("speed", "y"), [(1.0, 21.5), (1.0, 21.7), (0.3, 21.5)])
 def test_noise_hides_nothing_that_passes_from_a_weed(speed, y, seed):
-    """However slowly it passes, and with up to 0.95 m between their edges: it comes at most 0.3 m further than without noise."""
+    """However slowly it passes, and with up to 0.95 m between their edges: it comes at most 0.3 m
+    further than without noise.
+    """
     at = [x_of_passer(noise, speed, y, seed) for noise in (0.0, 0.02)]
     assert abs(at[0] - at[1]) <= 0.3
 

@@ -1,4 +1,6 @@
-"""The page as a person fills it in, and runs from it: a real server, real runs, and headless Chromium."""
+"""The page as a person fills it in, and runs from it: a real server, real runs, and headless
+Chromium.
+"""
 
 import http.client
 import json
@@ -56,11 +58,19 @@ def test_the_web_viewer_is_on_the_loopback_only():
         viewer.communicate(timeout=PATIENCE)
 
 
-WEBSOCKET = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
-             "Sec-WebSocket-Key": "b3JjaGFyZCBvcmNoYXJkIQ=="}  # fmt: skip
+WEBSOCKET = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "b3JjaGFyZCBvcmNoYXJkIQ==",
+}
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport="
-ASKED = {"the page": ("GET", "/", {}), "websocket": ("GET", SOCKET + "websocket", WEBSOCKET), "polling": ("GET", SOCKET + "polling", {}),
-         "upload": ("POST", "/_nicegui/client/1/upload/1", {})}  # fmt: skip
+ASKED = {
+    "the page": ("GET", "/", {}),
+    "websocket": ("GET", SOCKET + "websocket", WEBSOCKET),
+    "polling": ("GET", SOCKET + "polling", {}),
+    "upload": ("POST", "/_nicegui/client/1/upload/1", {}),
+}
 
 
 def answer(address, what, **names):
@@ -168,7 +178,9 @@ def test_only_some_pages_wait_for_their_browsers():
 
 
 def test_pages_without_a_browser_are_freed(tmp_path):
-    """What stays of each page is its upload, because FastAPI remembers the last 4,096 functions of routes."""
+    """What stays of each page is its upload, because FastAPI remembers the last 4,096 functions of
+    routes.
+    """
     requests = 3 * MOST_UNSEEN
     script = ROOT / "tests" / "support" / "page_requests.py"
     order = [sys.executable, script, str(free_port()), str(requests), tmp_path]
@@ -260,7 +272,10 @@ def test_a_bad_file_is_explained_and_changes_nothing(browser, tmp_path):
 
 def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     """With picking that varies, which has limits of its own, and a number that no browser holds."""
-    text = "rows: 12\npickers: 4\ncarriers: 9\npicking_speed: 0.5\npicking: {spread: {distribution: gamma, cv: 0.4}}\n"
+    text = (
+        "rows: 12\npickers: 4\ncarriers: 9\npicking_speed: 0.5\npicking: {spread: {distribution:"
+        " gamma, cv: 0.4}}\n"
+    )
     open_file(browser, tmp_path / "mine.yaml", text)
     browser.until(lambda: browser.tree_lines() == 13, "a plan of 12 rows")
     browser.until(
@@ -318,7 +333,8 @@ def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(
 
 @pytest.fixture
 def small(browser):
-    """The page with a small orchard, in one process, eight times as fast as life, to its end, without a live picture.
+    """The page with a small orchard, in one process, eight times as fast as life, to its end,
+    without a live picture.
 
     The page keeps what the test before has set.
     """
@@ -333,7 +349,10 @@ def small(browser):
 
 
 def run_to_its_end(page, folder):
-    """Press Run, and wait for the result: a short run is over before it is seen running. Return the file of the scenario that ran."""
+    """Press Run, and wait for the result: a short run is over before it is seen running.
+
+    Return the file of the scenario that ran.
+    """
     before = {*folder.glob("harvest-*.yaml")}
     page.press("run")
     [file] = page.until(lambda: {*folder.glob("harvest-*.yaml")} - before, "a run of its own")
@@ -561,7 +580,10 @@ def test_a_run_is_still_there_after_a_reload_and_can_be_stopped(small):
 
 @pytest.fixture
 def parent(small, server):
-    """A run of the small orchard, chosen in the list of runs, where it is the newest. A fork of it ends after 4 min."""
+    """A run of the small orchard, chosen in the list of runs, where it is the newest.
+
+    A fork of it ends after 4 min.
+    """
     small.switch("fastest", True)
     file = run_to_its_end(small, server[1])
     small.fill("duration", 240)

@@ -1,4 +1,6 @@
-"""The page as a workbench, in headless Chromium: past runs, links, several browsers, a phone, readers of the screen; and its study."""
+"""The page as a workbench, in headless Chromium: past runs, links, several browsers, a phone,
+readers of the screen; and its study.
+"""
 
 import json
 import os
@@ -24,7 +26,9 @@ PHONE = (390, 844)  # pixels
 
 
 def ended(folder, name, sim_seconds, mode="local", **changes):
-    """Leave the summary of a run in the folder of runs: of its first 30 s, but with another time."""
+    """Leave the summary of a run in the folder of runs: of its first 30 s, but with another
+    time.
+    """
     local = Local(Scenario(**changes))
     account = RunFigures(local.engine, time.monotonic)
     while local.engine.tick < 300:
@@ -38,7 +42,9 @@ def ended(folder, name, sim_seconds, mode="local", **changes):
 
 @pytest.fixture(scope="module")
 def three_runs(server):
-    """Runs that have ended; the second differs from the first in two settings. The third's mode looks like a page's code.
+    """Runs that have ended; the second differs from the first in two settings.
+
+    The third's mode looks like a page's code.
 
     A file beside them is no run.
     """
@@ -170,7 +176,9 @@ def test_a_link_holds_the_scenario(browser, server):
 
 @contextmanager
 def another_site(address, folder):
-    """A page on another site: a link to an orchard of 3 rows, and more images than there are desks."""
+    """A page on another site: a link to an orchard of 3 rows, and more images than there
+    are desks.
+    """
     images = "".join(f"<img src='{address}/?rows=3&seed={number}'>" for number in range(205))
     words = f"<a id=link href='{address}/?rows=3'>your orchard</a>{images}"
     (folder / "index.html").write_text(words)

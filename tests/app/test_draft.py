@@ -233,12 +233,30 @@ def test_two_runs_of_a_second_have_files_of_their_own(tmp_path):
     assert len({fresh_files(tmp_path, "harvest").scenario for _ in range(5)}) == 5
 
 
-SUMMARY = {"mode": "local", "finished": True, "rows": 3, "sim_seconds": 60.0, "bins_delivered": 3, "bins_per_hour": 180.0,
-           "picker_waiting_seconds": 1.0, "carrier_utilisation": 0.5, "scenario": {"rows": 3, "agents": {"picker": "no.such.Class"}},
-           "times_real_time": 8.0, "rows_picked": 3, "bins": 3, "row_length": 70.0, "metres_picked": 210.0, "schedule_sim_seconds": 50.0,
-           "state_seconds": {},
-           "history": {"seconds": [10.0, 20.0], "bins_delivered": [0, 1], "pickers_waited_seconds": [0, 10.0],
-                       "carriers_busy_seconds": [20.0, 30.0]}}  # fmt: skip
+SUMMARY = {
+    "mode": "local",
+    "finished": True,
+    "rows": 3,
+    "sim_seconds": 60.0,
+    "bins_delivered": 3,
+    "bins_per_hour": 180.0,
+    "picker_waiting_seconds": 1.0,
+    "carrier_utilisation": 0.5,
+    "scenario": {"rows": 3, "agents": {"picker": "no.such.Class"}},
+    "times_real_time": 8.0,
+    "rows_picked": 3,
+    "bins": 3,
+    "row_length": 70.0,
+    "metres_picked": 210.0,
+    "schedule_sim_seconds": 50.0,
+    "state_seconds": {},
+    "history": {
+        "seconds": [10.0, 20.0],
+        "bins_delivered": [0, 1],
+        "pickers_waited_seconds": [0, 10.0],
+        "carriers_busy_seconds": [20.0, 30.0],
+    },
+}
 
 
 @pytest.mark.parametrize(
@@ -355,7 +373,10 @@ def test_past_runs_are_the_summaries_and_any_other_file_is_named(tmp_path):
 
 
 def test_forks_stand_under_their_parent_whatever_summaries_say(tmp_path):
-    """Newest first, as any list of runs. Two that name each other stay in the list, and so does a run that names itself."""
+    """Newest first, as any list of runs.
+
+    Two that name each other stay in the list, and so does a run that names itself.
+    """
     parents = {
         "old": None,
         "first": "old",

@@ -1,4 +1,6 @@
-"""Bags of ROS 2: that of a recording has its bits and says what it lacks; a replay drives as the bag says."""
+"""Bags of ROS 2: that of a recording has its bits and says what it lacks; a replay drives as the
+bag says.
+"""
 
 import json
 import math
@@ -46,7 +48,9 @@ ROBOTS = ["carrier_01", "picker_01", "picker_02"]
 
 
 def record(file, ticks=range(1, TICKS + 1), gap=None):
-    """Record these ticks of a run, and a gap before them; return (pose, twist, wanted) of each tick."""
+    """Record these ticks of a run, and a gap before them; return (pose, twist, wanted) of each
+    tick.
+    """
     local, recorder = Local(SMALL), Recorder(lay_out(SMALL), "one", file)
     frames, was = FrameBuilder(local.engine), {}
     if gap is not None:
@@ -188,8 +192,8 @@ def test_a_recording_that_a_kill_has_torn_gives_the_bag_of_what_is_left(recorded
     ticks = len(read(tmp_path / "run.mcap")["/picker_01/odom"])
     assert ticks > 30
     assert (
-        f"its end is torn off, and it is repaired; it ends at {(ticks - 1) / 10} s; the bag lacks that, too"
-        in capfd.readouterr().err
+        f"its end is torn off, and it is repaired; it ends at {(ticks - 1) / 10} s; the bag lacks"
+        " that, too" in capfd.readouterr().err
     )
     (tmp_path / "run.rrd").write_bytes(whole[: len(whole) // 8])
     with pytest.raises(RecordingError, match=r"run.rrd: it has no|run.rrd: it cannot"):
@@ -322,7 +326,10 @@ def test_a_velocity_counts_for_half_a_second(tick, is_driven):
 
 
 def test_bags_of_other_software_are_read_too(tmp_path):
-    """A Twist has no stamp: the message's time counts. What is between two ticks counts from the later one on."""
+    """A Twist has no stamp: the message's time counts.
+
+    What is between two ticks counts from the later one on.
+    """
     path = written(
         tmp_path / "one.mcap",
         (topics.CMD_VEL_UNSTAMPED, "picker_01", 7, messages.twist(0.5, 0.0, 0.1)),
@@ -410,8 +417,8 @@ def test_a_bag_without_a_velocity_in_the_run_is_refused(tmp_path, kind, duration
     path = recorded_today(tmp_path / "run.mcap", kind)
     done = orchard("replay", path, *REPLAY, *duration, code=2)
     assert done.stdout == ""
-    assert done.stderr == (
-        f"{path}: none of its 20 velocities falls within the run: "
+    assert (
+        done.stderr == f"{path}: none of its 20 velocities falls within the run: "
         "the first is at 1764290000.0 s, the last at 1764290001.9 s; "
         f"the run begins at 0 s and {ending}; "
         "--from-first-stamp begins the run at the first velocity of the bag\n"
@@ -461,7 +468,10 @@ UNUSABLE = [
     ),
     (
         [NAN],
-        r"/picker_01/cmd_vel, at 0.3 s: a velocity of \(nan, 0.0, 0.0\); expected numbers from -100 to 100",
+        (
+            r"/picker_01/cmd_vel, at 0.3 s: a velocity of \(nan, 0.0, 0.0\); expected numbers from"
+            r" -100 to 100"
+        ),
     ),
     (
         [scenario("rows: 3"), MOVES],
@@ -528,7 +538,10 @@ def test_code_that_the_scenario_in_a_bag_names_is_imported_only_if_the_user_asks
         orchard(*replay, "--own-code", code=1 if key == "agents" else 2),
     )
     assert refused.stdout == ""
-    wanted = f"{path}: its scenario names code, which can do whatever you can: {named}: nowhere.Mine; --own-code imports it"
+    wanted = (
+        f"{path}: its scenario names code, which can do whatever you can: {named}: nowhere.Mine;"
+        " --own-code imports it"
+    )
     assert refused.stderr == f"{wanted}, a SCENARIO.yaml replaces it\n"
     assert "cannot be used: ModuleNotFoundError: No module named 'nowhere'" in asked.stderr
     if key == "dispatch":  # what the user names is the user's

@@ -1,4 +1,6 @@
-"""The soak's own parts: its schedule follows from the seed, its relay passes and cuts, its nonsense is of no run, its report tells all."""
+"""The soak's own parts: its schedule follows from the seed, its relay passes and cuts, its nonsense
+is of no run, its report tells all.
+"""
 
 import itertools
 import socket

@@ -43,7 +43,9 @@ def test_local_mode_harvests_each_scene_as_it_is_stored(scene):
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_stored_counts_of_bins_are_those_of_the_rows(scene):
-    """Each full bin is left by its picker and taken by a carrier, which has brought an empty one and unloads the full one."""
+    """Each full bin is left by its picker and taken by a carrier, which has brought an empty one
+    and unloads the full one.
+    """
     bins = stored_counts()[scene].bins
     assert set(bins) == set(OF_BINS)
     assert bins["row picked"] == SCENES[scene]["rows"]

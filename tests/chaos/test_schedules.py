@@ -1,4 +1,6 @@
-"""The whole protocol on a simulated network: `python -m chaos.simulated` carries out thousands of such schedules."""
+"""The whole protocol on a simulated network: `python -m chaos.simulated` carries out thousands of
+such schedules.
+"""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -223,7 +225,9 @@ def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
 
 @pytest.mark.parametrize("delay", [0.0, 0.002, 0.006])
 def test_a_harvest_whose_physics_dies_just_when_it_has_ended_is_over(monkeypatch, delay):
-    """It writes no snapshot then: if it was started again, it would go back to an older tick, without the hosts that have left."""
+    """It writes no snapshot then: if it was started again, it would go back to an older tick,
+    without the hosts that have left.
+    """
     over = RunAccount.why_over
     monkeypatch.setattr(
         RunAccount, "why_over", lambda self, ticks: over(self, ticks) and "harvested"
@@ -264,7 +268,9 @@ def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
 
 
 def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
-    """The disk is full just after that, so physics begins with the old seed again: agents of two scenarios would drive in one run."""
+    """The disk is full just after that, so physics begins with the old seed again: agents of two
+    scenarios would drive in one run.
+    """
     faults = (
         Fault("reset", CLIENT, 0, 0.04),
         Fault("full disk", PHYSICS, 0, 0.12, 500.0),

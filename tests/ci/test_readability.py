@@ -1,4 +1,6 @@
-"""The measure of how the code reads: it sees each thing that it is about, and leaves alone what is like it."""
+"""The measure of how the code reads: it sees each thing that it is about, and leaves alone what is
+like it.
+"""
 
 import importlib.util
 import sys

@@ -1,4 +1,6 @@
-"""Nonsense on every key of a real run: refused, counted, logged once; and the run is the same to the last bit."""
+"""Nonsense on every key of a real run: refused, counted, logged once; and the run is the same to
+the last bit.
+"""
 
 import random
 
@@ -15,7 +17,9 @@ NAMES = ("picker_01", "bin_02", "traffic", "nobody")
 
 @pytest.fixture
 def running(fleet, tmp_path):
-    """A run with two hosts and a logger, of which no tick has passed yet; a client, and what it hears of the end."""
+    """A run with two hosts and a logger, of which no tick has passed yet; a client, and what it
+    hears of the end.
+    """
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     logger = fleet.start(
         "orchard.processes.logger",

@@ -1,4 +1,6 @@
-"""Agents must be repeatable: `--check-agents` names those that are not, and a memory that its bytes do not give back is refused."""
+"""Agents must be repeatable: `--check-agents` names those that are not, and a memory that its bytes
+do not give back is refused.
+"""
 
 import enum
 import math
@@ -131,14 +133,21 @@ def test_a_memory_that_is_another_after_a_kill_is_refused_at_once(memory, type_,
     assert local.actions["picker_01"].state == "broken"
     assert keeper.got == [None, None]
     (record,) = caplog.records
-    said = rf"^picker_01 raised an error at tick 0; it stands.\n  Keeper \(.*, line \d+\):\n(.|\n)*{re.escape(place)}"
+    said = (
+        r"^picker_01 raised an error at tick 0; it stands.\n  Keeper \(.*, line"
+        rf" \d+\):\n(.|\n)*{re.escape(place)}"
+    )
     assert re.search(said, record.getMessage())
 
 
 KEPT = [
-    ({"a": math.nan, "b": math.inf, "c": None, "d": b"x"}, dict), ({1: [True]}, dict), ({"a": 1}, dict[str, float]),
-    ({1, 2}, set[int]), ((1, "x"), tuple[int, str]), (Note(seen=[1]), Note),
-]  # fmt: skip
+    ({"a": math.nan, "b": math.inf, "c": None, "d": b"x"}, dict),
+    ({1: [True]}, dict),
+    ({"a": 1}, dict[str, float]),
+    ({1, 2}, set[int]),
+    ((1, "x"), tuple[int, str]),
+    (Note(seen=[1]), Note),
+]
 
 
 @pytest.mark.parametrize(("memory", "type_"), KEPT)
@@ -177,6 +186,7 @@ def test_a_memory_is_refused_over_the_network_as_in_local_mode(fleet):
     assert code == 1, "an agent is broken"
     assert f"hash {local_hash(collecting, 10)}" in out
     assert re.search(
-        r"picker_01 raised an error at tick 0(.|\n)*memory\['seen'\]: set \{'picker_01'\}, then list",
+        r"picker_01 raised an error at tick 0(.|\n)*memory\['seen'\]: set \{'picker_01'\}, then"
+        r" list",
         host.end()[2],
     )

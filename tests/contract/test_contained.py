@@ -1,4 +1,6 @@
-"""What an own class sets, prints or leaves behind counts within its own call: it changes no other agent, not the program, and no hash."""
+"""What an own class sets, prints or leaves behind counts within its own call: it changes no other
+agent, not the program, and no hash.
+"""
 
 import ctypes
 import decimal
@@ -105,9 +107,11 @@ PLACES = {
     "rule": lambda: rows_to_pickers(
         SMALL.model_copy(update={"rows_to_pickers": f"{__name__}.rule"})
     ),
-    "policy": lambda: DiscreteHarvest(
-        lay_out(SMALL.model_copy(update={"dispatch": f"{__name__}.SettingNearest"}))
-    ).run(),
+    "policy": (
+        lambda: DiscreteHarvest(
+            lay_out(SMALL.model_copy(update={"dispatch": f"{__name__}.SettingNearest"}))
+        ).run()
+    ),
 }
 
 
@@ -162,9 +166,8 @@ def test_the_first_lines_are_shown_and_the_rest_is_left_out():
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
-def test_an_agent_that_prints_much_and_leaves_a_thread_neither_floods_the_terminal_nor_holds_the_run(
-    mode, tmp_path
-):
+def test_an_agent_that_prints_much_and_leaves_a_thread_is_contained(mode, tmp_path):
+    """It neither floods the terminal nor holds the run."""
     path = scenario_file(tmp_path, driven_by(picker_01="Noisy"))
     done = python(
         "run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH

@@ -1,4 +1,6 @@
-"""Whatever an own agent returns or raises, it breaks only this agent; and what its guard passes, physics accepts and a person can read."""
+"""Whatever an own agent returns or raises, it breaks only this agent; and what its guard passes,
+physics accepts and a person can read.
+"""
 
 import asyncio
 import math
@@ -142,23 +144,35 @@ speeds = st.floats(-100, 100)
 memories = st.dictionaries(st.text(), st.integers(0, 9))
 wild = st.sampled_from([0, 1, True, 101.0, -0.0, math.nan]) | anything
 sound = st.builds(
-    Action, st.builds(Twist, speeds, st.just(0.0), speeds), st.lists(deeds, max_size=3), letters, replies, memories,
-    texts, st.sampled_from([None, "picking", Word.PICKING]), texts, st.integers(0, 2**53 - 1),
-)  # fmt: skip
+    Action,
+    st.builds(Twist, speeds, st.just(0.0), speeds),
+    st.lists(deeds, max_size=3),
+    letters,
+    replies,
+    memories,
+    texts,
+    st.sampled_from([None, "picking", Word.PICKING]),
+    texts,
+    st.integers(0, 2**53 - 1),
+)
 slips = {
     "twist": st.builds(Twist, speeds | wild, st.just(0.0) | wild, speeds | wild) | anything,
     "deeds": st.lists(deeds | odd, max_size=18) | st.lists(deeds, max_size=20) | anything,
-    "requests": st.builds(
-        lambda some, one: [*some, one], letters, st.tuples(names, requests | odd) | anything
-    )
-    | letters.map(tuple)
-    | anything,
-    "answers": st.builds(
-        lambda some, more: [*some, more],
-        replies,
-        st.tuples(heard | anything, answers | odd) | anything,
-    )
-    | anything,
+    "requests": (
+        st.builds(
+            lambda some, one: [*some, one], letters, st.tuples(names, requests | odd) | anything
+        )
+        | letters.map(tuple)
+        | anything
+    ),
+    "answers": (
+        st.builds(
+            lambda some, more: [*some, more],
+            replies,
+            st.tuples(heard | anything, answers | odd) | anything,
+        )
+        | anything
+    ),
     "memory": anything,
     "doing": anything,
     "state": anything,

@@ -1,4 +1,6 @@
-"""Robots that others drive: the own agent of docs/how-to.md, a client that knows only keyspace.md, and classes that a scenario names."""
+"""Robots that others drive: the own agent of docs/how-to.md, a client that knows only keyspace.md,
+and classes that a scenario names.
+"""
 
 import re
 import subprocess
@@ -210,11 +212,17 @@ MISTAKES = [
     ("own_agents.Nowhere", "has no attribute 'Nowhere'"),
     (
         "nowhere_at_all.Agent",
-        "No module named 'nowhere_at_all'; modules are imported from the directory in which you run",
+        (
+            "No module named 'nowhere_at_all'; modules are imported from the directory in which"
+            " you run"
+        ),
     ),
     (
         "own_agents.Nameless",
-        r"takes no arguments; the program calls it with \(layout, name\) \(.*own_agents\.py, line \d+",
+        (
+            r"takes no arguments; the program calls it with \(layout, name\) \(.*own_agents\.py,"
+            r" line \d+"
+        ),
     ),
     ("own_agents.Wrong", "each number must be from -100 to 100"),
     ("own_agents.Quitter", r"raised an error at tick 0(.|\n)*SystemExit: 3"),

@@ -1,4 +1,6 @@
-"""What an agent is given is read-only in every mode: it changes neither the world nor another agent."""
+"""What an agent is given is read-only in every mode: it changes neither the world nor another
+agent.
+"""
 
 import re
 from dataclasses import dataclass, field
@@ -16,7 +18,10 @@ from orchard.local import Local
 from orchard.remote import connect
 from orchard.wire import codec
 
-ADVICE = "What an agent is given is read-only. To change ranges, take a copy: scan = observation.scan.copy()"
+ADVICE = (
+    "What an agent is given is read-only. To change ranges, take a copy: scan ="
+    " observation.scan.copy()"
+)
 
 
 def arrays_of(seen):

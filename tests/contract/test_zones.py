@@ -18,7 +18,9 @@ def zones(draw) -> Zone:
 
 
 def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
-    """The ranges between which each beam is in a zone, float64: along each axis by itself, where the beam is not across it."""
+    """The ranges between which each beam is in a zone, float64: along each axis by itself, where
+    the beam is not across it.
+    """
     enter, leave = np.zeros(laser.beams), np.full(laser.beams, np.inf)
     for direction, least, most in zip(
         beams(laser), (zone.x_min, zone.y_min), (zone.x_max, zone.y_max), strict=True

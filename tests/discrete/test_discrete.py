@@ -263,7 +263,9 @@ def test_the_long_run_is_slower_with_people() -> None:
 
 
 def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() -> None:
-    """Else they are done while the others go on, and the long run has fewer pickers than the orchard."""
+    """Else they are done while the others go on, and the long run has fewer pickers than the
+    orchard.
+    """
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
     assert sorted(len(block.rows) for block in layout.blocks.values()) == [1, 1, 1, 2]
     assert {
@@ -280,7 +282,9 @@ def test_the_long_run_of_slow_pickers_in_long_rows_is_not_taken_for_a_jam() -> N
 
 
 def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
-    """By Little's law: pickers that wait, and carriers that are out, on average are the rate times the mean time of each."""
+    """By Little's law: pickers that wait, and carriers that are out, on average are the rate times
+    the mean time of each.
+    """
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
     found, bounds = long_run(layout), Bounds(layout)
     each_picker = 3600.0 * 2 / found.bins_per_hour  # s from one bin to the next
@@ -357,7 +361,10 @@ def test_a_long_run_has_the_rate_of_a_far_longer_one(changes: dict[str, Any]) ->
 def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> None:
     with pytest.raises(
         Jam,
-        match=r"^picker_0\d has done \d+ % of its rows when another picker has done all: too few carriers come to it$",
+        match=(
+            r"^picker_0\d has done \d+ % of its rows when another picker has done all: too few"
+            r" carriers come to it$"
+        ),
     ):
         long_run(lay_out(orchard(rows=12, pickers=6, carriers=2, dispatch=dispatch)))
 

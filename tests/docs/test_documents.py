@@ -1,4 +1,6 @@
-"""The documents tell the truth: commands and code in them run, the tutorial shows what comes, generated files are what programs write."""
+"""The documents tell the truth: commands and code in them run, the tutorial shows what comes,
+generated files are what programs write.
+"""
 
 import ast
 import re
@@ -80,7 +82,9 @@ def test_the_examples_in_extending_md_are_the_files():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_commands_in_the_documents_run(command, tmp_path):
-    """`make` and `python` only say what they would do: they would take long. The others run for real, in this environment."""
+    """`make` and `python` only say what they would do: they would take long. The others run for
+    real, in this environment.
+    """
     program, *words = shlex.split(command, comments=True)
     if program == "orchard":
         record = [] if "--record" in words else ["--record", "run.rrd"]
@@ -154,7 +158,8 @@ def test_the_summarys_document_has_all_its_keys(tmp_path):
 
 def test_the_readmes_speeds_are_those_of_the_benchmarks():
     (said,) = re.findall(
-        r"its core makes ([\d,]+) steps a second, where IR-SIM makes ([\d.]+) and Stage, as quoted, ([\d.]+)",
+        r"its core makes ([\d,]+) steps a second, where IR-SIM makes ([\d.]+) and Stage, as quoted,"
+        r" ([\d.]+)",
         README,
     )
     rows = [

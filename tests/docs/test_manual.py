@@ -1,4 +1,6 @@
-"""What docs/manual.md says of the default, and of the options that restore the manual's way, is what a run does."""
+"""What docs/manual.md says of the default, and of the options that restore the manual's way, is
+what a run does.
+"""
 
 from functools import cache
 

@@ -1,4 +1,6 @@
-"""What pyproject.toml says of the package: ranges and exact versions agree, and all files of the package are in it."""
+"""What pyproject.toml says of the package: ranges and exact versions agree, and all files of the
+package are in it.
+"""
 
 import ast
 import os
@@ -160,13 +162,19 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
             SOUND,
             SOUND,
             0,
-            "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: it knows of none",
+            (
+                "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: it"
+                " knows of none"
+            ),
         ),
         (
             "",
             SOUND,
             0,
-            "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: no route to the registry",
+            (
+                "NOT CHECKED, for the registry reports none of pycrypto==2.6.1, which has some: no"
+                " route to the registry"
+            ),
         ),
     ],
 )
@@ -176,7 +184,8 @@ def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_check
     audit, packages = tmp_path / "pip-audit", tmp_path / "packages.txt"
     answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"
     audit.write_text(
-        f"#!{sys.executable}\nimport sys\nprint({answers})\nprint('no route to the registry', file=sys.stderr)\n"
+        f"#!{sys.executable}\nimport sys\nprint({answers})\nprint('no route to the registry',"
+        " file=sys.stderr)\n"
     )
     audit.chmod(0o755)
     packages.write_text("numpy==2.4.6\n")
@@ -222,15 +231,24 @@ def test_harvests_on_arm_that_cannot_be_run_are_told(programs, why, tmp_path):
 
 @pytest.mark.parametrize("uv_can", [True, False])
 def test_uv_is_told_where_pip_finds_packages_and_pip_does_what_uv_cannot(uv_can, tmp_path):
-    """In a folder whose pip and uv write down what they are told. What the environment says counts before a file."""
+    """In a folder whose pip and uv write down what they are told.
+
+    What the environment says counts before a file.
+    """
     told, file = tmp_path / "told", tmp_path / "pip.conf"
     file.write_text(
         "[global]\nfind-links = /other\nextra-index-url =\n    file:///b\n    file:///c\n"
     )
-    heard = f'env | grep -E "^UV_(DEFAULT_INDEX|INDEX|FIND)" | sort >{told}; echo uv "$@" >>{told}; exit {int(not uv_can)}'
+    heard = (
+        f'env | grep -E "^UV_(DEFAULT_INDEX|INDEX|FIND)" | sort >{told}; echo uv "$@" >>{told};'
+        f" exit {int(not uv_can)}"
+    )
     for name, text in {
         ".ci/install": (ROOT / ".ci" / "install").read_text(),
-        ".venv/bin/pip": f'#!/bin/sh\n[ "$1" = config ] && exec {sys.executable} -m pip "$@"; echo pip "$@" >>{told}\n',
+        ".venv/bin/pip": (
+            f'#!/bin/sh\n[ "$1" = config ] && exec {sys.executable} -m pip "$@"; echo pip "$@"'
+            f" >>{told}\n"
+        ),
         ".venv/bin/uv": f"#!/bin/sh\n{heard}\n",
     }.items():
         path = tmp_path / name

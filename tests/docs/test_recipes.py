@@ -72,7 +72,8 @@ def is_in(file: str, path: str) -> bool:
 def test_each_recipe_leads_to_its_end(tmp_path):
     """With all of them carried out in one copy, the tests that they name pass: the quick ones.
 
-    Of a folder these are the tests that the recipe edits. A copy for each recipe would cost minutes.
+    Of a folder these are the tests that the recipe edits. A copy for each recipe would cost
+    minutes.
     """
     for part in PARTS:
         shutil.copytree(ROOT / part, tmp_path / part, ignore=LEFT_OUT)

@@ -1,4 +1,6 @@
-"""The examples that compare: the limit with the long run, the fast model with the simulator, intervals with the truth, recordings."""
+"""The examples that compare: the limit with the long run, the fast model with the simulator,
+intervals with the truth, recordings.
+"""
 
 import re
 import subprocess

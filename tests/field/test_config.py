@@ -1,4 +1,6 @@
-"""The scenario: what is shipped, what is fine, what a change makes of it; and whatever is taken for one is one, or an error in words."""
+"""The scenario: what is shipped, what is fine, what a change makes of it; and whatever is taken for
+one is one, or an error in words.
+"""
 
 import json
 from pathlib import Path
@@ -323,7 +325,10 @@ SCRAPS += [
 ]
 SCRAPS += ["5", "0x1F", "0o7", "1e3", ".inf", ".nan", "true", "null", "2001-01-01"]
 scraps = st.lists(st.sampled_from(SCRAPS) | st.text(max_size=2), max_size=25).map("".join)
-TEXT = "rows: 4\npeople: {workers: 3, visitors: 0}\nlaser: {noise: 0.01}\nagents: {picker: my.Picker}\n"
+TEXT = (
+    "rows: 4\npeople: {workers: 3, visitors: 0}\nlaser: {noise: 0.01}\nagents: {picker:"
+    " my.Picker}\n"
+)
 damaged = st.builds(
     lambda at, scrap, gone: TEXT[:at] + scrap + TEXT[at + gone :],
     st.integers(0, len(TEXT)),

@@ -1,4 +1,6 @@
-"""Every mistake in a scenario is named with its place, all of them at once; a file that is no scenario at all is refused in few words."""
+"""Every mistake in a scenario is named with its place, all of them at once; a file that is no
+scenario at all is refused in few words.
+"""
 
 import itertools
 from pathlib import Path
@@ -39,7 +41,10 @@ OUT_OF_RANGE = [
     ),
     (
         "laser: {noise: 0.2}",
-        "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured range, m)",
+        (
+            "laser.noise = 0.2: must be a number from 0.0 to 0.02 (standard deviation of a measured"
+            " range, m)"
+        ),
     ),
 ]
 
@@ -49,11 +54,39 @@ def test_out_of_range(text: str, wanted: str) -> None:
     assert wanted in refusal(text)
 
 
-WRONG_TYPES = ["rows: true", "rows: 5.0", "rows: '5'", "rows: null", "rows: [5]", "rows: {a: 5}", "rows: five", "rows: 010", "rows: 1:05",
- "rows: 1_0", "rows: 2020-02-02", "row_width: true", "row_width: wide", "row_width: .nan", "row_width: .inf", "picking_speed: -.inf",
- "laser: {noise: .NaN}", "carriers: true", "carriers: many", "seed: 1.5", "tractor: 1", "tractor: yes", "tractor: null", "people: 3",
- "picking_speed: 1e999999999", 'rows: "\\ud800"',
- "people: null", "people: [1, 2]", "animals: dogs", "laser: 0.1", "weeds: .inf"]  # fmt: skip
+WRONG_TYPES = [
+    "rows: true",
+    "rows: 5.0",
+    "rows: '5'",
+    "rows: null",
+    "rows: [5]",
+    "rows: {a: 5}",
+    "rows: five",
+    "rows: 010",
+    "rows: 1:05",
+    "rows: 1_0",
+    "rows: 2020-02-02",
+    "row_width: true",
+    "row_width: wide",
+    "row_width: .nan",
+    "row_width: .inf",
+    "picking_speed: -.inf",
+    "laser: {noise: .NaN}",
+    "carriers: true",
+    "carriers: many",
+    "seed: 1.5",
+    "tractor: 1",
+    "tractor: yes",
+    "tractor: null",
+    "people: 3",
+    "picking_speed: 1e999999999",
+    'rows: "\\ud800"',
+    "people: null",
+    "people: [1, 2]",
+    "animals: dogs",
+    "laser: 0.1",
+    "weeds: .inf",
+]
 
 
 @pytest.mark.parametrize("text", WRONG_TYPES)
@@ -85,9 +118,11 @@ def test_an_unknown_key_tells_the_closest(text: str, path: str, guess: str) -> N
 
 def test_an_unknown_key_tells_the_known_ones() -> None:
     assert refusal("xyzzy: 1").endswith(
-        "unknown key; known here: rows, pickers, row_length, metres_per_bin, bins_per_row, crop, row_width, carriers, queue_room, "
-        "picking_speed, picking_rate, picking, carrying, chargers, seed, people, animals, weeds, tractor, laser, sensors, agents, "
-        "agents_without_body, dispatch, dispatch_errors, rows_to_pickers, order_in_row, route, bay, prices, survey"
+        "unknown key; known here: rows, pickers, row_length, metres_per_bin, bins_per_row, crop,"
+        " row_width, carriers, queue_room, picking_speed, picking_rate, picking, carrying,"
+        " chargers, seed, people, animals, weeds, tractor, laser, sensors, agents,"
+        " agents_without_body, dispatch, dispatch_errors, rows_to_pickers, order_in_row, route,"
+        " bay, prices, survey"
     )
 
 
@@ -133,20 +168,32 @@ WHOLE_LINES = [
     ),
     (
         "crop: {tonnes_per_hectare: 39}",
-        "my.yaml:1: crop.tonnes_per_hectare = 39.0, crop.kilograms_per_bin = None: must be set together",
+        (
+            "my.yaml:1: crop.tonnes_per_hectare = 39.0, crop.kilograms_per_bin = None: must be set"
+            " together"
+        ),
     ),
     (
         "row_length: 30\nbins_per_row: 10",
-        "my.yaml:2: bins_per_row = 10.0, row_length = 30.0: a bin would fill in 3 m of row; must be 5 to 200 m",
+        (
+            "my.yaml:2: bins_per_row = 10.0, row_length = 30.0: a bin would fill in 3 m of row;"
+            " must be 5 to 200 m"
+        ),
     ),
     (
         "picking_rate: 60\nmetres_per_bin: 100",
-        "my.yaml:1: picking_rate = 60.0: must be 0.036 to 36 where 100 m of row fill a bin: a picker goes 0.001 to 1 m/s",
+        (
+            "my.yaml:1: picking_rate = 60.0: must be 0.036 to 36 where 100 m of row fill a bin: a"
+            " picker goes 0.001 to 1 m/s"
+        ),
     ),
     (
         "picking_rate: 51\npicking: {spread: {distribution: gamma}}",
-        "my.yaml:2: picking_rate = 51.0, picking.spread.distribution = gamma, picking.spread.cv = 0.3: the distribution must be none at "
-        "this picking_rate, because no picker picks faster than 1 m/s",
+        (
+            "my.yaml:2: picking_rate = 51.0, picking.spread.distribution = gamma, picking.spread.cv"
+            " = 0.3: the distribution must be none at this picking_rate, because no picker picks"
+            " faster than 1 m/s"
+        ),
     ),
     # too many together
     ("rows: 3\npickers: 4", "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row"),
@@ -218,11 +265,18 @@ def test_all_problems_are_told_at_once() -> None:
 
 def test_all_broken_rules_are_told_at_once() -> None:
     assert refused(
-        "rows: 3\npickers: 4\nagents_without_body: {picker: a.B}\npeople: {workers: 51}\nanimals: {dogs: 30, cats: 30}"
+        "rows: 3\npickers: 4\nagents_without_body: {picker: a.B}\npeople: {workers: 51}\nanimals:"
+        " {dogs: 30, cats: 30}"
     ) == [
         "my.yaml:2: pickers = 4, rows = 3: must be at most one picker a row",
-        "my.yaml:3: agents_without_body = {'picker': 'a.B'}: must be names that no other agent has; not picker",
-        "my.yaml:4: people.workers = 51: must be a whole number from 0 to 50 (number of workers, in yellow hats)",
+        (
+            "my.yaml:3: agents_without_body = {'picker': 'a.B'}: must be names that no other agent"
+            " has; not picker"
+        ),
+        (
+            "my.yaml:4: people.workers = 51: must be a whole number from 0 to 50 (number of"
+            " workers, in yellow hats)"
+        ),
         "my.yaml:5: animals.dogs = 30, animals.cats = 30: must be at most 50 together",
     ]
 

@@ -1,4 +1,6 @@
-"""Surveyed rows from GeoJSON: the same scenario from any coordinate system, and each line that does not fit is told with its id."""
+"""Surveyed rows from GeoJSON: the same scenario from any coordinate system, and each line that does
+not fit is told with its id.
+"""
 
 import cmath
 import json
@@ -115,7 +117,9 @@ def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
 
 @pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2053"])
 def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs: str, file: Path):
-    """EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the south."""
+    """EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the
+    south.
+    """
     utm = {"EPSG:5513": "EPSG:32633", "EPSG:2053": "EPSG:32735"}[crs]
     there = {
         "EPSG:5513": complex(500_000.0, 5_538_000.0),
@@ -263,7 +267,10 @@ def test_all_faults_are_told_at_once(file: Path):
 
 
 def line(coordinates: str) -> str:
-    return f'{{"features": [7, {{"geometry": {{"type": "LineString", "coordinates": {coordinates}}}}}]}}'
+    return (
+        '{"features": [7, {"geometry": {"type": "LineString", "coordinates":'
+        f" {coordinates}}}}}]}}"
+    )
 
 
 TEXT = SAMPLE.read_text()
@@ -274,7 +281,10 @@ UNUSABLE = [
     (
         line('[["a", 1]]'),
         None,
-        'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such as [176.3, -37.8]',
+        (
+            'feature number 2: its point 1 is ["a", 1]; each point must be two finite numbers, such'
+            " as [176.3, -37.8]"
+        ),
     ),
     (line("[[1, 2], [NaN, 1]]"), None, "feature number 2: its point 2 is [NaN, 1]; each"),
     (line("[[1, 2], null]"), None, "feature number 2: its point 2 is null; each"),
@@ -292,12 +302,18 @@ UNUSABLE = [
     (
         TEXT,
         "nonsense",
-        "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name; name that of",
+        (
+            "the coordinate system 'nonsense' cannot be used: unrecognized format / unknown name;"
+            " name that of"
+        ),
     ),
     (
         TEXT,
         "EPSG:999999",
-        "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file, geographic or",
+        (
+            "'EPSG:999999' cannot be used: crs not found: EPSG:999999; name that of the file,"
+            " geographic or"
+        ),
     ),
     (TEXT, "", "the coordinate system '' cannot be used"),
     (TEXT, "\ud800", "the coordinate system '?' cannot be used: 'utf-8' codec"),

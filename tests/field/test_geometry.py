@@ -1,4 +1,6 @@
-"""Headings, frames, quaternions; the boxes of the kernels against plain reckoning; and the project's own sine, arc tangent, logarithm."""
+"""Headings, frames, quaternions; the boxes of the kernels against plain reckoning; and the
+project's own sine, arc tangent, logarithm.
+"""
 
 import ast
 import math

@@ -1,4 +1,6 @@
-"""Where everything stands at the beginning: the figures of the reference, and nothing overlapping in any legal scenario."""
+"""Where everything stands at the beginning: the figures of the reference, and nothing overlapping
+in any legal scenario.
+"""
 
 import math
 import time
@@ -63,7 +65,9 @@ def of(layout: Layout, *kinds: str) -> list[Start]:
 
 
 def strictly_in(points: np.ndarray, *areas: Sequence[float]) -> bool:
-    """Whether a box's middle or a corner is in one of the areas; good enough for bodies that are smaller than these are."""
+    """Whether a box's middle or a corner is in one of the areas; good enough for bodies that are
+    smaller than these are.
+    """
     x, y = np.vstack([points, points.mean(axis=0)]).T
     west, south, east, north = np.array(areas).T[..., None]
     return bool(np.any((west < x) & (x < east) & (south < y) & (y < north)))
@@ -174,7 +178,10 @@ def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
 
 
 def seconds_a_body(scenario: Scenario) -> float:
-    """Return the least processor time of a few layouts, for each body, s. No layout is kept from before."""
+    """Return the least processor time of a few layouts, for each body, s.
+
+    No layout is kept from before.
+    """
     times = []
     for seed in range(101, 106):
         another = scenario.model_copy(update={"seed": seed})
@@ -186,7 +193,10 @@ def seconds_a_body(scenario: Scenario) -> float:
 
 @pytest.mark.parametrize("scenario", [BIGGEST, FULLEST], ids=["biggest", "fullest"])
 def test_a_body_costs_as_much_in_a_big_orchard_as_in_the_default_one(scenario: Scenario) -> None:
-    """Both times are of one run. If each body were compared with each other, it would be 18 times as much."""
+    """Both times are of one run.
+
+    If each body were compared with each other, it would be 18 times as much.
+    """
     assert seconds_a_body(scenario) <= 4.0 * seconds_a_body(Scenario())
 
 

@@ -89,7 +89,9 @@ def times(distribution: str, cv: float, speed: float) -> list[float]:
 
 
 def share_below(distribution: str, time: float, cv: float, least: float) -> float:
-    """Return the probability that a row takes less than `time`, by the distribution's closed form; `least`: the time to drive along it."""
+    """Return the probability that a row takes less than `time`, by the distribution's closed form;
+    `least`: the time to drive along it.
+    """
     share, cv = (time - least) / (1.0 - least), cv / (1.0 - least)
     if distribution == "uniform":
         return 0.5 + (share - 1.0) / (2.0 * math.sqrt(3.0) * cv)
@@ -170,10 +172,14 @@ def test_a_spread_for_which_a_picker_would_be_too_fast_is_refused(
     told = refusal(
         f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}"
     )
-    values = f"picking_speed = {speed}, picking.spread.distribution = {distribution}, picking.spread.cv = {cv}"
+    values = (
+        f"picking_speed = {speed}, picking.spread.distribution = {distribution}, picking.spread.cv"
+        f" = {cv}"
+    )
     assert (
         told
-        == f"my.yaml:3: {values}: {wanted} at this picking_speed, because no picker picks faster than 1 m/s"
+        == f"my.yaml:3: {values}: {wanted} at this picking_speed, because no picker picks faster"
+        " than 1 m/s"
     )
 
 

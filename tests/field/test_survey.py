@@ -1,4 +1,6 @@
-"""Orchards with surveyed rows: what they look like, what is refused, and that they are harvested to the end on both routes."""
+"""Orchards with surveyed rows: what they look like, what is refused, and that they are harvested to
+the end on both routes.
+"""
 
 from statistics import fmean
 

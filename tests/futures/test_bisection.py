@@ -13,7 +13,10 @@ def future(ended="harvested", **figures):
 
 
 def searched(decided, first, count=2):
-    """Search where all futures from a tick after `decided` on jam. `first`: moments that were kept."""
+    """Search where all futures from a tick after `decided` on jam.
+
+    `first`: moments that were kept.
+    """
     asked = []
 
     def live_at(tick):

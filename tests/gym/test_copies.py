@@ -1,4 +1,6 @@
-"""A copy of an environment goes on as the environment itself, by deepcopy and by pickle, before and after its first reset."""
+"""A copy of an environment goes on as the environment itself, by deepcopy and by pickle, before and
+after its first reset.
+"""
 
 import copy
 import pickle
@@ -41,7 +43,10 @@ COPIES = {"deepcopy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.d
 
 
 def steps(env, infos, count):
-    """Return what an environment tells in some steps, as text of all bits. It does what our agents would do."""
+    """Return what an environment tells in some steps, as text of all bits.
+
+    It does what our agents would do.
+    """
     told = []
     for _ in range(count):
         info = infos.get(CARRIER, infos)

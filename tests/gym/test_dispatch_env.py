@@ -1,4 +1,6 @@
-"""The environment in which dispatch is learned: the interface's checks, the same harvest as the fast model, use in the simulator."""
+"""The environment in which dispatch is learned: the interface's checks, the same harvest as the
+fast model, use in the simulator.
+"""
 
 from pathlib import Path
 
@@ -101,7 +103,9 @@ def test_random_actions_within_the_mask_finish_the_harvest_and_are_repeatable():
 
 @pytest.mark.parametrize(("longest", "until"), [(5, 5), (5000, 5000), (LONGEST, 12_000)])
 def test_who_never_sends_a_carrier_is_truncated(longest, until):
-    """Before the first decision; after so many ticks; or 600 s after both pickers have begun to wait."""
+    """Before the first decision; after so many ticks; or 600 s after both pickers have begun to
+    wait.
+    """
     env = dispatch_env(SMALL, longest=longest)
     assert (
         not played(env, lambda info: 0)[1]
@@ -143,9 +147,15 @@ def test_mistakes():
         dispatch_env("my.yaml")
 
 
-FAULTS = [("Raising", "LookupError: no such bin here", 'raise LookupError("no such bin here")'),
- ("Inventing", "ValueError: the dispatch policy assigns bin bin_77, which is not available", "class Inventing(Own):"),
- ("Silent", "TypeError: assign returned None", "class Silent(Own):")]  # fmt: skip
+FAULTS = [
+    ("Raising", "LookupError: no such bin here", 'raise LookupError("no such bin here")'),
+    (
+        "Inventing",
+        "ValueError: the dispatch policy assigns bin bin_77, which is not available",
+        "class Inventing(Own):",
+    ),
+    ("Silent", "TypeError: assign returned None", "class Silent(Own):"),
+]
 
 
 @pytest.mark.parametrize(("policy", "fault", "line"), FAULTS)
@@ -207,7 +217,9 @@ def test_what_has_learned_is_the_policy_of_the_simulator():
 
 
 def test_what_the_learned_policy_of_the_example_can_choose_is_enough_for_a_good_harvest():
-    """It sends a carrier to the first bin that it sees as soon as that is due, which is about what `predictive` does."""
+    """It sends a carrier to the first bin that it sees as soon as that is due, which is about what
+    `predictive` does.
+    """
     env, ended = AnyOrchard(), False
     seen, _ = env.reset(seed=1)
     while not ended:

@@ -1,4 +1,6 @@
-"""The environments in which bodies of a harvest learn: the interfaces' own checks, the same motion as local mode, rewards, mistakes."""
+"""The environments in which bodies of a harvest learn: the interfaces' own checks, the same motion
+as local mode, rewards, mistakes.
+"""
 
 from copy import deepcopy
 from functools import partial
@@ -154,7 +156,9 @@ def test_a_run_that_is_not_hashed_moves_alike():
 
 
 def command(tick, forward, turn):
-    """Our agent's velocity, and now and then standing, half of it, a little ahead, or a turn, which the agent has to put right."""
+    """Our agent's velocity, and now and then standing, half of it, a little ahead, or a turn, which
+    the agent has to put right.
+    """
     part = tick % 60
     if part < 30 or turn:
         return forward, turn

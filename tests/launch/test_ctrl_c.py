@@ -1,4 +1,6 @@
-"""Ctrl-C at any moment: before there is anything to stop, in a tick that never ends, and where a viewer was opened."""
+"""Ctrl-C at any moment: before there is anything to stop, in a tick that never ends, and where a
+viewer was opened.
+"""
 
 import os
 import signal
@@ -46,7 +48,9 @@ raise SystemExit(f"{MODULE} was never imported")
 
 
 def interrupted_at(module: str, *command: str) -> tuple[int, str]:
-    """Start a program, and press Ctrl-C when it is about to import a module; its exit code, and what it said."""
+    """Start a program, and press Ctrl-C when it is about to import a module; its exit code, and
+    what it said.
+    """
     line = [sys.executable, "-c", INTERRUPTED, module, *command]
     done = subprocess.run(
         line,

@@ -1,4 +1,6 @@
-"""The command `orchard` and its doors: what a run in local mode loads, where runs are kept, how the program is called again."""
+"""The command `orchard` and its doors: what a run in local mode loads, where runs are kept, how the
+program is called again.
+"""
 
 import os
 import shutil
@@ -28,9 +30,10 @@ finally:
 """
 
 
-def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need_and_keeps_its_snapshots_where_it_is_told(
+def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need(
     tmp_path,
 ):
+    """It keeps its snapshots where it is told to."""
     done = python("-c", LOADS, cwd=tmp_path, ORCHARD_RUNS=str(tmp_path / "runs"))
     loaded = set(done.stdout.splitlines()[-1].split())
     assert "numba" in loaded
@@ -49,9 +52,8 @@ def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need_and_keeps_its_s
     assert snapshots.suffix == ".snapshots"
 
 
-def test_a_clone_keeps_its_own_runs_an_installed_package_with_the_users_data_unless_the_user_names_another_folder(
-    tmp_path, monkeypatch
-):
+def test_runs_are_kept_in_the_clone_or_with_the_data_of_the_user(tmp_path, monkeypatch):
+    """An installed package keeps them with the data of the user, unless that one names a folder."""
     monkeypatch.delenv("ORCHARD_RUNS", raising=False)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert runs_folder() == ROOT / "runs"
@@ -66,7 +68,8 @@ PARTS = ("orchard", "processes", "config", "bridges", "run.py", "pyproject.toml"
 
 
 def unzipped(folder):
-    """Unpack a zip of the clone by Python, which knows no links: they become text, as in git without `core.symlinks`.
+    """Unpack a zip of the clone by Python, which knows no links: they become text, as in git
+    without `core.symlinks`.
 
     It has the compiled kernels of this clone, which would take two minutes.
     """
@@ -87,7 +90,8 @@ WHERE = """\
 import importlib
 names = ("orchard.config", "orchard.processes.agents", "orchard.bags.plain.topics")
 modules = map(importlib.import_module, names)
-print(*(next(iter(module.__spec__.submodule_search_locations or [module.__file__])) for module in modules))
+places = [module.__spec__.submodule_search_locations or [module.__file__] for module in modules]
+print(*(next(iter(place)) for place in places))
 """
 
 
@@ -97,7 +101,10 @@ print(*(next(iter(module.__spec__.submodule_search_locations or [module.__file__
 def test_each_door_of_a_clone_without_links_works_and_keeps_recordings_in_one_place(
     words, tmp_path
 ):
-    """In a copy, so that this clone keeps its own runs. It is no command of the environment in which it runs."""
+    """In a copy, so that this clone keeps its own runs.
+
+    It is no command of the environment in which it runs.
+    """
     unzipped(tmp_path / "clone")
     there = {key: value for key, value in os.environ.items() if key != "ORCHARD_RUNS"}
 

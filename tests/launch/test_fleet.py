@@ -1,4 +1,7 @@
-"""A process that dies is started again: at once, then ever later, and not for ever. In virtual time, with pretended processes."""
+"""A process that dies is started again: at once, then ever later, and not for ever.
+
+In virtual time, with pretended processes.
+"""
 
 import io
 import os
@@ -100,7 +103,8 @@ def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(
 ):
     """It would block for ever once the pipe is full, that is after 64 kB."""
     (tmp_path / "shouting.py").write_text(
-        "import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting: over\\n')"
+        "import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting:"
+        " over\\n')"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     said = SimpleQueue()
@@ -114,7 +118,10 @@ def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(
 
 def test_what_a_child_has_started_ends_with_it(tmp_path, monkeypatch):
     """It is ended when the child has died, and at the end of the fleet."""
-    program = "import os, subprocess, sys\nchild = subprocess.Popen(['sleep', '600'])\nprint(child.pid, file=sys.stderr, flush=True)\n"
+    program = (
+        "import os, subprocess, sys\nchild = subprocess.Popen(['sleep', '600'])\nprint(child.pid,"
+        " file=sys.stderr, flush=True)\n"
+    )
     (tmp_path / "forking.py").write_text(
         program + "os._exit(7) if sys.argv[1:] else child.wait()\n"
     )
@@ -164,8 +171,8 @@ def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(
     summary, why = launched_by(fleet, tmp_path).follow(Inbox())
     assert summary is None
     assert (
-        why
-        == "tcp/127.0.0.1:9: physics does not listen 0.5 s after its start; is the machine too busy?"
+        why == "tcp/127.0.0.1:9: physics does not listen 0.5 s after its start; is the machine too"
+        " busy?"
     )
 
 

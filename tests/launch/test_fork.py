@@ -1,4 +1,6 @@
-"""A run goes on from any of its moments with something changed: what may change, where it begins, and what a user is told."""
+"""A run goes on from any of its moments with something changed: what may change, where it begins,
+and what a user is told.
+"""
 
 import re
 import shlex
@@ -28,7 +30,12 @@ from orchard.terminal.values import clock, moment
 
 TWO_WAY = Scenario(
     **empty_orchard().model_dump()
-    | {"route": "two-way", "rows": 4, "carriers": 3, "row_length": 30.0}
+    | {
+        "route": "two-way",
+        "rows": 4,
+        "carriers": 3,
+        "row_length": 30.0,
+    }
 )
 LATEST = 1800  # a tick at which a harvest of it still goes on
 
@@ -181,7 +188,10 @@ def test_a_robot_may_be_stopped_and_an_unknown_one_is_named():
     [
         (
             {"rows": 4},
-            r"changes: rows = 4: cannot change under way: the orchard, its roads and what fills a bin stay as they are",
+            (
+                r"changes: rows = 4: cannot change under way: the orchard, its roads and what fills"
+                r" a bin stay as they are"
+            ),
         ),
         (
             {"pickers": 3},
@@ -255,7 +265,10 @@ def test_keyframes_stay_after_a_harvest_and_a_fork_of_many_processes_without_cha
     )
     fork = summary_of(path)
     assert fork["hash"] == parent["hash"]
-    others = "hosts wall_seconds times_real_time asked_share messages_refused recording_parts recording_gaps forked_from"
+    others = (
+        "hosts wall_seconds times_real_time asked_share messages_refused recording_parts"
+        " recording_gaps forked_from"
+    )
     figures = set(fork) - set(others.split())
     assert {name: fork[name] for name in figures} == {name: parent[name] for name in figures}
     assert fork["forked_from"] == {"run": "parent", "seconds": 83.5}
@@ -341,9 +354,8 @@ def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_or_killed_too
     assert summary_of(path)["hash"] == local_hash(SMALL, 120)
 
 
-def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_until_when_a_change_would_have_helped(
-    harvest, tmp_path
-):
+def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
+    """They fork a run, compare its futures, and find until when a change would have helped."""
     one, compared, bisected = (
         shlex.split(line)[3:] for line in block("docs/how-to.md", "fork a run").splitlines()
     )
@@ -353,8 +365,8 @@ def test_the_commands_of_the_documents_fork_a_run_compare_its_futures_and_find_u
     assert gained > 0.0
     told = orchard("fork", harvest[0], *compared, "--summary", path).stdout
     assert (
-        f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (one pair of futures)."
-        in told
+        f"With carriers=2 the harvest ends {clock(round(10 * gained))} ± 0:00 min earlier (one pair"
+        " of futures)." in told
     )
     futures = summary_of(path)["futures"]
     assert [len(some) for some in futures.values()] == [1, 1]
@@ -545,8 +557,8 @@ def test_a_fork_says_which_agents_were_clients_elsewhere_and_lets_those_of_the_s
     )
     told = orchard(*words, "--summary", path).stderr
     assert (
-        "clients elsewhere drove picker_01: here the agents of the scenario do; --without leaves them to clients again"
-        in told
+        "clients elsewhere drove picker_01: here the agents of the scenario do; --without leaves"
+        " them to clients again" in told
     )
     assert summary_of(path)["broken_agents"] == []
 

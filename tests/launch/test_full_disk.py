@@ -1,4 +1,6 @@
-"""A disk that is full loses what goes there, and says so, but neither the harvest nor its result."""
+"""A disk that is full loses what goes there, and says so, but neither the harvest nor its
+result.
+"""
 
 import os
 import subprocess

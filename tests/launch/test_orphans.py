@@ -1,4 +1,6 @@
-"""run.py is killed: its processes end by themselves, soon, and the run goes on from where it was; what does not end is ended."""
+"""run.py is killed: its processes end by themselves, soon, and the run goes on from where it was;
+what does not end is ended.
+"""
 
 import os
 import signal

@@ -1,4 +1,6 @@
-"""Where a run's recording, summary and page go: what cannot be is told before the harvest, not after it."""
+"""Where a run's recording, summary and page go: what cannot be is told before the harvest, not
+after it.
+"""
 
 import errno
 import os
@@ -42,7 +44,10 @@ READ_ONLY = [
     (
         "run.rrd",
         errno.EACCES,
-        "run.rrd: cannot be written: Permission denied; expected a file in a directory that exists and can be written",
+        (
+            "run.rrd: cannot be written: Permission denied; expected a file in a directory that"
+            " exists and can be written"
+        ),
     ),
     ("new/run.rrd", errno.EROFS, "new: cannot be made: Read-only file system"),
 ]
@@ -188,7 +193,8 @@ def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_n
 ):
     packer, summary, runs = tmp_path / "packer", tmp_path / "summary.json", tmp_path / "runs"
     packer.write_text(
-        f"#!/bin/sh\nfor last; do :; done\necho RRF2 and half of it > $last\nexec {sys.executable} -c 'import time; time.sleep(600)'\n"
+        f"#!/bin/sh\nfor last; do :; done\necho RRF2 and half of it > $last\nexec {sys.executable}"
+        " -c 'import time; time.sleep(600)'\n"
     )
     packer.chmod(0o755)
     monkeypatch.setenv("RERUN_CLI_PATH", str(packer))

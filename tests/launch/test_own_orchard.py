@@ -1,4 +1,6 @@
-"""The commands of `orchard layout`: the document's commands run, and mistakes are told with exit code 2."""
+"""The commands of `orchard layout`: the document's commands run, and mistakes are told with exit
+code 2.
+"""
 
 import json
 import os
@@ -59,7 +61,10 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
     pytest.importorskip("pyproj", reason=NEEDS)
     out = tmp_path / "mine.yaml"
     told = imported(SAMPLE, "--out", out)
-    sizes = f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32 m apart\n"
+    sizes = (
+        f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32"
+        " m apart\n"
+    )
     assert (told.exit_code, told.stdout) == (0, sizes)
     assert load(out).survey == parse(imported(SAMPLE).stdout).survey
     out.write_text("rows: 3")

@@ -1,4 +1,5 @@
-"""Without stdout, a working folder or enough files, and with settings of no use: words, and no traceback.
+"""Without stdout, a working folder or enough files, and with settings of no use: words, and no
+traceback.
 
 Real processes, as a shell starts them.
 """
@@ -20,7 +21,10 @@ SHORT = "--rows 3 --duration 1 --hosts 1 --record none"
 
 
 def shell(line: str, folder: Path) -> tuple[int, str]:
-    """Run a line in which `orchard` is the program, in a folder. Return its exit code, and stderr."""
+    """Run a line in which `orchard` is the program, in a folder.
+
+    Return its exit code, and stderr.
+    """
     program = shlex.join([sys.executable, str(ROOT / "run.py")])
     done = subprocess.run(
         ["bash", "-c", f'orchard() {{ {program} "$@"; }}; {line}'],

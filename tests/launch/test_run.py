@@ -136,7 +136,9 @@ def test_progress_is_json_for_programs_in_every_mode():
 
 
 def test_the_hash_does_not_depend_on_processes(tmp_path, few):
-    """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a recording."""
+    """With more agents, and with a recording, in `make soak`; `lockstep`, above, has a
+    recording.
+    """
     summary = summary_as_in_local_mode(
         tmp_path,
         FEW.model_copy(update={"seed": 2}),

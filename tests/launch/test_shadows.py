@@ -1,4 +1,5 @@
-"""Files in the working folder never take the place of Python's own modules, and run only if a class there is named.
+"""Files in the working folder never take the place of Python's own modules, and run only if a class
+there is named.
 
 Real processes, as a user starts them.
 """
@@ -6,7 +7,8 @@ Real processes, as a user starts them.
 import pytest
 from command_line import ROOT, python, summary_of
 
-# Python's own, packages, what Python runs at its start if it finds it, and what libraries use if it is there.
+# Python's own, packages, what Python runs at its start if it finds it, and what libraries use if it
+# is there.
 NAMES = (
     "random",
     "queue",

@@ -1,4 +1,6 @@
-"""`run.py stop`, `reset`, `pause`, `resume` and `step`: how they find the run that goes on, and what they tell of its answer."""
+"""`run.py stop`, `reset`, `pause`, `resume` and `step`: how they find the run that goes on, and
+what they tell of its answer.
+"""
 
 import re
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,6 @@
-"""What run.py does about a run of many processes: which end counts, for which processes it waits then, which snapshots it takes."""
+"""What run.py does about a run of many processes: which end counts, for which processes it waits
+then, which snapshots it takes.
+"""
 
 import io
 import signal

@@ -1,4 +1,6 @@
-"""What run.py tells a user: what is ignored, chosen or not kept, what is printed of the summary, and commands to type."""
+"""What run.py tells a user: what is ignored, chosen or not kept, what is printed of the summary,
+and commands to type.
+"""
 
 import re
 import shlex

@@ -1,4 +1,6 @@
-"""What `orchard` says of a mistake: in words, where it is, what would be right; and nothing that controls a terminal."""
+"""What `orchard` says of a mistake: in words, where it is, what would be right; and nothing that
+controls a terminal.
+"""
 
 import errno
 import os
@@ -47,19 +49,61 @@ def said(arguments, monkeypatch, capfd) -> tuple[int, str]:
 
 
 CONTROLLING = [
-    *([option, ESCAPE] for option in (
-        "--rows", "--row-width", "--mode", "--speed", "--hosts", "--duration", "--web", "--progress", "--patience", "--seed",
-        "--dispatch", "--route", "--rows-to-pickers", "--resume", "--replay", "--secure", "--connect", "--listen", "--without")),
-    [ESCAPE], [f"{ESCAPE}.yaml"], [f"{ESCAPE}.rrd"], [f"--{ESCAPE}"], ["--only", ESCAPE, *NOWHERE],
-    ["--record", f"{ESCAPE}.txt"], ["--record", f"/dev/null/{ESCAPE}.rrd"], [*SHORT, "--summary", f"/dev/null/{ESCAPE}"],
+    *(
+        [option, ESCAPE]
+        for option in (
+            "--rows",
+            "--row-width",
+            "--mode",
+            "--speed",
+            "--hosts",
+            "--duration",
+            "--web",
+            "--progress",
+            "--patience",
+            "--seed",
+            "--dispatch",
+            "--route",
+            "--rows-to-pickers",
+            "--resume",
+            "--replay",
+            "--secure",
+            "--connect",
+            "--listen",
+            "--without",
+        )
+    ),
+    [ESCAPE],
+    [f"{ESCAPE}.yaml"],
+    [f"{ESCAPE}.rrd"],
+    [f"--{ESCAPE}"],
+    ["--only", ESCAPE, *NOWHERE],
+    ["--record", f"{ESCAPE}.txt"],
+    ["--record", f"/dev/null/{ESCAPE}.rrd"],
+    [*SHORT, "--summary", f"/dev/null/{ESCAPE}"],
     [*SHORT, "--table", f"/dev/null/{ESCAPE}"],
-    ["view", ESCAPE], ["export", ESCAPE, "--mcap", "a.mcap"], ["export", "--mcap", ESCAPE], ["replay", ESCAPE],
-    ["stop", "--connect", ESCAPE], ["stop", ESCAPE, *NOWHERE], ["stop", "--secure", ESCAPE, *NOWHERE], ["step", ESCAPE],
-    ["secure", "roles", ESCAPE], ["secure", "roles", "--role", f"{ESCAPE}=picker"], ["secure", "roles", "--bridge", ESCAPE],
-    ["secure", "roles", "--address", ESCAPE], ["layout", ESCAPE], ["layout", "import", ESCAPE],
-    ["app", "--port", ESCAPE], ["app", "--host", ESCAPE], ["app", ESCAPE],
-    ["study", ESCAPE], ["study", "--vary", ESCAPE], ["study", "--goal", ESCAPE], ["study", "--csv", f"/dev/null/{ESCAPE}"],
-]  # fmt: skip
+    ["view", ESCAPE],
+    ["export", ESCAPE, "--mcap", "a.mcap"],
+    ["export", "--mcap", ESCAPE],
+    ["replay", ESCAPE],
+    ["stop", "--connect", ESCAPE],
+    ["stop", ESCAPE, *NOWHERE],
+    ["stop", "--secure", ESCAPE, *NOWHERE],
+    ["step", ESCAPE],
+    ["secure", "roles", ESCAPE],
+    ["secure", "roles", "--role", f"{ESCAPE}=picker"],
+    ["secure", "roles", "--bridge", ESCAPE],
+    ["secure", "roles", "--address", ESCAPE],
+    ["layout", ESCAPE],
+    ["layout", "import", ESCAPE],
+    ["app", "--port", ESCAPE],
+    ["app", "--host", ESCAPE],
+    ["app", ESCAPE],
+    ["study", ESCAPE],
+    ["study", "--vary", ESCAPE],
+    ["study", "--goal", ESCAPE],
+    ["study", "--csv", f"/dev/null/{ESCAPE}"],
+]
 
 
 @pytest.mark.parametrize("arguments", CONTROLLING)
@@ -85,7 +129,10 @@ MISTAKES = [
     (["app", "--port", "65536"], "--port: 65536: expected a number up to 65535"),
     (
         ["study", "--vary", "carriers=130..150"],
-        "--vary carriers=130..150: carriers = 130, 131, 132 and 18 more: must be null or a whole number",
+        (
+            "--vary carriers=130..150: carriers = 130, 131, 132 and 18 more: must be null or a"
+            " whole number"
+        ),
     ),
     (["--rows", "101"], "command line: --rows = 101"),
     (
@@ -136,7 +183,10 @@ MISTAKES = [
     (["step", "--conect"], "--conect: neither a number of steps, from 1 on, nor an option"),
     (
         ["run", "--resume", "last"],
-        "run: no such file, and no such command (see --help); expected a scenario's file, or one of hand",
+        (
+            "run: no such file, and no such command (see --help); expected a scenario's file, or"
+            " one of hand"
+        ),
     ),
     (["hand_piking"], "hand_piking: no such file; did you mean the scenario hand_picking?"),
     (

@@ -1,4 +1,6 @@
-"""Links that break at a certain message, without a network: no luck is needed to meet the moment."""
+"""Links that break at a certain message, without a network: no luck is needed to meet the
+moment.
+"""
 
 import signal
 
@@ -98,7 +100,9 @@ def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_o
 
 
 def waited(items, seconds: float) -> Leaving:
-    """A bus on which physics has waited at the end of a run, for so long at most, until all sessions have left."""
+    """A bus on which physics has waited at the end of a run, for so long at most, until all
+    sessions have left.
+    """
     bus = Leaving()
     physics = RunLoop(bus, KEYS, Engine.begin(SMALL), RunOptions(run=RUN))
     roster = physics.run.drivers.roster

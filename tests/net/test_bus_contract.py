@@ -1,4 +1,6 @@
-"""What the code of the processes expects of a bus, over Zenoh and over the simulated network; and of an inbox: nothing is lost there."""
+"""What the code of the processes expects of a bus, over Zenoh and over the simulated network; and
+of an inbox: nothing is lost there.
+"""
 
 import itertools
 import threading

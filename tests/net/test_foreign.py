@@ -1,4 +1,6 @@
-"""Clients that are written from keyspace.md alone: a carrier works a whole harvest, and a holder is asked as seldom as an agent of ours."""
+"""Clients that are written from keyspace.md alone: a carrier works a whole harvest, and a holder is
+asked as seldom as an agent of ours.
+"""
 
 import re
 import sys
@@ -135,7 +137,9 @@ def test_its_digest_of_mail_is_ours():
 
 @pytest.mark.parametrize("number", [1, 13, 40])
 def test_its_field_is_ours(number):
-    """A figure that changes in the orchard, and so in keyspace.md, must change in the foreign carrier too."""
+    """A figure that changes in the orchard, and so in keyspace.md, must change in the foreign
+    carrier too.
+    """
     scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number, **ONE_WAY)
     layout, route = lay_out(scenario), OneWay(lay_out(scenario))
     field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")

@@ -1,4 +1,6 @@
-"""A process ends when the one that started it is gone, and says when it ends by itself; an agent that never ends its tick is named."""
+"""A process ends when the one that started it is gone, and says when it ends by itself; an agent
+that never ends its tick is named.
+"""
 
 import logging
 import os
@@ -117,6 +119,7 @@ def test_who_thinks_for_too_long_is_named_with_the_place(told):
     Guard("picker_01", Brooding(), ["picker_01"]).tick(without_body("picker_01", 7), Mail(), None)
     host.thinking = ""
     assert re.fullmatch(
-        rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand: bin_02",
+        rf"picker_01 still thinks about tick 7, in {re.escape(__file__)}, line \d+; until .* stand:"
+        r" bin_02",
         told.words[0],
     )

@@ -1,4 +1,6 @@
-"""Lockstep with a real router and real processes: the trajectory is that of local mode, whatever the network does."""
+"""Lockstep with a real router and real processes: the trajectory is that of local mode, whatever
+the network does.
+"""
 
 import math
 import queue
@@ -157,7 +159,10 @@ def test_a_name_that_is_taken_is_refused_by_name(fleet):
 
 
 def changing_joins(monkeypatch, change, times: float = 1) -> list[bytes]:
-    """Let the network change so many joins. Return a list that gets all of them, as they were sent."""
+    """Let the network change so many joins.
+
+    Return a list that gets all of them, as they were sent.
+    """
     ask, joins = Router.ask, []
 
     def ask_with_change(router, link, number, key, payload):
@@ -202,7 +207,9 @@ def test_a_host_joins_although_a_byte_of_its_join_was_changed(
 
 
 def changing_actions(monkeypatch, times: float) -> None:
-    """Let the network change the action of a picker in so many messages: it is no action any more, and all others are."""
+    """Let the network change the action of a picker in so many messages: it is no action any more,
+    and all others are.
+    """
     publish = Router.publish
     changed = []
 

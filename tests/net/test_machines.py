@@ -1,4 +1,6 @@
-"""Several machines and real links: the hash is that of local mode; the commands of a document for them; simulated ones: tests/chaos."""
+"""Several machines and real links: the hash is that of local mode; the commands of a document for
+them; simulated ones: tests/chaos.
+"""
 
 import queue
 import shlex
@@ -47,7 +49,9 @@ def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(fle
 
 @needs_machines
 def test_links_that_are_down_for_five_seconds_change_nothing(fleet, undisturbed):
-    """First that of a third of the agents, then that of physics; each time the sessions are given up and opened again."""
+    """First that of a third of the agents, then that of physics; each time the sessions are given
+    up and opened again.
+    """
     with machines("a", "b", "c") as (middle, *guests):
         fleet.router(f"tcp/0.0.0.0:{PORT}", before=within(middle))
         fleet.physics(SMALL, *PACE, "--connect", MIDDLE[0], before=within(guests[0]))

@@ -1,4 +1,6 @@
-"""The rules of lockstep without a network: mail, which session owns which agent, and velocities that physics does not wait for."""
+"""The rules of lockstep without a network: mail, which session owns which agent, and velocities
+that physics does not wait for.
+"""
 
 import pytest
 from recorded_messages import RUN, Clock, heard_at, letter, roster
@@ -75,7 +77,9 @@ def test_a_request_of_the_past_or_beyond_any_hold_is_dropped_at_once(tick):
 
 
 def test_a_request_that_comes_after_its_copy_was_heard_is_no_fault():
-    """A host that joins hears the requests of two ticks from the copies; the queries may come later, in a run without any fault."""
+    """A host that joins hears the requests of two ticks from the copies; the queries may come
+    later, in a run without any fault.
+    """
     box, query = mailbox(5), Query(letter(tick=5))
     for tick in (5, 6, 7):
         box.deliver(tick)
@@ -208,7 +212,8 @@ def test_an_agent_has_one_owner_until_that_one_is_gone():
     one.token("picker_01", "b", True)
     assert (
         one.may_join("picker_01", "b")
-        == "it is taken, by session a; a run that is started --without picker_01 leaves it to others"
+        == "it is taken, by session a; a run that is started --without picker_01 leaves it to"
+        " others"
     )
     assert one.may_join("picker_01", "a") == ""
     one.token("picker_01", "a", False)

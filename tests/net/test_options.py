@@ -1,4 +1,6 @@
-"""Options and endpoints: a command line and the launcher's JSON line are one; which port a router takes, and where others reach it."""
+"""Options and endpoints: a command line and the launcher's JSON line are one; which port a router
+takes, and where others reach it.
+"""
 
 import io
 import socket
@@ -14,13 +16,32 @@ from orchard.server.options import RunOptions
 HERE = "tcp/127.0.0.1:7447"
 ORDERS = [
     (RunOptions(), []),
-    (RunOptions(scenario="mine.yaml", listen=HERE, speed=4.0, duration=20.0, absent=["bin", "picker_01"], recorded=True, holds="checked"),
-     f"mine.yaml --listen {HERE} --speed 4 --duration 20 --absent bin --absent picker_01 --recorded --holds checked".split()),
-    (HostOptions(connect=HERE, only=["picker"], share="1/2", check_agents=True),
-     f"--connect {HERE} --only picker --share 1/2 --check-agents".split()),
-    (LoggerOptions(connect=HERE, record="a.rrd", serve=9876), f"--connect {HERE} --record a.rrd --serve 9876".split()),
-    (RouterOptions(listen=HERE, secure="roles/router"), f"--listen {HERE} --secure roles/router".split()),
-]  # fmt: skip
+    (
+        RunOptions(
+            scenario="mine.yaml",
+            listen=HERE,
+            speed=4.0,
+            duration=20.0,
+            absent=["bin", "picker_01"],
+            recorded=True,
+            holds="checked",
+        ),
+        f"mine.yaml --listen {HERE} --speed 4 --duration 20 --absent bin --absent picker_01"
+        " --recorded --holds checked".split(),
+    ),
+    (
+        HostOptions(connect=HERE, only=["picker"], share="1/2", check_agents=True),
+        f"--connect {HERE} --only picker --share 1/2 --check-agents".split(),
+    ),
+    (
+        LoggerOptions(connect=HERE, record="a.rrd", serve=9876),
+        f"--connect {HERE} --record a.rrd --serve 9876".split(),
+    ),
+    (
+        RouterOptions(listen=HERE, secure="roles/router"),
+        f"--listen {HERE} --secure roles/router".split(),
+    ),
+]
 
 
 @pytest.mark.parametrize(("options", "words"), ORDERS)

@@ -1,4 +1,6 @@
-"""What unknown clients may do: of their replies to a query those that make sense count, and all that they could fill is bounded."""
+"""What unknown clients may do: of their replies to a query those that make sense count, and all
+that they could fill is bounded.
+"""
 
 import math
 import socket

@@ -1,4 +1,6 @@
-"""The proven bound on a harvest's time: no harvest beats it, another solver finds the same, and what has no bound is refused in words."""
+"""The proven bound on a harvest's time: no harvest beats it, another solver finds the same, and
+what has no bound is refused in words.
+"""
 
 import json
 from itertools import combinations
@@ -148,8 +150,9 @@ def test_another_solver_finds_the_same_optimum(values):
 
 
 def shortest(jobs: list[TimedJob], carriers: int) -> float:
-    """The end of the best schedule on free roads, in ticks, as a mixed-integer program: for each job its stop and its carrier, for each
-    pair which of them comes first, if one carrier does both."""
+    """The end of the best schedule on free roads, in ticks, as a mixed-integer program: for each
+    job its stop and its carrier, for each pair which of them comes first, if one carrier does both.
+    """
     count, pairs = len(jobs), list(combinations(range(len(jobs)), 2))
     late = float(sum(job.ready + job.approach + job.to_bay + job.to_head for job in jobs))
     end, carrier = (

@@ -1,4 +1,6 @@
-"""The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was said, and holds nobody up."""
+"""The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was
+said, and holds nobody up.
+"""
 
 import math
 import os
@@ -52,9 +54,10 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     token.undeclare()
 
 
-def test_a_logger_listens_and_opens_its_recording_before_it_shows_the_token_for_which_the_first_tick_waits(
+def test_a_logger_is_ready_before_it_shows_its_token(
     monkeypatch,
 ):
+    """It listens, and its recording is open. The first tick waits for the token."""
     done, run = [], SimpleNamespace(run="run1", scenario=Scenario(rows=3).model_dump())
     executor = SimpleNamespace(submit=lambda *_: done.append("write"))
     bus = SimpleNamespace(clock=lambda: 0.0, declare_alive=done.append, executor=executor)
@@ -66,8 +69,10 @@ def test_a_logger_listens_and_opens_its_recording_before_it_shows_the_token_for_
     assert done == ["listen", "open", KEYS.of("alive", "logger", "me"), "write"]
 
 
-def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everything_rare_has_changed():
-    """After ticks without a subscriber a picture holds all changes: each rare field, and only the bodies that do something new."""
+def test_a_logger_begins_with_a_whole_picture():
+    """After ticks without a subscriber a picture holds all changes: each rare field, and only the
+    bodies that do something new.
+    """
     local = Local(Scenario(rows=3))
     local.tick()
     world, bus, queue = local.engine.world, StandIn(Net(), "logger"), FrameQueue()
@@ -88,9 +93,11 @@ def test_a_logger_begins_with_a_whole_picture_and_not_with_one_in_which_everythi
         setattr(
             world,
             name,
-            np.zeros_like(getattr(world, name))
-            if getattr(world, name).any()
-            else getattr(world, name) + 1,
+            (
+                np.zeros_like(getattr(world, name))
+                if getattr(world, name).any()
+                else getattr(world, name) + 1
+            ),
         )
     changed = shown(101)
     builder.forget()
@@ -133,7 +140,9 @@ def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
 
 
 def test_the_changes_of_all_pictures_together_are_what_a_whole_one_says():
-    """Also while robots are stopped, reset and in each other's way, and after a tick without a picture."""
+    """Also while robots are stopped, reset and in each other's way, and after a tick without a
+    picture.
+    """
     local, said = Local(Scenario(rows=10, pickers=10, seed=4)), dict[str, str]()
     builder = FrameBuilder(local.engine)
     for tick in range(1500):
@@ -233,7 +242,9 @@ def has_begun(file: Path) -> bool:
 
 @pytest.fixture(scope="module")
 def battered(tmp_path_factory):
-    """A run whose logger is killed, killed while it starts, and frozen; its recording, its summary, and what it printed."""
+    """A run whose logger is killed, killed while it starts, and frozen; its recording, its summary,
+    and what it printed.
+    """
     folder = tmp_path_factory.mktemp("battered")
     file = folder / "run.rrd"
     pace = ["--hosts", 1, "--speed", 10, "--duration", TICKS / 10]
@@ -330,7 +341,10 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
 
 
 def test_refusals_pauses_and_steps_are_events_of_the_recording_at_their_ticks(fleet):
-    """Of what the logger passes to the writer. They come on keys of their own, ahead of the bundles."""
+    """Of what the logger passes to the writer.
+
+    They come on keys of their own, ahead of the bundles.
+    """
     fleet.physics(Scenario(rows=3), "--duration", "12", "--recorded", "--speed", "5")
     fleet.start("orchard.processes.logger", "--connect", fleet.endpoint)
     fleet.share(1)
@@ -400,7 +414,8 @@ def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
     return notebook
 
 
-def test_a_recorder_that_takes_three_ticks_a_picture_leaves_out_pictures_but_nothing_that_was_said():
+def test_a_slow_recorder_leaves_out_pictures_but_nothing_that_was_said():
+    """It takes three ticks for a picture."""
     pages, taken = FrameQueue(most=10), []
     for tick in range(1, 1001):
         pages.put(picture(tick))

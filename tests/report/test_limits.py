@@ -1,4 +1,6 @@
-"""No long run is faster than the limit, and no battery changes the roads of what it is compared with."""
+"""No long run is faster than the limit, and no battery changes the roads of what it is compared
+with.
+"""
 
 import pytest
 from hypothesis import example, given, settings
@@ -54,8 +56,8 @@ def test_no_long_run_exceeds_its_limit_where_rows_differ(values):
     assert rate <= Bounds(layout).bins_per_hour
 
 
-# A row fills a little more than four bins. Carriers need longer for those that fill at the east end.
-# So a rate over few bins depended on which end was there more often.
+# A row fills a little more than four bins. Carriers need longer for those that fill at the east
+# end. So a rate over few bins depended on which end was there more often.
 EAST_AND_WEST = {
     "rows": 6,
     "pickers": 3,
@@ -154,7 +156,9 @@ def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
 
 
 def test_the_rate_of_a_long_run_is_measured_and_not_cut_at_the_limit():
-    """If plans were twice too slow for carriers, the same run would exceed the limit that follows."""
+    """If plans were twice too slow for carriers, the same run would exceed the limit that
+    follows.
+    """
     layout = lay_out(empty_orchard(rows=4, pickers=3, carriers=1, picking_speed=0.5))
     rate = long_run(layout).bins_per_hour
     wrong = Bounds(layout)

@@ -1,4 +1,6 @@
-"""What a person sees of a run: lines and tables in the terminal, the sentence at its end, the plan in Jupyter."""
+"""What a person sees of a run: lines and tables in the terminal, the sentence at its end, the plan
+in Jupyter.
+"""
 
 import io
 import json
@@ -25,11 +27,22 @@ from orchard.report.summary import (
 )
 
 FIGURES = {
-    "sim_seconds": 61.5, "times_real_time": 30.0, "rows_picked": 2, "rows": 20, "bins": 20, "row_length": 70.0,
-    "metres_picked": 525.0, "bins_delivered": 1,
-    "schedule_sim_seconds": 1411.5, "carrier_utilisation": 0.5, "broken_agents": [],
-    "state_seconds": {"picker": {"picking": 100.0, "waiting": 12.0, "calling": 3.5}, "carrier": {"waiting": 9.0}},
-}  # fmt: skip
+    "sim_seconds": 61.5,
+    "times_real_time": 30.0,
+    "rows_picked": 2,
+    "rows": 20,
+    "bins": 20,
+    "row_length": 70.0,
+    "metres_picked": 525.0,
+    "bins_delivered": 1,
+    "schedule_sim_seconds": 1411.5,
+    "carrier_utilisation": 0.5,
+    "broken_agents": [],
+    "state_seconds": {
+        "picker": {"picking": 100.0, "waiting": 12.0, "calling": 3.5},
+        "carrier": {"waiting": 9.0},
+    },
+}
 
 
 def fleet(pickers: int, carriers: int) -> dict[str, str]:
@@ -192,7 +205,10 @@ HALF = {
     "bins_delivered": 0,
     "bins_per_hour": 0.0,
 }
-HALVED = "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their metres picked, 0 of 5 bins delivered"
+HALVED = (
+    "after 5:00 min, simulated, before the harvest was finished: 2 of 5 rows and 59 % of their"
+    " metres picked, 0 of 5 bins delivered"
+)
 
 
 ENDS = [
@@ -254,7 +270,10 @@ LIMITS = [
 def test_the_second_sentence_tells_what_limits_the_harvest_and_what_most_was_lost_to(
     figures, limited_by, lost
 ):
-    told = f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest of these rows without traffic{lost}."
+    told = (
+        f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest of these rows"
+        f" without traffic{lost}."
+    )
     assert limit_sentence(harvested(**figures)) == told
 
 

@@ -1,4 +1,6 @@
-"""Which role may do what, by effect: real certificates, real sessions, a real physics process, and sessions that try what is not theirs."""
+"""Which role may do what, by effect: real certificates, real sessions, a real physics process, and
+sessions that try what is not theirs.
+"""
 
 import json
 import shutil
@@ -143,7 +145,10 @@ def test_an_agent_hears_its_own_mail_and_no_other(meeting):
 
 
 def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Somebody]:
-    """All of them that a request to a robot's agent reaches. It is asked again until there is one."""
+    """All of them that a request to a robot's agent reaches.
+
+    It is asked again until there is one.
+    """
     deadline, heard = time.monotonic() + PATIENCE, []
     while not heard:
         assert time.monotonic() < deadline, f"no session answers for {name}"
@@ -258,7 +263,9 @@ def test_another_authoritys_certificate_is_worth_nothing(meeting, stranger):
 
 
 def test_a_router_believes_no_other_authority_either(meeting, stranger, tmp_path):
-    """A client that trusts the right authority, but has a certificate of another one, is still refused."""
+    """A client that trusts the right authority, but has a certificate of another one, is still
+    refused.
+    """
     own = shutil.copytree(stranger / "amy", tmp_path / "amy")
     shutil.copy(meeting.keyring.folder / "amy" / AUTHORITY, own / AUTHORITY)
     assert_not_let_in(

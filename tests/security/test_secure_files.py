@@ -1,4 +1,6 @@
-"""The directory of roles, and whole secured runs: by one command and by many, on several machines, with kills; and what users get wrong."""
+"""The directory of roles, and whole secured runs: by one command and by many, on several machines,
+with kills; and what users get wrong.
+"""
 
 import shutil
 import signal
@@ -256,7 +258,9 @@ def test_a_secured_run_is_local_mode(folder, tmp_path):
 
 @pytest.mark.parametrize("its", ["router", pytest.param("physics", marks=pytest.mark.soak)])
 def test_a_machine_needs_no_more_than_its_roles_directory(its, fleet, folder, tmp_path):
-    """Each process with a copy of its own role's files, and nothing beside them; physics is the router, or there is one of its own."""
+    """Each process with a copy of its own role's files, and nothing beside them; physics is the
+    router, or there is one of its own.
+    """
     copies = {
         path.name: str(shutil.copytree(path, tmp_path / f"machine of {path.name}" / path.name))
         for path in folder.iterdir()

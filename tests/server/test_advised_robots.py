@@ -1,4 +1,6 @@
-"""Who drives a robot: sessions that come and go, each agent's part by itself, another client in its agent's place, or nobody."""
+"""Who drives a robot: sessions that come and go, each agent's part by itself, another client in its
+agent's place, or nobody.
+"""
 
 from collections import Counter
 
@@ -138,7 +140,9 @@ LETS_GO = 250  # ticks, of 300
 
 
 class Outside:
-    """Drives a picker from outside: it speeds up slowly to half of what the agent wants, and every now and then it lets go."""
+    """Drives a picker from outside: it speeds up slowly to half of what the agent wants, and every
+    now and then it lets go.
+    """
 
     def __init__(self, run: Run) -> None:
         self._net, self._speed, self.speeds = run.net, 0.0, []

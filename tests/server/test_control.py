@@ -69,7 +69,10 @@ def test_a_pause_makes_no_agent_late_and_no_tick():
 
 
 class Late(Inbox):
-    """In it a velocity arrives while physics waits for the next tick to be due. Waiting takes virtual time."""
+    """In it a velocity arrives while physics waits for the next tick to be due.
+
+    Waiting takes virtual time.
+    """
 
     def __init__(self, engine: Engine, tick: int, clock: Clock) -> None:
         super().__init__()

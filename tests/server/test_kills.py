@@ -1,4 +1,6 @@
-"""Kill any process of run.py's, without help by a person: the same run goes on, and its hash is that of one that nothing happened to."""
+"""Kill any process of run.py's, without help by a person: the same run goes on, and its hash is
+that of one that nothing happened to.
+"""
 
 import re
 import signal
@@ -61,7 +63,9 @@ def end(run: subprocess.Popen) -> str:
 
 @pytest.fixture(scope="module")
 def battered(tmp_path_factory):
-    """A run of which a host and physics are killed, and all processes are ended by signals that run.py has not sent: (folder, printed)."""
+    """A run of which a host and physics are killed, and all processes are ended by signals that
+    run.py has not sent: (folder, printed).
+    """
     folder = tmp_path_factory.mktemp("battered")
     order = (
         "--hosts",

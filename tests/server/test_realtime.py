@@ -1,4 +1,7 @@
-"""Realtime: the clock goes on, the newest velocity counts, and a robot without new ones stands. The rules alone, and real processes."""
+"""Realtime: the clock goes on, the newest velocity counts, and a robot without new ones stands.
+
+The rules alone, and real processes.
+"""
 
 import signal
 
@@ -77,7 +80,10 @@ def test_a_velocity_drives_on_until_its_half_second_is_over_and_an_older_one_is_
 def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_step_more(
     first, later, steps
 ):
-    """The velocity for tick 0 comes 0.05 s after the pose. `first` and `later`: s from a pose to its step; the answers of others decide."""
+    """The velocity for tick 0 comes 0.05 s after the pose.
+
+    `first` and `later`: s from a pose to its step; the answers of others decide.
+    """
     clock = Clock()
     unowned, moved = UnownedCommands(clock), 0
     moments = [

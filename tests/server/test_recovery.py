@@ -1,4 +1,7 @@
-"""What comes back after a kill or a freeze, and what is told of it. `tests/chaos/test_schedules.py`: all else that may happen."""
+"""What comes back after a kill or a freeze, and what is told of it.
+
+`tests/chaos/test_schedules.py`: all else that may happen.
+"""
 
 import os
 import re
@@ -59,7 +62,9 @@ def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_n
 def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(
     fleet, tmp_path
 ):
-    """3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in time."""
+    """3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in
+    time.
+    """
     fleet.physics(
         SMALL, "--speed", "5", "--patience", "3", "--snapshots", str(tmp_path / "snapshots")
     )
@@ -123,9 +128,8 @@ def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
     assert "no longer waited for" not in fleet.world.complaints
 
 
-def test_physics_whose_scenario_file_is_gone_goes_on_from_the_newest_snapshot_that_is_its_own_and_whole(
-    fleet, undisturbed, tmp_path
-):
+def test_physics_goes_on_without_its_scenario_file(fleet, undisturbed, tmp_path):
+    """It goes on from the newest snapshot that is its own and whole."""
     keeping, folder, gone = (
         killed_with_snapshots(fleet, tmp_path),
         tmp_path / "snapshots",
@@ -191,6 +195,8 @@ def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards
     assert totals.total() == {"malformed": 3, "not all": 1}
     totals.note("a key", Refused("past tick"))
     totals.hear("host1", {"malformed": 3, "not all": 1})
-    assert totals.total() == {"malformed": 4, "not all": 1, "past tick": 1}, (
-        "a session that is still there counts once"
-    )
+    assert totals.total() == {
+        "malformed": 4,
+        "not all": 1,
+        "past tick": 1,
+    }, "a session that is still there counts once"

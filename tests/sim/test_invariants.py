@@ -1,4 +1,7 @@
-"""The invariants: each one that a test breaks is named. A run from any tick on, with stops in it, breaks none."""
+"""The invariants: each one that a test breaks is named.
+
+A run from any tick on, with stops in it, breaks none.
+"""
 
 import numpy as np
 import pytest
@@ -90,8 +93,8 @@ def test_a_bin_on_two_robots_is_named(checker, world):
     world.coupled[world.index["carrier_01"]] = world.index["bin_01"]
     found = after(checker, world)
     assert (
-        "tick 1: bin_01 is not at one place: it is on picker_01, and coupled to carrier_01 and picker_01"
-        in found
+        "tick 1: bin_01 is not at one place: it is on picker_01, and coupled to carrier_01 and"
+        " picker_01" in found
     )
     assert (
         "tick 1: bin_03 is not at one place: it is on carrier_01, and coupled to no robot" in found
@@ -156,9 +159,8 @@ def test_a_call_that_does_not_end_in_one_exchange_is_named(checker, world, event
     assert len(found) == 1 or events is ELSEWHERE, "an unloading that nobody counts is named too"
 
 
-def test_a_call_that_is_open_when_the_harvest_is_over_is_named_and_one_that_is_open_when_the_time_is_over_is_not(
-    checker, world
-):
+def test_a_call_that_is_open_when_the_harvest_is_over_is_named(checker, world):
+    """One that is open when the time is over is not."""
     after(checker, world, FULL, happens("coupled", "picker_01", "bin_03"))
     assert checker.end(world, finished=False) == []
     assert checker.end(world, finished=True) == [
@@ -317,8 +319,23 @@ def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
 
 
 def test_a_violation_in_physics_is_exit_code_1(tmp_path):
-    everybody = [word for kind in ("picker", "carrier", "bin", "tractor", "worker", "visitor", "dog", "cat", "weed", "traffic", "dispatch")
-                 for word in ("--absent", kind)]  # fmt: skip
+    everybody = [
+        word
+        for kind in (
+            "picker",
+            "carrier",
+            "bin",
+            "tractor",
+            "worker",
+            "visitor",
+            "dog",
+            "cat",
+            "weed",
+            "traffic",
+            "dispatch",
+        )
+        for word in ("--absent", kind)
+    ]
     program = "from orchard.processes.physics import main; sys.exit(main(sys.argv[1:]))"
     done = python(
         "-c", SABOTAGE + program, "--duration", 2, *everybody, code=1, cwd=tmp_path, PYTHONPATH=PATH

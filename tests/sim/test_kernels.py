@@ -1,4 +1,6 @@
-"""The compiled kernels: torn or changed ones are never used, a full disk is no reason not to start, and no tick waits for a compiler."""
+"""The compiled kernels: torn or changed ones are never used, a full disk is no reason not to start,
+and no tick waits for a compiler.
+"""
 
 import logging
 import os
@@ -19,7 +21,10 @@ from orchard.sim.kernels.cache import KernelFiles
 
 CODE = bytes(range(256)) * 40
 TICKS = 20
-PROGRAM = f"from local_runs import local_hash; from orchard.field.scenario import Scenario; print(local_hash(Scenario(rows=3), {TICKS}))"
+PROGRAM = (
+    "from local_runs import local_hash; from orchard.field.scenario import Scenario;"
+    f" print(local_hash(Scenario(rows=3), {TICKS}))"
+)
 LOADED = (
     "move.quaternions",
     "holds.begin_holds",
@@ -137,7 +142,8 @@ def test_torn_and_changed_kernels_are_compiled_anew_in_the_same_run_and_said_in_
     done = simulated(kept.parent)
     assert done.stdout.strip() == local_hash(Scenario(rows=3), TICKS), done.stderr
     assert done.stderr.splitlines() == [
-        f"compiled kernels in {kept} are torn or changed; they are compiled anew, which takes up to a minute"
+        f"compiled kernels in {kept} are torn or changed; they are compiled anew, which takes up to"
+        " a minute"
     ]
     load = KernelFiles(kept).load
     assert all(any(load(file.name) for file in kept.glob(f"{name}-*.nbc")) for name in LOADED), (
@@ -177,7 +183,8 @@ def test_a_full_disk_keeps_no_kernel_and_says_so_in_one_line(tmp_path, caplog, m
         files.keep(name, CODE)
         assert files.load(name) is None
     assert [record.getMessage() for record in caplog.records] == [
-        f"compiled kernels cannot be kept in {tmp_path}/kernels: No space left on device; the next start compiles them again"
+        f"compiled kernels cannot be kept in {tmp_path}/kernels: No space left on device; the next"
+        " start compiles them again"
     ]
     assert list((tmp_path / "kernels").iterdir()) == []
 
@@ -194,7 +201,10 @@ def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, capl
     program = (
         "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
     )
-    program += "for i in range(100): KernelFiles(Path(sys.argv[1])).keep('a.nbc', bytes([i % 2]) * 200_000)"
+    program += (
+        "for i in range(100): KernelFiles(Path(sys.argv[1])).keep('a.nbc', bytes([i % 2]) *"
+        " 200_000)"
+    )
     files, codes = KernelFiles(tmp_path), (None, bytes(200_000), bytes([1]) * 200_000)
     writers = [
         subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], cwd=ROOT) for _ in range(2)
@@ -244,8 +254,10 @@ from orchard.sim.engine import Engine
 from orchard.local import Local
 
 def known():
-    kernels = [f for name in sorted(sys.modules) if name.startswith("orchard.") for f in vars(sys.modules[name]).values()]
-    return {str(kernel): len(kernel.signatures) for kernel in kernels if isinstance(kernel, Dispatcher)}
+    modules = [sys.modules[name] for name in sorted(sys.modules) if name.startswith("orchard.")]
+    kernels = [thing for module in modules for thing in vars(module).values()]
+    compiled = [kernel for kernel in kernels if isinstance(kernel, Dispatcher)]
+    return {str(kernel): len(kernel.signatures) for kernel in compiled}
 
 scenario = Scenario(rows=3, pickers=2, laser={"noise": 0.01})
 Engine.begin(scenario).rehearse()

@@ -1,4 +1,6 @@
-"""Lookahead: an agent that holds its velocity is asked when its hold ends, not earlier; and holds change no result."""
+"""Lookahead: an agent that holds its velocity is asked when its hold ends, not earlier; and holds
+change no result.
+"""
 
 import logging
 
@@ -64,7 +66,9 @@ def asked_in(ticks, agent, scenario=None, name="picker_01", **others):
 
 
 def same_run(scenario, ticks):
-    """Assert that holds change neither the hash nor a figure of a run, and return the share of agents that were asked."""
+    """Assert that holds change neither the hash nor a figure of a run, and return the share of
+    agents that were asked.
+    """
     runs = {
         holds: Stage(scenario, holds=holds, is_hashed=True) for holds in (Lookahead, IgnoredHolds)
     }
@@ -254,9 +258,21 @@ def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
     was = np.zeros(1, dtype=bool)
     one, none = np.zeros(1, dtype=np.int64), np.full((1, 1), -1)
     begin_holds(
-        ranges, one, np.zeros((1, 3)), np.full(1, -1), one, np.zeros((1, 3)), was, was.copy(),
-        none, np.zeros((1, 1), dtype=bool), np.full(1, reach, dtype=np.float32), was, np.zeros((1, 2, 180)), np.array([0, len(ranges)]),
-    )  # fmt: skip
+        ranges,
+        one,
+        np.zeros((1, 3)),
+        np.full(1, -1),
+        one,
+        np.zeros((1, 3)),
+        was,
+        was.copy(),
+        none,
+        np.zeros((1, 1), dtype=bool),
+        np.full(1, reach, dtype=np.float32),
+        was,
+        np.zeros((1, 2, 180)),
+        np.array([0, len(ranges)]),
+    )
     assert was[0] == is_left_freer(ranges, reach)
 
 

@@ -1,4 +1,6 @@
-"""The effect of a velocity: distance, turn and arc, the limits of each kind, and what stops a body: walls, others, the bar to its bin."""
+"""The effect of a velocity: distance, turn and arc, the limits of each kind, and what stops a body:
+walls, others, the bar to its bin.
+"""
 
 import math
 
@@ -44,7 +46,9 @@ def test_40_ticks_of_an_eighth_turn_per_second_are_exactly_90_degrees():
 @example(1.0, 0.0, 1e-300, 0.5)
 @example(1.0, 0.0, 5e-324, 0.5)
 def test_a_step_follows_its_arc(forward, left, turn, yaw):
-    """Compare with the closed form where that is well conditioned, else with a thousand small straight steps."""
+    """Compare with the closed form where that is well conditioned, else with a thousand small
+    straight steps.
+    """
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:
         north, east = (
@@ -108,9 +112,16 @@ def test_nothing_moves_that_is_not_driven():
 
 
 CROWD = [
-    ("bin", Pose(-2.25, 0, 0)), ("picker", Pose(0, 0, 0)), ("carrier", Pose(0, 2, 0)), ("tractor", Pose(0, -3, 0.3)),
-    ("worker", Pose(2, 0, 3)), ("visitor", Pose(2, 1.5, -2)), ("dog", Pose(-2, 2, 1)), ("cat", Pose(3.3, 1.0, 0)), ("weed", Pose(0, 0, 0)),
-]  # fmt: skip
+    ("bin", Pose(-2.25, 0, 0)),
+    ("picker", Pose(0, 0, 0)),
+    ("carrier", Pose(0, 2, 0)),
+    ("tractor", Pose(0, -3, 0.3)),
+    ("worker", Pose(2, 0, 3)),
+    ("visitor", Pose(2, 1.5, -2)),
+    ("dog", Pose(-2, 2, 1)),
+    ("cat", Pose(3.3, 1.0, 0)),
+    ("weed", Pose(0, 0, 0)),
+]
 PEN = [
     (-5.0, 0.0, 0.5, 6.0),
     (5.0, 0.0, 0.5, 6.0),

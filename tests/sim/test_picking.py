@@ -148,7 +148,9 @@ BAY_X, BAY_Y = (BAY.west + BAY.east) / 2, (BAY.south + BAY.north) / 2
 
 
 def carriers_in_bay(*x: float) -> Yard:
-    """Return a yard with carrier_01, carrier_03 ... and their full bins bin_02, bin_04 ... at these x in the bay, side by side."""
+    """Return a yard with carrier_01, carrier_03 ... and their full bins bin_02, bin_04 ... at these
+    x in the bay, side by side.
+    """
     bodies = []
     for k, bin_x in enumerate(x):
         y = BAY_Y - 0.85 + 1.7 * k

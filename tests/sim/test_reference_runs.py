@@ -1,4 +1,6 @@
-"""Thirty short runs have the results that are kept: their hashes, and what was picked and delivered."""
+"""Thirty short runs have the results that are kept: their hashes, and what was picked and
+delivered.
+"""
 
 import json
 
@@ -14,5 +16,7 @@ def test_each_reference_run_has_a_kept_result_and_no_result_is_left_over() -> No
 
 @pytest.mark.parametrize("name", RUNS)
 def test_a_reference_run_has_its_kept_result(name: str) -> None:
-    """`python tests/support/reference_runs.py` writes them anew, where a change is meant to change them."""
+    """`python tests/support/reference_runs.py` writes them anew, where a change is meant to change
+    them.
+    """
     assert result_of(name) == KEPT[name]

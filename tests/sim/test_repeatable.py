@@ -1,4 +1,6 @@
-"""The same seed gives the same run, to the last bit: repeated, from any agent's memory, on any processor; another run has another hash."""
+"""The same seed gives the same run, to the last bit: repeated, from any agent's memory, on any
+processor; another run has another hash.
+"""
 
 import copy
 
@@ -28,7 +30,10 @@ def test_laser_noise_is_repeatable_and_part_of_the_run():
 
 def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
     class Touched:
-        """A picker with another velocity at one tick. It promises nothing (`Hold`), so it is asked at each tick."""
+        """A picker with another velocity at one tick.
+
+        It promises nothing (`Hold`), so it is asked at each tick.
+        """
 
         def __init__(self, agent, more) -> None:
             self.agent, self.Memory, self.more = agent, agent.Memory, more
@@ -91,7 +96,9 @@ ANY_PROCESSOR = {
 
 
 def test_the_hash_is_the_same_on_another_processor(request):
-    """Kernels for another processor are kept from one session of tests to the next, as those for this one are."""
+    """Kernels for another processor are kept from one session of tests to the next, as those for
+    this one are.
+    """
     program = "from local_runs import harvest_hash; print(harvest_hash())"
     kernels = str(request.config.cache.mkdir("kernels"))
     assert (

@@ -1,4 +1,6 @@
-"""What bodies observe: the laser is exact, does not see weeds or its own body, and has repeatable noise."""
+"""What bodies observe: the laser is exact, does not see weeds or its own body, and has repeatable
+noise.
+"""
 
 import math
 
@@ -17,7 +19,9 @@ from orchard.sim.scan import Scanner, observe
 from orchard.sim.world import NONE, World
 
 EXACT = 1e-9  # m; a beam that passes a corner this near may hit or miss it
-AHEAD = 90  # of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first right of it
+# Of the beams of a laser that looks forward, the first left of straight ahead; 89 is the first
+# right of it.
+AHEAD = 90
 
 coordinates = st.one_of(st.integers(-12, 12).map(float), st.floats(-12.0, 12.0))
 yaws = st.one_of(

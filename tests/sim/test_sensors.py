@@ -1,4 +1,6 @@
-"""Sensors: errors of the size and the kind that the scenario sets, the same however a run is run; and none without them."""
+"""Sensors: errors of the size and the kind that the scenario sets, the same however a run is run;
+and none without them.
+"""
 
 import math
 from collections.abc import Sequence
@@ -122,7 +124,9 @@ def test_only_robots_have_receivers_and_each_knows_its_accuracy():
 
 
 def test_a_bar_measures_without_errors():
-    """A robot sees its bin as far from itself as it is; the bin, which has no receiver, sees the truth."""
+    """A robot sees its bin as far from itself as it is; the bin, which has no receiver, sees the
+    truth.
+    """
     world, scans = world_of(erring(**RTK))
     truth = observe(world, scans)
     seen = Sensors(world).measured(truth)
@@ -133,7 +137,9 @@ def test_a_bar_measures_without_errors():
 
 
 def test_odometry_drifts_by_its_constants_and_stands_while_the_robot_stands():
-    """A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends by an angle for each metre."""
+    """A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends
+    by an angle for each metre.
+    """
     world, scans = world_of(
         erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001})
     )

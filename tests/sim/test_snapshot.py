@@ -1,4 +1,7 @@
-"""A run as data: one that goes on from a snapshot has the hash of one without interruption. A bad snapshot is refused by name."""
+"""A run as data: one that goes on from a snapshot has the hash of one without interruption.
+
+A bad snapshot is refused by name.
+"""
 
 import hashlib
 import itertools
@@ -265,16 +268,22 @@ def test_a_snapshot_that_lies_is_refused(tmp_path, snapshot, lie):
     assert len(str(refused.value)) < 3000
 
 
-SAID_OF = [("far away", "pose's y: must be from"), ("wall of text", "figures in the snapshot are malformed"), ("no pose", "is missing"),
- ("no invariants", "inconsistent"), 
- ("wall of refusals", "refused messages in the snapshot are malformed"),
- ("nobody owned", "there is no such agent"), ("other scenario", "inconsistent")]  # fmt: skip
+SAID_OF = [
+    ("far away", "pose's y: must be from"),
+    ("wall of text", "figures in the snapshot are malformed"),
+    ("no pose", "is missing"),
+    ("no invariants", "inconsistent"),
+    ("wall of refusals", "refused messages in the snapshot are malformed"),
+    ("nobody owned", "there is no such agent"),
+    ("other scenario", "inconsistent"),
+]
 
 
 @pytest.mark.parametrize(("lie", "why"), SAID_OF)
-def test_physics_refuses_the_newest_snapshot_if_it_lies_with_a_right_checksum_and_takes_the_one_before(
+def test_physics_refuses_a_snapshot_that_lies_and_takes_the_one_before(
     tmp_path, snapshot, lie, why, caplog
 ):
+    """Its checksum is right."""
     filed(tmp_path / "tick-000000012.snapshot", snapshot)
     newer = filed(tmp_path / "tick-000000015.snapshot", FALSE[lie](snapshot))
     found = last(tmp_path)

@@ -1,4 +1,7 @@
-"""Tests against loss of speed. They compare processor times within one run, never with fixed seconds. Rates: bench/results.md."""
+"""Tests against loss of speed.
+
+They compare processor times within one run, never with fixed seconds. Rates: bench/results.md.
+"""
 
 import math
 import sys
@@ -87,7 +90,9 @@ def carriers_tick(rows: int) -> float:
 
 
 def test_a_drive_past_many_rows_costs_little_more_a_tick_than_one_past_few():
-    """It cost 6.5 times as much, not 2.7, when it asked for each gate by itself whether its places are reserved."""
+    """It cost 6.5 times as much, not 2.7, when it asked for each gate by itself whether its places
+    are reserved.
+    """
     assert best(lambda: carriers_tick(100) / carriers_tick(5), 4.0) <= 4.0
 
 

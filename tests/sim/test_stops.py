@@ -1,4 +1,6 @@
-"""The emergency stop overrides motion, in the engine and over the bus, whatever drives the robot and whatever process ends."""
+"""The emergency stop overrides motion, in the engine and over the bus, whatever drives the robot
+and whatever process ends.
+"""
 
 import signal
 from pathlib import Path

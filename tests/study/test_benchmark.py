@@ -22,13 +22,18 @@ POLICY = "own_policies.FarthestOfMine"
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """The harvests of the built-in policies and the bounds, which each of these tests needs: all workers of the tests share them."""
+    """The harvests of the built-in policies and the bounds, which each of these tests needs: all
+    workers of the tests share them.
+    """
     folder = tmp_path_factory.getbasetemp()
     return (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "benchmark.db"
 
 
 def carried_out(command, folder, store):
-    """Carry out a command of the document, with an orchard or two in place of twenty. Return what it said."""
+    """Carry out a command of the document, with an orchard or two in place of twenty.
+
+    Return what it said.
+    """
     _, *words = (
         command.replace("my_policy.MyPolicy", POLICY)
         .replace("found.json", f"{folder}/found.json")
@@ -91,7 +96,10 @@ def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_
         (
             ("own_policies.Missing",),
             2,
-            r"command line: POLICY = own_policies.Missing: cannot be used: .* no attribute 'Missing'",
+            (
+                r"command line: POLICY = own_policies.Missing: cannot be used: .* no attribute"
+                r" 'Missing'"
+            ),
         ),
         (
             ("missing.Policy",),

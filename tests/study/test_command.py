@@ -29,8 +29,24 @@ people: {workers: 0, visitors: 0}
 animals: {dogs: 0, cats: 0}
 prices: {picker_per_hour: 15, carrier_per_hour: 6}
 """
-QUESTION = ("--vary", "carriers=1..3", "--vary", "dispatch=nearest,predictive", "--horizon", "harvest", "--goal", "bins_per_hour",
-            "--model", "fast", "--budget", "2h", "--within", "4%", "--workers", "2")  # fmt: skip
+QUESTION = (
+    "--vary",
+    "carriers=1..3",
+    "--vary",
+    "dispatch=nearest,predictive",
+    "--horizon",
+    "harvest",
+    "--goal",
+    "bins_per_hour",
+    "--model",
+    "fast",
+    "--budget",
+    "2h",
+    "--within",
+    "4%",
+    "--workers",
+    "2",
+)
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +157,10 @@ def test_two_sentences_come_first_and_the_table_fits_80_columns_and_python_says_
     )
     assert run.returncode == 0, run.stderr
     sentences, *table = run.stdout.splitlines()
-    said = r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows .*, one bin a row, 2 pickers, two-way, .*\."
+    said = (
+        r"\d carriers?: .* a bin, .* bins an hour in the long run.*\. The orchard: 3 rows .*, one"
+        r" bin a row, 2 pickers, two-way, .*\."
+    )
     assert re.fullmatch(said, sentences)
     assert table[0].split()[0] == "behind," or "carriers" in table[1]
     assert max(map(len, table)) <= 80
@@ -221,9 +240,14 @@ def mistakes(capfd, monkeypatch, tmp_path):
 
 
 def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes, tmp_path):
-    """Nothing is told that may follow from a fault of the file: here a price, and the number of rows."""
+    """Nothing is told that may follow from a fault of the file: here a price, and the number of
+    rows.
+    """
     (tmp_path / "bad.yaml").write_text("rows: 999\nprices: {per_bin: -1}\n")
-    options = "--goal cost_per_bin --model slow --within 3 --workers 0 --csv /no/such/folder/file.csv --out README.md"
+    options = (
+        "--goal cost_per_bin --model slow --within 3 --workers 0 --csv /no/such/folder/file.csv"
+        " --out README.md"
+    )
     said = mistakes(
         tmp_path / "bad.yaml", "--vary", "carriers=0..5", "--vary", "pickers=20", *options.split()
     )

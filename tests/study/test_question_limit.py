@@ -1,4 +1,6 @@
-"""The page, the table of a study and its answer show one limit; a summary shows that of its own rows."""
+"""The page, the table of a study and its answer show one limit; a summary shows that of its own
+rows.
+"""
 
 from math import ceil
 

@@ -66,10 +66,12 @@ WRONG_POLICIES = [
 
 @pytest.mark.parametrize("horizon", ["harvest", "long"])
 @pytest.mark.parametrize(("policy", "words"), WRONG_POLICIES)
-def test_what_is_wrong_with_a_policy_is_told_with_its_place_in_the_users_own_file_and_not_in_a_library(
-    policy, words, horizon
-):
-    fault = rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line \d+\)$"
+def test_what_is_wrong_with_a_policy_is_told_with_its_place(policy, words, horizon):
+    """That is in the own file of the user, and not in a library."""
+    fault = (
+        rf"dispatch policy own_policies\.{policy}, tick \d+: {words} \([^()]*own_policies\.py, line"
+        r" \d+\)$"
+    )
     with pytest.raises(RunFailed, match=fault):
         do(
             PlannedRun(with_changes(SCENARIO, dispatch=f"own_policies.{policy}"), "fast", horizon),

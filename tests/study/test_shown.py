@@ -1,4 +1,6 @@
-"""What a study says and shows: the sentence, the table, the CSV, the picture, the report, and the whole as JSON."""
+"""What a study says and shows: the sentence, the table, the CSV, the picture, the report, and the
+whole as JSON.
+"""
 
 import csv
 import io
@@ -71,11 +73,17 @@ ANSWERS = [
     ),
     (
         of(PRICED, TEN, ties=(TEN,), horizon="long"),
-        "9 carriers: 84.1 ± 0.6 bins an hour, 7.70 a bin in the long run; one more gains less than 2 %.",
+        (
+            "9 carriers: 84.1 ± 0.6 bins an hour, 7.70 a bin in the long run; one more gains less"
+            " than 2 %."
+        ),
     ),
     (
         of(PRICED, TEN, ELEVEN, ties=(TEN, ELEVEN), goal="cost_per_bin"),
-        "9 carriers: 7.70 ± 0.05 a bin, 84.1 bins an hour, 856 s for the harvest; 10 and 11 are within 2 % of it.",
+        (
+            "9 carriers: 7.70 ± 0.05 a bin, 84.1 bins an hour, 856 s for the harvest; 10 and 11 are"
+            " within 2 % of it."
+        ),
     ),
     (
         of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=39.2, stopped_by="budget"),
@@ -95,46 +103,65 @@ ANSWERS = [
     ),
     (
         of(NINE, TEN, best=TEN, ties=(NINE,), beyond={"carriers": 11}),
-        "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers may be better.",
+        (
+            "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers"
+            " may be better."
+        ),
     ),
     (
         of(
             replace(LONE, setting={"carriers": 1, "chargers": 2}),
             beyond={"chargers": 3},
         ),
-        "At least chargers 2, 1 carrier: 84.1 bins an hour; the range is too small, as chargers 3 may be better.",
+        (
+            "At least chargers 2, 1 carrier: 84.1 bins an hour; the range is too small, as chargers"
+            " 3 may be better."
+        ),
     ),
     (
         of(
             replace(LONE, setting={"pickers": 2, "carriers": 5, "dispatch": "nearest"}),
             beyond={"pickers": 1, "carriers": 6},
         ),
-        "At most 2 pickers, at least 5 carriers, nearest: 84.1 bins an hour; the range is too small, "
-        "as 1 picker and 6 carriers may be better.",
+        (
+            "At most 2 pickers, at least 5 carriers, nearest: 84.1 bins an hour; the range is too"
+            " small, as 1 picker and 6 carriers may be better."
+        ),
     ),
     (
         of(NINE, TEN, best=TEN, unsure=(NINE,), seconds_needed=39.2, beyond={"carriers": 11}),
-        "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers may be better; "
-        "not enough runs to tell 9 from 10: 40 s more would.",
+        (
+            "At least 10 carriers: 84.0 ± 0.6 bins an hour; the range is too small, as 11 carriers"
+            " may be better; not enough runs to tell 9 from 10: 40 s more would."
+        ),
     ),
     (
         of(NINE, TEN, unsure=(TEN,), seconds_needed=39.2, beyond={"carriers": 8}),
-        "9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may be better; "
-        "not enough runs to tell 10 from 9: 40 s more would.",
+        (
+            "9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may be"
+            " better; not enough runs to tell 10 from 9: 40 s more would."
+        ),
     ),
     (
         of(NINE, TEN, ties=(TEN,), not_run=[carriers(8), carriers(11)], seconds_needed=2.5),
-        "9 carriers: 84.1 ± 0.6 bins an hour; 2 of 4 settings have not run, such as 8 carriers, "
-        "and may be better: 3 s more would run each once.",
+        (
+            "9 carriers: 84.1 ± 0.6 bins an hour; 2 of 4 settings have not run, such as 8 carriers,"
+            " and may be better: 3 s more would run each once."
+        ),
     ),
     (
         of(NINE, TEN, unsure=(TEN,), not_run=[carriers(8)], seconds_needed=0.2),
-        "9 carriers: 84.1 ± 0.6 bins an hour; 1 of 3 settings has not run, 8 carriers, and may be better: "
-        "1 s more would run each once.",
+        (
+            "9 carriers: 84.1 ± 0.6 bins an hour; 1 of 3 settings has not run, 8 carriers, and may"
+            " be better: 1 s more would run each once."
+        ),
     ),
     (
         of(NINE, TEN, best=NINE, ties=(TEN,), beyond={"carriers": 8}),
-        "At most 9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may be better.",
+        (
+            "At most 9 carriers: 84.1 ± 0.6 bins an hour; the range is too small, as 8 carriers may"
+            " be better."
+        ),
     ),
     (of(NINE), "9 carriers: 84.1 ± 0.6 bins an hour."),
     (of(LONE, horizon="long"), "9 carriers: 84.1 bins an hour in the long run."),
@@ -162,8 +189,10 @@ ANSWERS = [
     ),
     (
         of(*BOTH, best=BOTH[0], ties=BOTH[1:]),
-        "8 carriers with nearest: 82.0 ± 0.6 bins an hour; 8 carriers with predictive, 9 carriers with nearest and "
-        "9 carriers with predictive are within 2 % of it.",
+        (
+            "8 carriers with nearest: 82.0 ± 0.6 bins an hour; 8 carriers with predictive, 9"
+            " carriers with nearest and 9 carriers with predictive are within 2 % of it."
+        ),
     ),
     (
         by_policies(),
@@ -181,8 +210,10 @@ ANSWERS = [
             replace(NINE, check=checked(83.2, 0.5, -0.011, jammed=1)),
             replace(TEN, check=checked(86.0, 0.5, 0.024)),
         ),
-        "9 carriers: 84.1 ± 0.6 bins an hour; the simulator says 83.2 ± 0.5, 1.1 % less, and 1 of 3 of its runs jammed, "
-        "and prefers 10 carriers with 86.0 ± 0.5.",
+        (
+            "9 carriers: 84.1 ± 0.6 bins an hour; the simulator says 83.2 ± 0.5, 1.1 % less, and 1"
+            " of 3 of its runs jammed, and prefers 10 carriers with 86.0 ± 0.5."
+        ),
     ),
     (
         of(replace(LONE, check=checked(84.1, 0.0, 0.0))),
@@ -227,8 +258,10 @@ FLEETS = [
 GIVEN = [
     (
         a_result(SPEEDS[:2], None, given=["picking_speed"]),
-        "picking speed 0.02: 20.0 ± 0.6 bins an hour; picking speed 0.03: 30.0 ± 0.6 bins an hour; "
-        "picking speed is given and not chosen, so there is no best.",
+        (
+            "picking speed 0.02: 20.0 ± 0.6 bins an hour; picking speed 0.03: 30.0 ± 0.6 bins an"
+            " hour; picking speed is given and not chosen, so there is no best."
+        ),
     ),
     (
         a_result(
@@ -238,9 +271,11 @@ GIVEN = [
             not_run=[{"picking_speed": 1.0}],
             seconds_needed=3.0,
         ),
-        "picking speed 0.02: 20.0 ± 0.6 bins an hour; 3 more in the table; "
-        "picking speed 0.06: 60.0 ± 0.6 bins an hour; picking speed is given and not chosen, so there is no "
-        "best; 1 of 6 settings has not run, picking speed 1: 3 s more would run each once.",
+        (
+            "picking speed 0.02: 20.0 ± 0.6 bins an hour; 3 more in the table; picking speed 0.06:"
+            " 60.0 ± 0.6 bins an hour; picking speed is given and not chosen, so there is no best;"
+            " 1 of 6 settings has not run, picking speed 1: 3 s more would run each once."
+        ),
     ),
     (
         a_result(
@@ -250,10 +285,12 @@ GIVEN = [
             undecided=[FLEETS[2].setting],
             seconds_needed=7.0,
         ),
-        "picking speed 0.02: 9 carriers, 84.1 ± 0.6 bins an hour; "
-        "picking speed 0.03: 10 carriers, 84.0 ± 0.6 bins an hour; picking speed 0.04: jammed; "
-        "picking speed is given and not chosen, so each has a best of its own; "
-        "not enough runs to tell 1 of the settings from the best: 7 s more would.",
+        (
+            "picking speed 0.02: 9 carriers, 84.1 ± 0.6 bins an hour; "
+            "picking speed 0.03: 10 carriers, 84.0 ± 0.6 bins an hour; picking speed 0.04: jammed; "
+            "picking speed is given and not chosen, so each has a best of its own; "
+            "not enough runs to tell 1 of the settings from the best: 7 s more would."
+        ),
     ),
 ]
 
@@ -273,8 +310,10 @@ def test_what_nobody_chooses_is_told_without_a_best_of_all(result, told):
         (a_result([JAMMED], None), "12 carriers jammed: some robots waited for ever."),
         (
             a_result([JAMMED], None, not_run=[carriers(13)]),
-            "12 carriers jammed: some robots waited for ever; 1 of 2 settings has not run, 13 carriers, "
-            "and may be better.",
+            (
+                "12 carriers jammed: some robots waited for ever; 1 of 2 settings has not run, 13"
+                " carriers, and may be better."
+            ),
         ),
         (a_result([], None), "No setting has been run yet."),
     ],

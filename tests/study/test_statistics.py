@@ -15,7 +15,8 @@ from scipy import stats
 from orchard.field.repeatable import draw, exponential, normal
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
 
-# NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation 0.022789, 95 %: 9.258242 to 9.264679
+# NIST/SEMATECH e-Handbook, 1.3.5.2: heat flow meter, ZARR13.DAT: n 195, mean 9.261460, deviation
+# 0.022789, 95 %: 9.258242 to 9.264679
 
 
 def test_the_t_interval_is_that_of_the_nist_handbook() -> None:
@@ -43,7 +44,9 @@ KINDS = [ALIKE, [60.0, 60.0, 60.0, 60.4], [54.0, 57.0, 60.0, 60.5], [60.0, 64.0]
 
 @pytest.fixture(scope="module")
 def studies() -> list[tuple[list[float], Comparison]]:
-    """200 small studies, whose results have a common and an own part: alike settings, one better by a little, and settings that differ."""
+    """200 small studies, whose results have a common and an own part: alike settings, one better by
+    a little, and settings that differ.
+    """
 
     def of(number: int, means: list[float]) -> Comparison:
         def value(i: int, seed: int) -> float:
@@ -62,12 +65,16 @@ def studies() -> list[tuple[list[float], Comparison]]:
 
 
 def least(studies: int) -> int:
-    """Of so many intervals of 95 % fewer than this hold their truth by chance once in a thousand times."""
+    """Of so many intervals of 95 % fewer than this hold their truth by chance once in a thousand
+    times.
+    """
     return int(stats.binom.ppf(0.001, studies, 0.95))
 
 
 def test_what_is_told_of_settings_is_true_of_all_of_them_together(studies: list) -> None:
-    """Nothing is called worse that is worth as much as the best, and nothing equal that is not, though the best mean had luck."""
+    """Nothing is called worse that is worth as much as the best, and nothing equal that is not,
+    though the best mean had luck.
+    """
     right = []
     for means, found in studies:
         leads = [max(means) / mean - 1.0 for mean in means]
@@ -96,7 +103,9 @@ def test_most_studies_end_with_the_setting_that_needs_fewest_robots(studies: lis
 
 
 def test_too_few_runs_are_no_equality() -> None:
-    """Two settings that are alike, as far as a run of each tells; and two whose interval is wider than what is worth it."""
+    """Two settings that are alike, as far as a run of each tells; and two whose interval is wider
+    than what is worth it.
+    """
     for samples in ([[60.0], [60.0]], [[60.0, 62.0, 58.0], [60.1, 58.0, 61.9]]):
         found = compare(dict(enumerate(samples)), {0: 1, 1: 2}, True, 0.95, 0.02)
         assert {found.standing(0), found.standing(1)} == {"equal", "unknown"} and len(
@@ -188,8 +197,9 @@ def test_a_setting_on_the_edge_of_what_is_worth_it_does_not_take_runs_for_ever()
     assert [one.standing(1) for one in found] == ["unknown", "unknown"]
 
 
-# Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As published: P0 0.4845, waiting 0.3297,
-# down 0.8451, wait for the repairman 1.279. So 0.3297 / 1.279 are repaired in a unit of time (Little), and all run for 0.4845 of it.
+# Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As
+# published: P0 0.4845, waiting 0.3297, down 0.8451, wait for the repairman 1.279. So 0.3297 / 1.279
+# are repaired in a unit of time (Little), and all run for 0.4845 of it.
 MACHINES, RUNS, REPAIR = 6, 20.0, 2.0
 REPAIRED, WAIT = 0.3297 / 1.279, 1.279
 SHOPS, REPLICATIONS, WARM_UP, END = 50, 5, 50.0, 250.0
@@ -233,7 +243,8 @@ def test_intervals_over_replications_hold_the_published_figures_of_the_repairman
         )
 
 
-# Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic Simulation Optimization, 2011).
+# Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic
+# Simulation Optimization, 2011).
 MEANS, VARIANCES = (1.2, 2.1, 3.4, 4.87, 6.05), (3.3, 2.0, 4.5, 5.3, 6.9)
 ASKED = 100
 

@@ -1,4 +1,6 @@
-"""The store: what is there is not lost, not run again, and not mixed with other versions; no other file is touched."""
+"""The store: what is there is not lost, not run again, and not mixed with other versions; no other
+file is touched.
+"""
 
 import sqlite3
 import time
@@ -51,7 +53,10 @@ def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(path, r
     monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
     with pytest.raises(
         StoreError,
-        match=r"studies\.db: is a store of version .*, and this is 9\.9\.9\+abc; --anew forgets its runs",
+        match=(
+            r"studies\.db: is a store of version .*, and this is 9\.9\.9\+abc; --anew forgets its"
+            r" runs"
+        ),
     ):
         Store(path)
     monkeypatch.undo()
@@ -103,8 +108,12 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
 
 def test_the_key_holds_all_that_decides_and_nothing_else(tmp_path, monkeypatch):
     run = PlannedRun(SCENARIO, "fast")
-    others = [PlannedRun(with_changes(SCENARIO, carriers=2), "fast"), PlannedRun(SCENARIO, "full"), PlannedRun(SCENARIO, "fast", "long"),
-              PlannedRun.of(SCENARIO, 7, "fast", "harvest")]  # fmt: skip
+    others = [
+        PlannedRun(with_changes(SCENARIO, carriers=2), "fast"),
+        PlannedRun(SCENARIO, "full"),
+        PlannedRun(SCENARIO, "fast", "long"),
+        PlannedRun.of(SCENARIO, 7, "fast", "harvest"),
+    ]
     assert len({one.key for one in [run, *others]}) == 5
     assert PlannedRun(with_changes(SCENARIO, prices={"per_bin": 3.0}), "fast").key == run.key
     monkeypatch.setattr(runs, "software", lambda: "9.9.9")
@@ -125,14 +134,24 @@ def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeyp
 
 
 def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_path, monkeypatch):
-    """However they are imported: with their package, by a relative path, one by the other, in a function."""
+    """However they are imported: with their package, by a relative path, one by the other, in a
+    function.
+    """
     monkeypatch.syspath_prepend(tmp_path)
     files = {
-        "plot_policy.py": "import json, numpy\nimport plot.rules\nclass Mine: pass\ndef late():\n    from plot_late import MOST\n",
+        "plot_policy.py": (
+            "import json, numpy\nimport plot.rules\nclass Mine: pass\ndef late():\n    from"
+            " plot_late import MOST\n"
+        ),
         "plot/__init__.py": "",
-        "plot/rules.py": "from . import limits\nfrom .limits import MOST\nfrom orchard import Scenario\n",
+        "plot/rules.py": (
+            "from . import limits\nfrom .limits import MOST\nfrom orchard import Scenario\n"
+        ),
         "plot/limits.py": "import plot_policy\nMOST = 3\n",
-        "plot_late.py": "try:\n    from .near import MOST\nexcept ImportError:  # it is in no package\n    MOST = 3\n",
+        "plot_late.py": (
+            "try:\n    from .near import MOST\nexcept ImportError:  # it is in no package\n    MOST"
+            " = 3\n"
+        ),
         "plot_other.py": "MOST = 3\n",
     }
     (tmp_path / "plot").mkdir()
@@ -145,7 +164,9 @@ def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_
 
 
 def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, record, monkeypatch):
-    """The other one makes it after this one has looked, and has kept a run before this one is ready."""
+    """The other one makes it after this one has looked, and has kept a run before this one is
+    ready.
+    """
     path = tmp_path / "studies.db"
     other = []
     made = Store._made

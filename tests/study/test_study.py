@@ -1,4 +1,6 @@
-"""Whole studies of small orchards: what may vary; the same table whatever the workers and whatever was known; jams, budgets, the check."""
+"""Whole studies of small orchards: what may vary; the same table whatever the workers and whatever
+was known; jams, budgets, the check.
+"""
 
 import math
 import re
@@ -99,11 +101,17 @@ MISTAKES = [
     ),
     (
         ["picking_rate=20", "picking_speed=0.3,0.5"],
-        "the setting picking_rate=20, picking_speed=0.3: picking_speed = 0.3, picking_rate = 20.0: at",
+        (
+            "the setting picking_rate=20, picking_speed=0.3: picking_speed = 0.3, picking_rate ="
+            " 20.0: at"
+        ),
     ),
     (
         ["rows=3,4", "pickers=4", "dispatch=nearest,predictive"],
-        "the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at most one picker a row",
+        (
+            "the setting rows=3, pickers=4, dispatch=nearest: pickers = 4, rows = 3: must be at"
+            " most one picker a row"
+        ),
     ),
 ]
 
@@ -145,8 +153,14 @@ def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
     assert problems(
         scenario=own, options=StudyOptions(goal="cost_per_bin", horizon="long", model="fast")
     ) == [
-        "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour, overhead_per_hour or per_bin",
-        "--model fast: agents: only the full model knows agents of your own (picker); choose --model full",
+        (
+            "--goal cost_per_bin: prices: needs a price: picker_per_hour, carrier_per_hour,"
+            " overhead_per_hour or per_bin"
+        ),
+        (
+            "--model fast: agents: only the full model knows agents of your own (picker); choose"
+            " --model full"
+        ),
     ]
     (no_errors,) = problems(scenario=Scenario(sensors={"odometry": {"distance": 0.01}}))
     assert (
@@ -155,8 +169,8 @@ def test_what_a_study_cannot_answer_is_refused_all_at_once() -> None:
     )
     own_step = problems(scenario=Scenario(route="examples.seams.signalled_route.SignalledRoute"))
     assert own_step == [
-        "--model both: route = examples.seams.signalled_route.SignalledRoute: only the full model knows steps of your own (Signal); "
-        "choose --model full"
+        "--model both: route = examples.seams.signalled_route.SignalledRoute: only the full model"
+        " knows steps of your own (Signal); choose --model full"
     ]
     (no_end,) = problems(options=StudyOptions(goal="harvest_seconds", horizon="long"))
     assert "a long run has no end" in no_end
@@ -171,8 +185,15 @@ def test_a_study_with_problems_does_not_begin() -> None:
 
 def test_chance_needs_people_animals_spread_failures_or_noise() -> None:
     quiet = {"people": {"workers": 0, "visitors": 0}, "animals": {"dogs": 0, "cats": 0}}
-    changes = [{}, {"people.visitors": 1}, {"animals.cats": 1}, {"picking_speed": 0.5, "picking.spread.distribution": "gamma"},
-               {"picking.failure.mean_between": 600.0}, {"carrying.failure.mean_between": 600.0}, {"laser.noise": 0.01}]  # fmt: skip
+    changes = [
+        {},
+        {"people.visitors": 1},
+        {"animals.cats": 1},
+        {"picking_speed": 0.5, "picking.spread.distribution": "gamma"},
+        {"picking.failure.mean_between": 600.0},
+        {"carrying.failure.mean_between": 600.0},
+        {"laser.noise": 0.01},
+    ]
     random = [
         settings_of(with_changes(Scenario(**quiet), **change), {})[0].is_random
         for change in changes
@@ -349,7 +370,9 @@ def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_p
 
 
 def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_path):
-    """The bay is farther by so little that the harvest hardly changes; nearer ones were not tried."""
+    """The bay is farther by so little that the harvest hardly changes; nearer ones were not
+    tried.
+    """
     settled = study(
         Scenario(rows=3, **QUIET),
         {"bay": [10.0, 10.2, 10.4]},
@@ -449,7 +472,9 @@ def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_b
 
 
 def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):
-    """Of three pickers with one or two carriers; but the last number for which there is room has no one beyond it."""
+    """Of three pickers with one or two carriers; but the last number for which there is room has no
+    one beyond it.
+    """
     told = study(
         Scenario(rows=6, pickers=3, **QUIET),
         {"carriers": [1, 2]},
@@ -469,7 +494,9 @@ def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):
     "changes", [{}, {"prices": {"picker_per_hour": 15.0, "carrier_per_hour": 6.0}}]
 )
 def test_a_study_that_is_told_nothing_tries_as_many_carriers_as_it_takes(changes, tmp_path):
-    """The answer lies inside what was tried, with its neighbours, and is the same wherever the numbers begin."""
+    """The answer lies inside what was tried, with its neighbours, and is the same wherever the
+    numbers begin.
+    """
     scenario = Scenario(rows=6, pickers=3, picking_speed=0.3, **QUIET, **changes)
     found = study(
         scenario, options=replace(AMPLE, horizon="long", within=0.02, store=tmp_path / "s.db")
@@ -482,8 +509,10 @@ def test_a_study_that_is_told_nothing_tries_as_many_carriers_as_it_takes(changes
     rows = {row.setting["carriers"]: row for row in found.table}
     assert list(rows) == tried
     behind = {
-        number: max(row.bins_per_hour.mean for row in found.table) / rows[number].bins_per_hour.mean
-        - 1.0
+        number: (
+            max(row.bins_per_hour.mean for row in found.table) / rows[number].bins_per_hour.mean
+            - 1.0
+        )
         for number in tried
     }
     assert changes or behind[best] < 0.02 <= behind[best - 1]

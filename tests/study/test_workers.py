@@ -99,9 +99,9 @@ def test_stop_does_not_wait_for_long_work(tmp_path):
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     told = tmp_path / "pid"
     script = (
-        "import sys; from pathlib import Path; from work import slow; from orchard.study.workers import processes\n"
-        "if __name__ == '__main__':\n"
-        "    with processes(1) as workers: list(workers.do(slow, [Path(sys.argv[1])], lambda: True))\n"
+        "import sys; from pathlib import Path; from work import slow; from orchard.study.workers"
+        " import processes\nif __name__ == '__main__':\n    with processes(1) as workers:"
+        " list(workers.do(slow, [Path(sys.argv[1])], lambda: True))\n"
     )
     (tmp_path / "parent.py").write_text(script)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE.parent.parent), str(HERE)])}
@@ -155,8 +155,17 @@ def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wro
             "--no-show",
         )
         for _ in range(2):
-            started("dask_worker", "--scheduler-file", file, "--no-nanny", "--nthreads", 1, "--no-dashboard",
-                    "--local-directory", tmp_path)  # fmt: skip
+            started(
+                "dask_worker",
+                "--scheduler-file",
+                file,
+                "--no-nanny",
+                "--nthreads",
+                1,
+                "--no-dashboard",
+                "--local-directory",
+                tmp_path,
+            )
         address = address_in(file)
         eventually(lambda: workers_at(address) == 2)
         with scheduled(address) as workers:

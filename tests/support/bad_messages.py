@@ -32,7 +32,9 @@ def refusal_of(payload: bytes, type_: type, run: str) -> str:
 
 
 def bad(messages, what: str, count: int, seed: int):
-    """(key, payload): of another run and damaged, or of this run and damaged so that they are no messages."""
+    """(key, payload): of another run and damaged, or of this run and damaged so that they are no
+    messages.
+    """
     chance = random.Random(f"{what} {seed}")
     sources = [
         (key, p) for key, payload in messages[what] for p in (payload, rewritten(payload, run=RUN))

@@ -1,4 +1,7 @@
-"""A world that tests drive directly, without agents. The field has no walls except those of the test."""
+"""A world that tests drive directly, without agents.
+
+The field has no walls except those of the test.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -26,7 +29,10 @@ class Yard:
     events: list = field(default_factory=list)
 
     def drive(self, ticks: int = 1, deeds: list[tuple[str, Deed]] = (), **twists: Twist) -> list:
-        """Drive the named bodies for some ticks, with the deeds at the first. All other bodies stand. Return the events."""
+        """Drive the named bodies for some ticks, with the deeds at the first.
+
+        All other bodies stand. Return the events.
+        """
         index, wanted = self.world.index, np.zeros_like(self.world.pose)
         for name, twist in twists.items():
             wanted[index[name]] = twist
@@ -74,7 +80,10 @@ def picker_with_bin(x: float = ROW_WEST, y: float = LANE, yaw: float = EAST, **k
 
 
 def train(**kwargs) -> dict[str, Twist]:
-    """Return the same twist for picker_01 and bin_02 behind it. That keeps the bin in place while they drive straight."""
+    """Return the same twist for picker_01 and bin_02 behind it.
+
+    That keeps the bin in place while they drive straight.
+    """
     return {"picker_01": Twist(**kwargs), "bin_02": Twist(**kwargs)}
 
 
@@ -92,7 +101,9 @@ def overlapping(world: World) -> list[tuple[str, str]]:
 
 
 def overlapping_starts(layout: Layout) -> list[tuple[str, str]]:
-    """Return the pairs that overlap at the begin and should not: people and animals may stand on weeds."""
+    """Return the pairs that overlap at the begin and should not: people and animals may stand on
+    weeds.
+    """
     pairs = [(pair, {name.split("_")[0] for name in pair}) for pair in overlapping(World(layout))]
     return [pair for pair, kinds in pairs if "weed" not in kinds or not kinds & {*PEOPLE, *ANIMALS}]
 

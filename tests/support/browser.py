@@ -21,8 +21,17 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
-FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync", "--force-prefers-reduced-motion")  # fmt: skip
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--force-prefers-reduced-motion",
+)
 
 
 def open_browser(
@@ -56,7 +65,10 @@ class Browser:
         self.driver = driver
 
     def until(self, holds: Callable[[], Any], what: str, seconds: float = PATIENCE) -> Any:
-        """Wait until something holds. Each look costs the browser a layout, so the pauses grow with the wait."""
+        """Wait until something holds.
+
+        Each look costs the browser a layout, so the pauses grow with the wait.
+        """
         begun = time.monotonic()
         while True:
             with suppress(StaleElementReferenceException, NoSuchElementException):
@@ -67,11 +79,14 @@ class Browser:
             time.sleep(min(0.5, 0.05 + waited / 5))
 
     def begin(self, address: str) -> None:
-        """Have the default orchard on the page that is open, as a user sets it, or on a new one: pictures and dialogs do not stay."""
+        """Have the default orchard on the page that is open, as a user sets it, or on a new one:
+        pictures and dialogs do not stay.
+        """
         is_open = self.driver.current_url == f"{address}/"
         if is_open and not self.driver.find_elements(By.CSS_SELECTOR, ".q-dialog"):
             self.driver.execute_script(
-                "scrollTo(0, 0); document.querySelectorAll('iframe').forEach(it => it.removeAttribute('src'))"
+                "scrollTo(0, 0); document.querySelectorAll('iframe').forEach(it =>"
+                " it.removeAttribute('src'))"
             )
             self.click("[data-preset=default]")
             self.turn_to("Plan")
@@ -89,7 +104,10 @@ class Browser:
         self._connect()
 
     def _connect(self) -> None:
-        """Wait until the server knows the page. Before, NiceGUI may load the page again, and what was clicked is lost."""
+        """Wait until the server knows the page.
+
+        Before, NiceGUI may load the page again, and what was clicked is lost.
+        """
         self.until(
             lambda: self.driver.execute_script("return window.did_handshake"),
             "the page is connected",
@@ -157,7 +175,10 @@ class Browser:
         self.until(lambda: self._picked(path, words), f"{words} can be picked")
 
     def _picked(self, path: str, words: str) -> bool:
-        """Whether it could be picked. While no menu is open, the field is clicked: the page may have moved under the click before."""
+        """Whether it could be picked.
+
+        While no menu is open, the field is clicked: the page may have moved under the click before.
+        """
         offered = self.driver.find_elements(By.CSS_SELECTOR, ".q-menu .q-item")
         if not offered:
             self._pressed(self.field(path).find_element(By.XPATH, "./ancestor-or-self::label"))
@@ -213,7 +234,10 @@ class Browser:
     def tree_lines(self) -> int:
         """Lines of trees in the plan: the heights at which trees are drawn."""
         trees = "[data-view=plan] rect[width='66.0'][height='12.0'][style^='fill:#7fae5d']"
-        look = "return new Set([...document.querySelectorAll(arguments[0])].map(it => it.getAttribute('y'))).size"
+        look = (
+            "return new Set([...document.querySelectorAll(arguments[0])].map(it =>"
+            " it.getAttribute('y'))).size"
+        )
         return self.driver.execute_script(look, trees)
 
     @contextmanager

@@ -1,4 +1,6 @@
-"""Agents for tests of the transport: they call each other often, and drive by what they heard. Some are slow, some fail.
+"""Agents for tests of the transport: they call each other often, and drive by what they heard.
+
+Some are slow, some fail.
 
 Each function makes the agents for `python -m orchard.processes.agents --agents callers:...`.
 """
@@ -25,7 +27,9 @@ class Counted(msgspec.Struct):
 
 
 class Caller:
-    """Asks two agents at every tick, answers two of three requests, and drives by all that it heard."""
+    """Asks two agents at every tick, answers two of three requests, and drives by all that it
+    heard.
+    """
 
     Memory = Counted
 

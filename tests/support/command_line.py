@@ -60,7 +60,9 @@ def scenario_file(folder: Path, scenario: Scenario) -> Path:
 
 
 def line_with(words: str, process: subprocess.Popen | Forked) -> str:
-    """The first line of what it prints that has these words; it says other things before, as that it compiles."""
+    """The first line of what it prints that has these words; it says other things before, as that
+    it compiles.
+    """
     said = []
     for line in process.stdout:
         said.append(line)

@@ -1,4 +1,7 @@
-"""Real processes for tests: physics, hosts of agents, and a bare Zenoh client. Every wait is bounded; nothing is left behind."""
+"""Real processes for tests: physics, hosts of agents, and a bare Zenoh client.
+
+Every wait is bounded; nothing is left behind.
+"""
 
 import json
 import os
@@ -46,7 +49,9 @@ class Process:
 
     @staticmethod
     def _line(stream) -> str:
-        """Byte by byte: of two lines at once `readline` would take both from the pipe, and the selector would not see the second."""
+        """Byte by byte: of two lines at once `readline` would take both from the pipe, and the
+        selector would not see the second.
+        """
         said = b""
         with selectors.DefaultSelector() as selector:
             selector.register(stream, selectors.EVENT_READ)
@@ -58,7 +63,10 @@ class Process:
         return said.decode()
 
     def messages(self) -> queue.Queue:
-        """What it prints from now on, as they come: a map in a line each. Instead of `line` and `end`."""
+        """What it prints from now on, as they come: a map in a line each.
+
+        Instead of `line` and `end`.
+        """
         heard = queue.Queue()
 
         def read() -> None:
@@ -150,7 +158,9 @@ class Fleet:
 
 
 class AnyClient:
-    """What a client says, on a real or a simulated network: it has only `put` and `ask`, msgpack and keyspace.md."""
+    """What a client says, on a real or a simulated network: it has only `put` and `ask`, msgpack
+    and keyspace.md.
+    """
 
     run: str
     keys = Keys()
@@ -240,7 +250,9 @@ def until(heard: queue.Queue, wanted, seconds: float = PATIENCE):
 
 
 def assert_stands(poses, ticks: int = 20) -> dict:
-    """From now on, and whatever it did before, a robot does not move for so many ticks; its last pose."""
+    """From now on, and whatever it did before, a robot does not move for so many ticks; its last
+    pose.
+    """
     for _ in range(poses.qsize()):
         poses.get()
     first = until(

@@ -1,7 +1,8 @@
-"""Python processes that start fast: a server has imported what they need, and forks itself for each.
+"""Python processes that start fast: a server has imported what they need, and forks itself for
+each.
 
-Each is a process of its own, with its own Zenoh session, memory and signals; only its imports are done already. Half of a test's processor
-time would be imports otherwise.
+Each is a process of its own, with its own Zenoh session, memory and signals; only its imports are
+done already. Half of a test's processor time would be imports otherwise.
 """
 
 import atexit
@@ -47,8 +48,9 @@ PATHS = [str(ROOT), str(ROOT / "tests" / "support")]
 class Forked:
     """A process that runs a module; the methods are those of subprocess.Popen.
 
-    `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the command. `forks`: what run.py starts,
-    but for the logger, is forked too. `stdin`: of a process that run.py starts, which leads its group. `folder`: where it runs.
+    `leads`: in a session of its own, with stderr in stdout, as someone sees it who types the
+    command. `forks`: what run.py starts, but for the logger, is forked too. `stdin`: of a process
+    that run.py starts, which leads its group. `folder`: where it runs.
     """
 
     def __init__(
@@ -126,7 +128,10 @@ class Server:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def fork(self, request: dict, files: Sequence[int]) -> tuple[int, "queue.Queue[int]"]:
-        """Start a process. `files`: its stdout and stderr. Return its id, and a queue that will have its exit code."""
+        """Start a process.
+
+        `files`: its stdout and stderr. Return its id, and a queue that will have its exit code.
+        """
         with self._lock:
             socket.send_fds(self._socket, [json.dumps(request).encode()], files)
             pid = self._born.get(timeout=PATIENCE)
@@ -170,7 +175,10 @@ def server() -> Server:
 
 
 def serve(tests: socket.socket) -> dict | None:
-    """Fork for each request until the tests are over. Return the request in the forked process, and None at the end."""
+    """Fork for each request until the tests are over.
+
+    Return the request in the forked process, and None at the end.
+    """
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(wake)
@@ -200,7 +208,9 @@ def report_ends(tests: socket.socket) -> None:
 
 
 def become(files: Sequence[int]) -> None:
-    """Turn a fork of the server into a process like any other, with these files as stdout, stderr and stdin."""
+    """Turn a fork of the server into a process like any other, with these files as stdout, stderr
+    and stdin.
+    """
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -216,7 +226,8 @@ def become(files: Sequence[int]) -> None:
 def preload() -> None:
     """Import what the processes import, and load the kernels.
 
-    No process visits these objects when it collects cycles: each visit would copy their memory, and at an end all of it, 0.3 s.
+    No process visits these objects when it collects cycles: each visit would copy their memory, and
+    at an end all of it, 0.3 s.
     """
     for module in (*DOORS, *COMMAND_LINE):
         __import__(module)
@@ -254,7 +265,10 @@ def begin(request: dict) -> None:
 
 
 def let_supervisor_fork(own: socket.socket) -> None:
-    """In run.py: the doors that it starts are forks of a server of its own, which has no thread. Only the logger starts as for a user."""
+    """In run.py: the doors that it starts are forks of a server of its own, which has no thread.
+
+    Only the logger starts as for a user.
+    """
     from orchard.launch import supervisor
 
     global server

@@ -1,4 +1,5 @@
-"""Prints what is put on a key, as a line of JSON each: for tests to hear what is said on another machine.
+"""Prints what is put on a key, as a line of JSON each: for tests to hear what is said on another
+machine.
 
 python -m listener tcp/192.168.1.10:7447 orchard/clock
 """

@@ -1,4 +1,7 @@
-"""Runs without a network. Runs of many processes must have the same hashes, whatever faults occur."""
+"""Runs without a network.
+
+Runs of many processes must have the same hashes, whatever faults occur.
+"""
 
 from functools import cache
 

@@ -1,4 +1,7 @@
-"""Machines for tests: network namespaces with cables between them, on this one. Needs root and iproute2."""
+"""Machines for tests: network namespaces with cables between them, on this one.
+
+Needs root and iproute2.
+"""
 
 import json
 import os
@@ -30,7 +33,10 @@ def _ip(*words: str) -> None:
 
 @contextmanager
 def machines(*guests: str):
-    """A host and its guests: (names of all, the host first). The host is 192.168.<n>.10 to its n-th guest, which is .11 there."""
+    """A host and its guests: (names of all, the host first).
+
+    The host is 192.168.<n>.10 to its n-th guest, which is .11 there.
+    """
     base = f"o{os.getpid()}"
     names = [f"{base}h", *(f"{base}{guest}" for guest in guests)]
     try:
@@ -77,7 +83,10 @@ def run_both(
     here: Path | None = None,
     there: Path | None = None,
 ) -> None:
-    """Run a command that leaves carriers to others, and the guest's once it waits for them. Both must end well."""
+    """Run a command that leaves carriers to others, and the guest's once it waits for them.
+
+    Both must end well.
+    """
     one = subprocess.Popen(
         [*within(host), *first],
         cwd=here,

@@ -20,11 +20,22 @@ FAR, NEAR = interval(0.05, 0.01), interval(0.005, 0.01)  # behind the best mean
 def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
     """A row of a harvest of 20 rows at this rate, bins an hour; None: each of its runs jammed."""
     known = rate is not None
-    row = dict(setting={"carriers": 9}, model="fast", replications=5, jammed=0 if known else 5,
-               bins_per_hour=interval(rate, half) if known else None, harvest_seconds=interval(72000.0 / rate) if known else None,
-               cost_per_bin=None, picker_waiting_seconds=316.2, carrier_utilisation=0.774, bound_bins_per_hour=91.2, bottleneck="carriers",
-               standing="worse" if known else "jammed", lead=FAR if known else None,
-               behind=FAR.mean if known else None)  # fmt: skip
+    row = dict(
+        setting={"carriers": 9},
+        model="fast",
+        replications=5,
+        jammed=0 if known else 5,
+        bins_per_hour=interval(rate, half) if known else None,
+        harvest_seconds=interval(72000.0 / rate) if known else None,
+        cost_per_bin=None,
+        picker_waiting_seconds=316.2,
+        carrier_utilisation=0.774,
+        bound_bins_per_hour=91.2,
+        bottleneck="carriers",
+        standing="worse" if known else "jammed",
+        lead=FAR if known else None,
+        behind=FAR.mean if known else None,
+    )
     return Row(**row | changes)
 
 
@@ -46,8 +57,16 @@ def a_result(
         for key, value in row.setting.items():
             varied[key] = [*dict.fromkeys([*varied.get(key, []), value])]
     undecided = changes.get("undecided", [])
-    stands = {id(row): "best" if row.setting == best else "equal" if row.setting in ties else
-              "unknown" if row.setting in undecided else row.standing for row in table}  # fmt: skip
+    stands = {
+        id(row): "best"
+        if row.setting == best
+        else "equal"
+        if row.setting in ties
+        else "unknown"
+        if row.setting in undecided
+        else row.standing
+        for row in table
+    }
     scenario = Scenario(rows=20, pickers=10)
     shown = [
         replace(
@@ -58,10 +77,25 @@ def a_result(
         )
         for row in table
     ]
-    result = dict(answer="", orchard=orchard_words(scenario, varied), best=best, table=shown,
-                  goal="bins_per_hour", horizon="harvest", confidence=0.95, within=0.02, scenario=scenario.model_dump(), varied=varied,
-                  wall_seconds=12.3, stopped_by="certain", undecided=undecided, seconds_needed=None, beyond={}, notes=[],
-                  version="0.1.0")  # fmt: skip
+    result = dict(
+        answer="",
+        orchard=orchard_words(scenario, varied),
+        best=best,
+        table=shown,
+        goal="bins_per_hour",
+        horizon="harvest",
+        confidence=0.95,
+        within=0.02,
+        scenario=scenario.model_dump(),
+        varied=varied,
+        wall_seconds=12.3,
+        stopped_by="certain",
+        undecided=undecided,
+        seconds_needed=None,
+        beyond={},
+        notes=[],
+        version="0.1.0",
+    )
     return StudyResult(**result | changes)
 
 
@@ -71,7 +105,9 @@ def compared(
     within: float = 0.02,
     is_max: bool = True,
 ) -> tuple[Comparison, dict[int, list[float]]]:
-    """Compare settings with these values by setting and seed, look by look, until nothing is undecided. Return also what was seen."""
+    """Compare settings with these values by setting and seed, look by look, until nothing is
+    undecided. Return also what was seen.
+    """
     for look in LOOKS:
         seen = {i: [value(i, seed) for seed in range(look)] for i in range(len(robots))}
         found = compare(seen, dict(enumerate(robots)), is_max, 0.95, within)
@@ -102,7 +138,9 @@ PRICES = {
 
 
 def by_carriers(**changes: Any) -> StudyResult:
-    """20 rows and 10 pickers with more and more carriers, the cheapest of which is best; 20 of them jammed."""
+    """20 rows and 10 pickers with more and more carriers, the cheapest of which is best; 20 of them
+    jammed.
+    """
     bound = {number: min(8.0 * number, 79.2) for number in RATES}
     rows = [
         a_row(

@@ -1,4 +1,6 @@
-"""Surveys for tests: rows as drawn in a local frame, and the GeoJSON that a surveyor would write of them."""
+"""Surveys for tests: rows as drawn in a local frame, and the GeoJSON that a surveyor would write of
+them.
+"""
 
 import cmath
 import json
@@ -68,7 +70,9 @@ def points_of(row: Row) -> list[complex]:
 def write_geojson(
     path: Path, lines: dict[str, list[complex]], yaw: float = 0.0, crs: str = CIRCUIT
 ) -> Path:
-    """Write lines in the frame of the rows, turned by `yaw`, rad, and shifted there, as a GeoJSON file."""
+    """Write lines in the frame of the rows, turned by `yaw`, rad, and shifted there, as a GeoJSON
+    file.
+    """
     turned = {
         name: [THERE + point * cmath.exp(1j * yaw) for point in points]
         for name, points in lines.items()

@@ -1,4 +1,6 @@
-"""Dispatch policies of a user's own, in a file that every process of a test finds: one that sends carriers too early, and faulty ones."""
+"""Dispatch policies of a user's own, in a file that every process of a test finds: one that sends
+carriers too early, and faulty ones.
+"""
 
 from orchard import Assignment, BinReport
 

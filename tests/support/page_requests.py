@@ -23,7 +23,9 @@ from orchard.app.unseen import MOST
 
 
 def ask(address: str, requests: int) -> None:
-    """Ask for the page at an address as a program does that runs no scripts, and then end this process."""
+    """Ask for the page at an address as a program does that runs no scripts, and then end this
+    process.
+    """
     try:
         _ask_first(address)
         for _ in range(requests - 1):
@@ -46,7 +48,10 @@ def _ask_first(address: str) -> None:
 
 
 def _in_memory() -> dict[str, int]:
-    """Return the counts of pages and of deleted elements. Tasks of deleted pages are given time to end."""
+    """Return the counts of pages and of deleted elements.
+
+    Tasks of deleted pages are given time to end.
+    """
     deadline = time.monotonic() + PATIENCE
     while True:
         gc.collect()

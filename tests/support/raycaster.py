@@ -1,4 +1,5 @@
-"""The laser as one would write it without a thought for speed, in plain numpy, and orchards to try it in.
+"""The laser as one would write it without a thought for speed, in plain numpy, and orchards to try
+it in.
 
 A box is (x, y, half length, half width, yaw); metres and radians.
 """
@@ -22,7 +23,9 @@ def world_of(
     walls: list[tuple[float, float, float, float]] | None = None,
     **scenario,
 ) -> World:
-    """A world with just these bodies, (kind, pose), in this order, uncoupled, and these walls, (x, y, half length, half width)."""
+    """A world with just these bodies, (kind, pose), in this order, uncoupled, and these walls, (x,
+    y, half length, half width).
+    """
     nobody = {
         "people": People(workers=0, visitors=0),
         "animals": Animals(dogs=0, cats=0),
@@ -52,7 +55,8 @@ def boxes_seen_by(world: World, me: int) -> list[tuple[float, float, float, floa
 def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarray]:
     """The least and the most, (beams,) float64 metres, that a body may measure, +inf for no return.
 
-    A beam that grazes a box may hit or miss it: so each box counts as it is, and grown and shrunk by `slack` on all sides.
+    A beam that grazes a box may hit or miss it: so each box counts as it is, and grown and shrunk
+    by `slack` on all sides.
     """
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
@@ -76,7 +80,8 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
 def distance_to_box(
     x: float, y: float, angles: np.ndarray, box: Sequence, inflate: float = 0.0
 ) -> np.ndarray:
-    """Metres along each ray to where it first meets a box's edge, +inf where it does not: the method of slabs.
+    """Metres along each ray to where it first meets a box's edge, +inf where it does not: the
+    method of slabs.
 
     The numbers of the box may be columns of those of many boxes: then there is a row for each box.
     """

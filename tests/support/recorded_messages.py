@@ -1,4 +1,6 @@
-"""Real messages of a run in this process, on all keys and in both directions; and what noise, age and malice make of them."""
+"""Real messages of a run in this process, on all keys and in both directions; and what noise, age
+and malice make of them.
+"""
 
 import math
 import random
@@ -289,7 +291,9 @@ def of_bytes(payload: bytes, chance: random.Random) -> bytes:
 
 
 def of_fields(value, chance: random.Random):
-    """A map or list in which one thing, at any depth, is of another type or size, unknown, doubled or missing."""
+    """A map or list in which one thing, at any depth, is of another type or size, unknown, doubled
+    or missing.
+    """
     if isinstance(value, dict) and value and chance.random() < 0.9:
         key = chance.choice(list(value))
         if chance.random() < 0.15:

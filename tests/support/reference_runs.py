@@ -1,4 +1,5 @@
-"""Short runs over the whole schema, whose results are kept: a change of code that says it changes no result changes none of them.
+"""Short runs over the whole schema, whose results are kept: a change of code that says it changes
+no result changes none of them.
 
     .venv/bin/python tests/support/reference_runs.py
 

@@ -1,4 +1,6 @@
-"""A secured run for tests, and sessions that join it, each with the certificate of one role, which try this and that."""
+"""A secured run for tests, and sessions that join it, each with the certificate of one role, which
+try this and that.
+"""
 
 import time
 from contextlib import ExitStack
@@ -32,7 +34,9 @@ WISHES = [f"amy={MINE}", f"ben={HERS},bin_01", "shed=carrier"]
 
 
 def make_roles(path: Path, *addresses: str) -> Path:
-    """What `run.py secure` makes, for the small scenario: a role for each of two pickers, one for the carriers, two for the rest."""
+    """What `run.py secure` makes, for the small scenario: a role for each of two pickers, one for
+    the carriers, two for the rest.
+    """
     make(
         path,
         host_roles(agent_names(SMALL), WISHES, lambda rest: shares(rest, 2)),

@@ -1,4 +1,6 @@
-"""Physics and hosts as `fleet.Fleet` has them, on a simulated network: no process is started, and no time passes while they wait."""
+"""Physics and hosts as `fleet.Fleet` has them, on a simulated network: no process is started, and
+no time passes while they wait.
+"""
 
 import queue
 import signal
@@ -64,7 +66,10 @@ class SimulatedFleet(Fleet):
         )
 
     def wait(self, is_so: Callable[[], bool], seconds: float = SECONDS) -> bool:
-        """Let virtual time pass until something is so. Return whether it is, within so many seconds."""
+        """Let virtual time pass until something is so.
+
+        Return whether it is, within so many seconds.
+        """
         with (
             self.all.entered()
         ):  # not for longer: pytest has an output of its own for each phase of a test
@@ -80,7 +85,10 @@ class Process:
         return self._next(self._process.printed)
 
     def error(self) -> str:
-        return f"{self._process.spec.module.rpartition('.')[2]}: {self._next(self._process.complaints)}"
+        return (
+            f"{self._process.spec.module.rpartition('.')[2]}:"
+            f" {self._next(self._process.complaints)}"
+        )
 
     def _next(self, lines: list[str]) -> str:
         assert self._fleet.wait(lambda: bool(lines) or self._process.code is not None), (

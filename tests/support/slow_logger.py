@@ -1,4 +1,6 @@
-"""A logger whose recorder takes a fifth of a second for each picture, and 20 of them wait at most: `python -m slow_logger ...`."""
+"""A logger whose recorder takes a fifth of a second for each picture, and 20 of them wait at most:
+`python -m slow_logger ...`.
+"""
 
 import sys
 import time

@@ -1,4 +1,6 @@
-"""A stage for tests: an orchard in local mode, with commands and queries in the words of the domain and in simulated time."""
+"""A stage for tests: an orchard in local mode, with commands and queries in the words of the domain
+and in simulated time.
+"""
 
 import time
 from collections.abc import Callable
@@ -25,7 +27,9 @@ NOBODY_ABOUT = {
 
 
 def empty_orchard(**changes) -> Scenario:
-    """Return a scenario with one-way roads, without people, animals, weeds and tractor, except for `changes`."""
+    """Return a scenario with one-way roads, without people, animals, weeds and tractor, except for
+    `changes`.
+    """
     return Scenario(**{"rows": 3, "tractor": False, **ONE_WAY, **NOBODY_ABOUT, **changes})
 
 
@@ -54,7 +58,10 @@ class Driven:
 
 
 class Stage:
-    """An orchard that a test runs until a condition holds. Each wait is bounded in simulated time."""
+    """An orchard that a test runs until a condition holds.
+
+    Each wait is bounded in simulated time.
+    """
 
     def __init__(
         self,
@@ -107,7 +114,10 @@ class Stage:
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], seconds: float = 600.0) -> float:
-        """Run until a condition holds, and return the seconds that it took. An assertion fails if it takes longer than allowed."""
+        """Run until a condition holds, and return the seconds that it took.
+
+        An assertion fails if it takes longer than allowed.
+        """
         start = self.world.tick
         while not condition():
             assert self.world.tick - start < seconds * 10, (
@@ -152,7 +162,9 @@ class Stage:
     def assert_at(
         self, name: str, x: float | None = None, y: float | None = None, heading: str | None = None
     ) -> None:
-        """Assert that a body is at a place and faces a heading, to a micrometre and a microradian."""
+        """Assert that a body is at a place and faces a heading, to a micrometre and a
+        microradian.
+        """
         here = self.pose(name)
         for got, wanted, axis in ((here[0], x, "x"), (here[1], y, "y")):
             assert wanted is None or abs(got - wanted) < 1e-6, (
@@ -166,7 +178,9 @@ class Stage:
 
 
 def meadow(**changes) -> Stage:
-    """An orchard whose pickers and carriers do nothing until they are given a plan; carrier_01 stands free of the others."""
+    """An orchard whose pickers and carriers do nothing until they are given a plan; carrier_01
+    stands free of the others.
+    """
     stage = Stage(empty_orchard(**changes))
     for name in stage.local.agents:
         if name.startswith(("picker", "carrier")):
@@ -175,7 +189,9 @@ def meadow(**changes) -> Stage:
 
 
 def one_guest(kind: str, x: float, y: float, heading: str = "EAST") -> Stage:
-    """An orchard with one worker, visitor, dog or cat, no other person or animal, and no robot at work."""
+    """An orchard with one worker, visitor, dog or cat, no other person or animal, and no robot at
+    work.
+    """
     people = People(workers=int(kind == "worker"), visitors=int(kind == "visitor"))
     animals = Animals(dogs=int(kind == "dog"), cats=int(kind == "cat"))
     stage = meadow(people=people, animals=animals)

@@ -1,4 +1,6 @@
-"""Agents that are not repeatable, each in one way, and some that are although they look as if they were not."""
+"""Agents that are not repeatable, each in one way, and some that are although they look as if they
+were not.
+"""
 
 import random
 import time
@@ -73,7 +75,9 @@ class Tired(Driver):
 
 
 class Tidy(Driver):
-    """Repeatable: it computes what follows from its arguments when it first needs it, and draws from the seed."""
+    """Repeatable: it computes what follows from its arguments when it first needs it, and draws
+    from the seed.
+    """
 
     @cached_property
     def rows(self):

@@ -1,4 +1,6 @@
-"""The tables of a run: each row is what the run was, and a run that is resumed leaves each row once."""
+"""The tables of a run: each row is what the run was, and a run that is resumed leaves each row
+once.
+"""
 
 import os
 import re
@@ -241,7 +243,9 @@ def undisturbed(tmp_path_factory):
 def test_a_run_that_is_resumed_leaves_each_row_once(
     tmp_path, undisturbed, monkeypatch, most, kept, dead, is_closed
 ):
-    """The snapshot is of the tick `kept`; the rows reach until `dead`, at which the program is killed or the run stopped."""
+    """The snapshot is of the tick `kept`; the rows reach until `dead`, at which the program is
+    killed or the run stopped.
+    """
     monkeypatch.setattr(folders, "MOST_ROWS", most)
     local = Local(ERRING)
     tables = run(local, tmp_path, kept)
@@ -275,7 +279,9 @@ def test_a_file_that_a_kill_has_torn_is_no_part_of_the_table_and_goes(tmp_path, 
 def test_what_is_removed_from_a_growing_table_is_what_comes_again(
     tmp_path_factory, steps, until, most
 ):
-    """Steps of some ticks are written one after another; then all from a tick on are written again."""
+    """Steps of some ticks are written one after another; then all from a tick on are
+    written again.
+    """
     folder = tmp_path_factory.mktemp("growing") / "events.parquet"
     rows = [(t, "collision", f"dog_{t}", None, None) for t in range(sum(steps))]
     with pytest.MonkeyPatch.context() as patch:
@@ -309,7 +315,8 @@ def test_a_folder_with_tables_is_refused_and_kept(tmp_path):
     assert done.stdout == ""
     assert (
         done.stderr
-        == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names another folder\n"
+        == f"{tmp_path}/tables: tables of a run are there, and are not replaced; --table DIR names"
+        " another folder\n"
     )
     assert (tmp_path / "tables" / "bodies.parquet" / "000001.parquet").read_bytes() == before
 
@@ -348,7 +355,9 @@ def test_a_file_in_place_of_the_folder_is_told(tmp_path):
     (tmp_path / "tables").write_text("")
     with pytest.raises(
         OSError,
-        match="tables: tables cannot be written there: File exists; --table DIR names another folder",
+        match=(
+            "tables: tables cannot be written there: File exists; --table DIR names another folder"
+        ),
     ):
         check_folder(tmp_path / "tables", SMALL)
 
@@ -371,7 +380,9 @@ def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_re
     check_folder(tmp_path, SMALL, 5)
     with pytest.raises(
         ValueError,
-        match="the tables there end at tick 5, and the run goes on at tick 6: rows would be missing",
+        match=(
+            "the tables there end at tick 5, and the run goes on at tick 6: rows would be missing"
+        ),
     ):
         check_folder(tmp_path, SMALL, 6)
     with pytest.raises(ValueError, match="the tables there are of another scenario"):
@@ -380,7 +391,10 @@ def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_re
     check_folder(tmp_path, SMALL, 5)
     with pytest.raises(
         ValueError,
-        match="are of a run that ended at tick 5, and this one goes on at tick 4: its rows would be lost",
+        match=(
+            "are of a run that ended at tick 5, and this one goes on at tick 4: its rows would be"
+            " lost"
+        ),
     ):
         check_folder(tmp_path, SMALL, 4)
     (tmp_path / "bodies.parquet" / "000001.parquet").write_text("no table")
@@ -405,7 +419,8 @@ def test_a_disk_that_becomes_full_is_logged_once_and_told_at_the_end(tmp_path, m
     (told,) = [record.getMessage() for record in caplog.records]
     assert (
         told
-        == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on without them"
+        == f"the tables in {tmp_path} cannot be written: No space left on device; the run goes on"
+        " without them"
     )
     assert complete(tmp_path, {"ticks": 7, "scenario": {}}) == [
         f"{tmp_path}: the tables end at tick 5, and the run at tick 7"
@@ -419,10 +434,16 @@ def test_a_summary_becomes_one_row():
     table = as_table(summary)
     (row,) = table.to_pylist()
     assert {name: value for name, value in row.items() if value is not None} == {
-        "hash": "ab", "ticks": 5, "lost_seconds.traffic": 1.5, "violations": "[]", "scenario": '{"rows":3}', "history.seconds": [1.0, 2.0],
-    }  # fmt: skip
-    assert table.schema.field("lost_seconds.traffic").metadata[b"unit"] == (
-        b"s, which add up to the harvest's length"
+        "hash": "ab",
+        "ticks": 5,
+        "lost_seconds.traffic": 1.5,
+        "violations": "[]",
+        "scenario": '{"rows":3}',
+        "history.seconds": [1.0, 2.0],
+    }
+    assert (
+        table.schema.field("lost_seconds.traffic").metadata[b"unit"]
+        == b"s, which add up to the harvest's length"
     )
 
 
@@ -462,10 +483,14 @@ def message(tick, sender, recipient, type_, content="{}"):
 def test_a_carrier_that_does_not_come_is_followed_by_the_next():
     called = '{"type":"call","lane":2,"side":"west","since":3}'
     said = [
-        message(3, "bin_01", "carrier_01", "call", called), message(23, "bin_01", "carrier_01", "call", called),
-        message(25, "bin_01", "carrier_01", "come"), message(26, "carrier_01", "bin_01", "yes"),
-        message(75, "bin_01", "carrier_02", "come"), message(76, "carrier_02", "bin_01", "yes"), message(86, "carrier_02", "bin_01", "yes"),
-    ]  # fmt: skip
+        message(3, "bin_01", "carrier_01", "call", called),
+        message(23, "bin_01", "carrier_01", "call", called),
+        message(25, "bin_01", "carrier_01", "come"),
+        message(26, "carrier_01", "bin_01", "yes"),
+        message(75, "bin_01", "carrier_02", "come"),
+        message(76, "carrier_02", "bin_01", "yes"),
+        message(86, "carrier_02", "bin_01", "yes"),
+    ]
     coupled = {"tick": 90, "what": "coupled", "who": "carrier_02", "whom": "bin_01", "detail": None}
     (call,) = calls([coupled], said)
     assert tuple(call.values()) == ("bin_01", None, 2, "west", 3, 2, "carrier_02", 75, 76, 90)

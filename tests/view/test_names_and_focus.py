@@ -1,4 +1,6 @@
-"""What the first look at a recording needs: names that can be read, a camera where the work is, lines of what is said, true shapes."""
+"""What the first look at a recording needs: names that can be read, a camera where the work is,
+lines of what is said, true shapes.
+"""
 
 import json
 from pathlib import Path
@@ -67,9 +69,8 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
 @pytest.mark.parametrize(
     ("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"]
 )
-def test_the_camera_stays_with_a_robot_for_a_while_and_then_glides_to_an_exchange_or_cuts_to_one_that_is_far(
-    robot, glides, layout
-) -> None:
+def test_the_camera_glides_to_an_exchange_or_cuts_to_one_that_is_far(robot, glides, layout) -> None:
+    """It stays with a robot for a while first."""
     focus, poses = Focus(layout), starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
     assert focus.follow(Frame(0, poses, states=states))[:2] == pytest.approx(

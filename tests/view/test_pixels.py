@@ -112,7 +112,8 @@ def on_the_plan(plan: np.ndarray, layout: Layout, x: float, y: float) -> tuple[i
 
 
 SOFTWARE = "--enable-unsafe-swiftshader"  # WebGL without a graphics card
-END = 30_000  # tick: the viewer plays four times as fast as life, and must not come there while the test looks
+# tick: the viewer plays four times as fast as life, and must not come there while the test looks.
+END = 30_000
 NEAR = (
     40  # sum of the differences of a colour's three parts; leaves are 59 from a pin that is green
 )
@@ -120,7 +121,9 @@ NEAR = (
 
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
-    """A recording of two parts whose pickers pick in the one, and call in the other; `orchard view` serves it, and prints this address."""
+    """A recording of two parts whose pickers pick in the one, and call in the other; `orchard view`
+    serves it, and prints this address.
+    """
     skip_without_packages()
     layout = lay_out(Scenario(rows=3))
     names = ("picker_01", "picker_02")

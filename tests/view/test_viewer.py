@@ -1,4 +1,6 @@
-"""Rerun's own program is found in one way, whoever needs it: what RERUN_CLI_PATH names, or what came with the package."""
+"""Rerun's own program is found in one way, whoever needs it: what RERUN_CLI_PATH names, or what
+came with the package.
+"""
 
 import json
 import re
@@ -59,7 +61,10 @@ def test_a_recording_is_packed_by_the_one_that_the_variable_names(stand_in, tmp_
     assert recording.read_text() == "packed"
 
 
-DISK_FULL = "Error: couldn't encode messages: No space left on device (os error 28): No space left on device (os error 28)"
+DISK_FULL = (
+    "Error: couldn't encode messages: No space left on device (os error 28): No space left on"
+    " device (os error 28)"
+)
 
 
 NOT_PACKED = [
@@ -77,7 +82,8 @@ NOT_PACKED = [
 def test_why_a_recording_is_not_packed_is_said_in_words(stand_in, tmp_path, monkeypatch, ends, why):
     monkeypatch.setattr("orchard.view.reader.PACK_SECONDS", 2)
     stand_in.write_text(
-        f"#!{sys.executable}\nimport os, sys, time\nif os.environ.get('RUST_LOG') != 'error': sys.exit('INFO')\n{ends}\n"
+        f"#!{sys.executable}\nimport os, sys, time\nif os.environ.get('RUST_LOG') != 'error':"
+        f" sys.exit('INFO')\n{ends}\n"
     )
     with pytest.raises(
         OSError,
@@ -92,16 +98,20 @@ def test_a_recording_is_opened_by_it_with_all_its_parts(stand_in, tmp_path):
     for part in parts:
         part.write_bytes(HEAD)
     orchard("view", parts[0])
-    assert told(stand_in) == ["--bind", "127.0.0.1", *map(str, parts)], (
-        "and no other machine can send it data"
-    )
+    assert told(stand_in) == [
+        "--bind",
+        "127.0.0.1",
+        *map(str, parts),
+    ], "and no other machine can send it data"
 
 
 def test_a_live_run_is_shown_by_it_in_a_window_and_to_browsers(stand_in):
     open_viewer("rerun+http://127.0.0.1:9/proxy").wait(PATIENCE)
-    assert told(stand_in) == ["--bind", "127.0.0.1", "rerun+http://127.0.0.1:9/proxy"], (
-        "and no other machine can send it data"
-    )
+    assert told(stand_in) == [
+        "--bind",
+        "127.0.0.1",
+        "rerun+http://127.0.0.1:9/proxy",
+    ], "and no other machine can send it data"
     assert command(9090, "what")[0] == str(stand_in)
 
 

@@ -1,8 +1,10 @@
-"""Tens of thousands of bad messages on all keys: refused, counted, without effect; memory stays as it is.
+"""Tens of thousands of bad messages on all keys: refused, counted, without effect; memory stays as
+it is.
 
-In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run, drive what nobody holds, hold what
-nobody holds; and, who gives itself out for physics or for an owner, whatever these can. Such messages are none of these tests', which
-throw what was meant for another run, what is no message, and what cannot be.
+In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run,
+drive what nobody holds, hold what nobody holds; and, who gives itself out for physics or for an
+owner, whatever these can. Such messages are none of these tests', which throw what was meant for
+another run, what is no message, and what cannot be.
 """
 
 import logging
@@ -114,7 +116,9 @@ def impossible(what: str, tick: int, host: str = HOST):
 
 
 class Thrower:
-    """Throws at a run while it goes on, at each tick some, and knows how many of them must be refused."""
+    """Throws at a run while it goes on, at each tick some, and knows how many of them must be
+    refused.
+    """
 
     def __init__(self, run: Run, messages, count: int) -> None:
         self.run, self.expected, self.memory = run, Counter(), []
@@ -321,7 +325,10 @@ def test_a_query_with_wildcards_moves_nothing(fleet):
 def test_a_payload_that_ends_with_other_messages_is_refused_unless_only_its_last_value_is_torn(
     other,
 ):
-    """Zenoh delivers such payloads when it closes a full link. What agents are shown, and what they answer, is never one of them."""
+    """Zenoh delivers such payloads when it closes a full link.
+
+    What agents are shown, and what they answer, is never one of them.
+    """
     chance, least = Random(1), {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}
     payloads = [payload for sent in other.values() for _, payload in sent]
     for what in sorted(other.keys() - {"scenario", "layout"}):

@@ -1,4 +1,6 @@
-"""What occurs in a run stands in keyspace.md, with the program that sends it: all keys, and all gets that are answered."""
+"""What occurs in a run stands in keyspace.md, with the program that sends it: all keys, and all
+gets that are answered.
+"""
 
 import re
 from collections.abc import Iterator

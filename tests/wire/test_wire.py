@@ -43,9 +43,20 @@ hitches = st.builds(
     Hitch, names, metres, metres, st.tuples(units, units), twists, st.none() | scans(60)
 )
 seen = st.builds(
-    Observation, st.just("picker_01"), st.integers(0, 2**35), metres, metres, st.tuples(units, units), twists, scans(180),
-    st.none() | hitches, st.floats(0, 70), st.booleans(), st.just(0.0) | st.floats(0.001, 0.71), st.floats(0, 1),
-)  # fmt: skip
+    Observation,
+    st.just("picker_01"),
+    st.integers(0, 2**35),
+    metres,
+    metres,
+    st.tuples(units, units),
+    twists,
+    scans(180),
+    st.none() | hitches,
+    st.floats(0, 70),
+    st.booleans(),
+    st.just(0.0) | st.floats(0.001, 0.71),
+    st.floats(0, 1),
+)
 
 
 def same_scan(one, other):

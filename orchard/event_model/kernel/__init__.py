@@ -1,1 +1,4 @@
-"""The machine that carries a harvest on, compiled by numba. `machine` explains it; read that first."""
+"""The machine that carries a harvest on, compiled by numba.
+
+`machine` explains it; read that first.
+"""

@@ -31,7 +31,9 @@ def can_leave(m, robot):
 
 @inner
 def job_of(m, carrier, picker):
-    """Return the op at which a carrier's job for a picker's call begins; NONE: it is not translated."""
+    """Return the op at which a carrier's job for a picker's call begins; NONE: it is not
+    translated.
+    """
     return m.jobs[m.robots[carrier].queue_line, m.calls[picker].end]
 
 
@@ -112,7 +114,9 @@ def call_carriers(m, picker, end):
 
 @inner
 def hear_calls(m):
-    """Let all carriers hear the calls of the last tick, and let each bin choose one that offers to come."""
+    """Let all carriers hear the calls of the last tick, and let each bin choose one that offers to
+    come.
+    """
     now = m.desk[0].now
     tick = now // c.QUARTERS
     for picker in range(len(m.robots)):
@@ -155,7 +159,9 @@ def offer(m, carrier, tick):
 
 @inner
 def is_offered_first(m, carrier, name, other, tick):
-    """Whether a carrier offers itself to one bin before another: as `orchard.behaviour.carrier.first_call`."""
+    """Whether a carrier offers itself to one bin before another: as
+    `orchard.behaviour.carrier.first_call`.
+    """
     is_late = tick - m.offers[carrier, name] > CHOOSING
     is_other_late = tick - m.offers[carrier, other] > CHOOSING
     if is_late != is_other_late:
@@ -284,7 +290,9 @@ def is_due(m, picker, tick):
 
 @inner
 def first_bin(m):
-    """Return the picker whose bin is the first of those that the policy decides on; NONE: there is none."""
+    """Return the picker whose bin is the first of those that the policy decides on; NONE: there is
+    none.
+    """
     best = c.NONE
     for picker in range(len(m.robots)):
         if m.calls[picker].is_asked and (best == c.NONE or is_ranked_before(m, picker, best)):
@@ -294,7 +302,10 @@ def first_bin(m):
 
 @inner
 def is_ranked_before(m, picker, other):
-    """Whether a policy ranks the bin of one picker before that of another. Ties by the bins' names."""
+    """Whether a policy ranks the bin of one picker before that of another.
+
+    Ties by the bins' names.
+    """
     keys = rank(m, picker)
     other_keys = rank(m, other)
     for key, other_key in zip(keys, other_keys):  # noqa: B905
@@ -320,7 +331,10 @@ def rank(m, picker):
 
 @inner
 def nearest_carrier(m):
-    """Return the carrier that can leave and is nearest to its head; NONE: there is none. Ties by name."""
+    """Return the carrier that can leave and is nearest to its head; NONE: there is none.
+
+    Ties by name.
+    """
     best = c.NONE
     for carrier in range(len(m.robots)):
         me = m.robots[carrier]
@@ -331,7 +345,10 @@ def nearest_carrier(m):
 
 @inner
 def order(m, carrier, picker, tick):
-    """Book a carrier for a bin. The bin hears it when it reports next, and sends for the carrier."""
+    """Book a carrier for a bin.
+
+    The bin hears it when it reports next, and sends for the carrier.
+    """
     call = m.calls[picker]
     call.is_asked = False
     call.is_booked = True

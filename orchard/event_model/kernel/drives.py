@@ -1,4 +1,6 @@
-"""Drives and turns: a robot drives leg by leg, up to a gate whose places it lacks or the robot ahead."""
+"""Drives and turns: a robot drives leg by leg, up to a gate whose places it lacks or the robot
+ahead.
+"""
 
 from math import ceil, floor
 
@@ -236,7 +238,10 @@ def is_moving(m, robot):
 
 @inner
 def turn(m, robot):
-    """Begin a turn. A bin on the bar swings clear of the robot behind, or the robot off its line."""
+    """Begin a turn.
+
+    A bin on the bar swings clear of the robot behind, or the robot off its line.
+    """
     me = m.robots[robot]
     op = m.ops[me.op]
     if me.bin != c.NONE and not me.is_across:

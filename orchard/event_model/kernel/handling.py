@@ -44,7 +44,10 @@ def seize(m, robot, beside):
 
 @inner
 def await_partner_gone(m, robot):
-    """Stand until no other robot shares the op's place, and the robot has heard that. Return whether it has."""
+    """Stand until no other robot shares the op's place, and the robot has heard that.
+
+    Return whether it has.
+    """
     me = m.robots[robot]
     place = m.ops[me.op].places
     if not is_alone(m, robot, place):

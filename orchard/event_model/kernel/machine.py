@@ -4,26 +4,26 @@ Each robot follows a plan: ops, one after the other. An op that takes time sets 
 and its alarm, or what else wakes it. All that a robot does lies between two alarms; so the state is
 complete at any time, and can be copied.
 
-    state                | begins with                 | wakes it            | then it
-    ---------------------+-----------------------------+---------------------+-----------------------
-    idle                 | the end of its plan         | an order            | takes its new plan
-    driving              | drive                       | the leg's end, a    | drives the next leg, or
-                         |                             | grant, an order     | stands
-    standing             | a gate whose places it      | a grant, the bin is | drives on
-                         | lacks, a robot ahead        | left, who is ahead  |
-                         |                             | drives on, an order |
-    swinging its bin     | turn, with a bin            | alarm               | tells who is behind
-    swinging off         | turn, beside its line       | alarm               | leaves its line
-    lasting              | pause, unload, turn         | alarm               | does the next op
-    waiting for places   | need                        | a grant             | does the next op
-    waiting for partner  | alone in                    | alarm, every 5      | does the next op, if it is
-    leaving a bin        | leave bin                   | alarm               | lets the bin call
-    dropping a bin       | deliver                     | alarm               | tells the picker
-    handing over         | after that                  | alarm, every 5      | goes on, if it is taken
-    waiting for a bin    | fetch empty                 | a carrier's letter  | couples
-    coupling             | after that                  | alarm               | takes the lane's place
-    taking a place       | after that                  | a grant             | does the next op
-    taking a bin         | take bin                    | alarm               | does the next op
+    state               | begins with            | wakes it            | then it
+    --------------------+------------------------+---------------------+----------------------------
+    idle                | the end of its plan    | an order            | takes its new plan
+    driving             | drive                  | the leg's end, a    | drives the next leg, or
+                        |                        | grant, an order     | stands
+    standing            | a gate whose places it | a grant, the bin is | drives on
+                        | lacks, a robot ahead   | left, who is ahead  |
+                        |                        | drives on, an order |
+    swinging its bin    | turn, with a bin       | alarm               | tells who is behind
+    swinging off        | turn, beside its line  | alarm               | leaves its line
+    lasting             | pause, unload, turn    | alarm               | does the next op
+    waiting for places  | need                   | a grant             | does the next op
+    waiting for partner | alone in               | alarm, every 5      | does the next op, if it is
+    leaving a bin       | leave bin              | alarm               | lets the bin call
+    dropping a bin      | deliver                | alarm               | tells the picker
+    handing over        | after that             | alarm, every 5      | goes on, if it is taken
+    waiting for a bin   | fetch empty            | a carrier's letter  | couples
+    coupling            | after that             | alarm               | takes the lane's place
+    taking a place      | after that             | a grant             | does the next op
+    taking a bin        | take bin               | alarm               | does the next op
 
 A carrier's job in ops: `pause` (it asks the bin whether that still wants it), drives and turns to
 the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to the bay, `unload`,

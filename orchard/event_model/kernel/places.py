@@ -1,7 +1,7 @@
 """Places: what a robot claims and when, and how traffic grants it.
 
-`orchard.behaviour.traffic` has the rules of granting; here they work on sets of places as bits. Claims
-that are sent in one tick are heard together half a tick later.
+`orchard.behaviour.traffic` has the rules of granting; here they work on sets of places as bits.
+Claims that are sent in one tick are heard together half a tick later.
 """
 
 from orchard.event_model import columns as c
@@ -67,7 +67,10 @@ def has_places(m, robot, places):
 
 @inner
 def want_places(m, robot, places, beside):
-    """Claim a list of places, unless this claim is on its way. `beside`: the partner that may have them."""
+    """Claim a list of places, unless this claim is on its way.
+
+    `beside`: the partner that may have them.
+    """
     me = m.robots[robot]
     if places != me.wanted:
         me.claimed = last_claim(m, robot)
@@ -138,7 +141,10 @@ def hear_answer(m, robot):
 
 @inner
 def hear_grant(m, robot):
-    """Let a robot hear that it was granted places. It goes on in the next tick, if it waits for that."""
+    """Let a robot hear that it was granted places.
+
+    It goes on in the next tick, if it waits for that.
+    """
     me = m.robots[robot]
     me.claimed = last_claim(m, robot)
     own = m.sets[c.OWN, robot]
@@ -190,7 +196,9 @@ def hear_claims(m):
 
 @inner
 def note_claim(m, robot, tick):
-    """Enter a robot's claim: what it neither keeps nor wants is free, and it waits for what it wants."""
+    """Enter a robot's claim: what it neither keeps nor wants is free, and it waits for what it
+    wants.
+    """
     me = m.robots[robot]
     me.due = c.NONE
     me.claimed = tick
@@ -208,7 +216,9 @@ def note_claim(m, robot, tick):
 
 @inner
 def note_answer(m, robot):
-    """Note what traffic answers a robot: its places, and those that it shares with no other robot."""
+    """Note what traffic answers a robot: its places, and those that it shares with no other
+    robot.
+    """
     copy_set(m, robot, c.RESERVED, c.COMING)
     copy_set(m, robot, c.RESERVED, c.COMING_ALONE)
     for other in range(len(m.robots)):
@@ -219,7 +229,9 @@ def note_answer(m, robot):
 
 @inner
 def grant(m):
-    """Serve the robots that wait, in the order in which they asked: as `orchard.behaviour.traffic.grant`."""
+    """Serve the robots that wait, in the order in which they asked: as
+    `orchard.behaviour.traffic.grant`.
+    """
     robot = next_wish(m, c.NONE)
     if robot == c.NONE:
         return
@@ -237,7 +249,10 @@ def grant(m):
 
 @inner
 def next_wish(m, last):
-    """Return the robot that asked next after another one; NONE as `last`: the first one. Ties by name."""
+    """Return the robot that asked next after another one; NONE as `last`: the first one.
+
+    Ties by name.
+    """
     best = c.NONE
     for robot in range(len(m.robots)):
         if m.robots[robot].wish == 0:

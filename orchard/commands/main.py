@@ -3,7 +3,6 @@
 import errno
 import gc
 import os
-import signal
 import sys
 
 from typer.exceptions import TyperException
@@ -37,8 +36,6 @@ def main() -> None:
     """Run a command of the command line; `harvest` is the default. Raises SystemExit."""
     arguments = sys.argv[1:]
     has_command = bool(arguments) and arguments[0] in ("harvest", *COMMANDS)
-    # The command may have something to stop.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         _check_folder()
         command = app if has_command else command_of("harvest", HARVEST)

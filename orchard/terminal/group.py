@@ -1,5 +1,6 @@
 """A group of commands each of which is imported when it is used."""
 
+import signal
 from collections.abc import Mapping
 from typing import Any
 
@@ -32,6 +33,8 @@ class LazyGroup(OrchardGroup):
 def command_of(name: str, entry: CommandEntry) -> Any:
     """Return a command for its name and entry. Raises BadParameter if it is left out."""
     loaded = entry.load()
+    # Until here Ctrl-C ends the process silently. The command may have something to stop.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if isinstance(loaded, TyperGroup):
         return loaded
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -57,7 +57,7 @@ TIPPED_TEST = """def test_a_bin_into_which_a_robot_drives_tips():
 
 def test_only_weeds_are_flattened"""
 AN_EVENT = [
-    Edit("orchard/contract/events.py", '"bin full", "unl', '"bin full", "bin tipped", "unl'),
+    Edit("orchard/contract/events.py", '    "bin full",\n', '    "bin full",\n    "bin tipped",\n'),
     Edit(
         "orchard/sim/physics.py",
         "        events += _picked(world, world.space.picked_from)\n",

@@ -98,16 +98,16 @@ A_MESSAGE = [
     Edit("orchard/plans/steps.py", "    Here,\n", "    Here,\n    Hurry,\n"),
     Edit(
         "orchard/plans/steps.py",
-        "            answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)\n",
-        "            answer = robot.ask(robot.memory.full_bin, EmptyBin(), every=SELDOM)\n"
-        "            robot.ask(robot.memory.full_bin, Hurry(0.0), every=SELDOM)\n",
+        "            answer = robot.ask(memory.full_bin, EmptyBin(), every=SELDOM)\n",
+        "            answer = robot.ask(memory.full_bin, EmptyBin(), every=SELDOM)\n"
+        "            robot.ask(memory.full_bin, Hurry(0.0), every=SELDOM)\n",
     ),
     Edit(
         "orchard/behaviour/bin.py",
-        "        if isinstance(heard.body, messages.Confirm):\n",
-        "        if isinstance(heard.body, messages.Hurry):\n"
-        "            return messages.Yes()\n"
-        "        if isinstance(heard.body, messages.Confirm):\n",
+        "            case messages.Confirm() if memory.carrier == heard.sender:\n",
+        "            case messages.Hurry():\n"
+        "                return messages.Yes()\n"
+        "            case messages.Confirm() if memory.carrier == heard.sender:\n",
     ),
     Edit(
         "orchard/contract/events.py",
@@ -155,8 +155,8 @@ A_VALUE = [
     Edit("orchard/behaviour/walker.py", PERSON, PERSON + IN_WIND),
     Edit(
         "orchard/behaviour/walker.py",
-        "self.kind, Twist(x=self.kind.speed)",
-        "self.kind, Twist(x=self.pace)",
+        "whim = Twist(x=self.kind.speed)",
+        "whim = Twist(x=self.pace)",
     ),
     Edit(
         "config/orchard.yaml",

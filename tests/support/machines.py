@@ -15,11 +15,20 @@ from command_line import line_with
 from patience import PATIENCE
 
 
+def tool(name: str) -> str:
+    """Return the path of a program of iproute2; its name if it is not here.
+
+    Debian keeps `tc` in a folder that is not in the PATH of all users.
+    """
+    folders = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
+    return shutil.which(name, path=folders) or name
+
+
 def why_not() -> str:
     """Why there can be no machines here; '' if there can. In CI there must be."""
     if os.environ.get("CI") == "true":
         return ""
-    if shutil.which("ip") is None:
+    if tool("ip") == "ip" or tool("tc") == "tc":
         return "iproute2 is not installed"
     return "" if os.geteuid() == 0 else "network namespaces need root"
 
@@ -28,7 +37,7 @@ needs_machines = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never"
 
 
 def _ip(*words: str) -> None:
-    subprocess.run(["ip", *words], check=True, timeout=PATIENCE)
+    subprocess.run([tool("ip"), *words], check=True, timeout=PATIENCE)
 
 
 @contextmanager
@@ -48,7 +57,9 @@ def machines(*guests: str):
         yield names
     finally:
         for name in names:
-            subprocess.run(["ip", "netns", "del", name], timeout=20, stderr=subprocess.DEVNULL)
+            subprocess.run(
+                [tool("ip"), "netns", "del", name], timeout=20, stderr=subprocess.DEVNULL
+            )
 
 
 def _plug(host: str, guest: str, n: int) -> None:
@@ -72,7 +83,7 @@ def _plug(host: str, guest: str, n: int) -> None:
 
 
 def within(name: str) -> list[str]:
-    return ["ip", "netns", "exec", name]
+    return [tool("ip"), "netns", "exec", name]
 
 
 def run_both(
@@ -122,7 +133,7 @@ def unplugged(host: str, *guests: int):
 def slowed(host: str, guest: int, *bucket: str) -> None:
     """A token bucket at the host's end of a cable: `rate 1mbit burst 16kb latency 50ms`."""
     subprocess.run(
-        ["tc", "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket],
+        [tool("tc"), "-n", host, "qdisc", "add", "dev", f"v{guest}", "root", "tbf", *bucket],
         check=True,
         timeout=20,
     )
@@ -141,7 +152,7 @@ def harm(name: str, *ends: str) -> None:
     """
     for end in ends:
         done = subprocess.run(
-            ["tc", "-n", name, "qdisc", "add", "dev", end, "root", "netem", *BAD_RADIO],
+            [tool("tc"), "-n", name, "qdisc", "add", "dev", end, "root", "netem", *BAD_RADIO],
             capture_output=True,
             text=True,
             timeout=PATIENCE,
@@ -154,7 +165,7 @@ def harm(name: str, *ends: str) -> None:
 def harms(name: str, end: str) -> dict[str, int]:
     """Return how many packets were sent, and how many were lost, at one end that `harm` has met."""
     told = subprocess.run(
-        ["tc", "-s", "-j", "-n", name, "qdisc", "show", "dev", end],
+        [tool("tc"), "-s", "-j", "-n", name, "qdisc", "show", "dev", end],
         check=True,
         capture_output=True,
         text=True,

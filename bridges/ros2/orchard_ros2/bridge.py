@@ -129,6 +129,8 @@ class Bridge:
         # The tokens of physics before the newest reset. One that is not among them is of the new
         # run.
         self._reset_tokens = frozenset[str]()
+        # The same of the reset that this bridge has asked for.
+        self._tokens_before = frozenset[str]()
         self._is_resetting = False
         self._has_tf = self._can_publish_tf()
         for name in self._names:
@@ -266,7 +268,10 @@ class Bridge:
         match heard:
             case Heard(("alive", *token), {"up": up}):
                 name = frozenset(["/".join(token)])
-                self._tokens = self._tokens | name if up else self._tokens - name
+                if up:
+                    self._tokens |= name
+                else:
+                    self._lose_token(name)
                 self._note_physics(bool(self._tokens))
             case Heard(_, {"run": run}) if run != self.run:
                 pass
@@ -282,6 +287,17 @@ class Bridge:
                 self._forget()
             case Heard(("end",), message):
                 self._over, self._over_since = message["why"], monotonic()
+
+    def _lose_token(self, name: frozenset[str]) -> None:
+        """Note that a token of physics is gone.
+
+        In a secured run all sessions of physics have one id. So a token that comes back has the
+        name of the one before, and is that of the new run.
+        """
+        self._tokens -= name
+        if self.role is not None:
+            self._reset_tokens -= name
+            self._tokens_before -= name
 
     def _forget(self) -> None:
         """The run begins again at tick 0. What is known of its bodies is of the run before."""
@@ -440,7 +456,7 @@ class Bridge:
 
         A run that begins again is waited for. Raises Refused.
         """
-        self._await_physics(self._reset_tokens)
+        self._await_physics(lambda: self._reset_tokens)
         return self.client.ask(key, wish)
 
     def _begin_again(self) -> dict[str, Any]:
@@ -448,37 +464,35 @@ class Bridge:
 
         The driven robots stand for the new run only after that: so it is still at tick 0.
         """
-        self._await_physics(self._reset_tokens)
-        before = self._tokens
+        self._await_physics(lambda: self._reset_tokens)
+        self._tokens_before = self._tokens
         self._is_resetting = True
         try:
             self.client.ask("reset_simulation", {"run": self.run})
-            return self._state_of_new_run(before)
+            return self._state_of_new_run()
         finally:
             self._is_resetting = False
             if self.tick == 0:
                 self._begin()
 
-    def _state_of_new_run(self, before: frozenset[str]) -> dict[str, Any]:
-        """Return the state of the run whose physics has a token that was not there `before`.
+    def _state_of_new_run(self) -> dict[str, Any]:
+        """Return the state of the run whose physics has a token that was not there before.
 
         Raises Refused.
         """
         end = monotonic() + BEGIN_SECONDS
-        self._await_physics(before)
+        self._await_physics(lambda: self._tokens_before)
         # A query just after physics has come back can find nobody.
-        while self._tokens - before and monotonic() < end:
+        while self._tokens - self._tokens_before and monotonic() < end:
             with suppress(Refused):
                 return self.client.ask("simulation_state")
             sleep(LOOK_SECONDS)
         raise Refused(f"the run has been reset, and has not begun again in {BEGIN_SECONDS:g} s")
 
-    def _await_physics(self, before: frozenset[str]) -> None:
-        """Wait until physics is there with a token that was not there `before`, or has had its
-        time.
-        """
+    def _await_physics(self, before: Callable[[], frozenset[str]]) -> None:
+        """Wait until physics has a token that is not among those `before`, or has had its time."""
         end = monotonic() + BEGIN_SECONDS
-        while not self._tokens - before:
+        while not self._tokens - before():
             if monotonic() > end:
                 self._reset_tokens = frozenset()  # nobody waits again for what does not come
                 return

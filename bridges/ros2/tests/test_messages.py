@@ -21,7 +21,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
-PACKAGE = Path(messages.__file__).parent
 
 ticks = st.integers(0, 10**9)
 metres = st.floats(-1e6, 1e6)
@@ -280,7 +279,7 @@ def test_nothing_of_the_orchard_is_imported():
 
     `bags/` is only in the Orchard's own wheel.
     """
-    folder = PACKAGE.parent
+    folder = Path(__file__).parent.parent
     packages = tomllib.loads((folder / "pyproject.toml").read_text())["tool"]["setuptools"][
         "packages"
     ]

@@ -1,13 +1,10 @@
 """Descriptions that come from docstrings, without the line breaks of the source."""
 
-import re
 from typing import Any
 
 
 def unwrapped(part: Any) -> Any:
-    """Return a JSON schema, or a part of one, with each paragraph of its descriptions in
-    one line.
-    """
+    """Return a JSON schema, or a part of it, with each paragraph of a description in one line."""
     if isinstance(part, dict):
         return {name: _described(name, value) for name, value in part.items()}
     if isinstance(part, list):
@@ -16,6 +13,15 @@ def unwrapped(part: Any) -> Any:
 
 
 def _described(name: str, value: Any) -> Any:
-    if name == "description" and isinstance(value, str):
-        return re.sub(r"(?<!\n)\n[ ]*(?![\n -])", " ", re.sub(r"\n[ ]+(?=[^ \n-])", "\n", value))
-    return unwrapped(value)
+    """Return a value of a schema; a description without the breaks within its paragraphs."""
+    if name != "description" or not isinstance(value, str):
+        return unwrapped(value)
+    lines: list[str] = []
+    for line in value.split("\n"):
+        text = line.strip() if lines else line
+        continues = bool(lines and lines[-1] and text and not text.startswith("-"))
+        if continues:
+            lines[-1] += f" {text}"
+        else:
+            lines.append(text)
+    return "\n".join(lines)

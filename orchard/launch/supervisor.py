@@ -78,9 +78,9 @@ class _Running:
         """
         code = self.popen.poll()
         is_refusal = code == BAD_ORDER and not self.deaths and not self.program.may_refuse
-        is_done = self.line.code == 0 or (
-            self.program.result is not None and self.program.result.exists()
-        )
+        result = self.program.result
+        has_result = result is not None and result.exists()
+        is_done = self.line.code == 0 or has_result
         return code is not None and (
             not self.program.again or self.is_asked or is_done or is_refusal
         )

@@ -73,15 +73,16 @@ class Course:
         self._harvest = HarvestReference(harvest_of(scene))
         self.parts = [Part(self._scenario, self._harvest)]
         self.is_reset = False  # whether the present part began with a reset
-        self._figures: list[
-            tuple[int, bytes, bool]
-        ] = []  # tick, digest, whether all was waited for
+        # tick, digest, whether all was waited for
+        self._figures: list[tuple[int, bytes, bool]] = []
+        self._before_restarts: list[Reference] = []
         self.is_whole = True  # whether lockstep has waited for all agents until now
 
     def begin(self, scenario: Mapping[str, Any], is_reset: bool) -> None:
         """Know that physics begins with a scenario: `is_reset`: from its first tick on, because a
         user wants it.
         """
+        self._keep_stops()
         if is_reset:
             self.is_reset = True
             is_that_of_the_scene = scenario == self._scenario
@@ -91,6 +92,15 @@ class Course:
             # It has died before a reset was kept, and is the run before again.
             self.parts += [part for part in self.parts if part.scenario == scenario][-1:]
             self.is_reset = False
+
+    def _keep_stops(self) -> None:
+        """Keep local mode's run with the emergency stops until now, for the figures of it.
+
+        Physics that goes on from an earlier snapshot, for the last one is torn, has forgotten
+        stops. Figures that it published before it died tell of them.
+        """
+        if any(event.what in LATCHED for event in self.parts[-1].events):
+            self._before_restarts.append(self.parts[-1].reference)
 
     def fork(self, begin: Snapshot) -> None:
         """Know that the run goes on from a snapshot with changes."""
@@ -124,6 +134,7 @@ class Course:
         if not with_figures:
             return
         references = [part.reference for part in self.parts] if self._figures else []
+        references += self._before_restarts
         for tick, digest, is_whole in self._figures:
             # They may arrive late: after a reset, and of the part before.
             known = [reference.figures_at(tick) for reference in references]

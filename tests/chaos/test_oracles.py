@@ -123,6 +123,13 @@ def test_an_emergency_stop_is_that_of_local_mode_also_after_a_kill():
     assert "stopped" in verdict.occurred["events"]
 
 
+def test_figures_of_a_stop_that_a_torn_snapshot_forgets_are_those_of_local_mode():
+    stop = Fault("stop robots", CLIENT, 10, 0.0, 3.0)
+    torn = Fault("torn snapshot", PHYSICS, 20)
+    plan = shortly_before("uncoupled", stop, torn, ticks=120, delays=Delays(1e-2))
+    assert carry_out(plan).complaints == []
+
+
 # -- what is broken
 
 

@@ -372,8 +372,36 @@ LACKS_JOB = 2
 LOG_IS_FULL = 3
 
 
+# Of each array of a model what its items are, and its number of dimensions.
+ARRAYS = {
+    "ops": (OP, 1),
+    "needs": (GATE, 1),
+    "frees": (GATE, 1),
+    "places": (np.uint64, 2),
+    "lines": (LINE, 1),
+    "passes": (PASS, 1),
+    "ends": (LANE_END, 1),
+    "jobs": (np.int64, 2),
+    "ways": (np.float64, 2),
+    "speeds": (np.float64, 1),
+    "robots": (ROBOT, 1),
+    "sets": (np.uint64, 3),
+    "scratch": (np.uint64, 2),
+    "rears": (np.int64, 1),
+    "bins": (BIN, 1),
+    "calls": (CALL, 1),
+    "offers": (np.int64, 2),
+    "timers": (np.int64, 2),
+    "desk": (DESK, 1),
+    "deliveries": (np.int64, 1),
+    "exchanges": (EXCHANGE, 1),
+    "trips": (TRIP, 1),
+    "log": (LOG, 1),
+}
+
+
 class Model(NamedTuple):
-    """The arrays of a harvest. r robots, w words of bits for places, b bins."""
+    """The arrays of a harvest, as in ARRAYS. r robots, w words of bits for places, b bins."""
 
     # -- the program
     ops: Any
@@ -412,3 +440,5 @@ class Model(NamedTuple):
     exchanges: Any
     trips: Any
     log: Any
+    # Where all these arrays are, for compiled functions: see `kernel.entry`.
+    addresses: Any = None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchard.event_model import columns as c
-from orchard.event_model.kernel.machine import run
+from orchard.event_model.kernel.entry import addressed, run
 from orchard.event_model.program import Program
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
@@ -234,27 +234,28 @@ class EventHarvest:
     def _run(self, until: int) -> int:
         """Carry the harvest on to a tick, and translate the jobs that it lacks."""
         while True:
-            reason: int = run(self.model, c.QUARTERS * until)
+            reason = run(self.model, c.QUARTERS * until)
             if reason == c.LACKS_JOB:
                 desk = self.model.desk[0]
                 self.program.translate_job(int(desk.missing_line), int(desk.missing_end))
                 self._take_program()
             elif reason == c.LOG_IS_FULL:
                 longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
-                self.model = self.model._replace(log=longer.view(np.recarray))
+                self.model = addressed(self.model._replace(log=longer.view(np.recarray)))
             else:
                 return reason
 
     def _take_program(self) -> None:
         """Take over the arrays of the program, which may be new ones because it has grown."""
         program = self.program
-        self.model = self.model._replace(
+        model = self.model._replace(
             ops=program.ops.array,
             needs=program.needs.array,
             frees=program.frees.array,
             places=program.lists,
             lines=program.lines.array,
         )
+        self.model = addressed(model)
 
     # -- what came of it
 

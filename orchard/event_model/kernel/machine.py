@@ -45,7 +45,7 @@ from orchard.event_model.kernel.calls import (
     see_row,
     send,
 )
-from orchard.event_model.kernel.compiled import inner, outer
+from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.drives import depart, drive_on, end_leg, set_alarm, swung, turn
 from orchard.event_model.kernel.handling import (
     await_bin,
@@ -70,7 +70,7 @@ from orchard.event_model.kernel.roads import last_to_wake
 MOST_NOTES = 64
 
 
-@outer
+@inner
 def run(m, until):
     """Carry a harvest on to a time, exclusive, and return why it stopped: see `columns.PAUSED`."""
     while True:

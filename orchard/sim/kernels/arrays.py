@@ -1,0 +1,117 @@
+"""Many arrays as one argument of compiled functions: a record of their addresses.
+
+Numba hands over each array in seven words. Between functions that take a tuple of two dozen arrays
+that is most of the code: compiling it took twice as long.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.datamodel.models import OpaqueModel
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    register_model,
+)
+from numba.np.arrayobj import make_array, populate_array
+from numba.np.numpy_support import from_dtype
+
+# Words of an array: its address, and its shape.
+WORDS = 4
+
+
+class ArraysType(types.Type):
+    """The type of a record of arrays, in compiled functions. Arrays are attributes of it."""
+
+    def __init__(self, arrays: tuple[tuple[str, types.Array], ...]) -> None:
+        self.names = [name for name, _ in arrays]
+        self.arrays = dict(arrays)
+        # The name becomes part of that of each function. With all columns in it names took most of
+        # the code, and of the time to compile it.
+        columns = hashlib.sha256(repr(arrays).encode()).hexdigest()[:16]
+        super().__init__(f"Arrays({columns})")
+
+
+@register_model(ArraysType)
+class _ArraysModel(OpaqueModel):
+    """An address."""
+
+
+@infer_getattr
+class _ArraysAttribute(AttributeTemplate):
+    key = ArraysType
+
+    def generic_resolve(self, arrays: ArraysType, attr: str) -> types.Array | None:
+        return arrays.arrays.get(attr)
+
+
+@lower_getattr_generic(ArraysType)
+def _array(context: Any, builder: Any, arrays: ArraysType, value: Any, attr: str) -> Any:
+    """Make an array from its words. They do not change while a compiled function runs."""
+    kind = arrays.arrays[attr]
+    word = ir.IntType(64)
+    words = builder.bitcast(value, word.as_pointer())
+    first = WORDS * arrays.names.index(attr)
+
+    def load(number: int) -> Any:
+        place = builder.gep(words, [ir.Constant(word, first + number)])
+        loaded = builder.load(place)
+        loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return loaded
+
+    made = make_array(kind)(context, builder)
+    itemsize = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    shape = [load(1 + dimension) for dimension in range(kind.ndim)]
+    strides = [itemsize]
+    for length in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    data = builder.inttoptr(load(0), context.get_data_type(kind.dtype).as_pointer())
+    populate_array(made, data, shape, strides, itemsize, None)
+    return made._getvalue()
+
+
+class Record:
+    """A record of named arrays: how many dimensions each has, and of what."""
+
+    def __init__(self, arrays: Mapping[str, tuple[Any, int]]) -> None:
+        """`arrays`: of each array its dtype, and its number of dimensions."""
+        self._arrays = arrays
+        kinds = []
+        for name, (dtype, dimensions) in arrays.items():
+            kinds.append((name, types.Array(from_dtype(np.dtype(dtype)), dimensions, "C")))
+        self.opens = _opens(ArraysType(tuple(kinds)))
+
+    def addresses(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the addresses and shapes of arrays, which compiled functions open by `opens`.
+
+        Who calls them keeps the arrays meanwhile. Raises ValueError for arrays that are not those
+        of this record.
+        """
+        words = np.zeros((len(self._arrays), WORDS), np.int64)
+        for number, (name, (dtype, dimensions)) in enumerate(self._arrays.items()):
+            array = arrays[name]
+            if array.dtype != dtype or array.ndim != dimensions or not array.flags.c_contiguous:
+                raise ValueError(f"{name}: this is no array of {dtype} in {dimensions} dimensions")
+            words[number, 0] = array.ctypes.data
+            words[number, 1 : 1 + dimensions] = array.shape
+        return words.ravel()
+
+
+def _opens(opened: ArraysType) -> Any:
+    """Return the function that makes a record of addresses, in compiled functions."""
+
+    @intrinsic
+    def opens(typing: Any, addresses: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            words = make_array(signature.args[0])(context, builder, arguments[0])
+            return builder.bitcast(words.data, context.get_value_type(opened))
+
+        return opened(types.Array(types.int64, 1, "C")), generate
+
+    return opens

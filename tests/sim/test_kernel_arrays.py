@@ -1,0 +1,47 @@
+"""Many arrays as one argument of compiled functions."""
+
+import numpy as np
+import pytest
+
+from orchard.sim.kernels.arrays import Record
+from orchard.sim.kernels.jit import jit
+
+ROW = np.dtype([("metres", np.float64), ("count", np.int64)])
+RECORD = Record({"rows": (ROW, 1), "grid": (np.int64, 2), "cube": (np.float64, 3)})
+opens = RECORD.opens
+
+
+@jit
+def _change(addresses):
+    m = opens(addresses)
+    m.rows[1].count += m.grid[1, 2] + m.grid.shape[0]
+    m.cube[1, 0, 2] = m.rows[0].metres
+    return len(m.rows)
+
+
+def arrays() -> dict[str, np.ndarray]:
+    rows = np.array([(0.5, 1), (2.0, 3)], ROW).view(np.recarray)
+    grid = np.arange(6, dtype=np.int64).reshape(2, 3)
+    return {"rows": rows, "grid": grid, "cube": np.zeros((2, 1, 3))}
+
+
+def test_a_compiled_function_reads_and_writes_the_arrays_of_a_record() -> None:
+    given = arrays()
+    assert _change(RECORD.addresses(given)) == 2
+    assert given["rows"].count.tolist() == [1, 3 + 5 + 2]
+    assert given["cube"].ravel().tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"grid": np.zeros((2, 3))},
+        {"grid": np.zeros(6, np.int64)},
+        {"grid": np.zeros((3, 2), np.int64).T},
+        {"rows": np.zeros(2)},
+    ],
+)
+def test_arrays_of_another_kind_are_refused(wrong: dict[str, np.ndarray]) -> None:
+    (name,) = wrong
+    with pytest.raises(ValueError, match=f"^{name}: this is no array of .* dimensions$"):
+        RECORD.addresses(arrays() | wrong)

@@ -1,9 +1,7 @@
-"""The event model as data beside the one of generators, and its machine as plain Python."""
+"""The event model as data beside the one of generators."""
 
 import ast
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -13,22 +11,13 @@ pytest.importorskip("simpy", reason="the extra `study` is not installed")
 from quiet import NOBODY, quiet_layouts
 
 from orchard.discrete.harvest import DiscreteHarvest
-from orchard.event_model import columns as c
-from orchard.event_model import harvest as harvests
 from orchard.event_model.harvest import EventHarvest, lacking
-from orchard.event_model.kernel import calls, compiled, drives, handling, machine, places, roads
+from orchard.event_model.kernel import compiled, machine
 from orchard.event_model.trace import trace
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 
-MODULES = (roads, places, drives, calls, handling, machine)
 SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
-
-
-def kernel_functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
-    for name, value in list(vars(module).items()):
-        if hasattr(value, "py_func"):
-            yield name, value
 
 
 def small(dispatch: str) -> Layout:
@@ -68,29 +57,6 @@ def test_most_harvests_have_each_delivery_in_the_same_tick_in_both_models() -> N
 def test_all_figures_are_those_of_the_model_of_generators(dispatch: str) -> None:
     layout = small(dispatch)
     assert figures(EventHarvest(layout).run()) == figures(DiscreteHarvest(layout).run())
-
-
-@pytest.fixture
-def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the machine run as plain Python."""
-    for module in MODULES:
-        for name, kernel in kernel_functions(module):
-            monkeypatch.setattr(module, name, kernel.py_func)
-    monkeypatch.setattr(harvests, "run", machine.run)
-
-
-@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_the_machine_does_the_same_as_plain_python(
-    dispatch: str, request: pytest.FixtureRequest
-) -> None:
-    layout = small(dispatch)
-    expected = EventHarvest(layout).run()
-    request.getfixturevalue("plain")
-    told = EventHarvest(layout).run()
-    assert not list(kernel_functions(machine))
-    assert figures(told) == figures(expected)
-    for column in c.ROBOT.names or ():
-        assert list(told.model.robots[column]) == list(expected.model.robots[column])
 
 
 def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:

@@ -1,0 +1,127 @@
+"""The machine of the event model as plain Python, over arrays that check each index and value.
+
+Compiled code checks nothing: an index past an array's end reads what lies there, and a negative one
+the array's end. Here both are refused, and so is a value that its column cannot hold.
+"""
+
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from orchard.event_model import columns as c
+from orchard.event_model import harvest as harvests
+from orchard.event_model.kernel import calls, drives, handling, machine, places, roads
+
+MODULES = (roads, places, drives, calls, handling, machine)
+
+
+def kernel_functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
+    """Yield the compiled functions that a module uses, by name."""
+    for name, value in list(vars(module).items()):
+        if hasattr(value, "py_func"):
+            yield name, value
+
+
+def use_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let harvests run in plain Python, over checked arrays."""
+    for module in MODULES:
+        for name, kernel in kernel_functions(module):
+            monkeypatch.setattr(module, name, kernel.py_func)
+    monkeypatch.setattr(harvests, "run", _run)
+
+
+def _run(model: c.Model, until: int) -> Any:
+    arrays = {name: getattr(model, name) for name in c.ARRAYS}
+    checked = model._replace(**{name: _checked(array) for name, array in arrays.items()})
+    reason = machine.run(checked, until)
+    for name, array in arrays.items():
+        _write_back(getattr(checked, name), array)
+    return reason
+
+
+def _checked(array: np.ndarray) -> "CheckedArray":
+    if array.dtype.names is None:
+        return CheckedArray(array.tolist(), array.shape, array.dtype.kind)
+    kinds = {name: array.dtype[name].kind for name in array.dtype.names}
+    rows = [CheckedRow(kinds, row) for row in array.tolist()]
+    return CheckedArray(rows, array.shape, "")
+
+
+def _write_back(checked: "CheckedArray", array: np.ndarray) -> None:
+    if array.dtype.names is None:
+        array[...] = np.array(checked.items, array.dtype).reshape(array.shape)
+        return
+    for number, row in enumerate(checked.items):
+        array[number] = tuple(row.values.values())
+
+
+class CheckedArray:
+    """An array of numbers or rows, which refuses indices that are not in it."""
+
+    def __init__(self, items: list[Any], shape: tuple[int, ...], kind: str) -> None:
+        """`kind`: of its numbers, as numpy has it."""
+        self.items = items
+        self.shape = shape
+        self.kind = kind
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, tuple):
+            first, *rest = index
+            inner = self[first]
+            return inner[tuple(rest)] if len(rest) > 1 else inner[rest[0]]
+        item = self.items[_checked_index(index, self.shape[0])]
+        if len(self.shape) > 1:
+            return CheckedArray(item, self.shape[1:], self.kind)
+        return item
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        if index == slice(None):
+            for number in range(len(self)):
+                if len(self.shape) > 1:
+                    self[number][:] = value
+                else:
+                    self[number] = value
+        elif isinstance(index, tuple):
+            *first, last = index
+            self[tuple(first) if len(first) > 1 else first[0]][last] = value
+        else:
+            assert len(self.shape) == 1, "an array is assigned to a part of another one"
+            self.items[_checked_index(index, self.shape[0])] = _checked_value(value, self.kind)
+
+
+class CheckedRow:
+    """A row of named columns."""
+
+    values: dict[str, Any]
+
+    def __init__(self, kinds: dict[str, str], values: tuple[Any, ...]) -> None:
+        """`kinds`: of each column's numbers, as numpy has it."""
+        vars(self)["kinds"] = kinds
+        vars(self)["values"] = dict(zip(kinds, values, strict=True))
+
+    def __getattr__(self, name: str) -> Any:
+        return self.values[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self.values[name] = _checked_value(value, vars(self)["kinds"][name])
+
+
+def _checked_index(index: Any, length: int) -> int:
+    assert isinstance(index, int), f"{index} is no index"
+    assert 0 <= index < length, f"there are {length} rows, and none is {index}"
+    return index
+
+
+def _checked_value(value: Any, kind: str) -> Any:
+    if kind == "f":
+        return float(value)
+    assert isinstance(value, int), f"{value} is no whole number"
+    assert kind != "u" or value >= 0, f"{value} is no set of places"
+    assert abs(value) < 2**63 or kind == "u", f"{value} is too large"
+    return bool(value) if kind == "b" else value

@@ -75,6 +75,9 @@ class Course:
         self.is_reset = False  # whether the present part began with a reset
         # tick, digest, whether all was waited for
         self._figures: list[tuple[int, bytes, bool]] = []
+        # What local mode does with the emergency stops up to each restart. Physics that goes on
+        # from an earlier snapshot may forget a stop, or hear another one: the figures that it
+        # published before are of another run.
         self._before_restarts: list[Reference] = []
         self.is_whole = True  # whether lockstep has waited for all agents until now
 
@@ -82,7 +85,7 @@ class Course:
         """Know that physics begins with a scenario: `is_reset`: from its first tick on, because a
         user wants it.
         """
-        self._keep_stops()
+        self._before_restarts.append(self.parts[-1].reference)
         if is_reset:
             self.is_reset = True
             is_that_of_the_scene = scenario == self._scenario
@@ -92,15 +95,6 @@ class Course:
             # It has died before a reset was kept, and is the run before again.
             self.parts += [part for part in self.parts if part.scenario == scenario][-1:]
             self.is_reset = False
-
-    def _keep_stops(self) -> None:
-        """Keep local mode's run with the emergency stops until now, for the figures of it.
-
-        Physics that goes on from an earlier snapshot, for the last one is torn, has forgotten
-        stops. Figures that it published before it died tell of them.
-        """
-        if any(event.what in LATCHED for event in self.parts[-1].events):
-            self._before_restarts.append(self.parts[-1].reference)
 
     def fork(self, begin: Snapshot) -> None:
         """Know that the run goes on from a snapshot with changes."""

@@ -123,10 +123,17 @@ def test_an_emergency_stop_is_that_of_local_mode_also_after_a_kill():
     assert "stopped" in verdict.occurred["events"]
 
 
-def test_figures_of_a_stop_that_a_torn_snapshot_forgets_are_those_of_local_mode():
-    stop = Fault("stop robots", CLIENT, 10, 0.0, 3.0)
-    torn = Fault("torn snapshot", PHYSICS, 20)
-    plan = shortly_before("uncoupled", stop, torn, ticks=120, delays=Delays(1e-2))
+@pytest.mark.parametrize(
+    ("stop_at", "torn_at", "delays"),
+    [
+        (10, Fault("torn snapshot", PHYSICS, 20), Delays(1e-2)),
+        (40, Fault("torn snapshot", PHYSICS, 41, 6e-4), Delays(1e-4, slow=1.0, share=0.02)),
+    ],
+)
+def test_figures_before_a_torn_snapshot_are_of_the_run_before(stop_at, torn_at, delays):
+    """The snapshot before knows nothing of the stop, or the run hears it only after it is back."""
+    stop = Fault("stop robots", CLIENT, stop_at, 0.02, 3.0)
+    plan = shortly_before("uncoupled", stop, torn_at, ticks=120, delays=delays)
     assert carry_out(plan).complaints == []
 
 

@@ -8,12 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from orchard.contract.agent import Agent
-from orchard.field.layout import lay_out
-from orchard.field.scenario import check
+from orchard.field.layout import Layout
 from orchard.net.bus import Bus, Inbox
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded
-from orchard.net.requests import fetch_run
+from orchard.net.requests import fetch_layout
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import identity_in
 from orchard.wire.keys import PREFIX, Keys
@@ -27,10 +26,10 @@ class Remote:
     accepts.
     """
 
-    def __init__(self, bus: Bus, keys: Keys, known: RunInfo) -> None:
+    def __init__(self, bus: Bus, keys: Keys, known: RunInfo, layout: Layout) -> None:
         self._bus, self._keys = bus, keys
         self.run, self.mode, self.names = known.run, known.mode, known.agents
-        self.layout = lay_out(check(known.scenario, "the scenario that physics sent"))
+        self.layout = layout
 
     def play(self, name: str, agent: Agent) -> str:
         """Drive a robot until the run ends; return why.
@@ -60,4 +59,5 @@ def connect(endpoint: str, prefix: str = PREFIX, secure: str | None = None) -> I
     """
     keys = Keys(prefix)
     with client(endpoint, Inbox(), identity=identity_in(secure, prefix)) as bus:
-        yield Remote(bus, keys, fetch_run(bus, keys))
+        run, layout = fetch_layout(bus, keys)
+        yield Remote(bus, keys, run, layout)

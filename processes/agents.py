@@ -17,17 +17,16 @@ from orchard.behaviour.catalogue import guarded
 from orchard.contract.agent import Agent
 from orchard.contract.printed import printed
 from orchard.field.kinds import select_agents
-from orchard.field.layout import Layout, lay_out
+from orchard.field.layout import Layout
 from orchard.field.plugins import contained, end_soon, import_own, place_of_error
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import check
 from orchard.memory import settle
 from orchard.net.bus import Bus, Inbox
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded, end_if_asked
 from orchard.net.options import HostOptions
 from orchard.net.process import monitor, run_process
-from orchard.net.requests import TRIES, fetch_run
+from orchard.net.requests import TRIES, fetch_layout
 from orchard.net.zenoh_bus import client
 from orchard.security.identity import Identity, identity_in
 from orchard.wire.keys import Keys
@@ -117,8 +116,7 @@ def host(
 def _host(bus: Bus, options: HostOptions, identity: Identity | None, tries: int) -> Host:
     """Return a host with its agents, which listens to a run. Raises BusError, ValueError."""
     keys = Keys(options.prefix)
-    run = fetch_run(bus, keys, end_if_asked, tries)
-    layout = lay_out(check(run.scenario, "the scenario that physics sent"))
+    run, layout = fetch_layout(bus, keys, end_if_asked, tries)
     allowed = run.agents if identity is None else set(run.agents) & set(identity.role.names)
     names = select_agents(sorted(allowed), options.only, options.without, options.share)
     # No other agents are made: a class may end its process.

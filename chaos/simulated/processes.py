@@ -26,16 +26,14 @@ from chaos.simulated.network import Network
 from chaos.simulated.observer import Observer
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.session import SimulatedBus
-from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
-from orchard.field.scenario import check
 from orchard.launch import distributed
 from orchard.launch.supervisor import ProcessSpec, Supervisor
 from orchard.net.bus import Bus, Inbox, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.host import Host, HostEnded, end_if_asked
 from orchard.net.options import HostOptions, Options, read_options
-from orchard.net.requests import fetch_run
+from orchard.net.requests import fetch_layout
 from orchard.net.zenoh_bus import CONNECT_SECONDS
 from orchard.processes import agents, physics
 from orchard.record.logger import FrameQueue, Logger
@@ -304,16 +302,10 @@ class _NoWriter:
 def _logger(process: SimulatedProcess) -> int:
     with process.connected() as bus:
         keys = Keys()
-        run = fetch_run(bus, keys, end_if_asked)
+        run, layout = fetch_layout(bus, keys, end_if_asked)
         queue = FrameQueue()
         process.world.frames.append(queue)
-        logger = Logger(
-            bus,
-            keys,
-            run.run,
-            lay_out(check(run.scenario, "the scenario that physics sent")),
-            queue,
-        )
+        logger = Logger(bus, keys, run.run, layout, queue)
         logger.listen()
         bus.declare_alive(keys.of("alive", LOGGER, run.run))
         return logger.run(_NoWriter())[0]  # type: ignore[arg-type]

@@ -18,7 +18,6 @@ from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
 from orchard.field.plugins import MISTAKES, reraise_ctrl_c
 from orchard.field.problems import printable
-from orchard.field.scenario import check
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
@@ -27,9 +26,10 @@ from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_mes
 from orchard.net.requests import (
     AGAIN_SECONDS,
     ANSWER_SECONDS,
+    REFUSED_TRIES,
     ErrorReply,
     ask,
-    fetch_run,
+    fetch_layout,
     publish_refusals,
 )
 from orchard.wire.codec import report_of
@@ -63,8 +63,6 @@ ANSWER_AGAIN_SECONDS = 0.25
 # Messages in turn of ticks that are past, after which the newest tick was none of physics: it has
 # changed on its way.
 MOST_PAST = 3
-# Tries of a join that is refused for another reason: it may have changed on its way.
-REFUSED_TRIES = 5
 
 
 def _most_tries(reasons: Collection[str]) -> int:
@@ -236,8 +234,8 @@ class Host:
 
         Raises HostEnded if physics refuses them, or was reset.
         """
-        run = fetch_run(self.bus, self.keys, self.handle)
-        if check(run.scenario, "the scenario that physics sent") != self._scenario:
+        _, layout = fetch_layout(self.bus, self.keys, self.handle)
+        if layout.scenario != self._scenario:
             # Physics has died before it could keep a reset.
             raise HostEnded(0, RESET)
         joined = self._joined()
@@ -264,7 +262,10 @@ class Host:
                 if tries >= _most_tries(joined.refused.values()):
                     return joined
             except ErrorReply:
-                if tries >= REFUSED_TRIES:
+                # While physics is gone, another client has refused it.
+                if self._ending.gone_at < math.inf:
+                    tries = 0
+                elif tries >= REFUSED_TRIES:
                     raise
             self.bus.sleep(AGAIN_SECONDS)
 

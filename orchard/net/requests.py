@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from orchard.contract.messages import pack
-from orchard.field.problems import printable
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError, printable
+from orchard.field.scenario import check
 from orchard.net.bus import TIMED_OUT, Bus, Final, Item, Replied
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import Refusals, Refused
@@ -22,6 +24,9 @@ LOOK_SECONDS = 1.0
 # Between two tries, while no reply comes.
 AGAIN_SECONDS = 0.1
 TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
+# Tries of a question that is refused, or whose answer cannot be used: either may have changed on
+# its way.
+REFUSED_TRIES = 5
 
 
 class ErrorReply(BusError):
@@ -55,25 +60,27 @@ def ask(
     The get is repeated after `seconds` without a valid reply. Any client may reply, so an error
     counts only if no valid reply comes. Raises ErrorReply for an error, BusError if no reply comes.
 
-    `understand`: payload of a reply -> message; raises Refused or ValueError. `handle`: takes all
-    other items that arrive. `refusals`: counts invalid replies. `meanwhile`: called at least once a
-    second.
+    `understand`: payload of a reply -> message; raises Refused or ValueError. A ScenarioError of it
+    counts as an error reply does, and is raised in its place. `handle`: takes all other items that
+    arrive. `refusals`: counts invalid replies. `meanwhile`: called at least once a second.
     """
     for _ in range(tries):
         ticket = object()
         bus.ask(key, payload, ticket, seconds)
-        errors: list[str] = []
+        errors: list[ErrorReply | ScenarioError] = []
         for reply in _replies_to(bus, ticket, handle, meanwhile):
             if reply.error:
                 if reply.error != TIMED_OUT:
-                    errors.append(printable(reply.error))
+                    errors.append(ErrorReply(f"{key}: {printable(reply.error)}"))
                 continue
             try:
                 return understand(reply.payload)
+            except ScenarioError as error:
+                errors.append(error)
             except (Refused, ValueError) as error:
                 _note(refusals, key, error)
         if errors:
-            raise ErrorReply(f"{key}: {errors[0]}")
+            raise errors[0]
         bus.sleep(AGAIN_SECONDS)
     raise BusError(f"{key}: no reply; is the physics process running, with the same prefix?")
 
@@ -105,12 +112,61 @@ def fetch_run(
     bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None, tries: int = TRIES
 ) -> RunInfo:
     """Return the run that physics simulates at this router. Raises BusError if there is none."""
-    return ask(
-        bus,
-        keys.of("scenario"),
-        b"",
-        lambda reply: read(reply, RunInfo),
-        seconds=FETCH_SECONDS,
-        handle=handle,
-        tries=tries,
-    )
+    return _ask_for_run(bus, keys, lambda reply: read(reply, RunInfo), handle, tries)
+
+
+def fetch_layout(
+    bus: Bus, keys: Keys, handle: Callable[[Item], None] = lambda item: None, tries: int = TRIES
+) -> tuple[RunInfo, Layout]:
+    """Return the run that physics simulates at this router, and the layout of its scenario.
+
+    Raises BusError if there is no run, ScenarioError if its scenario is not valid.
+    """
+    return _ask_for_run(bus, keys, _with_layout, handle, tries)
+
+
+def _ask_for_run(
+    bus: Bus,
+    keys: Keys,
+    understand: Callable[[bytes], M],
+    handle: Callable[[Item], None],
+    tries: int,
+) -> M:
+    """Return what physics replies to the question for its run.
+
+    Physics refuses nobody its run. So an error is of another client, and no reason to give up. A
+    scenario that is not valid may have changed on its way: it is asked for REFUSED_TRIES times.
+    """
+    key = keys.of("scenario")
+    refused = 0
+    invalid = 0
+    while True:
+        try:
+            return ask(
+                bus,
+                key,
+                b"",
+                understand,
+                seconds=FETCH_SECONDS,
+                handle=handle,
+                tries=tries,
+            )
+        except ErrorReply:
+            refused += 1
+            if refused >= tries:
+                raise
+        except ScenarioError:
+            invalid += 1
+            if invalid >= REFUSED_TRIES:
+                raise
+        bus.sleep(AGAIN_SECONDS)
+
+
+def _with_layout(reply: bytes) -> tuple[RunInfo, Layout]:
+    """Return the run in a reply, and its layout. Raises ValueError or ScenarioError."""
+    run = read(reply, RunInfo)
+    layout = lay_out(check(run.scenario, "the scenario that physics sent"))
+    unknown = sorted(set(run.agents).difference(layout.agents))
+    if unknown:
+        raise ValueError(f"the scenario has no agent {', '.join(unknown)}")
+    return run, layout

@@ -14,13 +14,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchard.contract.events import Event, Frame, merged, talk_of
-from orchard.field.layout import Layout, lay_out
-from orchard.field.scenario import check
+from orchard.field.layout import Layout
 from orchard.net.bus import Alive, Bus, Item, Sample
 from orchard.net.ending import Ending
 from orchard.net.host import GONE_SECONDS, HostEnded, end_if_asked
 from orchard.net.refusals import Refusals, Refused, read_message, refused_for
-from orchard.net.requests import fetch_run, publish_refusals
+from orchard.net.requests import fetch_layout, publish_refusals
 from orchard.view.palette import Colour
 from orchard.view.reader import before
 from orchard.view.recorder import Recorder
@@ -311,8 +310,7 @@ def record(
     bus: Bus, keys: Keys, file: Path | None, port: int | None, session: str
 ) -> tuple[int, Path | None]:
     """Record a run into a file, and serve viewers on a port. Return as `Logger.run` does."""
-    run = fetch_run(bus, keys, end_if_asked)
-    layout = lay_out(check(run.scenario, "the scenario that physics sent"))
+    run, layout = fetch_layout(bus, keys, end_if_asked)
     look = LOOK_SECONDS if port is None else LIVE_SECONDS
     logger = Logger(bus, keys, run.run, layout, FrameQueue(), look)
     # It listens before, so what comes while earlier parts are read is not lost.

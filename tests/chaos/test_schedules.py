@@ -284,6 +284,18 @@ def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
     )
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_host_that_starts_while_only_a_false_client_answers_waits_for_physics(seed):
+    """Physics refuses nobody its run, so a refusal is none of physics."""
+    faults = (
+        Fault("false answers", CLIENT, 20, 0.0, 8.0),
+        Fault("kill", PHYSICS, 20, 0.1),
+        Fault("kill", ONE, 20, 0.1),
+    )
+    alone = plan(*faults, has_router=True, has_bare_client=True)
+    assert carry_out(replace(alone, seed=seed)).complaints == []
+
+
 @pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])
 def test_a_run_that_ends_again_before_its_hosts_are_back_waits_for_them_when_it_goes_on(delay):
     faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)

@@ -16,7 +16,7 @@ from orchard.contract.messages import StateRequest, pack
 from orchard.net.bus import Alive, Replied, Sample
 from orchard.net.mailbox import SentRequest
 from orchard.net.refusals import Refusals, Refused, read_message
-from orchard.net.requests import ask, fetch_run
+from orchard.net.requests import ErrorReply, ask, fetch_run
 from orchard.net.zenoh_bus import client, router
 from orchard.wire.messages import Answered, Joined, Recalled, Received, SimulationState, Stopped
 
@@ -91,6 +91,31 @@ def test_a_newcomer_hears_physics_among_others(other):
         fetch_run(Crowd([b"\xc1", b"", msgpack.packb({"run": RUN}), *oversized(), good]), KEYS).run
         == "other"
     )
+
+
+class Refusing(Crowd):
+    """A network on which physics is away while another client refuses the first questions."""
+
+    def __init__(self, questions: int, reply: bytes) -> None:
+        super().__init__([reply])
+        self._left = questions
+
+    def ask(self, key, payload, ticket, seconds=0.0) -> None:
+        self._left -= 1
+        if self._left < 0:
+            super().ask(key, payload, ticket, seconds)
+        else:
+            Query(key, payload, self.inbox.put, ticket).refuse("no")
+
+    def sleep(self, seconds: float) -> None:
+        pass
+
+
+def test_a_newcomer_whose_question_another_client_refuses_asks_again(other):
+    good = next(p for _, p in other["scenario"])
+    assert fetch_run(Refusing(20, good), KEYS).run == "other"
+    with pytest.raises(ErrorReply, match="no"):
+        fetch_run(Refusing(100, good), KEYS, tries=20)
 
 
 def test_what_is_told_is_short_and_does_nothing_to_a_terminal(caplog):

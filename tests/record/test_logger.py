@@ -26,6 +26,7 @@ from slow_logger import MOST
 
 from orchard.contract.events import SELDOM, Event, Frame, talk_of
 from orchard.contract.messages import pack
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
 from orchard.local import Local
 from orchard.net.bus import Alive, Sample, Signal
@@ -58,10 +59,10 @@ def test_a_logger_is_ready_before_it_shows_its_token(
     monkeypatch,
 ):
     """It listens, and its recording is open. The first tick waits for the token."""
-    done, run = [], SimpleNamespace(run="run1", scenario=Scenario(rows=3).model_dump())
+    done, run = [], (SimpleNamespace(run="run1"), lay_out(Scenario(rows=3)))
     executor = SimpleNamespace(submit=lambda *_: done.append("write"))
     bus = SimpleNamespace(clock=lambda: 0.0, declare_alive=done.append, executor=executor)
-    monkeypatch.setattr(recording, "fetch_run", lambda *_: run)
+    monkeypatch.setattr(recording, "fetch_layout", lambda *_: run)
     monkeypatch.setattr(recording, "open_recording", lambda *_: (done.append("open"), None))
     monkeypatch.setattr(Logger, "listen", lambda self: done.append("listen"))
     monkeypatch.setattr(Logger, "run", lambda self, writing: (0, None))

@@ -133,7 +133,8 @@ _RIGHTS: dict[tuple[str, ...], Right] = {
     ("figures",): Right((THE_PHYSICS,), (THE_LOGGER, OPERATOR)),
     # A count, which moves nothing.
     ("refused",): Right((OWN_HOST, LOGGER_ITSELF), (THE_PHYSICS,)),
-    ("scenario",): Right((*AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
+    # Physics asks for a run that was there before its own.
+    ("scenario",): Right((THE_PHYSICS, *AUDIENCE, EMERGENCY), (THE_PHYSICS,)),
     ("layout",): Right(AUDIENCE, (THE_PHYSICS,)),
     ("stop",): Right((OPERATOR, EMERGENCY), (THE_PHYSICS,)),
     ("simulation_state",): Right((THE_PHYSICS,), (*AUDIENCE, EMERGENCY)),

@@ -13,7 +13,7 @@ import msgspec
 from orchard.contract.messages import pack
 from orchard.field.problems import printable
 from orchard.field.scenario import check
-from orchard.net.bus import Alive, Bus, Item, Query, Sample, Signal
+from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.endpoints import BusError
 from orchard.net.refusals import (
     Refused,
@@ -22,6 +22,7 @@ from orchard.net.refusals import (
     refuse_other_tick,
     refused_for,
 )
+from orchard.net.requests import REFUSED_TRIES
 from orchard.server.run import Run, RunEnded, RunReset
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
@@ -170,6 +171,73 @@ class Queries:
         raise RunReset(scenario)
 
 
+class OtherRuns:
+    """Ends a run that is newer than another one at its router, with its prefix.
+
+    Theory of operation. The liveliness token of another run does not show that it is active: a
+    process that was killed keeps it for a moment, and in an open run any client may declare it. So
+    physics asks for the run at this router, and the other one counts if it replies while its token
+    is there.
+    """
+
+    def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
+        """`run`: the id of the own run."""
+        self._bus = bus
+        self._keys = keys
+        self._run = run
+        # s, on the clock of the bus: a run that appears after that is newer.
+        self._newer_from = math.inf
+        # The tokens of runs that were there before this one.
+        self._tokens: set[str] = set()
+        # The questions that have been sent since the last token came.
+        self._asked = 0
+        self._ticket: object = None
+
+    def listen(self) -> None:
+        """Record that physics begins to listen."""
+        self._newer_from = self._bus.clock() + OTHER_RUN_SECONDS
+
+    def track(self, alive: Alive, run: str, has_begun: bool) -> None:
+        """Record a token of physics of a run. `has_begun`: whether the own run has."""
+        is_newer = has_begun or self._bus.clock() >= self._newer_from
+        if not alive.up:
+            self._tokens.discard(alive.key)
+        elif run != self._run and not is_newer:
+            self._tokens.add(alive.key)
+            self._asked = 0
+            self._ask()
+
+    def hear(self, item: Replied | Final) -> None:
+        """Take a reply, or the end of the replies, to a question.
+
+        Raises BusError if another run is active, Refused if the reply is malformed.
+        """
+        if item.ticket is not self._ticket:
+            return
+        if isinstance(item, Final):
+            # The reply may have been lost, or have changed on its way.
+            if self._tokens and self._asked < REFUSED_TRIES:
+                self._ask()
+        elif not item.error:
+            with refused_for("malformed"):
+                run = wire.read(item.payload, wire.RunInfo).run
+            self._end_beside(run)
+
+    def _ask(self) -> None:
+        """Ask for the run at this router."""
+        self._asked += 1
+        self._ticket = object()
+        self._bus.ask(self._keys.of("scenario"), b"", self._ticket)
+
+    def _end_beside(self, run: str) -> None:
+        """Raise BusError if a run is another one, and its token is there."""
+        runs = [self._keys.parts(token)[2] for token in self._tokens]
+        if run in runs:
+            fault = f"{self._bus.endpoint}: run {printable(run)} is active there"
+            way_out = "choose another router or prefix"
+            raise BusError(f"{fault}, with prefix {self._keys.prefix}; {way_out}")
+
+
 class Inbound:
     """Passes on what arrives at physics, and counts what is refused."""
 
@@ -181,8 +249,7 @@ class Inbound:
         # The refusals that were published in this second.
         self._told: set[tuple[str, wire.Reason]] = set()
         self._told_since = -math.inf  # s, on the clock of the bus
-        # s, on the clock of the bus: a run that appears after that is newer.
-        self._newer_from = math.inf
+        self._other_runs = OtherRuns(bus, keys, run.id)
 
     def listen(self) -> None:
         """Subscribe, and declare the queryables.
@@ -195,7 +262,7 @@ class Inbound:
             self._bus.subscribe(self._keys.of(what))
         for what in (*self._queries.replies, "join"):
             self._bus.answer(self._keys.of(what))
-        self._newer_from = self._bus.clock() + OTHER_RUN_SECONDS
+        self._other_runs.listen()
         for what in ("alive", "physics"):
             self._bus.watch(self._keys.of(what))
         self._bus.declare_alive(self._token_of_physics)
@@ -270,6 +337,8 @@ class Inbound:
             self._token(item)
         elif isinstance(item, Query):
             self._queries.reply(item)
+        elif isinstance(item, Replied | Final):
+            self._other_runs.hear(item)
         elif isinstance(item, Signal):
             raise RunEnded("stopped")
 
@@ -314,18 +383,10 @@ class Inbound:
         return self._run.drivers.act_all(actions, refused)
 
     def _token(self, alive: Alive) -> None:
-        """Record a token.
-
-        Raises BusError if another run uses this router and prefix: the newer run ends itself.
-        """
+        """Record a token. Raises Refused."""
         match self._keys.parts(alive.key):
             case ["alive", "physics", run, _]:
-                is_other = alive.up and run != self._run.id
-                is_newer = self._run.has_begun or self._bus.clock() >= self._newer_from
-                if is_other and not is_newer:
-                    fault = f"{self._bus.endpoint}: run {printable(run)} is active there"
-                    way_out = "choose another router or prefix"
-                    raise BusError(f"{fault}, with prefix {self._keys.prefix}; {way_out}")
+                self._other_runs.track(alive, run, self._run.has_begun)
             case _:
                 name, owner = self._owner_of(alive.key)
                 if name == LOGGER and alive.up:

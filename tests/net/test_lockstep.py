@@ -206,6 +206,60 @@ def test_a_host_joins_although_a_byte_of_its_join_was_changed(
     assert len(joins) == 2
 
 
+def changing_scenarios(monkeypatch, change, which: range) -> list[str]:
+    """Let the network change the answers to these questions for the scenario, by their numbers.
+
+    Return a list that gets the key of each question.
+    """
+    reply = Router.reply
+    asked = []
+
+    def reply_with_change(router, number, key, payload, error):
+        if key.endswith("/scenario"):
+            if len(asked) in which:
+                message = msgpack.unpackb(payload)
+                change(message)
+                payload = msgpack.packb(message)
+            asked.append(key)
+        reply(router, number, key, payload, error)
+
+    monkeypatch.setattr(Router, "reply", reply_with_change)
+    return asked
+
+
+def with_a_false_value(message: dict) -> None:
+    message["scenario"]["pickers"] = -1
+
+
+def with_a_false_key(message: dict) -> None:
+    message["scenario"]["pockers"] = message["scenario"].pop("pickers")
+
+
+def with_an_unknown_agent(message: dict) -> None:
+    message["agents"] = ["pickar_01", *message["agents"]]
+
+
+@pytest.mark.parametrize("change", [with_a_false_value, with_a_false_key, with_an_unknown_agent])
+@pytest.mark.parametrize("which", [0, 1], ids=["at its start", "as it joins"])
+def test_a_host_asks_again_for_a_scenario_that_was_changed(
+    change, which, fleet, undisturbed, monkeypatch
+):
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    asked = changing_scenarios(monkeypatch, change, range(which, which + 1))
+    fleet.host(agents=TOY)
+    assert fleet.end() == undisturbed
+    assert len(asked) == 3
+
+
+def test_a_host_whose_scenarios_are_all_invalid_ends_with_the_reason(fleet, monkeypatch):
+    fleet.physics(SMALL, "--duration", "1")
+    asked = changing_scenarios(monkeypatch, with_a_false_value, range(100))
+    code, _, err = fleet.host(agents=TOY).end()
+    assert (code, len(asked)) == (2, REFUSED_TRIES)
+    assert "the scenario that physics sent" in err
+    assert "pickers" in err
+
+
 def changing_actions(monkeypatch, times: float) -> None:
     """Let the network change the action of a picker in so many messages: it is no action any more,
     and all others are.
@@ -404,3 +458,36 @@ def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(
     )
     fleet.share(2, TOY)
     assert fleet.end() == undisturbed
+
+
+@pytest.mark.parametrize("leaves", [False, True], ids=["stays", "goes"])
+def test_a_token_of_a_run_that_is_not_there_ends_no_run(leaves, fleet, undisturbed):
+    """It may be of a process that was killed a moment ago, or of any client."""
+    fleet.physics(SMALL, "--duration", str(TICKS / 10))
+    token = fleet.client().declare("orchard/alive/physics/another/1")
+    if leaves:
+        token.undeclare()
+    fleet.host(agents=TOY)
+    assert fleet.end() == undisturbed
+
+
+def test_a_run_ends_beside_another_one_whose_answer_was_changed(fleet, monkeypatch):
+    """It asks again while the token of the other one is there."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    fleet.router(endpoint)
+    fleet.physics(SMALL, "--duration", "1", "--connect", endpoint)
+    reply = Router.reply
+    asked = []
+
+    def reply_with_change(router, number, key, payload, error):
+        if key.endswith("/scenario"):
+            asked.append(key)
+            if len(asked) == 1:
+                payload = b"\xc1"
+        reply(router, number, key, payload, error)
+
+    monkeypatch.setattr(Router, "reply", reply_with_change)
+    code, _, said = fleet.start("orchard.processes.physics", "--connect", endpoint).end()
+    assert code == 2
+    assert f"run {fleet.run} is active there" in said
+    assert len(asked) == 2

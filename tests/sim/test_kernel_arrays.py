@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from orchard.sim.kernels.arrays import Record
+from orchard.sim.kernels.arrays import ArrayRecord
 from orchard.sim.kernels.jit import jit
 
 ROW = np.dtype([("metres", np.float64), ("count", np.int64)])
-RECORD = Record({"rows": (ROW, 1), "grid": (np.int64, 2), "cube": (np.float64, 3)})
+RECORD = ArrayRecord({"rows": (ROW, 1), "grid": (np.int64, 2), "cube": (np.float64, 3)})
 opens = RECORD.opens
 
 

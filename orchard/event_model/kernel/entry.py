@@ -5,9 +5,9 @@ from typing import Any
 from orchard.event_model.columns import ARRAYS, Model
 from orchard.event_model.kernel import machine
 from orchard.event_model.kernel.compiled import outer
-from orchard.sim.kernels.arrays import Record
+from orchard.sim.kernels.arrays import ArrayRecord
 
-_RECORD = Record(ARRAYS)
+_RECORD = ArrayRecord(ARRAYS)
 _opens = _RECORD.opens
 
 

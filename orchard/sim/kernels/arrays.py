@@ -48,6 +48,7 @@ class _ArraysAttribute(AttributeTemplate):
     key = ArraysType
 
     def generic_resolve(self, arrays: ArraysType, attr: str) -> types.Array | None:
+        """Return the type of an array, as numba asks for it."""
         return arrays.arrays.get(attr)
 
 
@@ -60,6 +61,7 @@ def _array(context: Any, builder: Any, arrays: ArraysType, value: Any, attr: str
     first = WORDS * arrays.names.index(attr)
 
     def load(number: int) -> Any:
+        """Read one of its words."""
         place = builder.gep(words, [ir.Constant(word, first + number)])
         loaded = builder.load(place)
         loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
@@ -72,11 +74,11 @@ def _array(context: Any, builder: Any, arrays: ArraysType, value: Any, attr: str
     for length in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], length))
     data = builder.inttoptr(load(0), context.get_data_type(kind.dtype).as_pointer())
-    populate_array(made, data, shape, strides, itemsize, None)
+    populate_array(made, data=data, shape=shape, strides=strides, itemsize=itemsize, meminfo=None)
     return made._getvalue()
 
 
-class Record:
+class ArrayRecord:
     """A record of named arrays: how many dimensions each has, and of what."""
 
     def __init__(self, arrays: Mapping[str, tuple[Any, int]]) -> None:
@@ -108,7 +110,10 @@ def _opens(opened: ArraysType) -> Any:
 
     @intrinsic
     def opens(typing: Any, addresses: Any) -> Any:
+        """Make a record of its addresses."""
+
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            """Take the address of the addresses."""
             words = make_array(signature.args[0])(context, builder, arguments[0])
             return builder.bitcast(words.data, context.get_value_type(opened))
 

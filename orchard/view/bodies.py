@@ -17,50 +17,56 @@ from orchard.view import palette
 from orchard.view.columns import TIMELINE, Columns
 from orchard.view.scenery import ROW_Z, model
 
-BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(
-    ANIMALS, "animals"
-)  # kinds that share a branch of world/
-HIT_RADIUS = -1.8  # of a laser hit; a negative number is in screen points
-PIN_Z = 4.4  # m: well above the pergola
+# Kinds that share a branch of world/.
+BRANCHES = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(ANIMALS, "animals")
+# Radius of a laser hit. A negative number is in screen points.
+HIT_RADIUS = -1.8
+# m: well above the pergola.
+PIN_Z = 4.4
 
-BIN_FLOOR, BIN_RIM = 0.2, 0.94  # z of the fruit in an empty and in a full bin, m
+# z of the fruit in an empty and in a full bin, m.
+BIN_FLOOR = 0.2
+BIN_RIM = 0.94
 FILL_STEPS = 14
-WHOLE, UNSEEN = (
-    (1.0, 1.0, 1.0),
-    (0.01, 0.01, 0.01),
-)  # scales of a mesh that is shown, and of one that is hidden
+FRUIT_BOTTOM = 0.17  # m: z of the lower side of the fruit's model
+# Scales of a mesh that is shown, and of one that is hidden.
+WHOLE = (1.0, 1.0, 1.0)
+UNSEEN = (0.01, 0.01, 0.01)
 
 
 class BodyView:
     """The entities of all bodies. Methods add only what has changed."""
 
     def __init__(self, columns: Columns, layout: Layout) -> None:
-        self.rec, self.columns, self.layout = columns.rec, columns, layout
-        self.path = {
-            s.name: f"world/{BRANCHES.get(s.kind, s.kind + 's')}/{s.name}" for s in layout.starts
-        }  # world/pickers/picker_01
-        self._said: dict[str, dict[str, palette.Colour]] = {
-            s.name: {} for s in layout.starts if s.kind != "weed"
+        """Log what each body looks like. `columns`: for what changes."""
+        self.rec = columns.rec
+        self.columns = columns
+        self.layout = layout
+        self.path = {start.name: _path_of(start) for start in layout.starts}
+        # Name -> the texts of its states that have occurred, and their colours.
+        self._colours: dict[str, dict[str, palette.Colour]] = {
+            start.name: {} for start in layout.starts if start.kind != "weed"
         }
-        self._bins, self._weeds, self._towing = (
-            indices(layout, kinds) for kinds in ({"bin"}, {"weed"}, HAULERS)
-        )
-        self._shown: dict[
-            str, np.ndarray
-        ] = {}  # fruit levels of bins, whether bars or weeds are there
+        self._bins = indices(layout, {"bin"})
+        self._weeds = indices(layout, {"weed"})
+        self._towing = indices(layout, HAULERS)
+        # The fruit levels of bins, and whether bars and weeds are there, as last shown.
+        self._shown: dict[str, np.ndarray] = {}
         for start in layout.starts:
             self._log_static(start)
 
-    def remember(self, said: Mapping[str, Mapping[str, palette.Colour]]) -> None:
+    def remember(self, colours: Mapping[str, Mapping[str, palette.Colour]]) -> None:
         """Keep the colours of the state texts in earlier parts.
 
-        `said`: entity path -> text -> colour.
+        `colours`: entity path -> text -> colour.
         """
-        for name in self._said:
-            self._said[name] = dict(said.get(f"/{self.path[name]}", {}))
+        for name in self._colours:
+            self._colours[name] = dict(colours.get(f"/{self.path[name]}", {}))
 
     def _log_static(self, start: Start) -> None:
-        path, frame = self.path[start.name], rr.CoordinateFrame(start.name)
+        """Log what does not change of a body: its frame, its shape, the look of its laser hits."""
+        path = self.path[start.name]
+        frame = rr.CoordinateFrame(start.name)
         self.rec.log(path, frame, static=True)
         if start.kind != "weed":
             self.rec.log(path, model(start.kind), static=True)
@@ -70,40 +76,34 @@ class BodyView:
             self.rec.log(f"{path}/fruit", frame, model("fruit"), static=True)
             self.rec.log(f"{path}/full", frame, model("flag"), static=True)
         colour = palette.SCANS.get(start.kind, palette.OTHER_SCANS)
-        self.rec.log(
-            f"scans/{start.name}",
-            frame,
-            rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS]),
-            static=True,
-        )
+        look = rr.Points3D.from_fields(colors=[colour], radii=[HIT_RADIUS])
+        self.rec.log(f"scans/{start.name}", frame, look, static=True)
 
     def _pin(self, robot: Start) -> None:
-        path, top = f"pins/{robot.name}", max(PIN_Z, KINDS[robot.kind].height + 2.0)
-        ball = rr.Points3D([(0.0, 0.0, top)], labels=[robot.name])
-        stalk = rr.LineStrips3D(
-            [[(0.0, 0.0, KINDS[robot.kind].height), (0.0, 0.0, top)]],
-            colors=[palette.WIRE],
-            radii=[0.04],
-        )
-        self.rec.log(path, rr.CoordinateFrame(robot.name), ball, stalk, static=True)
+        """Log a ball on a stalk above a robot."""
+        roof = (0.0, 0.0, KINDS[robot.kind].height)
+        top = (0.0, 0.0, max(PIN_Z, KINDS[robot.kind].height + 2.0))
+        ball = rr.Points3D([top], labels=[robot.name])
+        stalk = rr.LineStrips3D([[roof, top]], colors=[palette.WIRE], radii=[0.04])
+        frame = rr.CoordinateFrame(robot.name)
+        self.rec.log(f"pins/{robot.name}", frame, ball, stalk, static=True)
 
     def doing(self, name: str, text: str, state: State) -> None:
         """Add what a body does now: its state, and the colour of its pin.
 
         Weeds and unknown names are ignored.
         """
-        path, colour, known = self.path.get(name), palette.STATES[state], self._said.get(name)
-        if path is None or known is None:
+        colours = self._colours.get(name)
+        if colours is None:
             return
-        if known.get(text, colour) != colour:
+        path = self.path[name]
+        colour = palette.STATES[state]
+        if colours.get(text, colour) != colour:
             text = f"{text} ({state})"
-        if text not in known:
-            known[text] = colour
-            self.rec.log(
-                path,
-                rr.StateConfiguration(values=list(known), colors=list(known.values())),
-                static=True,
-            )
+        if text not in colours:
+            colours[text] = colour
+            look = rr.StateConfiguration(values=list(colours), colors=list(colours.values()))
+            self.rec.log(path, look, static=True)
         self.columns.add(path, rr.StateChange, state=[text])
         if self.layout.starts[self.layout.index[name]].kind in VEHICLES:
             self.columns.add(f"pins/{name}", rr.Points3D, colors=[colour])
@@ -113,53 +113,63 @@ class BodyView:
 
         `fill`: (n,) metres of row, one per body.
         """
-        levels = np.ceil(FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin - 1e-9).astype(
-            int
-        )
+        steps_filled = FILL_STEPS * fill[self._bins] / self.layout.metres_per_bin
+        levels = np.ceil(steps_filled - 1e-9).astype(int)
         for i, level in self._changed("levels", levels):
             path = self.path[self.layout.names[self._bins[i]]]
             z = BIN_FLOOR + (BIN_RIM - BIN_FLOOR) * level / FILL_STEPS
-            scale = (1.0, 1.0, z - 0.17) if level else UNSEEN
+            scale = (1.0, 1.0, z - FRUIT_BOTTOM) if level else UNSEEN
             self.columns.add(
                 f"{path}/fruit", rr.InstancePoses3D, translations=[(0.0, 0.0, z)], scales=[scale]
             )
-            self.columns.add(
-                f"{path}/full",
-                rr.InstancePoses3D,
-                scales=[WHOLE if level >= FILL_STEPS else UNSEEN],
-            )
+            flag_scale = WHOLE if level >= FILL_STEPS else UNSEEN
+            self.columns.add(f"{path}/full", rr.InstancePoses3D, scales=[flag_scale])
 
     def bars(self, coupled: np.ndarray) -> None:
         """Add the bars between robots and bins that have changed.
 
         `coupled`: (n,) index of the other body, or -1.
         """
-        for i, there in self._changed("bars", coupled[self._towing] >= 0):
+        for i, is_coupled in self._changed("bars", coupled[self._towing] >= 0):
             robot = self.layout.starts[self._towing[i]]
-            path, kind = f"{self.path[robot.name]}/bar", KINDS[robot.kind]
-            ends = [(-kind.length / 2 + 0.1, 0.0, 0.42), (-kind.tows + 0.45, 0.0, 0.42)]
+            path = f"{self.path[robot.name]}/bar"
+            kind = KINDS[robot.kind]
+            front = (-kind.length / 2 + 0.1, 0.0, 0.42)
+            rear = (-kind.tows + 0.45, 0.0, 0.42)
             self.rec.log(path, rr.CoordinateFrame(robot.name), static=True)
             self.columns.add(
                 path,
                 rr.LineStrips3D,
-                strips=[ends] if there else [],
+                strips=[[front, rear]] if is_coupled else [],
                 colors=[palette.BAR],
                 radii=[0.09],
             )
 
     def weeds(self, alive: np.ndarray) -> None:
         """Log the weeds that have grown, and clear those that are flattened. `alive`: (n,) bool."""
-        for i, grown in self._changed("weeds", alive[self._weeds]):
+        for i, is_alive in self._changed("weeds", alive[self._weeds]):
             self.rec.set_time(TIMELINE, duration=self.columns.tick * TIME_STEP)
-            self.rec.log(
-                self.path[self.layout.names[self._weeds[i]]],
-                model("weed") if grown else rr.Clear(recursive=False),
-            )
+            path = self.path[self.layout.names[self._weeds[i]]]
+            self.rec.log(path, model("weed") if is_alive else rr.Clear(recursive=False))
 
-    def _changed(self, what: str, now: np.ndarray) -> list[tuple[int, int]]:
-        before, self._shown[what] = self._shown.get(what), now
-        which = np.arange(len(now)) if before is None else np.flatnonzero(now != before)
-        return [*zip(which.tolist(), now[which].tolist(), strict=True)]
+    def _changed(self, subject: str, values: np.ndarray) -> list[tuple[int, int]]:
+        """Return the index and value of each value that is not as last shown; at first, of all.
+
+        `subject`: what the values, (k,), are of.
+        """
+        before = self._shown.get(subject)
+        self._shown[subject] = values
+        if before is None:
+            changed = np.arange(len(values))
+        else:
+            changed = np.flatnonzero(values != before)
+        return list(zip(changed.tolist(), values[changed].tolist(), strict=True))
+
+
+def _path_of(start: Start) -> str:
+    """Return the path of a body's entity, such as world/pickers/picker_01."""
+    branch = BRANCHES.get(start.kind, f"{start.kind}s")
+    return f"world/{branch}/{start.name}"
 
 
 def indices(layout: Layout, kinds: Container[str]) -> list[int]:
@@ -179,34 +189,39 @@ class RowView:
     """
 
     def __init__(self, columns: Columns, layout: Layout) -> None:
-        self.columns, self._names = columns, [f"row_{lane.number:02d}" for lane in layout.lanes]
-        self._lengths = np.array([[lane.length] for lane in layout.lanes])  # m
-        self._done = np.full((len(layout.lanes), 4), -1)  # of each row, as in `show`, pieces of it
+        """Log the look of the rows. `columns`: for what changes."""
+        self.columns = columns
+        self._names = [f"row_{lane.number:02d}" for lane in layout.lanes]
+        self._lengths = np.array([[lane.length] for lane in layout.lanes])  # (r, 1) m
+        # How many pieces of each row are picked, (r, 4), as in `show`.
+        self._pieces = np.full((len(layout.lanes), 4), -1)
         self._fruit = [_fruit(lane) for lane in layout.lanes]
         for lane, row in zip(layout.lanes, self._names, strict=True):
             points, triangles = _strip(lane)
             strip = rr.Mesh3D.from_fields(vertex_positions=points, triangle_indices=triangles)
             columns.rec.log(f"world/rows/{row}", strip, static=True)
-            columns.rec.log(
-                f"canopy/fruit/{row}",
-                rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI]),
-                static=True,
-            )
+            look = rr.Points3D.from_fields(radii=[0.085], colors=[palette.KIWI])
+            columns.rec.log(f"canopy/fruit/{row}", look, static=True)
 
     def show(self, row_ends: np.ndarray) -> None:
         """Add the rows that changed. `row_ends`: (r, 4) how far each is picked, as in `World`."""
-        done = (CHUNKS * np.minimum(row_ends / self._lengths, 1.0) + 1e-9).astype(int)
-        for row in np.flatnonzero((done != self._done).any(axis=1)).tolist():
-            self._paint(row, *done[row].tolist())
-        self._done = done
+        pieces = (CHUNKS * np.minimum(row_ends / self._lengths, 1.0) + 1e-9).astype(int)
+        has_changed = (pieces != self._pieces).any(axis=1)
+        for row in np.flatnonzero(has_changed).tolist():
+            self._paint(row, *pieces[row].tolist())
+        self._pieces = pieces
 
     def _paint(self, row: int, west: int, east: int, inside_west: int, inside_east: int) -> None:
+        """Add which pieces of a row are picked: so many from each end, and a part inside it.
+
+        That part reaches from `inside_east` pieces before the eastern end to `inside_west` pieces
+        after the western one.
+        """
         pieces = np.arange(CHUNKS)
-        picked = (
-            (pieces < west)
-            | (pieces >= CHUNKS - east)
-            | ((pieces < inside_west) & (pieces >= CHUNKS - inside_east))
-        )
+        from_west = pieces < west
+        from_east = pieces >= CHUNKS - east
+        inside = (pieces < inside_west) & (pieces >= CHUNKS - inside_east)
+        picked = from_west | from_east | inside
         colours = np.where(picked[:, None], palette.ROW_PICKED, palette.ROW_RIPE).astype(np.uint8)
         self.columns.add(
             f"world/rows/{self._names[row]}", rr.Mesh3D, vertex_colors=np.repeat(colours, 4, axis=0)
@@ -219,8 +234,14 @@ class RowView:
 
 
 def _strip(lane: Lane) -> tuple[np.ndarray, np.ndarray]:
-    edges, half = np.linspace(lane.west, lane.east, CHUNKS + 1), lane.width / 2 - 0.6
-    south, north = lane.y - half, lane.y + half
+    """Return the mesh of a row's ground: four corners of each piece, m, and its triangles.
+
+    Shapes (4 * CHUNKS, 3) float32 and (2 * CHUNKS, 3) uint32, indices of corners.
+    """
+    edges = np.linspace(lane.west, lane.east, CHUNKS + 1)
+    half = lane.width / 2 - 0.6
+    south = lane.y - half
+    north = lane.y + half
     corners = [
         [(w, south, ROW_Z), (e, south, ROW_Z), (e, north, ROW_Z), (w, north, ROW_Z)]
         for w, e in pairwise(edges)
@@ -235,8 +256,10 @@ def _fruit(lane: Lane) -> np.ndarray:
     It is the same every time.
     """
     draw = np.random.default_rng(lane.number)
-    size, chunk = (CHUNKS, FRUIT_IN_A_CHUNK), lane.length / CHUNKS
-    west = lane.west + chunk * np.arange(CHUNKS)[:, None]
-    x = west + chunk * draw.random(size)
-    across = lane.y + (lane.width - 0.8) * (draw.random(size) - 0.5)
-    return np.stack([x, across, FRUIT_Z + 0.12 * draw.random(size)], axis=2).astype(np.float32)
+    shape = (CHUNKS, FRUIT_IN_A_CHUNK)
+    chunk_length = lane.length / CHUNKS
+    west = lane.west + chunk_length * np.arange(CHUNKS)[:, None]
+    x = west + chunk_length * draw.random(shape)
+    y = lane.y + (lane.width - 0.8) * (draw.random(shape) - 0.5)
+    z = FRUIT_Z + 0.12 * draw.random(shape)
+    return np.stack([x, y, z], axis=2).astype(np.float32)

@@ -18,37 +18,40 @@ class Columns:
     """The rows that are not sent yet. `tick` is that of new rows."""
 
     def __init__(self, rec: rr.RecordingStream) -> None:
-        self.rec, self.tick = rec, 0
-        self._rows: dict[
-            tuple[Any, ...], list[tuple[int, dict[str, Any]]]
-        ] = {}  # entity, archetype, components -> rows
+        """`rec`: the recording to which rows are sent."""
+        self.rec = rec
+        self.tick = 0
+        # Entity, archetype, components -> rows: tick, and component -> value.
+        self._rows: dict[tuple[Any, ...], list[tuple[int, dict[str, Any]]]] = {}
 
     def add(self, path: str, archetype: Any, tick: int | None = None, /, **values: Any) -> None:
         """Add a row to an entity: components of an archetype, or of `rr.AnyValues`, each a list or
         an array of its instances.
         """
-        self._rows.setdefault((path, archetype, *values), []).append(
-            (self.tick if tick is None else tick, values)
-        )
+        rows = self._rows.setdefault((path, archetype, *values), [])
+        rows.append((self.tick if tick is None else tick, values))
 
     def send(self) -> None:
+        """Send all rows, those of an entity and archetype together."""
         for (path, archetype, *names), rows in self._rows.items():
             columns: list[rr.ComponentColumn] = []
             for name in names:
                 parts = [values[name] for _, values in rows]
-                joined = (
-                    np.concatenate(parts)
-                    if isinstance(parts[0], np.ndarray)
-                    else [*chain.from_iterable(parts)]
-                )
-                columns += archetype.columns(**{name: joined}).partition([*map(len, parts)])
-            self.rec.send_columns(
-                path, indexes=[times([tick for tick, _ in rows])], columns=columns
-            )
+                lengths = [len(part) for part in parts]
+                columns += archetype.columns(**{name: _joined(parts)}).partition(lengths)
+            ticks = [tick for tick, _ in rows]
+            self.rec.send_columns(path, indexes=[times(ticks)], columns=columns)
         self._rows.clear()
 
 
+def _joined(parts: Sequence[Any]) -> Any:
+    """Return the instances of several rows as one list, or as one array if they are arrays."""
+    if isinstance(parts[0], np.ndarray):
+        return np.concatenate(parts)
+    return list(chain.from_iterable(parts))
+
+
 def times(ticks: Sequence[int] | np.ndarray) -> rr.TimeColumn:
-    return rr.TimeColumn(
-        TIMELINE, duration=np.round(np.array(ticks) * TIME_STEP * 1e9).astype("timedelta64[ns]")
-    )
+    """Return the times of some ticks on the timeline."""
+    nanoseconds = np.round(np.array(ticks) * TIME_STEP * 1e9)
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))

@@ -37,8 +37,8 @@ def existing_recording(path: Path | None, folder: Path) -> Path:
     Raises OSError or ValueError if there is none, or if the file is no recording.
     """
     if path is None:
-        found = (file for file in folder.glob("*.rrd") if not is_further_part(file))
-        path = newest_path(found)
+        first_parts = (file for file in folder.glob("*.rrd") if not is_further_part(file))
+        path = newest_path(first_parts)
     if path is None or not path.is_file():
         raise ValueError(
             f"{path or folder}: no recording there; a run without --record none makes one"
@@ -72,6 +72,7 @@ def is_recording(path: Path) -> bool:
 
 
 def _head_of(path: Path) -> bytes:
+    """Return the first bytes of a file. Raises OSError."""
     with path.open("rb") as file:
         return file.read(len(HEAD))
 
@@ -112,9 +113,8 @@ def remove_further_parts(path: Path) -> None:
 
 
 CHOSEN = "RERUN_CLI_PATH"  # Rerun's own variable; it names another program
-QUIET = {
-    "RUST_LOG": "error"
-}  # environment of Rerun's program, which otherwise reports each of its steps
+# Environment of Rerun's program, which otherwise reports each of its steps.
+QUIET = {"RUST_LOG": "error"}
 
 
 def viewer_program() -> str:
@@ -123,30 +123,36 @@ def viewer_program() -> str:
     `python -m rerun` is not used: it starts the program as a child, which keeps running when its
     parent is ended.
     """
-    found = find_spec(
-        "rerun_cli"
-    )  # nothing is imported, and the virtual environment need not be active
-    packaged = Path("rerun" if found is None or found.origin is None else found.origin).with_name(
-        "rerun"
-    )
-    path = Path(os.environ.get(CHOSEN) or packaged)
+    chosen = os.environ.get(CHOSEN)
+    path = Path(chosen) if chosen else _packaged_viewer()
     if not path.is_file():
-        which = f"{CHOSEN}={path}" if os.environ.get(CHOSEN) else str(path)
+        place = f"{CHOSEN}={path}" if chosen else str(path)
         raise FileNotFoundError(
-            f"{which}: no such program; expected Rerun's viewer, which the package rerun-sdk"
+            f"{place}: no such program; expected Rerun's viewer, which the package rerun-sdk"
             " installs"
         )
     return str(path)
+
+
+def _packaged_viewer() -> Path:
+    """Return where the package rerun-sdk has Rerun's program.
+
+    Nothing is imported, and the virtual environment need not be active.
+    """
+    package = find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        return Path("rerun")
+    return Path(package.origin).with_name("rerun")
 
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # variables that name a screen on Linux
 IN_A_BROWSER = "to watch in a browser on this machine, give --web 9090, or another port"
 
 
-def window(*what: str) -> list[str]:
+def window(*sources: str) -> list[str]:
     """Return the command line of a viewer window for data of this machine.
 
-    Raises FileNotFoundError, OSError without a screen.
+    `sources`: recordings, or addresses of data. Raises FileNotFoundError, OSError without a screen.
     """
     program = viewer_program()
     if sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
@@ -154,7 +160,7 @@ def window(*what: str) -> list[str]:
             "no screen for the viewer's window: neither DISPLAY nor WAYLAND_DISPLAY is set;"
             f" {IN_A_BROWSER}"
         )
-    return [program, "--bind", "127.0.0.1", *what]
+    return [program, "--bind", "127.0.0.1", *sources]
 
 
 PIECE = 1 << 16  # bytes
@@ -173,26 +179,30 @@ class RecordingFile(threading.Thread):
     def __init__(self, path: Path) -> None:
         """Raises OSError if the file cannot be opened."""
         super().__init__(name="recording", daemon=True)
-        self.path, self._file = path, path.open("wb", buffering=0)
-        self._outlet, self._sealed = os.pipe()
-        self.inlet = f"/dev/fd/{self._sealed}"
+        self.path = path
+        self._file = path.open("wb", buffering=0)
+        self._outlet, self._own_inlet = os.pipe()
+        self.inlet = f"/dev/fd/{self._own_inlet}"
         self.is_whole = True
         self.start()
 
     def seal(self) -> None:
         """Close this end of the inlet, so that the pipe ends with its writer."""
-        os.close(self._sealed)
+        os.close(self._own_inlet)
 
     def run(self) -> None:
+        """Write what is read until the pipe ends."""
         with self._file, open(self._outlet, "rb", buffering=0) as pipe:
             while piece := pipe.read(PIECE):
                 if self.is_whole:
                     self._write(piece)
 
     def _write(self, piece: bytes) -> None:
+        """Write a piece; log that the file is no longer whole if that fails."""
         try:
             while piece:
-                piece = piece[self._file.write(piece) :]
+                written = self._file.write(piece)
+                piece = piece[written:]
         except OSError as error:
             self.is_whole = False
             log.error("%s: %s; the rest of the run is not recorded", self.path, error.strerror)

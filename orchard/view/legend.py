@@ -10,13 +10,12 @@ from orchard.view import palette
 from orchard.view.palette import Colour
 
 LEGEND = "legend"
-LETTER, GAP, MARK, LINE = (
-    7.0,
-    30.0,
-    9.0,
-    26.0,
-)  # screen points: of a letter; between words; of a mark; of a line
-RISE = 12.0  # screen points: Rerun writes a label this far below its point
+# Screen points, all five.
+LETTER = 7.0  # Width of a letter.
+GAP = 30.0  # Between words.
+MARK = 9.0  # Width of a mark.
+LINE = 26.0  # Height of a line.
+RISE = 12.0  # Rerun writes a label this far below its point.
 HEADING: Colour = (200, 200, 205)
 
 
@@ -27,24 +26,36 @@ FORMS: dict[str, Form] = {
 }
 
 
+# Words of the legend -> events.
 ARCS = {
     "asked": "call",
     "answered": "offer",
     "sent": "come",
     "told": "here",
-}  # words of the legend -> events
+}
 SCANS = {**palette.SCANS, "others": palette.OTHER_SCANS}
-LINES: tuple[
-    tuple[tuple[str, Colour, str], ...], ...
-] = (  # words, each with its colour and its mark: "dot", "line", "flag" or none
-    (("Pin:", HEADING, ""), *((state, colour, "dot") for state, colour in palette.STATES.items())),
+
+
+class Word(NamedTuple):
+    """A word of the legend, and what it explains: a colour, with a mark or as it is."""
+
+    text: str
+    colour: Colour
+    mark: str = ""  # "dot", "line", "flag" or none
+
+
+LINES: tuple[tuple[Word, ...], ...] = (
     (
-        ("Arc, a message:", HEADING, ""),
-        *((word, palette.TALK[said].colour, "line") for word, said in ARCS.items()),
-        ("Laser hits:", HEADING, ""),
-        *((kind, colour, "dot") for kind, colour in SCANS.items()),
-        ("full bin", palette.YELLOW, "flag"),
-        ("bay, queue", palette.PAINT, "line"),
+        Word("Pin:", HEADING),
+        *(Word(state, colour, "dot") for state, colour in palette.STATES.items()),
+    ),
+    (
+        Word("Arc, a message:", HEADING),
+        *(Word(text, palette.TALK[event].colour, "line") for text, event in ARCS.items()),
+        Word("Laser hits:", HEADING),
+        *(Word(kind, colour, "dot") for kind, colour in SCANS.items()),
+        Word("full bin", palette.YELLOW, "flag"),
+        Word("bay, queue", palette.PAINT, "line"),
     ),
 )
 
@@ -52,9 +63,7 @@ LINES: tuple[
 class Placed(NamedTuple):
     """A word and where it stands, screen points from the legend's top left."""
 
-    word: str
-    colour: Colour
-    mark: str
+    word: Word
     x: float  # of the left end
     y: float  # of the middle
     middle: float  # x of the middle of the word, which is to the right of its mark
@@ -62,15 +71,18 @@ class Placed(NamedTuple):
 
 def _placed() -> tuple[list[Placed], float]:
     """Return all words, and the width of the legend."""
-    found, widest = [], 0.0
+    placed = []
+    widest = 0.0
     for number, line in enumerate(LINES):
         x = GAP / 2
-        for word, colour, mark in line:
-            begin, width = x + (2 * MARK if mark else 0.0), LETTER * len(word)
-            found.append(Placed(word, colour, mark, x, (number + 0.5) * LINE, begin + width / 2))
+        y = (number + 0.5) * LINE
+        for word in line:
+            begin = x + 2 * MARK if word.mark else x
+            width = LETTER * len(word.text)
+            placed.append(Placed(word, x, y, begin + width / 2))
             x = begin + width + GAP
         widest = max(widest, x - GAP / 2)
-    return found, widest
+    return placed, widest
 
 
 PLACED, WIDTH = _placed()
@@ -79,23 +91,32 @@ HEIGHT = LINE * len(LINES)  # screen points
 
 def log_legend(rec: rr.RecordingStream) -> None:
     """Log the legend once. It is the same in every recording."""
-    words, colours = [place.word for place in PLACED], [place.colour for place in PLACED]
-    labels = [(place.middle, place.y - RISE) for place in PLACED]
-    rec.log(
-        LEGEND,
-        rr.Points2D(labels, labels=words, colors=colours, radii=[0.01], show_labels=True),
-        static=True,
+    words = rr.Points2D(
+        [(place.middle, place.y - RISE) for place in PLACED],
+        labels=[place.word.text for place in PLACED],
+        colors=[place.word.colour for place in PLACED],
+        radii=[0.01],
+        show_labels=True,
     )
-    dots = [place for place in PLACED if place.mark == "dot"]
-    middles, hues = (
-        [(place.x + MARK / 2, place.y) for place in dots],
-        [place.colour for place in dots],
-    )
-    rec.log(f"{LEGEND}/dots", rr.Points2D(middles, colors=hues, radii=[-MARK / 2]), static=True)
+    rec.log(LEGEND, words, static=True)
+    dots = _with_mark("dot")
+    middles = [(place.x + MARK / 2, place.y) for place in dots]
+    colours = [place.word.colour for place in dots]
+    points = rr.Points2D(middles, colors=colours, radii=[-MARK / 2])
+    rec.log(f"{LEGEND}/dots", points, static=True)
     for mark, form in FORMS.items():
-        marked = [place for place in PLACED if place.mark == mark]
-        strips = [[(place.x + MARK * x, place.y + MARK * y) for x, y in form] for place in marked]
-        hues = [place.colour for place in marked]
-        rec.log(
-            f"{LEGEND}/{mark}s", rr.LineStrips2D(strips, colors=hues, radii=[-1.5]), static=True
-        )
+        marked = _with_mark(mark)
+        strips = [_strip(place, form) for place in marked]
+        colours = [place.word.colour for place in marked]
+        lines = rr.LineStrips2D(strips, colors=colours, radii=[-1.5])
+        rec.log(f"{LEGEND}/{mark}s", lines, static=True)
+
+
+def _with_mark(mark: str) -> list[Placed]:
+    """Return the words that have this mark."""
+    return [place for place in PLACED if place.word.mark == mark]
+
+
+def _strip(place: Placed, form: Form) -> Form:
+    """Return the corners of a word's mark, screen points from the legend's top left."""
+    return [(place.x + MARK * x, place.y + MARK * y) for x, y in form]

@@ -30,8 +30,11 @@ class Arc(NamedTuple):
     rank: int  # if there are too many arcs, those of lower rank are left out
 
 
-_ASKED, _OFFERED = Arc((255, 90, 170), 1.5, 1.0, 1), Arc((255, 200, 60), 1.5, 1.0, 0)
-_SENT, _TOLD = Arc((60, 220, 120), 5.0, 2.5, 3), Arc((60, 200, 255), 4.0, 2.0, 2)
+_ASKED = Arc(colour=(255, 90, 170), seconds=1.5, radius=1.0, rank=1)
+_OFFERED = Arc(colour=(255, 200, 60), seconds=1.5, radius=1.0, rank=0)
+_SENT = Arc(colour=(60, 220, 120), seconds=5.0, radius=2.5, rank=3)
+_TOLD = Arc(colour=(60, 200, 255), seconds=4.0, radius=2.0, rank=2)
+_REFUSED = Arc(colour=(170, 170, 170), seconds=1.0, radius=1.0, rank=0)
 TALK: dict[str, Arc] = {
     "call": _ASKED,
     "emptybin": _ASKED,
@@ -40,42 +43,55 @@ TALK: dict[str, Arc] = {
     "yes": _SENT,
     "carrier": _TOLD,
     "here": _TOLD,
-    "no": Arc((170, 170, 170), 1.0, 1.0, 0),
+    "no": _REFUSED,
 }
+# Events that are logged as DEBUG.
 QUIET = frozenset(
     {"claim", "places", "state", "binstate", "confirm", "where", "position", "no", "deedrefused"}
-)  # logged as DEBUG
+)
 
 
-def plain(what: str) -> str:
+def plain(word: str) -> str:
     """Return the key of an event's word in these tables: lower case, without spaces and
     underscores.
     """
-    return what.lower().replace(" ", "").replace("_", "")
+    return word.lower().replace(" ", "").replace("_", "")
 
 
+# Of the laser hits of a kind.
 SCANS: dict[str, Colour] = {
     "picker": (255, 0, 200),
     "carrier": (0, 150, 255),
     "tractor": (255, 40, 30),
-}  # of the laser hits of a kind
+}
 OTHER_SCANS: Colour = (250, 250, 120)
 
-GRASS, MOWN, SOIL, BARE = (92, 134, 62), (102, 146, 70), (158, 130, 96), (116, 96, 70)
+GRASS = (92, 134, 62)
+MOWN = (102, 146, 70)
+SOIL = (158, 130, 96)
+BARE = (116, 96, 70)
 MEADOW = (98, 136, 70)
+# Around the orchard, up to the horizon.
 FIELDS: tuple[Colour, ...] = (
     MEADOW,
     (110, 146, 76),
     (88, 124, 66),
     (128, 148, 84),
     (84, 118, 62),
-)  # around the orchard, up to the horizon
-ROW_RIPE, ROW_PICKED = (74, 110, 50), (214, 188, 124)
-GRAVEL, ROAD_EDGE = (196, 192, 182), (228, 224, 214)
-WIRE, FENCE, KERB = (200, 200, 205), (136, 112, 84), (168, 160, 148)
-LEAVES, VINE = (78, 142, 56), (124, 186, 76)
+)
+ROW_RIPE = (74, 110, 50)
+ROW_PICKED = (214, 188, 124)
+GRAVEL = (196, 192, 182)
+ROAD_EDGE = (228, 224, 214)
+WIRE = (200, 200, 205)
+FENCE = (136, 112, 84)
+KERB = (168, 160, 148)
+LEAVES = (78, 142, 56)
+VINE = (124, 186, 76)
 KIWI = (124, 90, 46)
 BAR = (236, 236, 240)
-YELLOW, PAINT, CHARGING = (255, 214, 0), (250, 250, 245), (30, 150, 90)
+YELLOW = (255, 214, 0)
+PAINT = (250, 250, 245)
+CHARGING = (30, 150, 90)
 SHADE = (24, 40, 16)
 SKY = (206, 224, 238)

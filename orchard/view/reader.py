@@ -9,6 +9,7 @@ import subprocess
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,23 +22,18 @@ from orchard.view.palette import Colour
 POSES = "/tf"  # entity with a value at the last tick of a part
 MISSING = "recording/missing"  # entity that records what a part lacks
 SCENARIO = "recording/scenario"  # entity: the scenario as JSON
-VELOCITIES = (
-    "recording/velocities"  # entity: a body's number, and its `Velocities`, whenever these change
-)
+# Entity: a body's number, and its `Velocities`, whenever these change.
+VELOCITIES = "recording/velocities"
 LETTERS = "recording/letters"  # entity: each message between agents, with its fields as JSON
-UNREADABLE = (
-    RuntimeError,
-    ValueError,
-    Warning,
-)  # from Rerun's reader: the file is torn, empty, or without an end
+# From Rerun's reader: the file is torn, empty, or without an end.
+UNREADABLE = (RuntimeError, ValueError, Warning)
 PACK_SECONDS = 600  # that packing may take
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
 log = logging.getLogger("orchard")
-SINCE, LEFT_OUT = (
-    "since",
-    "left_out",
-)  # components of MISSING: last tick before a gap, at its end; frames left out
+# Components of MISSING: at the end of a gap, the last tick before it; frames left out.
+SINCE = "since"
+LEFT_OUT = "left_out"
 
 
 class RecordingPart(NamedTuple):
@@ -47,7 +43,7 @@ class RecordingPart(NamedTuple):
     last: int  # last tick in the file; 0: none
     gaps: tuple[tuple[int, int], ...]  # (last tick before, first tick after)
     left_out: int  # frames missing besides, because the writer was too slow
-    said: dict[str, dict[str, Colour]]  # entity -> its state texts and their colours
+    colours: dict[str, dict[str, Colour]]  # entity -> its state texts and their colours
     is_torn: bool = False  # whether its end was missing, and it had to be repaired
 
 
@@ -56,9 +52,8 @@ class Before(NamedTuple):
 
     file: Path  # where to write
     last: int  # last tick in the earlier parts; 0 if there are none
-    said: Mapping[
-        str, dict[str, Colour]
-    ]  # entity -> its state texts in the earlier parts, and their colours
+    # Entity -> its state texts in the earlier parts, and their colours.
+    colours: Mapping[str, dict[str, Colour]]
 
 
 def before(path: Path, run: str) -> Before:
@@ -66,11 +61,14 @@ def before(path: Path, run: str) -> Before:
 
     A part without a readable frame, or of another run, is overwritten.
     """
-    known, number = Before(path, 0, {}), 1
-    while (found := read_part(known.file)) is not None and found.run == run and found.last:
-        number += 1
-        known = Before(part(path, number), found.last, {**known.said, **found.said})
-    return known
+    earlier = Before(path, 0, {})
+    for number in count(2):
+        current = read_part(earlier.file)
+        if current is None or current.run != run or not current.last:
+            break
+        colours = {**earlier.colours, **current.colours}
+        earlier = Before(part(path, number), current.last, colours)
+    return earlier
 
 
 def read_part(path: Path) -> RecordingPart | None:
@@ -78,10 +76,13 @@ def read_part(path: Path) -> RecordingPart | None:
 
     A file that a kill has torn is repaired first.
     """
+    if not path.exists() or path.stat().st_size == 0:
+        return None
     with suppress(*UNREADABLE):
-        return _read(path) if path.exists() and path.stat().st_size else None
+        return _read(path)
+    # The file is torn, or cut off where a message ended.
     try:
-        optimize(path)  # it is torn, or cut off where a message ended
+        optimize(path)
     except OSError as error:
         log.warning("%s", error)
     with suppress(*UNREADABLE):
@@ -95,15 +96,8 @@ def optimize(path: str | Path) -> None:
     Raises OSError if that fails; then it stays as it is.
     """
     packed = packing(Path(path))
-    command = [
-        viewer_program(),
-        "rrd",
-        "optimize",
-        "--continue-on-error",
-        str(path),
-        "-o",
-        str(packed),
-    ]
+    verb = ["rrd", "optimize", "--continue-on-error"]
+    command = [viewer_program(), *verb, str(path), "-o", str(packed)]
     try:
         subprocess.run(
             command, check=True, capture_output=True, timeout=PACK_SECONDS, env=os.environ | QUIET
@@ -118,53 +112,56 @@ def optimize(path: str | Path) -> None:
 
 
 def _why(error: subprocess.SubprocessError) -> str:
+    """Return why Rerun's program has failed, in words."""
     if not isinstance(error, subprocess.CalledProcessError):
         return f"Rerun's program takes longer than {PACK_SECONDS} s"
     words = error.stderr.decode(errors="backslashreplace").strip()
-    if numbers := re.findall(r"\(os error (\d+)\)", words):
+    numbers = re.findall(r"\(os error (\d+)\)", words)
+    if numbers:
         return os.strerror(int(numbers[-1]))
-    last = words.rpartition("\n")[2].removeprefix("Error: ")
-    return f"Rerun's program has ended with exit code {error.returncode}" + (
-        f": {last}" if last else ""
-    )
+    end = f"Rerun's program has ended with exit code {error.returncode}"
+    last_line = words.rpartition("\n")[2].removeprefix("Error: ")
+    return f"{end}: {last_line}" if last_line else end
 
 
 def missing(path: Path, ticks: int) -> dict[str, Any]:
     """Return the summary's entries for the recording of so many ticks: parts, gaps (s), frames left
     out.
     """
-    parts = {file: found for file in parts_of(path) if (found := read_part(file)) is not None}
-    last = max((found.last for found in parts.values()), default=0)
-    gaps = [gap for found in parts.values() for gap in found.gaps] + (
-        [(last, ticks)] if last < ticks else []
-    )
+    contents = {file: read_part(file) for file in parts_of(path)}
+    parts = {file: content for file, content in contents.items() if content is not None}
+    gaps = [gap for content in parts.values() for gap in content.gaps]
+    last = max((content.last for content in parts.values()), default=0)
+    if last < ticks:
+        gaps.append((last, ticks))
     return {
         "recording_parts": [file.name for file in parts],
         "recording_gaps": [
             [round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)] for since, until in gaps
         ],
-        "messages_dropped": sum(found.left_out for found in parts.values()),
+        "messages_dropped": sum(content.left_out for content in parts.values()),
     }
 
 
 def _read(path: Path) -> RecordingPart:
+    """Return the content of a file. Raises one of UNREADABLE."""
+    last = 0
+    left_out = 0
+    gaps: list[tuple[int, int]] = []
+    colours: dict[str, dict[str, Colour]] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         reader = RrdReader(path)
-        last, left_out = 0, 0
-        gaps: list[tuple[int, int]] = []
-        said: dict[str, dict[str, Colour]] = {}
         for chunk in reader.stream().filter(content=[f"+ {POSES}", f"+ /{MISSING}", "+ /world/**"]):
             if chunk.entity_path == POSES:
                 last = max(last, *ticks_of(chunk))
             elif chunk.is_static:
-                said.update((chunk.entity_path, words) for words in _words(chunk))
+                colours.update((chunk.entity_path, words) for words in _words(chunk))
             elif chunk.entity_path == f"/{MISSING}":
                 gaps += _values(chunk, SINCE)
-                left_out += sum(value for value, _ in _values(chunk, LEFT_OUT))
-        return RecordingPart(
-            reader.recordings()[0].recording_id, last, tuple(sorted(gaps)), left_out, said
-        )
+                left_out += sum(frames for frames, _ in _values(chunk, LEFT_OUT))
+        run = reader.recordings()[0].recording_id
+    return RecordingPart(run, last, tuple(sorted(gaps)), left_out, colours)
 
 
 def ticks_of(chunk: Chunk) -> list[int]:
@@ -180,6 +177,7 @@ def column(chunk: Chunk, name: str) -> list[Any]:
 
 
 def _values(chunk: Chunk, name: str) -> list[tuple[int, int]]:
+    """Return the values of a component of one number, each with its tick."""
     return [
         (int(value[0]), tick)
         for value, tick in zip(column(chunk, name), ticks_of(chunk), strict=False)
@@ -188,14 +186,15 @@ def _values(chunk: Chunk, name: str) -> list[tuple[int, int]]:
 
 
 def _words(chunk: Chunk) -> list[dict[str, Colour]]:
-    rows = [row for row in zip(column(chunk, WORDS), column(chunk, COLOURS), strict=True) if row[0]]
-    return sorted(
-        (
-            {
-                word: (c >> 24 & 255, c >> 16 & 255, c >> 8 & 255)
-                for word, c in zip(*row, strict=True)
-            }
-            for row in rows
-        ),
-        key=len,
-    )
+    """Return the state texts of each row, and their colours; the longest row last."""
+    rows = []
+    for words, colours in zip(column(chunk, WORDS), column(chunk, COLOURS), strict=True):
+        if words:
+            pairs = zip(words, colours, strict=True)
+            rows.append({word: _as_colour(number) for word, number in pairs})
+    return sorted(rows, key=len)
+
+
+def _as_colour(number: int) -> Colour:
+    """Return a colour that is written as 0xRRGGBBAA."""
+    return number >> 24 & 255, number >> 16 & 255, number >> 8 & 255

@@ -20,21 +20,22 @@ from orchard.view.blueprint import BATTERIES, blueprint
 from orchard.view.bodies import BodyView, RowView, indices
 from orchard.view.columns import Columns, times
 from orchard.view.files import RecordingFile
+from orchard.view.focus import FOCUS, Focus, log_focus
 from orchard.view.legend import log_legend
-from orchard.view.names import FOCUS, Focus, NameView, log_focus
+from orchard.view.names import NameView
 from orchard.view.reader import LEFT_OUT, LETTERS, MISSING, SCENARIO, SINCE, VELOCITIES
 from orchard.view.scenery import log_scenery
 from orchard.view.talk import Talk, gathered, level_of, line_of
 
-CHUNK_TICKS, MOST_TICKS = (
-    10,
-    250,
-)  # a second; in a chunk at most, while more frames wait: a few large chunks cost less than many
+CHUNK_TICKS = 10  # A second.
+# In a chunk at most, while more frames wait: a few large chunks cost less than many.
+MOST_TICKS = 250
 # To wait for the end of the file: a program that an own agent has started may hold the pipe.
 END_SECONDS = 30.0
 SCANS = 10  # sweeps that are sent together without a live server: a third less to write
 SCAN_BEAMS = 2  # every second beam
 SCAN_GRID = 32.0  # positions are rounded to 1/32 m
+SCAN_Z = 0.25  # m, of laser hits
 
 # Path -> (name in the legend, colour, width): the plots of the blueprint
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {
@@ -80,40 +81,49 @@ class Recorder:
                 names=[name], colors=[colour], widths=[width], interpolation_mode="StepAfter"
             )
             self.rec.log(series, style, static=True)
-        self._columns = columns = Columns(self.rec)
-        self.bodies, self.rows, self.talk = (
-            BodyView(columns, layout),
-            RowView(columns, layout),
-            Talk(columns, layout),
-        )
-        self.names, self.focus = NameView(columns, layout), Focus(layout)
-        self.waiting: Callable[[], int] = lambda: 0  # the number of frames that come at once
+        columns = Columns(self.rec)
+        self._columns = columns
+        self.bodies = BodyView(columns, layout)
+        self.rows = RowView(columns, layout)
+        self.talk = Talk(columns, layout)
+        self.names = NameView(columns, layout)
+        self.focus = Focus(layout)
+        # The number of frames that come at once.
+        self.waiting: Callable[[], int] = lambda: 0
         self._frames = [*layout.names, FOCUS]
         self._lengths = np.array([lane.length for lane in layout.lanes])  # m, of the rows
         self._scanned = indices(layout, MOVERS)
-        self._poses: list[
-            tuple[int, np.ndarray, list[float]]
-        ] = []  # tick, of the bodies, of the focus
+        # Tick, and poses of the bodies and of the focus.
+        self._poses: list[tuple[int, np.ndarray, list[float]]] = []
         self._scans: list[tuple[int, Sequence[np.ndarray | None]]] = []
-        self._drove: dict[str, Velocities] = {}  # of each body, as they were recorded last
-        self._last = np.full((len(self._frames), 3), np.nan)  # the poses that were last sent
+        # Velocities of each body, as they were recorded last.
+        self._velocities: dict[str, Velocities] = {}
+        # The poses that were sent last.
+        self._last = np.full((len(self._frames), 3), np.nan)
         self._doing: dict[str, tuple[str, State]] = {}
         self._gauges: dict[str, float] = {}
-        self._second, self._sent = -1, 0  # of the newest figures; tick of the last chunk
-        self._left_out = 0  # frames that were left out since this was last recorded
+        # The second of the newest figures.
+        self._second = -1
+        # Tick of the last chunk.
+        self._sent = 0
+        # Frames that were left out since this was recorded last.
+        self._left_out = 0
 
     def _open(self, port: int | None) -> str:
-        server = None if port is None else rr.GrpcServerSink(bind_ip="127.0.0.1", port=port)
-        sinks = [
-            sink
-            for sink in (rr.FileSink(self._file.inlet) if self._file is not None else None, server)
-            if sink is not None
-        ]
+        """Open file and server, and return the server's address; '' without one."""
+        sinks: list[rr.FileSink | rr.GrpcServerSink] = []
+        uri = ""
+        if self._file is not None:
+            sinks.append(rr.FileSink(self._file.inlet))
+        if port is not None:
+            server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port)
+            uri = server.uri
+            sinks.append(server)
         if sinks:
             self.rec.set_sinks(*sinks, default_blueprint=blueprint(self.layout))
         if self._file is not None:
             self._file.seal()
-        return server.uri if server is not None else ""
+        return uri
 
     def tick(self, frame: Frame) -> None:
         """Record one frame.
@@ -122,24 +132,25 @@ class Recorder:
         """
         if frame.tick == 1 and self._second < 0:
             starts = np.array([start.pose for start in self.layout.starts])
-            self._record(
-                replace(
-                    frame,
-                    tick=0,
-                    poses=starts,
-                    scans=None,
-                    delivered=0,
-                    events=(),
-                    left_out=0,
-                    velocities={},
-                )
+            at_start = replace(
+                frame,
+                tick=0,
+                poses=starts,
+                scans=None,
+                delivered=0,
+                events=(),
+                left_out=0,
+                velocities={},
             )
+            self._record(at_start)
         self._record(frame)
 
     def _record(self, frame: Frame) -> None:
+        """Add all that a frame says, and send what has gathered once a second."""
         self._columns.tick = frame.tick
-        is_due = frame.tick // CHUNK_TICKS > self._second
-        self._second = frame.tick // CHUNK_TICKS
+        second = frame.tick // CHUNK_TICKS
+        is_due = second > self._second
+        self._second = second
         self._left_out += frame.left_out
         self._poses.append((frame.tick, frame.poses, self.focus.follow(frame)))
         if frame.scans is not None and frame.tick % SCAN_TICKS == 0:
@@ -149,7 +160,9 @@ class Recorder:
         self._figures(frame, is_due)
         self._batteries(frame)
         self._drives(frame)
-        if is_due and (not self.waiting() or frame.tick - self._sent >= MOST_TICKS):
+        if not is_due:
+            return
+        if not self.waiting() or frame.tick - self._sent >= MOST_TICKS:
             self._send()
             if not self.uri:
                 # Into the file, 0.3 ms: a kill loses what waits, and at most one second more.
@@ -161,9 +174,9 @@ class Recorder:
         The next frame must be a whole one.
         """
         self._columns.add(MISSING, rr.AnyValues, until, **{SINCE: [since]})
-        words = (
-            f"nothing recorded from {since * TIME_STEP:.1f} s to {until * TIME_STEP:.1f} s: {why}"
-        )
+        from_second = f"{since * TIME_STEP:.1f} s"
+        to_second = f"{until * TIME_STEP:.1f} s"
+        words = f"nothing recorded from {from_second} to {to_second}: {why}"
         self.tell(Event(until, "nothing recorded", "logger", "", words))
         self.talk.forget()
 
@@ -183,17 +196,17 @@ class Recorder:
         self._send_scans()
         self.rec.flush()
         self.rec.disconnect()
-        if self._file is not None:
-            self._file.join(END_SECONDS)
-        return (
-            self._file.path
-            if self._file is not None and self._file.is_whole and not self._file.is_alive()
-            else None
-        )
+        if self._file is None:
+            return None
+        self._file.join(END_SECONDS)
+        if self._file.is_alive() or not self._file.is_whole:
+            return None
+        return self._file.path
 
     # -- what is sent in chunks
 
     def _send(self) -> None:
+        """Send what has gathered since the last chunk."""
         self._sent = self._columns.tick
         self._send_poses()
         if self.uri or len(self._scans) >= SCANS:
@@ -206,59 +219,63 @@ class Recorder:
         self._columns.send()
 
     def _send_poses(self) -> None:
-        if self._poses:
-            ticks, bodies, focus = map(np.array, zip(*self._poses, strict=True))
-            poses = np.concatenate([bodies, focus[:, None]], axis=1)
-            changed = (poses != np.concatenate([self._last[None], poses[:-1]])).any(axis=2)
-            changed[-1, 0] = (
-                True  # the newest tick always gets a row: it shows how far the recording reaches
-            )
-            when, which = changed.nonzero()
-            columns = _transforms(poses[when, which], [self._frames[i] for i in which.tolist()])
-            self.rec.send_columns("/tf", indexes=[times(ticks[when])], columns=columns)
-            self._last = poses[-1]
-            self._poses.clear()
+        """Send the poses that have changed, each with its tick."""
+        if not self._poses:
+            return
+        ticks, bodies, focus = map(np.array, zip(*self._poses, strict=True))
+        poses = np.concatenate([bodies, focus[:, None]], axis=1)
+        before = np.concatenate([self._last[None], poses[:-1]])
+        changed = (poses != before).any(axis=2)
+        # The newest tick always gets a row: it shows how far the recording reaches.
+        changed[-1, 0] = True
+        rows, frames = changed.nonzero()
+        columns = _transforms(poses[rows, frames], [self._frames[i] for i in frames.tolist()])
+        self.rec.send_columns("/tf", indexes=[times(ticks[rows])], columns=columns)
+        self._last = poses[-1]
+        self._poses.clear()
 
     def _send_scans(self) -> None:
+        """Send the laser hits of each body that has a laser."""
         for i in self._scanned:
-            name, laser = self.layout.names[i], KINDS[self.layout.starts[i].kind].laser
-            kept = [
-                (tick, ranges) for tick, scans in self._scans if (ranges := scans[i]) is not None
-            ]
-            if kept:
-                points, lengths = hits(np.stack([ranges for _, ranges in kept]), laser, SCAN_BEAMS)
-                column = rr.Points3D.columns(positions=points).partition(lengths)
-                self.rec.send_columns(
-                    f"scans/{name}", indexes=[times([tick for tick, _ in kept])], columns=column
-                )
+            sweeps = []
+            ticks = []
+            for tick, scans in self._scans:
+                ranges = scans[i]
+                if ranges is not None:
+                    sweeps.append(ranges)
+                    ticks.append(tick)
+            if not sweeps:
+                continue
+            laser = KINDS[self.layout.starts[i].kind].laser
+            points, lengths = hits(np.stack(sweeps), laser, SCAN_BEAMS)
+            column = rr.Points3D.columns(positions=points).partition(lengths)
+            path = f"scans/{self.layout.names[i]}"
+            self.rec.send_columns(path, indexes=[times(ticks)], columns=column)
         self._scans.clear()
 
     # -- what changes rarely
 
     def _drives(self, frame: Frame) -> None:
-        news = {
-            name: velocities
-            for name, velocities in frame.velocities.items()
-            if self._drove.get(name) != velocities
-        }
-        self._drove |= news
-        for name, velocities in news.items():
-            self._columns.add(
-                VELOCITIES, rr.AnyValues, body=[self.layout.index[name]], velocities=velocities
-            )
+        """Add the velocities that have changed."""
+        for name, velocities in frame.velocities.items():
+            if self._velocities.get(name) != velocities:
+                self._velocities[name] = velocities
+                body = [self.layout.index[name]]
+                self._columns.add(VELOCITIES, rr.AnyValues, body=body, velocities=velocities)
 
     def _changes(self, frame: Frame) -> None:
-        shows = {
-            "fill": self.bodies.fills,
-            "coupled": self.bodies.bars,
-            "alive": self.bodies.weeds,
-            "row_ends": self.rows.show,
-        }
-        for name, show in shows.items():
-            if (news := getattr(frame, name)) is not None:
-                show(news)
+        """Add what a frame says only when it has changed."""
+        if frame.fill is not None:
+            self.bodies.fills(frame.fill)
+        if frame.coupled is not None:
+            self.bodies.bars(frame.coupled)
+        if frame.alive is not None:
+            self.bodies.weeds(frame.alive)
+        if frame.row_ends is not None:
+            self.rows.show(frame.row_ends)
 
     def _words(self, frame: Frame) -> None:
+        """Add what bodies do, their names on the plan, and the events with their arcs."""
         for name, text in frame.doing.items():
             state = frame.states.get(name, "resting")
             if self._doing.get(name) != (text, state):
@@ -267,12 +284,19 @@ class Recorder:
         self.names.show(frame.tick, frame.poses)
         news = [event for event in frame.events if self.talk.is_news(frame.tick, event)]
         lines = dict.fromkeys(gathered(news))
-        for event in [*lines, *(event for event in frame.events if event not in lines)]:
-            level = level_of(event.what) if event in lines else "DEBUG"
-            self._columns.add("events", rr.TextLog, text=[line_of(event)], level=[level])
+        for event in lines:
+            self._log_event(event, level_of(event.what))
+        # Repeats, and messages that are gathered in a line, are shown only on request.
+        for event in frame.events:
+            if event not in lines:
+                self._log_event(event, "DEBUG")
         for event in frame.events:
             self._letter(event)
         self.talk.show(frame.tick, frame.poses, news)
+
+    def _log_event(self, event: Event, level: str) -> None:
+        """Add a line of the event log."""
+        self._columns.add("events", rr.TextLog, text=[line_of(event)], level=[level])
 
     def _letter(self, event: Event) -> None:
         """Record a message between agents with its fields, at the tick at which it is sent."""
@@ -288,6 +312,7 @@ class Recorder:
             )
 
     def _batteries(self, frame: Frame) -> None:
+        """Add the charges that have changed."""
         for name, charge in frame.charges.items():
             path = f"{BATTERIES}/{name}"
             if self._gauges.get(path) != charge:
@@ -295,6 +320,7 @@ class Recorder:
                 self._columns.add(path, rr.Scalars, scalars=[charge])
 
     def _figures(self, frame: Frame, is_due: bool) -> None:
+        """Add the figures that have changed, and all of them once a minute."""
         if not is_due and frame.delivered == self._gauges.get("metrics/bins/delivered"):
             return
         gauges = {
@@ -302,40 +328,38 @@ class Recorder:
             **self._robots(),
             **self._rows_and_bins(frame),
         }
+        is_minute = frame.tick % (60 * CHUNK_TICKS) == 0
         for path, value in gauges.items():
-            if self._gauges.get(path) != value or frame.tick % (60 * CHUNK_TICKS) == 0:
+            if is_minute or self._gauges.get(path) != value:
                 self._columns.add(path, rr.Scalars, scalars=[value])
         self._gauges.update(gauges)
 
     def _robots(self) -> dict[str, float]:
-        states = [(kind_of(name), state) for name, (_, state) in self._doing.items()]
-        waiting = sum(kind == "picker" and state in WAITING_STATES for kind, state in states)
-        busy = sum(
-            kind == "carrier" and state not in ("waiting", "resting", "broken")
-            for kind, state in states
-        )
+        """Return how many pickers wait, and how many carriers are busy: path -> value."""
+        waiting = 0
+        busy = 0
+        for name, (_, state) in self._doing.items():
+            kind = kind_of(name)
+            if kind == "picker" and state in WAITING_STATES:
+                waiting += 1
+            elif kind == "carrier" and state not in ("waiting", "resting", "broken"):
+                busy += 1
         return {
             "metrics/robots/pickers_waiting": float(waiting),
             "metrics/robots/carriers_busy": float(busy),
         }
 
     def _rows_and_bins(self, frame: Frame) -> dict[str, float]:
-        ends = frame.row_ends
-        rows = (
-            {}
-            if ends is None
-            else {
-                "metrics/bins/rows_picked": float(
-                    (ends[:, :2].sum(axis=1) >= self._lengths - FULL_WITHIN).sum()
-                )
-            }
-        )
-        return (
-            rows
-            if frame.fill is None
-            else rows
-            | {"metrics/bins/full": float((frame.fill >= self.layout.metres_per_bin).sum())}
-        )
+        """Return how many rows are picked, and bins full, if the frame says so: path -> value."""
+        gauges = {}
+        if frame.row_ends is not None:
+            metres_picked = frame.row_ends[:, :2].sum(axis=1)
+            is_picked = metres_picked >= self._lengths - FULL_WITHIN
+            gauges["metrics/bins/rows_picked"] = float(is_picked.sum())
+        if frame.fill is not None:
+            is_full = frame.fill >= self.layout.metres_per_bin
+            gauges["metrics/bins/full"] = float(is_full.sum())
+        return gauges
 
 
 def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.ndarray]:
@@ -348,17 +372,19 @@ def hits(sweeps: np.ndarray, laser: Laser, every: int) -> tuple[np.ndarray, np.n
     ranges = sweeps[:, ::every]
     seen = ranges < LASER_RANGE
     angles = laser.first + laser.increment * every * np.nonzero(seen)[1]
-    x, y = laser.ahead + ranges[seen] * np.cos(angles), ranges[seen] * np.sin(angles)
+    x = laser.ahead + ranges[seen] * np.cos(angles)
+    y = ranges[seen] * np.sin(angles)
     flat = np.round(np.stack([x, y], axis=1) * SCAN_GRID) / SCAN_GRID
-    return np.concatenate([flat, np.full((len(flat), 1), 0.25)], axis=1).astype(
-        np.float32
-    ), seen.sum(axis=1)
+    z = np.full((len(flat), 1), SCAN_Z)
+    return np.concatenate([flat, z], axis=1).astype(np.float32), seen.sum(axis=1)
 
 
-def _transforms(places: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:
-    half, zero = places[:, 2] / 2, np.zeros(len(places))
+def _transforms(poses: np.ndarray, frames: list[str]) -> rr.ComponentColumnList:
+    """Return poses, (m, 3), as transforms from the frames of bodies, m names, to the map."""
+    half = poses[:, 2] / 2
+    zero = np.zeros(len(poses))
     return rr.Transform3D.columns(
-        translation=np.stack([places[:, 0], places[:, 1], zero], axis=1).astype(np.float32),
+        translation=np.stack([poses[:, 0], poses[:, 1], zero], axis=1).astype(np.float32),
         quaternion=np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1).astype(np.float32),
         child_frame=frames,
     )

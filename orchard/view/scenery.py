@@ -7,6 +7,7 @@ origin, x ahead, z up, and fills the length, width and height of its kind; a hat
 them. The colours, sRGB, are those of its vertices.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise, product
 from pathlib import Path
@@ -16,12 +17,14 @@ import numpy as np
 import rerun as rr
 
 from orchard.field import layout as field
+from orchard.field.geometry import Rect
 from orchard.field.layout import Lane, Layout, TreeLine
 from orchard.view import palette
 from orchard.view.palette import Colour
 
 MODELS = Path(__file__).with_name("models")
-Coordinate = float | Sequence[float] | np.ndarray  # of a middle, m; several numbers: a copy at each
+# Of a middle, m. Several numbers are a copy at each.
+Coordinate = float | Sequence[float] | np.ndarray
 
 
 class Part(NamedTuple):
@@ -38,6 +41,7 @@ def model(name: str) -> rr.Asset3D:
 
 
 def boxes(parts: Iterable[Part]) -> rr.Boxes3D:
+    """Return all parts as boxes."""
     sizes, middles, colours = _batch(parts)
     return rr.Boxes3D(sizes=sizes, centers=middles, colors=colours, fill_mode="solid")
 
@@ -49,12 +53,16 @@ def discs(parts: Iterable[Part]) -> rr.Ellipsoids3D:
 
 
 def _batch(parts: Iterable[Part]) -> tuple[np.ndarray, np.ndarray, list[Sequence[int]]]:
-    copies = [(part, middle) for part in parts for middle in product(*map(np.ravel, part.at))]
-    sizes, middles = (
-        np.array(values)
-        for values in zip(*((part.size, middle) for part, middle in copies), strict=True)
-    )
-    return sizes, middles, [part.colour for part, _ in copies]
+    """Return sizes and middles of all copies of all parts, (k, 3) m each, and their colours."""
+    sizes = []
+    middles = []
+    colours: list[Sequence[int]] = []
+    for part in parts:
+        for middle in product(*map(np.ravel, part.at)):
+            sizes.append(part.size)
+            middles.append(middle)
+            colours.append(part.colour)
+    return np.array(sizes), np.array(middles), colours
 
 
 WORLD_FRAME = "tf#/"  # Rerun's name for the frame of the root entity
@@ -67,10 +75,16 @@ PATCH = 4.5  # m, width of a patch of the pergola: of a row between trees 5 m ap
 FOCAL = 4000.0  # pixels: 10 pixels per metre on the ground
 
 # z of the layers on the ground, m: at least 5 cm apart, or they flicker from afar
-MEADOW_Z, GRASS_Z, ROADS_Z, DRIVEWAY_Z, ROW_Z, SHADE_Z = -0.35, -0.26, -0.18, -0.10, -0.04, 0.02
+MEADOW_Z = -0.35
+GRASS_Z = -0.26
+ROADS_Z = -0.18
+DRIVEWAY_Z = -0.10
+ROW_Z = -0.04
+SHADE_Z = 0.02
 
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
+    """Log all that does not move, in 3-D and for the plan."""
     trees = [(x, line.y, 1.0) for line in layout.lines for x in line.trees_x]
     posts = [(x, line.y, 1.0) for line in layout.lines for x in line.posts_x]
     patches = [
@@ -83,19 +97,20 @@ def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     _instances(rec, "world/posts", "line_post", posts)
     _instances(rec, "canopy/crowns", "crown", trees)
     _instances(rec, "canopy/pergola", "pergola", patches)
-    beside = [(np.subtract(line.trees_x, 0.3), line.y + 0.3, SHADE_Z) for line in layout.lines]
-    rec.log(
-        "canopy/shade",
-        discs(Part((5.6, 1.7, 0.01), at, (*palette.SHADE, 110)) for at in beside),
-        static=True,
-    )
-    rec.log(
-        "canopy/wires",
-        rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02]),
-        static=True,
-    )
+    rec.log("canopy/shade", discs(_shades(layout)), static=True)
+    wires = rr.LineStrips3D(_wires(layout), colors=[palette.WIRE], radii=[0.02])
+    rec.log("canopy/wires", wires, static=True)
     _plan_canopy(rec, layout)
     _camera(rec, layout)
+
+
+def _shades(layout: Layout) -> list[Part]:
+    """Return the shades of the trees, each a little beside its tree."""
+    colour = (*palette.SHADE, 110)
+    return [
+        Part((5.6, 1.7, 0.01), (np.subtract(line.trees_x, 0.3), line.y + 0.3, SHADE_Z), colour)
+        for line in layout.lines
+    ]
 
 
 def _instances(
@@ -106,54 +121,75 @@ def _instances(
     `at`: x and y, m, and the share of the model's own width.
     """
     x, y, width = np.array(at, dtype=np.float32).T
-    none, turned = np.zeros_like(x), (np.arange(len(x)) * 7 // 3) % 2
-    quaternions = np.stack([none, none, turned, 1 - turned], axis=1)
-    scales = np.stack([none + 1.0, width, none + 1.0], axis=1)
+    zero = np.zeros_like(x)
+    turned = (np.arange(len(x)) * 7 // 3) % 2
     places = rr.InstancePoses3D(
-        translations=np.stack([x, y, none], axis=1), quaternions=quaternions, scales=scales
+        translations=np.stack([x, y, zero], axis=1),
+        quaternions=np.stack([zero, zero, turned, 1 - turned], axis=1),
+        scales=np.stack([zero + 1.0, width, zero + 1.0], axis=1),
     )
     rec.log(path, model(name), places, static=True)
 
 
-def _slab(
-    west: float, south: float, east: float, north: float, z: float, colour: palette.Colour
-) -> Part:
-    return Part(
-        (east - west, north - south, 0.02), ((west + east) / 2, (south + north) / 2, z), colour
-    )
+def _slab(area: Rect, z: float, colour: palette.Colour) -> Part:
+    """Return a flat piece of ground. `z`: m."""
+    west, south, east, north = area
+    middle = ((west + east) / 2, (south + north) / 2, z)
+    return Part((east - west, north - south, 0.02), middle, colour)
 
 
 def _ground(layout: Layout) -> list[Part]:
-    first, last, drive = layout.tree_lines[0], layout.tree_lines[-1], field.DRIVEWAY
+    """Return all that lies on the ground, from the horizon to the queue."""
     return [
         *_fields(),
         *_lawn(layout),
-        *(
-            _slab(
-                line.west - 1.0, line.y - 0.6, line.east + 2.0, line.y + 0.6, ROADS_Z, palette.BARE
-            )
-            for line in layout.lines
-        ),
-        _slab(36.5 + layout.shift, last - 8, 42.5 + layout.shift, 26, ROADS_Z, palette.SOIL),
-        _slab(-45.5, last - 8, -36.5, 23, ROADS_Z, palette.SOIL),
-        _slab(-36.5, last - 8, 36.5 + layout.shift, last - 3.5, ROADS_Z, palette.SOIL),
-        _slab(-36.5, first + 3.5, 36.5 + layout.shift, 26, ROADS_Z, palette.SOIL),
-        _slab(*drive, DRIVEWAY_Z, palette.ROAD_EDGE),
-        _slab(
-            drive.west + 0.4,
-            drive.south + 0.4,
-            drive.east - 0.4,
-            drive.north - 0.4,
-            DRIVEWAY_Z + 0.06,
-            palette.GRAVEL,
-        ),
+        *(_below_trees(line) for line in layout.lines),
+        *_roads(layout),
+        *_driveway(),
         *_bay(layout),
         *queue_lines(layout),
     ]
 
 
+def _below_trees(line: TreeLine) -> Part:
+    """Return the bare strip below a line of trees."""
+    south = line.y - 0.6
+    north = line.y + 0.6
+    return _slab(Rect(line.west - 1.0, south, line.east + 2.0, north), ROADS_Z, palette.BARE)
+
+
+def _roads(layout: Layout) -> list[Part]:
+    """Return the roads around the rows: in the east, west, south and north."""
+    inner_west = -36.5
+    inner_east = 36.5 + layout.shift
+    outer_east = 42.5 + layout.shift
+    first = layout.tree_lines[0]
+    last = layout.tree_lines[-1]
+    south = last - 8
+    return [
+        _slab(Rect(inner_east, south, outer_east, 26), ROADS_Z, palette.SOIL),
+        _slab(Rect(-45.5, south, inner_west, 23), ROADS_Z, palette.SOIL),
+        _slab(Rect(inner_west, south, inner_east, last - 3.5), ROADS_Z, palette.SOIL),
+        _slab(Rect(inner_west, first + 3.5, inner_east, 26), ROADS_Z, palette.SOIL),
+    ]
+
+
+def _driveway() -> list[Part]:
+    """Return the driveway: its edge, and the gravel on it."""
+    west, south, east, north = field.DRIVEWAY
+    edge = 0.4
+    edges = _slab(field.DRIVEWAY, DRIVEWAY_Z, palette.ROAD_EDGE)
+    gravel = _slab(
+        Rect(west + edge, south + edge, east - edge, north - edge),
+        DRIVEWAY_Z + 0.06,
+        palette.GRAVEL,
+    )
+    return [edges, gravel]
+
+
 def _fields() -> list[Part]:
-    draw, hues = np.random.default_rng(1), palette.FIELDS
+    """Return the meadows around the orchard, a chequer of colours that is always the same."""
+    draw = np.random.default_rng(1)
     edges = [
         -2000.0,
         -1300.0,
@@ -168,58 +204,70 @@ def _fields() -> list[Part]:
         1250.0,
         2000.0,
     ]
-    squares = [
-        (west, south, east, north)
-        for west, east in pairwise(edges)
-        for south, north in pairwise(edges)
-    ]
-    colours = (
-        palette.MEADOW if w < 0 < e and s < 0 < n else hues[draw.integers(len(hues))]
-        for w, s, e, n in squares
-    )
-    return [
-        _slab(*square, MEADOW_Z, colour) for square, colour in zip(squares, colours, strict=True)
-    ]
+    fields = []
+    for (west, east), (south, north) in product(pairwise(edges), repeat=2):
+        has_orchard = west < 0 < east and south < 0 < north
+        if has_orchard:
+            colour = palette.MEADOW
+        else:
+            colour = palette.FIELDS[draw.integers(len(palette.FIELDS))]
+        fields.append(_slab(Rect(west, south, east, north), MEADOW_Z, colour))
+    return fields
 
 
 def _lawn(layout: Layout) -> list[Part]:
-    edges = np.linspace(layout.bottom, layout.top, round((layout.top - layout.bottom) / MOWER) + 1)
+    """Return the grass between the fences, mown in stripes of two colours."""
+    stripe_count = round((layout.top - layout.bottom) / MOWER)
+    edges = np.linspace(layout.bottom, layout.top, stripe_count + 1)
     colours = (palette.GRASS, palette.MOWN)
     return [
-        _slab(field.X_WEST, s, layout.east, n, GRASS_Z, colours[i % 2])
-        for i, (s, n) in enumerate(pairwise(edges))
+        _slab(Rect(field.X_WEST, south, layout.east, north), GRASS_Z, colours[number % 2])
+        for number, (south, north) in enumerate(pairwise(edges))
     ]
 
 
 def _bay(layout: Layout) -> list[Part]:
+    """Return the lines that are painted around the bay."""
     west, south, east, north = layout.bay
+    width = 0.15
     z = DRIVEWAY_Z + 0.12
-    sides = [_slab(west, y, east, y + 0.15, z, palette.PAINT) for y in (south, north - 0.15)]
-    return sides + [_slab(x, south, x + 0.15, north, z, palette.PAINT) for x in (west, east - 0.15)]
+    return [
+        _slab(Rect(west, south, east, south + width), z, palette.PAINT),
+        _slab(Rect(west, north - width, east, north), z, palette.PAINT),
+        _slab(Rect(west, south, west + width, north), z, palette.PAINT),
+        _slab(Rect(east - width, south, east, north), z, palette.PAINT),
+    ]
 
 
 def queue_lines(layout: Layout) -> list[Part]:
     """The lines of the queue: white those in which carriers wait, green those in which they
     charge.
     """
-    places = [layout.queue.place(number) for number in range(layout.queue_places)]
-    lines = {y: min(place.x for place in places if place.y == y) - 3.5 for _, y, _ in places}
-    paint = {y: palette.CHARGING if y in layout.charging_lines else palette.PAINT for y in lines}
-    beside = [(west, y + side, paint[y]) for y, west in lines.items() for side in (-1.1, 1.1)]
-    return [
-        _slab(west, y - 0.075, layout.queue.head + 1.4, y + 0.075, ROW_Z, colour)
-        for west, y, colour in beside
-    ]
+    # y of a line -> x of its western end.
+    west_ends: dict[float, float] = {}
+    for number in range(layout.queue_places):
+        x, y, _ = layout.queue.place(number)
+        west_ends[y] = min(x - 3.5, west_ends.get(y, math.inf))
+    east = layout.queue.head + 1.4
+    lines = []
+    for y, west in west_ends.items():
+        colour = palette.CHARGING if y in layout.charging_lines else palette.PAINT
+        for side in (-1.1, 1.1):
+            middle = y + side
+            lines.append(_slab(Rect(west, middle - 0.075, east, middle + 0.075), ROW_Z, colour))
+    return lines
 
 
 def _fences(layout: Layout) -> list[Part]:
-    x, y = (field.X_WEST, layout.east), (layout.bottom, layout.top)
-    width, length = x[1] - x[0], y[1] - y[0]
-    middle_x, middle_y = sum(x) / 2, sum(y) / 2
-    along_x, along_y = (
-        np.linspace(*x, round(width / 5.0) + 1),
-        np.linspace(*y, round(length / 5.0) + 1),
-    )
+    """Return posts, rails and kerbs of the fences."""
+    x = (field.X_WEST, layout.east)
+    y = (layout.bottom, layout.top)
+    width = x[1] - x[0]
+    length = y[1] - y[0]
+    middle_x = sum(x) / 2
+    middle_y = sum(y) / 2
+    along_x = np.linspace(*x, round(width / 5.0) + 1)
+    along_y = np.linspace(*y, round(length / 5.0) + 1)
     post = (0.25, 0.25, field.FENCE_HEIGHT)
     return [
         Part(post, (along_x, y, field.FENCE_HEIGHT / 2), palette.FENCE),
@@ -232,20 +280,22 @@ def _fences(layout: Layout) -> list[Part]:
 
 
 def _wires(layout: Layout) -> list[np.ndarray]:
-    along = [
-        np.array([(line.trees_x[0], line.y, 2.75), (line.trees_x[-1], line.y, 2.75)])
-        for line in layout.lines
-    ]
-    at: dict[float, list[float]] = {}
+    """Return the wires along each line of trees, and across the lines from post to post."""
+    wires = []
+    posts: dict[float, list[float]] = {}  # x -> y of the posts there
     for line in layout.lines:
+        first = (line.trees_x[0], line.y, 2.75)
+        last = (line.trees_x[-1], line.y, 2.75)
+        wires.append(np.array([first, last]))
         for x in line.posts_x:
-            at.setdefault(x, []).append(line.y)
-    return along + [
-        np.array([(x, max(ys), 2.78), (x, min(ys), 2.78)]) for x, ys in sorted(at.items())
-    ]
+            posts.setdefault(x, []).append(line.y)
+    for x, ys in sorted(posts.items()):
+        wires.append(np.array([(x, max(ys), 2.78), (x, min(ys), 2.78)]))
+    return wires
 
 
 def _plan_canopy(rec: rr.RecordingStream, layout: Layout) -> None:
+    """Log pergola and crowns as the plan shows them: one can see through them."""
     patches = (
         Part((1.7, lane.width - 0.5, 0.02), (trees_over(lane), lane.y, 3.2), (*palette.VINE, 70))
         for lane in layout.lanes
@@ -264,6 +314,7 @@ def trees_over(lane: Lane) -> tuple[float, ...]:
 
 
 def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
+    """Log the camera far above the orchard that makes the plan."""
     height, width = plan_size(layout)
     scale = FOCAL / CAMERA_UP
     middle = (layout.shift / 2, (layout.top + layout.bottom) / 2, CAMERA_UP)
@@ -279,9 +330,8 @@ def _camera(rec: rr.RecordingStream, layout: Layout) -> None:
         parent_frame="plan_eye",
     )
     rec.log("plan/eye", down, static=True)
-    rec.log(
-        PLAN_CAMERA, image, rr.CoordinateFrame("plan_image"), static=True
-    )  # it finds named frames only if its own are named
+    # The camera finds named frames only if its own are named.
+    rec.log(PLAN_CAMERA, image, rr.CoordinateFrame("plan_image"), static=True)
 
 
 def plan_size(layout: Layout) -> tuple[float, float]:

@@ -15,77 +15,89 @@ from orchard.field.scenario import TIME_STEP
 from orchard.view import palette
 from orchard.view.columns import Columns
 
-MOST_LINES = (
-    40  # arcs at once; arcs to carriers that are sent count more than to those that are asked
-)
+# Arcs at once. Those to carriers that are sent count more than those to carriers that are asked.
+MOST_ARCS = 40
 RENEWED_TICKS = 5  # interval at which the arcs follow the robots
 REPEAT_TICKS = 300  # within it, a repeated message is not news
 MOST_NAMES = 3  # in one line of the log
-MOST_SAID = 10_000  # messages that are remembered, to find repeats
+MOST_REMEMBERED = 10_000  # messages that are remembered, to find repeats
 ARC_POINTS = 9  # of the line that draws an arc
-WARNINGS, ERRORS = (
-    ("collision", "refused", "stopped", "nothing recorded", "left out"),
-    ("lost", "jam"),
-)
-ALARMS = dict.fromkeys(map(palette.plain, WARNINGS), "WARN") | dict.fromkeys(
-    map(palette.plain, ERRORS), "ERROR"
-)
+WARNINGS = ("collision", "refused", "stopped", "nothing recorded", "left out")
+ERRORS = ("lost", "jam")
+LEVELS = {
+    **dict.fromkeys(palette.QUIET, "DEBUG"),
+    **dict.fromkeys(map(palette.plain, WARNINGS), "WARN"),
+    **dict.fromkeys(map(palette.plain, ERRORS), "ERROR"),
+}
 
 
-def level_of(what: str) -> str:
+def level_of(event_word: str) -> str:
     """Return the log level of an event word: DEBUG for frequent messages, WARN and ERROR for
     faults, INFO for the rest.
     """
-    word = palette.plain(what)
-    return "DEBUG" if word in palette.QUIET else ALARMS.get(word, "INFO")
+    return LEVELS.get(palette.plain(event_word), "INFO")
 
 
 def line_of(event: Event) -> str:
     """Return an event as one line, such as 'bin_01 > carrier_02: call, is a carrier free? row 3,
     east end'.
     """
-    what, text = event.what, event.detail
-    said = (
-        text
-        if not what or text.lower().startswith(what.lower())
-        else f"{what}, {text}"
-        if text
-        else what
-    )
-    return f"{event.who} > {event.whom}: {said}" if event.whom else f"{event.who}: {said}"
+    sender = f"{event.who} > {event.whom}" if event.whom else event.who
+    return f"{sender}: {_words_of(event)}"
+
+
+def _words_of(event: Event) -> str:
+    """Return what an event is, and its detail, if that does not begin with the same words."""
+    if not event.detail:
+        return event.what
+    if event.detail.lower().startswith(event.what.lower()):
+        return event.detail
+    return f"{event.what}, {event.detail}"
 
 
 def gathered(events: Sequence[Event]) -> list[Event]:
     """Return the events; each request to many, and replies from many, are merged into one ('14
     carriers').
     """
-    said = [
-        replace(alike[0], whom=_together([e.whom for e in alike]), detail=_text(alike))
-        for alike in _alike(events, "who")
-    ]
-    return [
-        replace(alike[0], who=_together([e.who for e in alike]), detail=_text(alike))
-        for alike in _alike(said, "whom")
-    ]
+    requests = []
+    for alike in _alike(events, "who"):
+        recipients = _together([event.whom for event in alike])
+        requests.append(replace(alike[0], whom=recipients, detail=_text(alike)))
+    merged = []
+    for alike in _alike(requests, "whom"):
+        senders = _together([event.who for event in alike])
+        merged.append(replace(alike[0], who=senders, detail=_text(alike)))
+    return merged
 
 
 def _alike(events: Sequence[Event], end: str) -> list[list[Event]]:
+    """Return the events in groups: messages of one kind with the same end, and each other event.
+
+    `end`: "who", the sender, or "whom", the recipient.
+    """
     groups: dict[Hashable, list[Event]] = {}
     for event in events:
-        is_said = palette.plain(event.what) in palette.TALK and event.whom
-        groups.setdefault((event.what, getattr(event, end)) if is_said else event, []).append(event)
+        is_message = palette.plain(event.what) in palette.TALK and event.whom
+        group = (event.what, getattr(event, end)) if is_message else event
+        groups.setdefault(group, []).append(event)
     return list(groups.values())
 
 
 def _together(names: Sequence[str]) -> str:
+    """Return some names, or how many there are, if they are too many for a line."""
+    if len(names) <= MOST_NAMES:
+        return ", ".join(names)
     kinds = {name.rpartition("_")[0] for name in names}
-    many = f"{len(names)} {kinds.pop() if len(kinds) == 1 else 'robot'}s"
-    return many if len(names) > MOST_NAMES else ", ".join(names)
+    kind = kinds.pop() if len(kinds) == 1 else "robot"
+    return f"{len(names)} {kind}s"
 
 
 def _text(alike: Sequence[Event]) -> str:
+    """Return the details of some events; nothing if they are many and differ."""
     texts = dict.fromkeys(event.detail for event in alike)
-    return "; ".join(texts) if len(texts) == 1 or len(alike) <= MOST_NAMES else ""
+    if len(texts) > 1 and len(alike) > MOST_NAMES:
+        return ""
+    return "; ".join(texts)
 
 
 class Drawn(NamedTuple):
@@ -101,23 +113,27 @@ class Talk:
     """The arcs that are shown now."""
 
     def __init__(self, columns: Columns, layout: Layout) -> None:
-        self.columns, self.index = columns, layout.index
-        self._lines: list[Drawn] = []
-        self._there = False
-        self._renewed = -1  # the half second in which the arcs were last drawn
-        self._said: dict[
-            tuple[str, str, str, str], int
-        ] = {}  # message -> tick in which it was last sent
+        """`columns`: for the arcs."""
+        self.columns = columns
+        self.index = layout.index
+        self._arcs: list[Drawn] = []
+        # Whether arcs may still be in the picture.
+        self._is_drawn = False
+        # The half second in which the arcs were last drawn.
+        self._renewed = -1
+        # Message -> tick in which it was last sent.
+        self._sent_at: dict[tuple[str, str, str, str], int] = {}
 
     def is_news(self, tick: int, event: Event) -> bool:
         """Return whether the same event did not occur in the last 30 s.
 
         Agents repeat a request until it is answered.
         """
-        if len(self._said) >= MOST_SAID:
-            self._said = {}
-        said = event.what, event.who, event.whom, event.detail
-        last, self._said[said] = self._said.get(said), tick
+        if len(self._sent_at) >= MOST_REMEMBERED:
+            self._sent_at = {}
+        message = (event.what, event.who, event.whom, event.detail)
+        last = self._sent_at.get(message)
+        self._sent_at[message] = tick
         return last is None or tick - last > REPEAT_TICKS
 
     def forget(self) -> None:
@@ -125,45 +141,44 @@ class Talk:
 
         Those that are still shown are removed when arcs are next drawn.
         """
-        self._there, self._lines = True, []
+        self._arcs = []
+        self._is_drawn = True
 
     def show(self, tick: int, poses: np.ndarray, news: Sequence[Event]) -> None:
         """Draw the arcs again if there is a new one, and every half second while there are any.
 
         `poses`: (n, 3).
         """
-        fresh = [drawn for event in news if (drawn := self._drawn(tick, event))]
-        if not fresh and tick // RENEWED_TICKS == self._renewed:
+        fresh = [drawn for event in news if (drawn := self._drawn(tick, event)) is not None]
+        half_second = tick // RENEWED_TICKS
+        if not fresh and half_second == self._renewed:
             return
-        self._renewed = tick // RENEWED_TICKS
-        self._lines = [line for line in self._lines + fresh if line.until > tick]
-        seen = sorted(self._lines, key=lambda line: (-line.look.rank, -line.until))[:MOST_LINES]
-        if seen or self._there:
-            arcs = [_arc(poses[line.start], poses[line.end]) for line in seen]
-            looks = [line.look for line in seen]
+        self._renewed = half_second
+        self._arcs = [arc for arc in self._arcs + fresh if arc.until > tick]
+        by_weight = sorted(self._arcs, key=lambda arc: (-arc.look.rank, -arc.until))
+        shown = by_weight[:MOST_ARCS]
+        if shown or self._is_drawn:
             self.columns.add(
                 "talk",
                 rr.LineStrips3D,
-                strips=arcs,
-                colors=[of.colour for of in looks],
-                radii=[-of.radius for of in looks],
+                strips=[_arc(poses[arc.start], poses[arc.end]) for arc in shown],
+                colors=[arc.look.colour for arc in shown],
+                radii=[-arc.look.radius for arc in shown],
             )
-            self._there = bool(seen)
+            self._is_drawn = bool(shown)
 
     def _drawn(self, tick: int, event: Event) -> Drawn | None:
-        look, start, end = (
-            palette.TALK.get(palette.plain(event.what)),
-            self.index.get(event.who),
-            self.index.get(event.whom),
-        )
-        return (
-            None
-            if look is None or start is None or end is None
-            else Drawn(tick + round(look.seconds / TIME_STEP), start, end, look)
-        )
+        """Return the arc of a message between two bodies, None of another event."""
+        look = palette.TALK.get(palette.plain(event.what))
+        start = self.index.get(event.who)
+        end = self.index.get(event.whom)
+        if look is None or start is None or end is None:
+            return None
+        return Drawn(tick + round(look.seconds / TIME_STEP), start, end, look)
 
 
 def _arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the points of an arc between two poses, (ARC_POINTS, 3) m, float32."""
     along = np.linspace(0.0, 1.0, ARC_POINTS)[:, None]
     flat = start[:2] + along * (end[:2] - start[:2])
     rise = 0.05 * float(np.hypot(*(end[:2] - start[:2]))) + 1.0

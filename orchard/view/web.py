@@ -39,20 +39,27 @@ def data_uri(port: int) -> str:
     return f"rerun+http://{LOOPBACK}:{port + 1}/proxy"
 
 
-def address(port: int, what: str) -> str:
+def address(port: int, source: str) -> str:
     """Return where a viewer that is served on a port finds data: a file on the next port, live data
     at their own address.
     """
-    return what if "://" in what else f"http://{LOOPBACK}:{port + 1}/{quote(Path(what).name)}"
+    if _is_address(source):
+        return source
+    return f"http://{LOOPBACK}:{port + 1}/{quote(Path(source).name)}"
 
 
-def page_url(port: int, *what: str) -> str:
+def _is_address(source: str) -> bool:
+    """Whether a source of data is an address, and no file."""
+    return "://" in source
+
+
+def page_url(port: int, *sources: str) -> str:
     """Return the address to open in a browser or a frame.
 
-    `what`: recordings that are served, or addresses of data.
+    `sources`: recordings that are served, or addresses of data.
     """
     options = {
-        "url": [address(port, each) for each in what],
+        "url": [address(port, source) for source in sources],
         "hide_welcome_screen": "1",
         "persist": "0",
         "theme": "dark",
@@ -60,8 +67,8 @@ def page_url(port: int, *what: str) -> str:
     return f"http://{LOOPBACK}:{port}/?{urlencode(options, doseq=True)}"
 
 
-def command(port: int, what: str) -> list[str]:
-    """Return the command line of the viewer's server. `what`: as in `page_url`."""
+def command(port: int, source: str) -> list[str]:
+    """Return the command line of the viewer's server. `source`: as in `page_url`."""
     return [
         viewer_program(),
         "--serve-web",
@@ -69,32 +76,34 @@ def command(port: int, what: str) -> list[str]:
         LOOPBACK,
         "--web-viewer-port",
         str(port),
-        address(port, what),
+        address(port, source),
     ]
 
 
-def how_to_open(words: str, port: int, what: str) -> list[str]:
+def how_to_open(words: str, port: int, source: str) -> list[str]:
     """Return lines for the user: a viewer's address after some words and, over ssh, how to reach
     it.
     """
-    there = os.environ.get("SSH_CONNECTION", "").split()[2:3]
-    forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
-    return [
-        f"{words}: {page_url(port, what)}",
-        *(f"Over ssh, first on your own machine: ssh -N {forward} {name}" for name in there),
-    ]
+    lines = [f"{words}: {page_url(port, source)}"]
+    # Client, its port, server, its port.
+    connection = os.environ.get("SSH_CONNECTION", "").split()
+    if len(connection) > 2:
+        server = connection[2]
+        forward = f"-L {port}:{LOOPBACK}:{port} -L {port + 1}:{LOOPBACK}:{port + 1}"
+        lines.append(f"Over ssh, first on your own machine: ssh -N {forward} {server}")
+    return lines
 
 
-def serve_web(port: int, *what: str) -> subprocess.Popen[bytes]:
-    """Serve the viewer at `page_url(port, what[0])`.
+def serve_web(port: int, *sources: str) -> subprocess.Popen[bytes]:
+    """Serve the viewer at `page_url(port, sources[0])`.
 
     The caller ends the returned process with `terminate()`.
 
-    `what`: the address of live data, or the parts of a recording. Each part but the last must be
+    `sources`: the address of live data, or the parts of a recording. Each part but the last must be
     whole.
     """
     # The server has another working directory.
-    shown = [each if "://" in each else str(Path(each).resolve()) for each in what]
+    shown = [source if _is_address(source) else str(Path(source).resolve()) for source in sources]
     return subprocess.Popen(
         command_for("orchard.view.web", [*shown, "--port", str(port)]),
         cwd=ROOT,
@@ -121,6 +130,7 @@ def free_pair() -> int:
 
 
 def is_open(port: int) -> bool:
+    """Whether something listens on a port of the loopback."""
     with socket.socket() as probe:
         probe.settimeout(0.2)
         return probe.connect_ex((LOOPBACK, port)) == 0
@@ -132,10 +142,9 @@ class _Recording(BaseHTTPRequestHandler):
     parts: ClassVar[list[Path]] = []
 
     def do_GET(self) -> None:
-        host, origin = (
-            urlsplit(f"//{self.headers.get('Host', '')}").hostname,
-            self.headers.get("Origin", ""),
-        )
+        """Send all parts as one answer if this machine is asked for the first one."""
+        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
+        origin = self.headers.get("Origin", "")
         if host not in LOCAL or urlsplit(self.path).path != f"/{quote(self.parts[0].name)}":
             return self.send_error(HTTPStatus.NOT_FOUND)
         self.send_response(HTTPStatus.OK)
@@ -160,7 +169,9 @@ def main() -> None:
         prog="python -m orchard.view.web", description="Serve Rerun's viewer on the loopback."
     )
     parser.add_argument(
-        "what", nargs="+", help="the address of live data, or the parts of a recording"
+        "what",
+        nargs="+",
+        help="the address of live data, or the parts of a recording",
     )
     parser.add_argument(
         "--port",
@@ -169,23 +180,25 @@ def main() -> None:
         help="port of the viewer; its data are expected on the next port",
     )
     arguments = parser.parse_args()
-    line, viewer = command(arguments.port, arguments.what[0]), os.getpid()
-    _Recording.parts = [Path(each) for each in arguments.what if "://" not in each]
-    server = (
-        ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Recording)
-        if _Recording.parts
-        else None
-    )
+    viewer_command = command(arguments.port, arguments.what[0])
+    viewer = os.getpid()
+    _Recording.parts = [Path(source) for source in arguments.what if not _is_address(source)]
+    server = None
+    if _Recording.parts:
+        server = ThreadingHTTPServer((LOOPBACK, arguments.port + 1), _Recording)
     if os.fork() == 0:
         if server is not None:
             threading.Thread(target=server.serve_forever, daemon=True).start()
         _end_with_input(viewer)
-    os.execve(line[0], line, os.environ | QUIET)
+    os.execve(viewer_command[0], viewer_command, os.environ | QUIET)
 
 
 def _end_with_input(viewer: int) -> NoReturn:
-    while os.getppid() == viewer and not select.select([sys.stdin], [], [], LOOK_SECONDS)[0]:
-        pass
+    """Wait until the viewer ends, or the standard input does; then end the viewer, and this."""
+    while os.getppid() == viewer:
+        ended, _, _ = select.select([sys.stdin], [], [], LOOK_SECONDS)
+        if ended:
+            break
     if os.getppid() == viewer:
         os.kill(viewer, signal.SIGKILL)
     os._exit(0)

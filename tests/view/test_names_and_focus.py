@@ -14,7 +14,8 @@ from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 from orchard.view.blueprint import for_page
-from orchard.view.names import DROP, FOCUS, HOLD, Focus, points_to_metres
+from orchard.view.focus import DWELL, FOCUS, Focus
+from orchard.view.names import DROP, points_to_metres
 from orchard.view.palette import YELLOW
 from orchard.view.scenery import MODELS
 from orchard.view.talk import gathered, level_of, line_of
@@ -81,7 +82,7 @@ def test_the_camera_glides_to_an_exchange_or_cuts_to_one_that_is_far(robot, glid
         np.hypot(*(focus.follow(Frame(tick, poses, states={robot: "handling a bin"}))[:2] - goal))
         for tick in range(1, 400)
     ]
-    begun = round(HOLD * 10) - 1
+    begun = round(DWELL * 10) - 1
     assert far[:begun] == [far[0]] * begun
     assert far[begun:] == sorted(far[begun:], reverse=True) and far[-1] < 0.5
     assert (max(-np.diff(far)) < 0.05 * far[0]) == glides

@@ -35,7 +35,7 @@ def test_a_recording_goes_on_where_it_can_be_read_to(tmp_path):
     known = before(path, "a")
     assert known.file == tmp_path / "run.part2.rrd"
     assert 100 < known.last < 300, "the last tenth is torn off"
-    assert known.said["/world/pickers/picker_01"] == {"picking row 1": STATES["picking"]}
+    assert known.colours["/world/pickers/picker_01"] == {"picking row 1": STATES["picking"]}
     path.write_bytes(whole[:100])
     assert before(path, "a")[:2] == (path, 0), "nothing in it can be read"
     path.write_bytes(b"")

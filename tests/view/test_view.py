@@ -27,7 +27,7 @@ from orchard.launch.supervisor import free_port
 from orchard.local import Local
 from orchard.sim.frames import FrameBuilder
 from orchard.view import scenery
-from orchard.view.names import FOCUS
+from orchard.view.focus import FOCUS
 from orchard.view.palette import CHARGING, PAINT, SCANS, STATES, YELLOW
 from orchard.view.reader import LETTERS, column, optimize, ticks_of
 from orchard.view.recorder import Recorder, hits

@@ -311,8 +311,9 @@ def as_toml(text: str, limits: dict[str, dict[str, dict[str, float]]]) -> str:
             table = line.strip("[]").partition(".")[0]
         measure, equals, _ = line.partition(" = ")
         if equals and measure in MEASURES:
-            line = f"{measure} = {limits[table]['limits'][measure]:g}"
-        lines.append(line)
+            lines.append(f"{measure} = {limits[table]['limits'][measure]:g}")
+        else:
+            lines.append(line)
     return "\n".join(lines) + "\n"
 
 

@@ -17,6 +17,7 @@ TARGET = Path(__file__).with_name("results.md")
 
 
 def main() -> None:
+    """Measure all, and write bench/results.md."""
     os.environ |= (
         QUICK_TICKS | os.environ
     )  # this process is the hub of the floor benchmark, so it needs them too

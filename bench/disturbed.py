@@ -105,6 +105,7 @@ def harvest(scenario: Scenario, advice: Advice) -> tuple[bool, int]:
 
 
 def main() -> None:
+    """Print how each of some disturbed harvests ends: `KIND FIRST END`."""
     kind, first, end = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     for number in range(first, end):
         chance = Random(f"{kind} {number}")

@@ -67,6 +67,7 @@ def line(white: float, bias: float, outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
+    """Print a table of harvests with growing errors of positions."""
     cells = [(white, bias) for white, bias in product(WHITE, SLOW)]
     print(
         "| white, cm | slow, cm | finished | mean time, s | collisions | couplings refused |",

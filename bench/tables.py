@@ -23,6 +23,7 @@ FLUSH_SECONDS = 2.0  # as between two snapshots
 
 
 def main() -> None:
+    """Measure the default harvest, with exact sensors and with errors."""
     scenario = load_or_shipped(None)
     measure("exact sensors", scenario)
     measure("errors", with_changes(scenario, **ERRORS))

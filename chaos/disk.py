@@ -24,7 +24,7 @@ class Disk:
     def mount(self) -> None:
         command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "none", str(self._folder)]
         with suppress(FileNotFoundError):
-            subprocess.run(command, capture_output=True)
+            subprocess.run(command, capture_output=True, check=False)
 
     def unmount(self) -> None:
         """Remove the disk, and all files on it. Without a disk nothing happens."""

@@ -38,4 +38,5 @@ html_extra_path = ["front"]
 
 
 def setup(app: Sphinx) -> None:
+    """Add to Sphinx what the documents need beside its extensions."""
     app.add_lexer("mermaid", TextLexer)  # the diagrams of docs/protocol.md

@@ -1,4 +1,7 @@
-"""Drives a robot until something is near ahead: python client.py tcp/127.0.0.1:7447 picker_01"""
+"""Drives a robot until something is near ahead.
+
+python client.py tcp/127.0.0.1:7447 picker_01
+"""
 
 import json
 import struct

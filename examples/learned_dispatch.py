@@ -124,7 +124,7 @@ def random_orchard(random: np.random.Generator) -> Scenario:
 
 
 class Learned:
-    """dispatch: examples.learned_dispatch.Learned"""
+    """Name it in a scenario: `dispatch: examples.learned_dispatch.Learned`."""
 
     Memory = dict
     early = True

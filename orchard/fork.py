@@ -381,8 +381,9 @@ def _memories(
             if isinstance(remembered, CarrierMemory):
                 remembered.queue_place = places[name]
             remembered.plan = _plan(remembered.plan, old_course(remembered), new_course(remembered))
-            memory = pack(remembered)
-        kept[name] = memory
+            kept[name] = pack(remembered)
+        else:
+            kept[name] = memory
     begun = dict[str, bytes | None]()
     for name, place in places.items():
         agent = new_agents[name].agent

@@ -47,10 +47,14 @@ def test_a_jam_ends_a_run_as_the_command_ends_it(soon_jammed):
 
 def test_a_loop_until_the_harvest_ends_after_a_jam_with_words(soon_jammed):
     run = Local(empty_orchard(**FLAT))
-    with pytest.raises(RuntimeError) as refused:
+
+    def run_to_the_end():
         while not run.engine.over:
             assert run.engine.tick < 20_000
             run.tick()
+
+    with pytest.raises(RuntimeError) as refused:
+        run_to_the_end()
     words = str(refused.value)
     assert words.startswith("the run has ended (jammed): nothing has gone on for 240 s")
     assert "carrier_01 (standing with a flat battery)" in words

@@ -69,6 +69,7 @@ def _robot(x: float, y: float, yaw: float) -> dict[str, Any]:
 
 
 def main(robots: int, seconds: float) -> None:
+    """Print how many steps a second IR-SIM makes with so many robots."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
         yaml.safe_dump(world(field.field(robots)), file)
         file.flush()

@@ -58,10 +58,9 @@ class BareClient:
                 key,
                 request,
                 understand,
-                ANSWER_SECONDS,
-                self._handle,
-                None,
-                self._check_gone,
+                seconds=ANSWER_SECONDS,
+                handle=self._handle,
+                meanwhile=self._check_gone,
             )
         except ErrorReply:
             # The request may have changed on its way.

@@ -47,6 +47,7 @@ USER_SECONDS = 2.0  # that a user takes to continue a run
 LOOK_SECONDS = 0.2  # between two looks at what runs
 SPEED = 5.0  # of a realtime run: simulated seconds a second
 STAND_TICKS = 20
+SILENT_WAYS = {"silence": (UP, DOWN), "silence up": (UP,), "silence down": (DOWN,)}
 STAND_SECONDS = 0.8  # after which the robots of a silent host stand, in realtime
 TICK_SECONDS = 2 * TIME_STEP / SPEED  # within which a tick follows, in realtime
 MAY_DRIVE = "lie", "claim", "repeat", "nonsense", "advise"  # clients that may drive a robot
@@ -325,28 +326,16 @@ class Schedule:
             case "vanish":  # with its machine: the router does not hear that it is gone
                 network.silence(fault.who, fault.seconds)
                 process.kill()
-            case "freeze" | "think":
-                (process.freeze if fault.what == "freeze" else process.think)()
-                self.world.scheduler.after(fault.seconds, process.thaw)
-                stands_after = STAND_SECONDS + self.plan.delays.slow
-                lasts = (
-                    fault.seconds > stands_after + TICK_SECONDS
-                )  # else the next fault may stop it, which has a look of its own
-                if (
-                    lasts and self.plan.mode == "realtime" and not self.plan.has("lie")
-                ):  # who lies in the name of a host drives its robots
-                    tick = 0 if self.world.engine is None else self.world.engine.tick
-                    self.world.scheduler.after(
-                        stands_after, partial(self._look_at_robots, process, tick)
-                    )
+            case "freeze":
+                process.freeze()
+                self._thaw_later(fault, process)
+            case "think":
+                process.think()
+                self._thaw_later(fault, process)
             case "cut":
                 network.cut(fault.who, fault.seconds)
-            case "silence":
-                network.silence(fault.who, fault.seconds)
-            case "silence up":
-                network.silence(fault.who, fault.seconds, (UP,))
-            case "silence down":
-                network.silence(fault.who, fault.seconds, (DOWN,))
+            case "silence" | "silence up" | "silence down":
+                network.silence(fault.who, fault.seconds, SILENT_WAYS[fault.what])
             case "full disk":
                 self.world.is_disk_full = True
                 self.world.scheduler.after(fault.seconds, self._empty_disk)
@@ -356,6 +345,17 @@ class Schedule:
             case "foreign snapshot":
                 self._put_foreign()
                 process.kill()
+
+    def _thaw_later(self, fault: Fault, process: SimulatedProcess) -> None:
+        """Let a process go on after a fault, and look whether its robots stand meanwhile."""
+        self.world.scheduler.after(fault.seconds, process.thaw)
+        stands_after = STAND_SECONDS + self.plan.delays.slow
+        # After a short fault the next one may stop the process, which has a look of its own.
+        is_long = fault.seconds > stands_after + TICK_SECONDS
+        # A client that lies in the name of a host drives the host's robots.
+        if is_long and self.plan.mode == "realtime" and not self.plan.has("lie"):
+            tick = 0 if self.world.engine is None else self.world.engine.tick
+            self.world.scheduler.after(stands_after, partial(self._look_at_robots, process, tick))
 
     def _connect_client(self, fault: Fault) -> None:
         name = f"client_{len(self._clients) + 1}"

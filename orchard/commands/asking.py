@@ -252,4 +252,11 @@ def _ask(bus: Bus, key: str, payload: bytes, type_: type[M], seconds: float) -> 
                 f"{bus.endpoint}: physics has not answered yet; waiting for up to {seconds:,.0f} s"
             )
 
-    return ask(bus, key, payload, lambda reply: read(reply, type_), seconds, meanwhile=check_time)
+    return ask(
+        bus,
+        key,
+        payload,
+        lambda reply: read(reply, type_),
+        seconds=seconds,
+        meanwhile=check_time,
+    )

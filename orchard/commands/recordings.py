@@ -41,7 +41,7 @@ def _open_window(parts: Sequence[Path]) -> int:
 
     Raises OSError without a viewer or a screen.
     """
-    code = subprocess.run(window(*map(str, parts))).returncode
+    code = subprocess.run(window(*map(str, parts)), check=False).returncode
     if code:
         print_error(f"the viewer ended with exit code {code}; if no window opened: {IN_A_BROWSER}")
     return code

@@ -275,7 +275,7 @@ class Agent(Protocol):
     """Any object with this method can drive a body."""
 
     @property
-    def Memory(self) -> type:
+    def Memory(self) -> type:  # noqa: N802 - agents have a class of this name
         """The type of its memory, to decode it from bytes."""
 
     def tick(self, observation: Observation, mail: Mail, memory: Any, /) -> Action:

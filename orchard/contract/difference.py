@@ -46,7 +46,8 @@ def _is_same(before: Any, after: Any) -> bool:
         return len(before) == len(after) and all(map(_is_same, before, after))
     if kind not in _SIMPLE and (names := _names_in(before)):
         return all(_is_same(getattr(before, name), getattr(after, name)) for name in names)
-    return bool(before == after or before != before)
+    # Not a number is the same as not a number.
+    return bool(before == after or before != before)  # noqa: PLR0124
 
 
 def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:

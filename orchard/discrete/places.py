@@ -160,6 +160,7 @@ class Reservations:
 
 
 def at(env: simpy.Environment, time: float, act: Callable[..., Any], *words: Any) -> None:
+    """Let a function run with these arguments at a time, in ticks."""
     env.timeout(time - env.now).callbacks.append(lambda _: act(*words))
 
 

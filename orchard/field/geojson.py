@@ -121,10 +121,10 @@ def _named_system(content: dict[str, Any]) -> str:
 
 def _lines(content: dict[str, Any], file: str) -> Iterator[SurveyedLine | Problem]:
     for number, feature in enumerate(content["features"], start=1):
-        feature = feature if isinstance(feature, dict) else {}
-        name = _name(feature, number)
+        content_of_line = feature if isinstance(feature, dict) else {}
+        name = _name(content_of_line, number)
         try:
-            yield SurveyedLine(name, _points(feature.get("geometry")))
+            yield SurveyedLine(name, _points(content_of_line.get("geometry")))
         except ValueError as error:
             yield Problem(file, str(error), f"feature {name}")
 

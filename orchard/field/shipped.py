@@ -10,12 +10,14 @@ _CONFIG = files("orchard.config")
 
 
 def names() -> list[str]:
+    """Return the names of all scenarios that come with the package, in order."""
     return sorted(
         file.name.removesuffix(".yaml") for file in _CONFIG.iterdir() if file.name.endswith(".yaml")
     )
 
 
 def shipped() -> dict[str, Scenario]:
+    """Return all scenarios that come with the package, by their names."""
     return {name: _one(name) for name in names()}
 
 

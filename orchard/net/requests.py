@@ -49,6 +49,7 @@ def ask(
     key: str,
     payload: bytes,
     understand: Callable[[bytes], M],
+    *,
     seconds: float = ANSWER_SECONDS,
     handle: Callable[[Item], None] = lambda item: None,
     refusals: Refusals | None = None,

@@ -81,6 +81,8 @@ def _errors_ignored(what: str) -> Iterator[None]:
 
 
 class ZenohQuery(Query):
+    """A question of a client, answered by Zenoh."""
+
     def __init__(self, query: zenoh.Query) -> None:
         # The client's, which may have wildcards, not the queryable's.
         self.key = str(query.key_expr)

@@ -28,6 +28,8 @@ class Ripening(NamedTuple):
 
 
 class Forecast:
+    """Tells where and when the bins of a layout will stand full."""
+
     def __init__(self, layout: Layout) -> None:
         self.layout, self.horizon = layout, horizon(layout)
 

@@ -633,8 +633,9 @@ def _once_left(approach: list[Step], full_bin: str, place: str) -> list[Step]:
             for number, gate in enumerate(needs):
                 if place in gate.places:
                     needs[number] = replace(gate, bin=full_bin)
-            step = replace(step, needs=needs)
-        steps.append(step)
+            steps.append(replace(step, needs=needs))
+        else:
+            steps.append(step)
     return steps
 
 

@@ -129,6 +129,7 @@ def compare(
     is_max: bool,
     confidence: float,
     within: float,
+    *,
     without_chance: Collection[int] = (),
     limits: Mapping[int, float] | None = None,
     intervals: int | None = None,

@@ -151,7 +151,8 @@ def _unwritten(files: dict[Path, Save], result: StudyResult) -> Iterator[Path]:
 
 def _print(result: StudyResult, as_json: bool) -> None:
     if as_json:
-        return _tell_json(result)
+        _tell_json(result)
+        return
     console.print(result.answer, markup=False, soft_wrap=not console.is_terminal)
     if result.table:
         console.print(as_table(result))

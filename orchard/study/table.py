@@ -18,12 +18,12 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "bins/h": lambda row: _interval(row.bins_per_hour) or "jammed",
     "harvest, s": lambda row: _interval(row.harvest_seconds),
     "a bin": lambda row: _interval(row.cost_per_bin),
-    "behind, %": lambda row: _behind(row),
+    "behind, %": lambda row: _behind(row),  # noqa: PLW0108 - it is defined below
     "wait, s": lambda row: f"{row.picker_waiting_seconds:.0f}",
     "busy": lambda row: f"{100.0 * row.carrier_utilisation:.0f} %",
     "bound": lambda row: number_words(row.bound_bins_per_hour) + _share_of_bound(row),
     "limit": lambda row: row.bottleneck,
-    "optimum, s": lambda row: _optimum(row),
+    "optimum, s": lambda row: _optimum(row),  # noqa: PLW0108 - it is defined below
     "checked": lambda row: _check(row.check),
 }
 MARKS: dict[Standing, str] = {

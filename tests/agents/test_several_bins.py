@@ -223,7 +223,7 @@ def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
 
 
 @pytest.mark.parametrize(
-    "metres_per_bin, bins, seconds",
+    ("metres_per_bin", "bins", "seconds"),
     [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))],
 )
 def test_what_it_costs_to_drive_to_the_ends_of_rows_is_in_the_summary(

@@ -142,7 +142,7 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
 
 
 @pytest.mark.parametrize(
-    "of_the_vulnerable, of_ours, code, words",
+    ("of_the_vulnerable", "of_ours", "code", "words"),
     [
         (VULNERABLE, SOUND, 0, "known of 0 of the 1 packages that were checked"),
         (

@@ -386,7 +386,7 @@ def test_a_step_that_is_refused_leaves_the_run_as_it_was():
         {"carrier_01": [0.4, 0.1], "picker_02": [np.nan, 0.0]},
         {"carrier_01": [0.4, 0.1], "picker_01": [0.0, 0.0]},
     ):
-        with pytest.raises(ValueError):
+        with pytest.raises(ValueError, match="picker_0"):
             envs[0].step(wrong)
     for env in envs:
         for _ in range(20):

@@ -66,8 +66,11 @@ def clock():
 
 class Watched(Supervisor):
     def __init__(self, clock):
-        super().__init__(say=lambda line: self.said.append(line), clock=clock)
+        super().__init__(say=self._keep, clock=clock)
         self.said, self.children = [], []
+
+    def _keep(self, line):
+        self.said.append(line)
 
     def _open(self, program, order):
         self.children.append(Child(order))

@@ -422,7 +422,6 @@ def test_a_get_that_nobody_answers_ends_without_a_reply():
 
 def test_who_asks_does_something_meanwhile_although_nobody_answers():
     """A host looks whether physics is gone."""
-
     looks = iter(("it is there", "it is there"))
 
     def look() -> None:

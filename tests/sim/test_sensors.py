@@ -75,7 +75,7 @@ def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_tim
     assert seen["picker_01"].accuracy == 0.0
 
 
-@pytest.mark.parametrize("white, bias", [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
+@pytest.mark.parametrize(("white", "bias"), [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
 def test_errors_of_positions_have_the_deviation_that_the_scenario_sets(white, bias):
     """480 independent numbers of one tick: their deviation is right to some 3 %."""
     found, wanted = (
@@ -270,7 +270,7 @@ def test_a_harvest_finishes_with_odometry_at_its_limits(changes):
 
 
 @pytest.mark.parametrize(
-    "what, most", [("gnss.white", 0.1), ("gnss.bias", 0.03), ("odometry.distance", 0.1)]
+    ("what", "most"), [("gnss.white", 0.1), ("gnss.bias", 0.03), ("odometry.distance", 0.1)]
 )
 def test_errors_that_robots_cannot_master_are_refused(what, most):
     with pytest.raises(
@@ -282,7 +282,7 @@ def test_errors_that_robots_cannot_master_are_refused(what, most):
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize(
-    "route, dispatch",
+    ("route", "dispatch"),
     [("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting")],
 )
 def test_our_agents_finish_harvests_with_rtk_on_each_route_with_many_policies_and_seeds(
@@ -301,7 +301,7 @@ def test_a_picker_that_stops_short_of_the_end_of_a_row_drives_on_until_its_bin_i
     assert stage.is_full("bin_01")
 
 
-@pytest.mark.parametrize("x, y", [(0.13, 0.0), (-0.12, 0.05), (0.0, 0.13), (0.1, -0.2)])
+@pytest.mark.parametrize(("x", "y"), [(0.13, 0.0), (-0.12, 0.05), (0.0, 0.13), (0.1, -0.2)])
 def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
     """The bin stands elsewhere than where the robot's plan has it."""
     stage = Stage(erring(**{"sensors.gnss.white": 0.005}))

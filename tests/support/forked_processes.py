@@ -271,7 +271,7 @@ def let_supervisor_fork(own: socket.socket) -> None:
     """
     from orchard.launch import supervisor
 
-    global server
+    global server  # noqa: PLW0603 - a process has one server, which its supervisor asks for
     server = cache(lambda: Server(own))
 
     def start(command: Sequence[str], **how: Any) -> Any:

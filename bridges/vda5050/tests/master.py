@@ -204,6 +204,17 @@ class Master:
         }
         return [action] if kind else []
 
+    def send_again(self, serial, job, errors):
+        """Repeat an order that the vehicle has not taken; forget it if the vehicle is elsewhere."""
+        for error in errors:
+            orders = [reference["referenceValue"] for reference in error["errorReferences"]]
+            if error["errorType"] == "START_NODE_OUT_OF_RANGE" and job["order"] in orders:
+                self.jobs.pop(serial)
+                return
+        job["silent"] += 1
+        if job["silent"] % AGAIN == 0:
+            self.publish(serial, "order", job["sent"])
+
     def follow(self, serial, state):
         """Release more of a job where the base runs short. Forget it at its end."""
         if state["operatingMode"] != "AUTOMATIC":
@@ -222,21 +233,7 @@ class Master:
         if job is None or job["order"] is None:
             return
         if (state["orderId"], state["orderUpdateId"]) != (job["order"], job["update"]):
-            elsewhere = [
-                error["errorReferences"]
-                for error in state["errors"]
-                if error["errorType"] == "START_NODE_OUT_OF_RANGE"
-            ]
-            if any(
-                one["referenceValue"] == job["order"]
-                for references in elsewhere
-                for one in references
-            ):
-                self.jobs.pop(serial)
-                return
-            job["silent"] += 1
-            if job["silent"] % AGAIN == 0:
-                self.publish(serial, "order", job["sent"])
+            self.send_again(serial, job, state["errors"])
             return
         if any(error["errorType"] == "ACTION_FAILED" for error in state["errors"]):
             self.jobs[serial] |= {"order": None}

@@ -312,7 +312,7 @@ def test_a_field_that_is_null_is_not_there():
     message = order(actions=[action("drop", key="") | nulls(orders.ActionOrder)])
     assert message["nodes"][-1]["actions"][0]["actionParameters"] is None
     for edge in message["edges"]:
-        edge |= nulls(orders.Edge) | dict.fromkeys(orders.UNUSABLE)
+        edge.update(nulls(orders.Edge) | dict.fromkeys(orders.UNUSABLE))
     message["nodes"][0] |= nulls(orders.Node)
     place = {"x": START.x, "y": START.y, "mapId": "orchard"} | nulls(orders.NodePosition)
     message["nodes"][0]["nodePosition"] = place

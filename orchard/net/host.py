@@ -255,17 +255,21 @@ class Host:
         """
         request = pack(Join(self.run_id, self.bus.id, list(self.runners)))
         tries = 0
+        errors = 0
         while True:
-            tries += 1
             try:
                 joined = self._query("join", request, Joined)
+                tries += 1
+                errors = 0
                 if tries >= _most_tries(joined.refused.values()):
                     return joined
             except ErrorReply:
+                errors += 1
                 # While physics is gone, another client has refused it.
                 if self._ending.gone_at < math.inf:
                     tries = 0
-                elif tries >= REFUSED_TRIES:
+                    errors = 0
+                elif errors >= REFUSED_TRIES:
                     raise
             self.bus.sleep(AGAIN_SECONDS)
 

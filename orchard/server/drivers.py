@@ -3,6 +3,7 @@
 They are of sessions that own agents, and of clients for robots that no session owns.
 """
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -22,6 +23,9 @@ from orchard.wire.messages import Advice, Report, Velocities, Velocity
 
 # What takes the place of an action that is refused.
 BROKEN = Report(doing="broken", state="broken")
+# An action that is malformed for so many times in turn is its client's mistake. Fewer may have
+# changed on their way.
+MALFORMED_IN_TURN = 5
 
 
 class Drivers:
@@ -51,8 +55,8 @@ class Drivers:
         # Session id -> its agents that are asked at this tick.
         self.due: dict[str, list[str]] = {}
         self._seen: Observations | None = None
-        # The agents whose last action was refused as malformed.
-        self._malformed: set[str] = set()
+        # Agent -> how many of its actions were refused as malformed, in turn.
+        self._malformed: Counter[str] = Counter()
 
     # -- which session owns which agent
 
@@ -230,8 +234,8 @@ class Drivers:
         Return the refusals. `malformed`: name -> why its action is not in the message.
 
         An action that is malformed or out of bounds may have changed on its way: its session sends
-        it again. If the next one is no better, the robot stands in this tick, so that the others
-        need not wait for it.
+        it again. If that is no better for MALFORMED_IN_TURN times, the robot stands in this tick,
+        so that the others need not wait for it.
         """
         refused = dict(malformed)
         is_heard = self._publisher.are_robots_heard()
@@ -241,7 +245,7 @@ class Drivers:
             except Refused as refusal:
                 refused[name] = refusal
             else:
-                self._malformed.discard(name)
+                del self._malformed[name]
                 if is_heard:
                     self._publisher.publish_velocity(name, message.owner, message.tick, report)
         for name, why in refused.items():
@@ -250,11 +254,11 @@ class Drivers:
         return list(refused.values())
 
     def _take_malformed(self, name: str, message: Velocities) -> None:
-        """Let a robot stand whose action is malformed for the second time in turn."""
+        """Let a robot stand whose actions are malformed for MALFORMED_IN_TURN times."""
         if self.roster.owners.get(name) != message.owner:
             return
-        if name in self._malformed:
+        self._malformed[name] += 1
+        if self._malformed[name] >= MALFORMED_IN_TURN:
             # This tick may not wait for the action.
             with suppress(Refused):
                 self._act(name, message.owner, message.tick, BROKEN)
-        self._malformed.add(name)

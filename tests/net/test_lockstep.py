@@ -19,7 +19,8 @@ from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
 from orchard.net import bus
 from orchard.net.bus import Inbox
-from orchard.net.host import REFUSED_TRIES
+from orchard.net.host import REFUSED_TRIES, TAKEN_TRIES
+from orchard.server.drivers import MALFORMED_IN_TURN
 from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
@@ -278,9 +279,10 @@ def changing_actions(monkeypatch, times: float) -> None:
     monkeypatch.setattr(Router, "publish", publish_with_change)
 
 
-def test_an_action_that_was_changed_is_sent_again(fleet, undisturbed, monkeypatch):
+@pytest.mark.parametrize("times", [1, MALFORMED_IN_TURN - 1])
+def test_an_action_that_was_changed_is_sent_again(fleet, undisturbed, monkeypatch, times):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    changing_actions(monkeypatch, 1)
+    changing_actions(monkeypatch, times)
     fleet.host(agents=TOY)
     assert fleet.end() == undisturbed
 
@@ -304,7 +306,7 @@ def test_a_host_that_took_a_false_tick_joins_again(fleet, undisturbed, monkeypat
     assert fleet.scheduler.now < 10.0
 
 
-def test_a_robot_stands_whose_action_is_malformed_twice_in_turn(fleet, monkeypatch):
+def test_a_robot_stands_whose_actions_are_always_malformed(fleet, monkeypatch):
     """So a client that always sends such actions keeps nobody waiting."""
     fleet.physics(SMALL, "--duration", "2")
     changing_actions(monkeypatch, math.inf)
@@ -322,6 +324,22 @@ def test_a_host_whose_joins_are_all_refused_ends_with_the_reason(fleet, monkeypa
     code, _, err = fleet.host("--only", "picker_01", agents=TOY).end()
     assert (code, len(joins)) == (2, REFUSED_TRIES)
     assert "pickar_01: there is no such agent" in err
+
+
+def test_a_host_that_waits_for_a_name_asks_again_after_a_changed_join(fleet, monkeypatch):
+    """It asks long for a name that is taken. One changed join among these is no reason to end."""
+    fleet.physics(SMALL, "--duration", "100")
+    fleet.host("--only", "picker_01", agents=TOY)
+    joins = []
+
+    def changed(payload: bytes) -> bytes:
+        joins.append(payload)
+        return payload.replace(b"names", b"nemes") if len(joins) == 10 else payload
+
+    changing_joins(monkeypatch, changed, math.inf)
+    code, _, err = fleet.host("--only", "picker_01", agents=TOY).end()
+    assert (code, len(joins)) == (2, TAKEN_TRIES + 2)
+    assert "picker_01: it is taken" in err
 
 
 def test_a_host_with_a_name_that_a_user_has_wrong_ends_with_words(fleet):

@@ -32,8 +32,11 @@ class Part:
     A step that is simulated again replaces the one before.
     """
 
-    def __init__(self, scenario: Mapping[str, Any], reference: Reference) -> None:
-        self.scenario, self._reference = scenario, reference
+    def __init__(self, scenario: Mapping[str, Any], reference: Reference, first: int = 0) -> None:
+        """`first`: its first tick."""
+        self.scenario = scenario
+        self.first = first
+        self._reference = reference
         self.steps: dict[int, Step] = {}  # tick -> the step from it
 
     @property
@@ -81,9 +84,10 @@ class Course:
         self._before_restarts: list[Reference] = []
         self.is_whole = True  # whether lockstep has waited for all agents until now
 
-    def begin(self, scenario: Mapping[str, Any], is_reset: bool) -> None:
-        """Know that physics begins with a scenario: `is_reset`: from its first tick on, because a
-        user wants it.
+    def begin(self, scenario: Mapping[str, Any], tick: int, is_reset: bool) -> None:
+        """Know that physics begins with a scenario at a tick.
+
+        `is_reset`: it is the first tick, because a user wants it.
         """
         self._before_restarts.append(self.parts[-1].reference)
         if is_reset:
@@ -95,10 +99,13 @@ class Course:
             # It has died before a reset was kept, and is the run before again.
             self.parts += [part for part in self.parts if part.scenario == scenario][-1:]
             self.is_reset = False
+        elif tick < self.parts[-1].first:
+            # The snapshot that a fork began with is torn, and there is none before.
+            self.parts.append(Part(scenario, replay_of(pack(scenario))))
 
     def fork(self, begin: Snapshot) -> None:
         """Know that the run goes on from a snapshot with changes."""
-        self.parts.append(Part(begin.scenario, Replay(begin)))
+        self.parts.append(Part(begin.scenario, Replay(begin), begin.tick))
         self.is_reset = False
 
     def add(

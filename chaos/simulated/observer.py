@@ -23,7 +23,7 @@ class Observer:
         account, drivers, engine = loop.run.account, loop.run.drivers, loop.run.engine
         driving, update = Driving(engine), account.update
         self.driving.append(driving)
-        self.course.begin(engine.layout.scenario.model_dump(), is_reset)
+        self.course.begin(engine.layout.scenario.model_dump(), engine.tick, is_reset)
         bus.listener = driving.hear
 
         def update_and_tell(events: list[Event], letters: Mapping[str, Written]) -> None:

@@ -123,6 +123,14 @@ def test_an_emergency_stop_is_that_of_local_mode_also_after_a_kill():
     assert "stopped" in verdict.occurred["events"]
 
 
+def test_a_fork_whose_only_snapshot_is_torn_begins_anew():
+    faults = Fault("fork", RUN_PY, 20), Fault("torn snapshot", PHYSICS, 21, 1e-3)
+    plan = Plan(1, SCENE, 60, 1, has_logger=False, has_router=False, delays=Delays(), faults=faults)
+    verdict = carry_out(plan)
+    assert verdict.complaints == []
+    assert verdict.summary["ticks"] == 60
+
+
 @pytest.mark.parametrize(
     ("stop_at", "torn_at", "delays"),
     [

@@ -20,10 +20,10 @@ from orchard.launch.supervisor import free_port
 from orchard.net import bus
 from orchard.net.bus import Inbox
 from orchard.net.host import REFUSED_TRIES, TAKEN_TRIES
-from orchard.server.drivers import MALFORMED_IN_TURN
 from orchard.net.refusals import Refusals
 from orchard.net.requests import ask
 from orchard.net.zenoh_bus import client, router
+from orchard.server.drivers import MALFORMED_IN_TURN
 
 SLOW = pytest.param(
     2, "calling_agents:slow", marks=pytest.mark.processes

@@ -5,6 +5,7 @@ It receives what they observe, and sends their velocities.
 
 import logging
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
@@ -254,20 +255,21 @@ class Host:
         Raises ErrorReply if physics answers with errors only.
         """
         request = pack(Join(self.run_id, self.bus.id, list(self.runners)))
-        tries = 0
+        # Each kind of refusal has tries of its own: a join that waits for a token may change, too.
+        tries: Counter[int] = Counter()
         errors = 0
         while True:
             try:
                 joined = self._query("join", request, Joined)
-                tries += 1
-                errors = 0
-                if tries >= _most_tries(joined.refused.values()):
+                most = _most_tries(joined.refused.values())
+                tries[most] += 1
+                if tries[most] >= most:
                     return joined
             except ErrorReply:
                 errors += 1
                 # While physics is gone, another client has refused it.
                 if self._ending.gone_at < math.inf:
-                    tries = 0
+                    tries.clear()
                     errors = 0
                 elif errors >= REFUSED_TRIES:
                     raise

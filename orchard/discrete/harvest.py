@@ -1,28 +1,23 @@
-"""A whole harvest in the discrete-event model: pickers, carriers, the bins' calls, and the places
-on the roads.
+"""A whole harvest in the discrete-event model, and what it gives.
+
+This is the door to two models of the same harvest: `orchard.event_model`, which is compiled, and
+that of generators, which knows more. `is_known` decides between them.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import cycle, islice
-from math import ceil, inf
-from statistics import fmean
+from math import inf
+from typing import TYPE_CHECKING
 
-import simpy
-
-from orchard.discrete.bystanders import Bystanders
-from orchard.discrete.calls import Calls, Dispatched
-from orchard.discrete.robots import Events, Exchange, Roads, Robot
-from orchard.field.kinds import DISPATCH, kind_of
+from orchard.discrete.generators import GeneratorHarvest
+from orchard.event_model.known import lacking
+from orchard.event_model.results import Exchange
 from orchard.field.layout import Layout
-from orchard.field.scenario import TIME_STEP
-from orchard.plans.forecast import until_full
-from orchard.plans.robot import PATIENCE
-from orchard.plans.routes import route_of
-from orchard.plans.steps import CRUISE, Confirmed
+from orchard.plans.routes import ROUTES
 
-LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
-JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
+if TYPE_CHECKING:
+    from orchard.event_model.harvest import EventHarvest
 
 
 class Jam(RuntimeError):
@@ -42,233 +37,120 @@ class DiscreteFigures:
     bins: int
 
 
+def is_known(layout: Layout) -> bool:
+    """Whether the event model knows all of an orchard. Else generators do its harvests."""
+    if lacking(layout.scenario):
+        return False
+    # It loads numba, which takes a second. Who does no harvest needs none of it.
+    from orchard.event_model.harvest import prepare
+
+    try:
+        program = prepare(layout).program
+        if layout.scenario.route not in ROUTES:
+            # A route of the user's own may have steps of its own in any job.
+            program.translate_all()
+    except NotImplementedError:
+        return False
+    return True
+
+
 class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
     def __init__(
-        self,
-        layout: Layout,
-        rows_each: int | None = None,
-        calls: type[Calls] | None = None,
-        free_roads: bool = False,
+        self, layout: Layout, rows_each: int | None = None, free_roads: bool = False
     ) -> None:
         """`rows_each`: how many rows each picker picks, its own again and again; None: each of its
-        own once.
+        own once. `free_roads`: no robot is in another's way.
 
-        `calls`: what sends carriers; None: what the scenario says. `free_roads`: no robot is in
-        another's way. Raises ValueError for agents of the user's own, and for sensors that are not
-        exact.
+        Raises ValueError for agents of the user's own, and for sensors that are not exact.
         """
-        scenario = layout.scenario
-        if not scenario.sensors.are_exact:
-            raise ValueError(
-                "the discrete-event model knows no errors of sensors; run the simulator"
-            )
-        if own := {**scenario.agents, **scenario.agents_without_body}:
-            raise ValueError(
-                "the discrete-event model knows built-in agents only, and not"
-                f" {', '.join(sorted(own))}; run the simulator"
-            )
-        if rows_each:
-            rows = {
-                name: tuple(islice(cycle(block.rows), rows_each))
-                for name, block in layout.blocks.items()
-            }
-            layout = replace(
-                layout,
-                blocks={
-                    name: replace(block, rows=rows[name]) for name, block in layout.blocks.items()
-                },
-            )
-        self.layout, self.route, self.env = layout, route_of(layout), simpy.Environment()
-        self.battery, self.chargers = (
-            scenario.carrying.battery,
-            simpy.Resource(self.env, max(1, scenario.chargers)),
-        )
-        self.bystanders, self.exit = Bystanders(layout), layout.queue.area.east
-        self.deliveries: list[float] = []  # s, when each bin was unloaded
-        self._full_since: dict[
-            str, int
-        ] = {}  # picker that waits for an empty bin -> tick at which its bin was full
-        # Tick at which a picker got an empty bin; ticks since it stood there; since its bin was
-        # full.
-        self._waits: list[tuple[int, int, int]] = []
-        # Of each picker, in the order in which it got empty bins for full ones.
-        self.exchanges: dict[str, list[Exchange]] = {name: [] for name in layout.blocks}
-        self._trips: list[
-            tuple[float, float]
-        ] = []  # of carriers: the ticks between which one was outside the queue
-        self.left: dict[str, simpy.Event] = {}  # full bin -> it is left in its lane
-        self._passes = {name: layout.passes(block) for name, block in layout.blocks.items()}
-        self.bins = sum(one.leaves_bin for passes in self._passes.values() for one in passes)
-        starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
-        roads = (
-            [Roads(self.env)] * len(starts) if not free_roads else [Roads(self.env) for _ in starts]
-        )
-        self.robots = {
-            one.name: Robot(self, one.name, one.pose, one.bin, way)
-            for one, way in zip(starts, roads, strict=True)
-        }
-        self._carriers = [
-            robot for robot in self.robots.values() if kind_of(robot.name) == "carrier"
-        ]
-        has_dispatcher = DISPATCH in scenario.bodiless_agents
-        self.calls = (calls or (Dispatched if has_dispatcher else Calls))(
-            self.env, self.route, self._carriers
-        )
-        for name, block in layout.blocks.items():
-            self.robots[name].plan = list(self.route.harvest(block))
-        for robot in self._carriers:
-            robot.plan = list(self.route.wait_in_queue())
-        for robot in sorted(self.robots.values(), key=lambda robot: (-robot.x, robot.name)):
-            self.env.process(robot.run())
+        self.layout = layout if rows_each is None else _picked_again(layout, rows_each)
+        self.model = _model_of(self.layout, free_roads)
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`,
         and return it.
         """
-        before, longest = -1, LONGEST * self.bins
-        while goes_on() and self.env.peek() < longest and (self.done > before or self.drives):
-            before = self.done
-            self.env.run(until=min(longest, self.env.now + JAM))
+        self.model.run(goes_on)
         return self
-
-    def figures(self) -> DiscreteFigures:
-        """Return the figures of the whole harvest. Raises Jam."""
-        if not self.is_over:
-            raise self.jam()
-        rate = 3600.0 * self.delivered / self.seconds
-        return DiscreteFigures(
-            rate,
-            self.picker_waiting_seconds(),
-            self.carrier_utilisation(),
-            self.seconds,
-            self.delivered,
-        )
-
-    def jam(self) -> "Jam":
-        """Return why it did not end."""
-        flat = [robot.name for robot in self._carriers if robot.charge <= 0.0]
-        why = (
-            f"the battery of {' and '.join(flat)} is flat" if flat else "some robots wait for ever"
-        )
-        return Jam(f"only {self.delivered} bins were delivered: {why}")
-
-    @property
-    def drives(self) -> bool:
-        """Whether a robot is on its way, or charges: the harvest goes on."""
-        return bool(self.chargers.count) or any(
-            robot.is_on_the_way for robot in self.robots.values()
-        )
-
-    @property
-    def done(self) -> int:
-        return sum(robot.done for robot in self.robots.values())
-
-    def begin_row(self, picker: Robot, before: float = 0.0) -> None:
-        """Hear that a picker begins its next pass through a row, or begins to drive into the row
-        from so many metres before it picks.
-        """
-        one = self._passes[picker.name][0]
-        row, side, lane = one.row, self.route.sides[one.end], self.layout.lane(one.row)
-        if not one.leaves_bin:
-            return
-        if picker.bin not in self.left or self.left[picker.bin].triggered:
-            self.left[picker.bin] = self.env.event()
-        # a bin sees how fast its row is picked only there
-        speed = self.layout.scenario.mean_picking_speed if before else lane.picking_speed
-        seconds = until_full(
-            self.layout,
-            row,
-            side.name,
-            one.metres / speed,
-            before + abs(self.route.end(row, side) - one.stop),
-        )
-        self.calls.begins(
-            picker, row, side, seconds, picker.tick + (1 if before else 0)
-        )  # its bin must see that it drives
-
-    def end_row(self, picker: Robot) -> None:
-        if not self._passes[picker.name][0].leaves_bin:
-            del self._passes[picker.name][0]
-        elif self._passes[picker.name][0].is_full:
-            self._full_since[picker.name] = picker.tick
-
-    def couple(self, picker: Robot) -> None:
-        exchange = Exchange(picker.tick)
-        self.exchanges[picker.name].append(exchange)
-        self.robots[picker.carrier].exchange = exchange
-        full_since = self._full_since.pop(picker.name)
-        self._waits.append((picker.tick, picker.tick - picker.stood, picker.tick - full_since))
-
-    def leave(self, picker: Robot) -> None:
-        one = self._passes[picker.name].pop(0)
-        if not one.is_full:
-            self._full_since[picker.name] = picker.tick
-        self.left[picker.full_bin].succeed()
-        self.calls.left(picker, one.row, self.route.sides[one.end])
-
-    def deliver(self) -> None:
-        self.deliveries.append(self.env.now * TIME_STEP)
-
-    def home(self, carrier: Robot) -> None:
-        carrier.use_battery(self.battery.standing)
-        self._end_job(carrier)
-        self._trips.append((carrier.away, carrier.tick))
-        self.calls.home(carrier)
-
-    def _end_job(self, carrier: Robot) -> None:
-        """Note what the job of a carrier took that has turned into its line of the queue.
-
-        A job is counted from the queue's exit to the queue's exit. So the way through the line, to
-        the next order and out of the queue belongs to it, as if nobody stood in that line.
-        """
-        if carrier.exchange is None:
-            return
-        through = (self.exit - carrier.x) / CRUISE / TIME_STEP
-        out_ticks = carrier.tick - carrier.away
-        battery_hours = self.battery.hours or inf
-        carrier.exchange.carrier_ticks = out_ticks + through + Confirmed.ticks
-        carrier.exchange.battery_used = (
-            carrier.charge_at_start - carrier.charge + through * TIME_STEP / 3600.0 / battery_hours
-        )
-        carrier.exchange = None
 
     def spread_charges(self) -> None:
         """Let carriers begin with batteries charged differently, as they are after some days, and
         not all full.
         """
-        for number, carrier in enumerate(self._carriers):
-            carrier.charge = 1.0 - (1.0 - self.battery.reserve) * number / len(self._carriers)
+        if isinstance(self.model, GeneratorHarvest):
+            self.model.spread_charges()
 
-    def charge(self, carrier: Robot) -> Events:
-        """Charge a battery, once its carrier stands in its line and a charger is free."""
-        self._trips.append((carrier.away, carrier.tick))
-        carrier.use_battery(self.battery.standing)
-        self._end_job(carrier)
-        carrier.away = inf
-        yield self.env.timeout(1)
-        while carrier.is_on_the_way:
-            yield self.env.timeout(PATIENCE)
-        carrier.parked = carrier.stood
-        with self.chargers.request() as free:
-            yield free
-            carrier.use_battery(0.0)
-            yield self.env.timeout(
-                ceil(
-                    (1.0 - max(0.0, carrier.charge))
-                    * self.battery.hours_to_charge
-                    * 3600.0
-                    / TIME_STEP
-                )
-            )
-        carrier.charge, carrier.since, carrier.moved_ticks = 1.0, carrier.tick, 0
-        carrier.is_charged.succeed()
+    # -- what came of it
+
+    def figures(self) -> DiscreteFigures:
+        """Return the figures of the whole harvest. Raises Jam."""
+        if not self.is_over:
+            raise self.jam()
+        return DiscreteFigures(
+            bins_per_hour=3600.0 * self.delivered / self.seconds,
+            picker_waiting_seconds=self.picker_waiting_seconds(),
+            carrier_utilisation=self.carrier_utilisation(),
+            sim_seconds=self.seconds,
+            bins=self.delivered,
+        )
+
+    def jam(self) -> Jam:
+        """Return why it did not end."""
+        flat = self.model.flat
+        why = "some robots wait for ever"
+        if flat:
+            why = f"the battery of {' and '.join(flat)} is flat"
+        return Jam(f"only {self.delivered} bins were delivered: {why}")
+
+    @property
+    def bins(self) -> int:
+        """The bins that are filled."""
+        return self.model.bins
+
+    @property
+    def delivered(self) -> int:
+        """The bins that were unloaded."""
+        return self.model.delivered
+
+    @property
+    def deliveries(self) -> list[float]:
+        """When each bin was unloaded, s."""
+        return self.model.deliveries
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all bins were delivered, and no battery is flat; if not, robots wait for each
+        other.
+        """
+        return self.model.is_over
 
     @property
     def seconds(self) -> float:
         """The length of the harvest, s."""
-        return max(min(robot.stood, robot.parked) for robot in self.robots.values()) * TIME_STEP
+        return self.model.seconds
+
+    @property
+    def stood(self) -> dict[str, float]:
+        """The time since which each robot stands, s."""
+        return self.model.stood
+
+    @property
+    def waited_seconds(self) -> float:
+        """The time for which all pickers together have had no bin to fill so far, s, drives
+        included.
+        """
+        return self.model.waited_seconds
+
+    @property
+    def exchanges(self) -> dict[str, list[Exchange]]:
+        """Of each picker, in the order in which it got empty bins for full ones."""
+        return self.model.exchanges
+
+    def share_done(self, picker: str) -> float:
+        """Return which share of its plan a picker has begun, 0 to 1."""
+        return self.model.share_done(picker)
 
     def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
         """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got
@@ -276,40 +158,26 @@ class DiscreteHarvest:
 
         Of bins that they got between two times. The drive to the place where they stand is no wait.
         """
-        waits = [wait for tick, wait, _ in self._waits if since <= tick * TIME_STEP <= until]
-        return fmean(waits) * TIME_STEP if waits else 0.0
-
-    @property
-    def waited_seconds(self) -> float:
-        """The time for which all pickers together have had no bin to fill so far, s, drives
-        included.
-        """
-        still = [
-            max(0.0, self.env.now - tick) for tick in self._full_since.values()
-        ]  # of those that wait now
-        return sum([*(without for _, _, without in self._waits), *still]) * TIME_STEP
+        return self.model.picker_waiting_seconds(since, until)
 
     def carrier_utilisation(self, since: float = 0.0, until: float | None = None) -> float:
         """Return the share of the time for which a carrier is outside the queue, 0 to 1, mean over
         the carriers; None: to the end.
         """
-        end = self.seconds if until is None else until
-        away = [(carrier.away, inf) for carrier in self._carriers if carrier not in self.calls.free]
-        busy = sum(
-            max(0.0, min(end, to * TIME_STEP) - max(since, of * TIME_STEP))
-            for of, to in [*self._trips, *away]
-        )
-        return busy / ((end - since) * len(self._carriers))
+        return self.model.carrier_utilisation(since, until)
 
-    @property
-    def is_over(self) -> bool:
-        """Whether all bins were delivered, and no battery is flat; if not, robots wait for each
-        other.
-        """
-        return self.delivered == self.bins and all(
-            carrier.charge > 0.0 for carrier in self._carriers
-        )
 
-    @property
-    def delivered(self) -> int:
-        return len(self.deliveries)
+def _model_of(layout: Layout, free_roads: bool) -> "EventHarvest | GeneratorHarvest":
+    if free_roads or not is_known(layout):
+        return GeneratorHarvest(layout, free_roads=free_roads)
+    from orchard.event_model.harvest import EventHarvest
+
+    return EventHarvest(layout)
+
+
+def _picked_again(layout: Layout, rows_each: int) -> Layout:
+    """Return a layout in which each picker picks so many rows, its own again and again."""
+    blocks = {}
+    for name, block in layout.blocks.items():
+        blocks[name] = replace(block, rows=tuple(islice(cycle(block.rows), rows_each)))
+    return replace(layout, blocks=blocks)

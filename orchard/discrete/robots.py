@@ -3,7 +3,6 @@ time that it takes in the simulator.
 """
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
 from functools import singledispatchmethod
 from math import ceil, floor, inf
 from types import SimpleNamespace
@@ -15,6 +14,7 @@ from orchard.behaviour.traffic import is_alone
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
+from orchard.event_model.results import Exchange
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.scenario import TIME_STEP, Battery
@@ -47,17 +47,6 @@ class Model(Protocol):
     def deliver(self) -> None: ...
     def home(self, carrier: "Robot") -> None: ...
     def charge(self, carrier: "Robot") -> Events: ...
-
-
-@dataclass
-class Exchange:
-    """An exchange of bins, and what its carrier did for it."""
-
-    tick: int  #: at which the picker got the empty bin
-    #: For which its carrier was busy, until it could leave the queue again. None: it is still out.
-    carrier_ticks: float | None = None
-    #: What the carrier used of its battery in that time, as a share.
-    battery_used: float = 0.0
 
 
 class Roads:

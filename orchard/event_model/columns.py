@@ -181,6 +181,8 @@ ROBOT = np.dtype(
         ("answer", np.float64),
         # Tick since which it has been outside the queue.
         ("away", np.float64),
+        # The exchange for which it is out.
+        ("exchange", np.int64),
         # -- its drive: how far it is along its line, and where it has left the line before
         ("here", np.float64),
         ("left_at", np.float64),
@@ -235,6 +237,7 @@ INDICES = (
     "queue_line",
     "customer",
     "job_bin",
+    "exchange",
     "leg_ahead",
     "line",
     "ahead",
@@ -356,9 +359,16 @@ DESK = np.dtype(
     align=True,
 )
 
-# At which picker which tick; the ticks since it stood there, and since its bin was full.
 EXCHANGE = np.dtype(
-    [("tick", np.int64), ("picker", np.int64), ("stood", np.int64), ("without", np.int64)]
+    [
+        ("tick", np.int64),
+        ("picker", np.int64),
+        # Ticks since the picker stood there, and since its bin was full.
+        ("stood", np.int64),
+        ("without", np.int64),
+        # For which its carrier was busy; 0: it is still out.
+        ("carrier_ticks", np.float64),
+    ]
 )
 # The ticks between which a carrier was outside the queue.
 TRIP = np.dtype([("since", np.float64), ("until", np.float64)])

@@ -11,12 +11,14 @@ import numpy as np
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.entry import addressed, run
+from orchard.event_model.known import COMPILED, lacking
 from orchard.event_model.program import Program
+from orchard.event_model.results import Exchange
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.placement import Start
 from orchard.field.rows import Block
-from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.field.scenario import TIME_STEP
 
 # Ticks for each bin. A harvest in which robots wait for each other ends then.
 LONGEST = 4_000_000
@@ -24,34 +26,6 @@ LONGEST = 4_000_000
 JAM = 6_000
 # Rows of a log before it grows.
 LOG_ROWS = 4096
-# The policies that are compiled. Without the agent `dispatch` bins call all carriers.
-COMPILED = {
-    "nearest": c.BY_CALLS,
-    "longest-waiting": c.LONGEST_WAITING,
-    "farthest-first": c.FARTHEST_FIRST,
-    "predictive": c.PREDICTIVE,
-    "predictive-farthest": c.PREDICTIVE_FARTHEST,
-    "global-assignment": c.GLOBAL_ASSIGNMENT,
-}
-
-
-def lacking(scenario: Scenario) -> str:
-    """Return what of a scenario the event model as data does not know yet; '' if it knows all."""
-    people = scenario.people.workers + scenario.people.visitors
-    animals = scenario.animals.dogs + scenario.animals.cats
-    if people or animals:
-        return "people and animals"
-    if scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between:
-        return "failures"
-    if scenario.has_batteries:
-        return "batteries"
-    if not scenario.sensors.are_exact:
-        return "errors of sensors"
-    if scenario.agents or scenario.agents_without_body:
-        return "agents of your own"
-    if scenario.dispatch not in COMPILED:
-        return f"the policy {scenario.dispatch}"
-    return ""
 
 
 @dataclass(frozen=True)
@@ -215,6 +189,15 @@ class EventHarvest:
         self.model = prepared.model._replace(**own)
         self._take_program()
 
+    @property
+    def model(self) -> c.Model:
+        """The arrays. Set it to change one for another."""
+        return self._model
+
+    @model.setter
+    def model(self, model: c.Model) -> None:
+        self._model = addressed(model)
+
     # -- the harvest
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "EventHarvest":
@@ -241,21 +224,20 @@ class EventHarvest:
                 self._take_program()
             elif reason == c.LOG_IS_FULL:
                 longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
-                self.model = addressed(self.model._replace(log=longer.view(np.recarray)))
+                self.model = self.model._replace(log=longer.view(np.recarray))
             else:
                 return reason
 
     def _take_program(self) -> None:
         """Take over the arrays of the program, which may be new ones because it has grown."""
         program = self.program
-        model = self.model._replace(
+        self.model = self.model._replace(
             ops=program.ops.array,
             needs=program.needs.array,
             frees=program.frees.array,
             places=program.lists,
             lines=program.lines.array,
         )
-        self.model = addressed(model)
 
     # -- what came of it
 
@@ -297,12 +279,41 @@ class EventHarvest:
         return float(robots.stood.max()) * TIME_STEP
 
     @property
-    def exchanges(self) -> dict[str, list[int]]:
-        """Of each picker, the ticks at which it got an empty bin for a full one."""
-        ticks: dict[str, list[int]] = {name: [] for name in self.layout.blocks}
-        for exchange in self._exchanges():
-            ticks[self.names[exchange.picker]].append(int(exchange.tick))
-        return ticks
+    def flat(self) -> list[str]:
+        """The carriers whose batteries are flat: none, since they have none."""
+        return []
+
+    @property
+    def stood(self) -> dict[str, float]:
+        """The time since which each robot stands, s."""
+        return dict(zip(self.names, self.model.robots["stood"] * TIME_STEP, strict=True))
+
+    def share_done(self, picker: str) -> float:
+        """Return which share of its plan a picker has begun, 0 to 1."""
+        first, end = self.program.harvests[picker], self.program.harvest_ends[picker]
+        op = int(self.model.robots.op[self.names.index(picker)])
+        return (op - first) / (end - first)
+
+    @property
+    def exchanges(self) -> dict[str, list[Exchange]]:
+        """Of each picker, in the order in which it got empty bins for full ones."""
+        exchanges: dict[str, list[Exchange]] = {name: [] for name in self.layout.blocks}
+        for tick, picker, carrier_ticks in self._exchanges()[
+            ["tick", "picker", "carrier_ticks"]
+        ].tolist():
+            busy = carrier_ticks if carrier_ticks > 0.0 else None
+            exchanges[self.names[picker]].append(Exchange(tick, busy))
+        return exchanges
+
+    @property
+    def waited_seconds(self) -> float:
+        """The time for which all pickers together have had no bin to fill so far, s, drives
+        included.
+        """
+        now = self.model.desk[0].now / c.QUARTERS
+        since = self.model.robots["full_since"]
+        still = np.maximum(0.0, now - since[since != c.NONE])
+        return float(self._exchanges()["without"].sum() + still.sum()) * TIME_STEP
 
     def picker_waiting_seconds(self, since: float = 0.0, until: float = inf) -> float:
         """Return the mean time for which pickers stood until they got empty bins, s; 0 if they got

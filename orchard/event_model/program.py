@@ -85,8 +85,8 @@ class Program:
     def __init__(self, layout: Layout) -> None:
         """Translate what does not wait for an order.
 
-        Raises NotImplementedError for a step that the model does not know, ValueError for a route
-        with very many places.
+        Raises NotImplementedError for a step that the model does not know, and for a route with
+        very many places.
         """
         self.layout = layout
         self.route: OneWay = route_of(layout)
@@ -125,7 +125,8 @@ class Program:
         # s before it is full at which a bin calls, as `forecast.horizon` says.
         self.horizon = float(max(self.ends.seconds)) + EARLIER
         self.bins = 0
-        # Picker -> the op at which its plan begins, and the ops of that.
+        # Picker -> the ops at which its plan begins and ends.
+        self.harvest_ends: dict[str, int] = {}
         self.harvests = {name: self._translate_harvest(name) for name in layout.blocks}
         # Of each line of the queue, the op at which waiting begins.
         self.waiting = [self._translate_waiting(y) for y in self.queue_lines]
@@ -161,6 +162,16 @@ class Program:
         first = self._translate(_Writer(job, self.layout.queue.place(place)))
         self.jobs[queue_line, end] = first
         return first
+
+    def translate_all(self) -> None:
+        """Translate all jobs. Raises NotImplementedError for a step that the model does not know.
+
+        It takes as long as some harvests.
+        """
+        for queue_line, line in enumerate(self.jobs):
+            for end, first in enumerate(line):
+                if first == c.NONE:
+                    self.translate_job(queue_line, end)
 
     def ticks(self, first: int, speeds: np.ndarray) -> float:
         """Return how long the plan that begins at an op lasts on free roads, in ticks.
@@ -198,7 +209,9 @@ class Program:
                 is_full=drive.is_full,
                 leaves_bin=drive.leaves_bin,
             )
-        return self._translate(_Writer(self.route.harvest(block), start, passes=passes))
+        first = self._translate(_Writer(self.route.harvest(block), start, passes=passes))
+        self.harvest_ends[picker] = len(self.ops) - 1
+        return first
 
     def _translate_waiting(self, y: float) -> int:
         head = self.layout.queue.place(0)
@@ -398,7 +411,9 @@ class Program:
     @staticmethod
     def _number(numbers: dict[Any, int], key: Any, most: int) -> int:
         if key not in numbers and len(numbers) == most:
-            raise ValueError(f"your route has more than {most} places, or lines on which it drives")
+            raise NotImplementedError(
+                f"the event model knows {most} places, or lines on which robots drive, and no more"
+            )
         return numbers.setdefault(key, len(numbers))
 
 

@@ -15,7 +15,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from orchard.discrete.calls import Decision, Dispatched
-from orchard.discrete.harvest import JAM, LONGEST, DiscreteHarvest
+from orchard.discrete.generators import JAM, LONGEST, GeneratorHarvest
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
@@ -203,7 +203,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
-    harvest: DiscreteHarvest
+    harvest: GeneratorHarvest
 
     def __init__(
         self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST
@@ -223,7 +223,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         # The steps of all robots, and the tick at which one of them moved on last.
         self._moved = (0, 0.0)
         layout = lay_out(scenario)
-        DiscreteHarvest(layout)  # raises ValueError
+        GeneratorHarvest(layout)  # raises ValueError
         self.dispatching = Dispatching(layout)
         self.observation_space: spaces.Space[Any] = self.dispatching.observation_space
         self.action_space: spaces.Space[Any] = self.dispatching.action_space
@@ -249,7 +249,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
         If the scenario's policy fails, the episode is over.
         """
-        self.harvest = DiscreteHarvest(
+        self.harvest = GeneratorHarvest(
             lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused
         )
         self._episode, self._is_over = episode, True

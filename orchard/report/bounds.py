@@ -239,8 +239,8 @@ def _ideal(layout: Layout) -> Layout:
 
 def _seconds_on_free_roads(ideal: Layout) -> float:
     stood = {"picker": 0.0, "carrier": 0.0}
-    for robot in DiscreteHarvest(ideal, free_roads=True).run().robots.values():
-        stood[kind_of(robot.name)] = max(stood[kind_of(robot.name)], robot.stood * TIME_STEP)
+    for name, since in DiscreteHarvest(ideal, free_roads=True).run().stood.items():
+        stood[kind_of(name)] = max(stood[kind_of(name)], since)
     others = (
         min(ideal.scenario.carrier_count, ideal.queue.places) - 1
     )  # before the last carrier, which stops behind them in its line

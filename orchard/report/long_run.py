@@ -34,7 +34,7 @@ from math import ceil, inf
 from statistics import fmean
 
 from orchard.discrete.harvest import DiscreteFigures, DiscreteHarvest, Jam
-from orchard.discrete.robots import Exchange
+from orchard.event_model.results import Exchange
 from orchard.field.layout import Layout
 from orchard.field.passes import Pass
 from orchard.field.rounds import Round, round_of
@@ -77,7 +77,7 @@ def long_run(
     )
     run = _LongRun(layout, bounds, least)
     figures = run.figures()
-    battery = run.harvest.battery
+    battery = run.battery
     if rows_each or not battery.hours:
         return figures
     busy = max(LEAST_BUSY, figures.carrier_utilisation)
@@ -115,8 +115,8 @@ class _LongRun:
         others_rows = ceil(longest * max(seconds) / (LEAST_SHARE * min(seconds)))
         self.harvest = DiscreteHarvest(layout, least_rows + others_rows)
         self.harvest.spread_charges()
-        self.pickers = {name: self.harvest.robots[name] for name in layout.blocks}
-        self.steps = {name: len(picker.plan) for name, picker in self.pickers.items()}
+        self.battery = layout.scenario.carrying.battery
+        self.pickers = list(layout.blocks)
         bins_a_row = 0.0
         for whole in self.rounds.values():
             bins_a_row += whole.bins / whole.rows
@@ -127,7 +127,7 @@ class _LongRun:
         """Do the run, and return its figures. Raises Jam."""
         harvest = self.harvest.run(self._goes_on)
         is_measured = self._is_measured
-        if not is_measured and all(picker.plan for picker in self.pickers.values()):
+        if not is_measured and self._picks:
             raise harvest.jam()
         self._demand_that_all_are_served()
         if not is_measured:
@@ -149,7 +149,12 @@ class _LongRun:
         return deliveries[self.first_bin] if len(deliveries) > self.first_bin else inf
 
     def _goes_on(self) -> bool:
-        return not self._is_measured and all(picker.plan for picker in self.pickers.values())
+        return self._picks and not self._is_measured
+
+    @property
+    def _picks(self) -> bool:
+        """Whether no picker is done yet."""
+        return all(self.harvest.share_done(name) < 1.0 for name in self.pickers)
 
     @property
     def _is_measured(self) -> bool:
@@ -191,7 +196,7 @@ class _LongRun:
         whole = self.rounds[name]
         exchanges = self._measured(name)
         plan = self._plan(name, len(exchanges))
-        to_charge = 3600.0 * self.harvest.battery.hours_to_charge
+        to_charge = 3600.0 * self.battery.hours_to_charge
         run = _Needs()
         for exchange in exchanges:
             charging = exchange.battery_used * to_charge
@@ -257,8 +262,8 @@ class _LongRun:
         """Raise Jam if a picker did far less than the others, by its rows and by its work."""
         done = {}
         work = {}
-        for name, picker in self.pickers.items():
-            done[name] = 1.0 - len(picker.plan) / self.steps[name]
+        for name in self.pickers:
+            done[name] = self.harvest.share_done(name)
             work[name] = done[name] * self._row_seconds(self.layout.blocks[name])
         most_done = max(done.values())
         most_work = max(work.values())

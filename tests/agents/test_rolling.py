@@ -9,6 +9,7 @@ from stage import empty_orchard
 from orchard import Assignment, BinReport, CarrierReport, lay_out
 from orchard.contract.messages import pack, unpack
 from orchard.discrete.calls import Dispatched
+from orchard.discrete.generators import GeneratorHarvest
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.dispatch.rolling import AHEAD, Rolling
 from orchard.dispatch.rollout import AWAY, RollOut
@@ -90,7 +91,7 @@ def test_no_picker_is_left_out_while_others_go_on():
         Counter[str](),
         list[int](),
     )
-    DiscreteHarvest(layout, calls=Counted).run()
+    GeneratorHarvest(layout, calls=Counted).run()
     assert set(served.values()) == {12}
     assert max(ahead) <= AHEAD
 

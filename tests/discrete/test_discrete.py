@@ -11,6 +11,7 @@ from stage import ONE_WAY
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
 from orchard.discrete.calls import Dispatched
+from orchard.discrete.generators import GeneratorHarvest
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import Layout, lay_out
@@ -210,7 +211,7 @@ def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(
         "picking": often,
     }
     layout = lay_out(orchard(**slow, dispatch=dispatch))
-    always, seldom = DiscreteHarvest(layout, calls=Always).run(), DiscreteHarvest(layout)
+    always, seldom = GeneratorHarvest(layout, calls=Always).run(), GeneratorHarvest(layout)
     asked: list[int] = []
     orders = Dispatched.orders
     monkeypatch.setattr(
@@ -226,7 +227,7 @@ def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(
 
 def test_robots_that_wait_for_places_cost_few_events() -> None:
     harvest, events = (
-        DiscreteHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY))),
+        GeneratorHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY))),
         0,
     )
     while not harvest.is_over:
@@ -327,8 +328,9 @@ def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("orchard.discrete.places.grant", lambda table: None)
+    monkeypatch.setattr("orchard.discrete.harvest.is_known", lambda layout: False)
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
-    harvest = DiscreteHarvest(layout).run()
+    harvest = GeneratorHarvest(layout).run()
     assert (harvest.is_over, harvest.delivered) == (False, 0)
     assert harvest.env.now < 20_000
     with pytest.raises(RuntimeError, match="only 0 bins were delivered: some robots wait for ever"):

@@ -10,9 +10,10 @@ pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
 from quiet import NOBODY, quiet_layouts
 
-from orchard.discrete.harvest import DiscreteHarvest
-from orchard.event_model.harvest import EventHarvest, lacking
+from orchard.discrete.generators import GeneratorHarvest
+from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import compiled, machine
+from orchard.event_model.known import lacking
 from orchard.event_model.trace import trace
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
@@ -24,28 +25,22 @@ def small(dispatch: str) -> Layout:
     return lay_out(Scenario(**SMALL, dispatch=dispatch, route="two-way"))
 
 
-def figures(harvest: EventHarvest | DiscreteHarvest) -> tuple[Any, ...]:
+def figures(harvest: EventHarvest | GeneratorHarvest) -> tuple[Any, ...]:
     return (
         [round(10 * seconds) for seconds in harvest.deliveries],
         round(10 * harvest.seconds),
         round(harvest.picker_waiting_seconds(), 6),
         round(harvest.carrier_utilisation(), 6),
-        ticks_of_exchanges(harvest),
+        harvest.exchanges,
+        round(harvest.waited_seconds, 6),
     )
-
-
-def ticks_of_exchanges(harvest: EventHarvest | DiscreteHarvest) -> dict[str, list[int]]:
-    """Return the ticks at which pickers went on. The model of generators tells more of them."""
-    if isinstance(harvest, DiscreteHarvest):
-        return {name: [one.tick for one in told] for name, told in harvest.exchanges.items()}
-    return harvest.exchanges
 
 
 def test_most_harvests_have_each_delivery_in_the_same_tick_in_both_models() -> None:
     layouts = list(quiet_layouts(seed=2, count=40))
     differ = []
     for layout in layouts:
-        told, expected = EventHarvest(layout).run(), DiscreteHarvest(layout).run()
+        told, expected = EventHarvest(layout).run(), GeneratorHarvest(layout).run()
         assert told.delivered == expected.delivered == layout.bins
         assert told.seconds == pytest.approx(expected.seconds, rel=0.04)
         if told.deliveries != expected.deliveries:
@@ -56,7 +51,7 @@ def test_most_harvests_have_each_delivery_in_the_same_tick_in_both_models() -> N
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
 def test_all_figures_are_those_of_the_model_of_generators(dispatch: str) -> None:
     layout = small(dispatch)
-    assert figures(EventHarvest(layout).run()) == figures(DiscreteHarvest(layout).run())
+    assert figures(EventHarvest(layout).run()) == figures(GeneratorHarvest(layout).run())
 
 
 def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:

@@ -22,7 +22,7 @@ POLICIES = (
     "longest-waiting",
     "predictive",
     "predictive-farthest",
-    "global-assignment",
+    "assignment",
 )
 
 

@@ -12,10 +12,14 @@ from orchard.event_model.kernel.places import (
     tick_of,
     want_places,
 )
+from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK, PATIENCE
+from orchard.plans.steps import CRUISE, Confirmed
 
 # Quarters of a tick after which a letter is heard.
 MAIL = 2
+# Ticks from the next order until the carrier drives on.
+TO_ORDER = Confirmed.ticks
 
 
 @inner
@@ -118,6 +122,7 @@ def couple(m, picker):
     me.bin = me.offered
     desk = m.desk[0]
     exchange = m.exchanges[desk.exchanges]
+    m.robots[me.bringer].exchange = desk.exchanges
     desk.exchanges += 1
     tick = tick_of(m)
     exchange.tick = tick
@@ -185,8 +190,24 @@ def deliver(m):
 
 
 @inner
+def end_job(m, carrier):
+    """Note what a carrier's job took that has turned into its line of the queue.
+
+    A job is counted from the queue's exit to the queue's exit. So the way through the line, to the
+    next order and out of the queue belongs to it, as if nobody stood in that line.
+    """
+    me = m.robots[carrier]
+    if me.exchange == c.NONE:
+        return
+    through = (m.desk[0].exit - me.x) / CRUISE / TIME_STEP
+    m.exchanges[me.exchange].carrier_ticks = tick_of(m) - me.away + through + TO_ORDER
+    me.exchange = c.NONE
+
+
+@inner
 def come_home(m, carrier):
     """Be free for the next call."""
+    end_job(m, carrier)
     me = m.robots[carrier]
     desk = m.desk[0]
     trip = m.trips[desk.trips]

@@ -67,7 +67,7 @@ def _array(context: Any, builder: Any, arrays: ArraysType, value: Any, attr: str
         loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
         return loaded
 
-    made = make_array(kind)(context, builder)
+    array = make_array(kind)(context, builder)
     itemsize = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
     shape = [load(1 + dimension) for dimension in range(kind.ndim)]
     strides = [itemsize]
@@ -75,7 +75,7 @@ def _array(context: Any, builder: Any, arrays: ArraysType, value: Any, attr: str
         strides.insert(0, builder.mul(strides[0], length))
     data = builder.inttoptr(load(0), context.get_data_type(kind.dtype).as_pointer())
     populate_array(made, data=data, shape=shape, strides=strides, itemsize=itemsize, meminfo=None)
-    return made._getvalue()
+    return array._getvalue()
 
 
 class ArrayRecord:

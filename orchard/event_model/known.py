@@ -1,0 +1,36 @@
+"""What the event model knows.
+
+This module does not import numba, which takes long to load.
+"""
+
+from orchard.event_model import columns as c
+from orchard.field.scenario import Scenario
+
+# The policies that are compiled. Without the agent `dispatch` bins call all carriers.
+COMPILED = {
+    "nearest": c.BY_CALLS,
+    "longest-waiting": c.LONGEST_WAITING,
+    "farthest-first": c.FARTHEST_FIRST,
+    "predictive": c.PREDICTIVE,
+    "predictive-farthest": c.PREDICTIVE_FARTHEST,
+    "assignment": c.GLOBAL_ASSIGNMENT,
+}
+
+
+def lacking(scenario: Scenario) -> str:
+    """Return what of a scenario the event model as data does not know yet; '' if it knows all."""
+    people = scenario.people.workers + scenario.people.visitors
+    animals = scenario.animals.dogs + scenario.animals.cats
+    if people or animals:
+        return "people and animals"
+    if scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between:
+        return "failures"
+    if scenario.has_batteries:
+        return "batteries"
+    if not scenario.sensors.are_exact:
+        return "errors of sensors"
+    if scenario.agents or scenario.agents_without_body:
+        return "agents of your own"
+    if scenario.dispatch not in COMPILED:
+        return f"the policy {scenario.dispatch}"
+    return ""

@@ -45,11 +45,14 @@ WORK = 2.0  # of the solver for a bound: at most some 8 s
 Ended = Literal["harvested", "jammed", "violated"]
 
 DECIDING = (
-    "agents",
+    "behaviour",
     "contract",
     "discrete",
+    "dispatch",
+    "event_model",
     "field",
     "optimum",
+    "plans",
     "report",
     "sim",
 )  # packages that, with two files, decide what a run gives

@@ -1,13 +1,17 @@
 """One run: the figures of both models, the clock, and errors with their place."""
 
 import re
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 
+import orchard
 from orchard.field.scenario import Scenario, with_changes
 from orchard.local import Local
-from orchard.study.runs import PlannedRun, RunFailed, do
+from orchard.study.runs import DECIDING, PlannedRun, RunFailed, do
 
 SCENARIO = Scenario(
     rows=3,
@@ -88,3 +92,19 @@ def test_a_full_run_tells_what_failed_in_a_policy_of_the_users_own():
     refused, broken = record.faults.splitlines()
     assert re.fullmatch(r"refused decisions of the dispatch policy: [1-9]\d*", refused)
     assert broken.startswith("dispatch, since tick ")
+
+
+# They show, read or keep what a run gives, and change nothing of it.
+AROUND_A_RUN = {"terminal", "view", "wire"}
+
+
+def test_each_package_that_does_a_run_decides_what_is_known_of_it() -> None:
+    code = "import sys, orchard.local, orchard.report.long_run, orchard.event_model.kernel.entry"
+    program = [sys.executable, "-c", f"{code}; print(*sys.modules)"]
+    loaded = subprocess.run(program, capture_output=True, check=True, text=True)
+    parts = [name.split(".") for name in loaded.stdout.split()]
+    packages = {part[1] for part in parts if part[0] == "orchard" and len(part) > 2}
+    assert {"behaviour", "event_model", "sim"} <= packages
+    assert packages - AROUND_A_RUN <= set(DECIDING)
+    root = Path(orchard.__file__).parent
+    assert [name for name in DECIDING if not (root / name / "__init__.py").exists()] == []

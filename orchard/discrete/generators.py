@@ -12,7 +12,7 @@ import simpy
 from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.robots import Events, Roads, Robot
-from orchard.event_model.results import Exchange
+from orchard.event_model.results import JAM, LONGEST, Exchange
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -20,9 +20,6 @@ from orchard.plans.forecast import until_full
 from orchard.plans.robot import PATIENCE
 from orchard.plans.routes import route_of
 from orchard.plans.steps import CRUISE, Confirmed
-
-LONGEST = 4_000_000  # ticks for each bin; a harvest in which robots wait for each other ends then
-JAM = 6_000  # ticks in which no robot drives on or finishes a step: they wait for each other
 
 
 class GeneratorHarvest:

@@ -13,17 +13,13 @@ from orchard.event_model import columns as c
 from orchard.event_model.kernel.entry import addressed, run
 from orchard.event_model.known import COMPILED, lacking
 from orchard.event_model.program import Program
-from orchard.event_model.results import Exchange
+from orchard.event_model.results import JAM, LONGEST, Exchange
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.placement import Start
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 
-# Ticks for each bin. A harvest in which robots wait for each other ends then.
-LONGEST = 4_000_000
-# Ticks in which no robot drives on or finishes a step: they wait for each other.
-JAM = 6_000
 # Rows of a log before it grows.
 LOG_ROWS = 4096
 

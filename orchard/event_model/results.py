@@ -1,6 +1,11 @@
-"""What a harvest tells, in any model."""
+"""What a harvest tells, in any model, and when it is given up."""
 
 from dataclasses import dataclass
+
+# Ticks for each bin. A harvest in which robots wait for each other ends then.
+LONGEST = 4_000_000
+# Ticks in which no robot drives on or finishes a step: they wait for each other.
+JAM = 6_000
 
 
 @dataclass

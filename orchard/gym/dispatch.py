@@ -15,8 +15,9 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from orchard.discrete.calls import Decision, Dispatched
-from orchard.discrete.generators import JAM, LONGEST, GeneratorHarvest
+from orchard.discrete.generators import GeneratorHarvest
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+from orchard.event_model.results import JAM, LONGEST
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
 from orchard.gym.episodes import Episode, plain, refuse_what_is_no_episode

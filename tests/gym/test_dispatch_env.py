@@ -11,9 +11,10 @@ from gymnasium.utils.env_checker import check_env
 from stage import empty_orchard
 
 from examples.learned_dispatch import SCALE, AnyOrchard
-from orchard.discrete.harvest import LONGEST, DiscreteHarvest
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.dispatch.policy import BinReport, CarrierReport
 from orchard.dispatch.ranking import Predictive
+from orchard.event_model.results import LONGEST
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import Dispatching, dispatch_env

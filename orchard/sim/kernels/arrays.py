@@ -74,7 +74,7 @@ def _array(context: Any, builder: Any, arrays: ArraysType, value: Any, attr: str
     for length in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], length))
     data = builder.inttoptr(load(0), context.get_data_type(kind.dtype).as_pointer())
-    populate_array(made, data=data, shape=shape, strides=strides, itemsize=itemsize, meminfo=None)
+    populate_array(array, data=data, shape=shape, strides=strides, itemsize=itemsize, meminfo=None)
     return array._getvalue()
 
 

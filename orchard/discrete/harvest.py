@@ -168,11 +168,11 @@ class DiscreteHarvest:
 
 
 def _model_of(layout: Layout, free_roads: bool) -> "EventHarvest | GeneratorHarvest":
-    if free_roads or not is_known(layout):
+    if not is_known(layout):
         return GeneratorHarvest(layout, free_roads=free_roads)
     from orchard.event_model.harvest import EventHarvest
 
-    return EventHarvest(layout)
+    return EventHarvest(layout, free_roads=free_roads)
 
 
 def _picked_again(layout: Layout, rows_each: int) -> Layout:

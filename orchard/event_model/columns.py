@@ -79,6 +79,12 @@ OP = np.dtype(
         ("arg", np.int64),
         # Of a drive: to stand behind other robots is normal here, and a call ends it.
         ("is_queueing", np.bool_),
+        # Of a drive: its robot said that it picks.
+        ("picks", np.bool_),
+        # Of a drive on which its robot may fail, s: mean times of work up to that, and of the
+        # repair. 0: it does not fail.
+        ("mean_between", np.float64),
+        ("mean_repair", np.float64),
     ],
     align=True,
 )
@@ -144,6 +150,7 @@ WAITING_FOR_BIN = 11
 COUPLING = 12
 TAKING_PLACE = 13
 TAKING_BIN = 14
+REPAIRED = 15
 
 ROBOT = np.dtype(
     [
@@ -159,6 +166,8 @@ ROBOT = np.dtype(
         ("length", np.float64),
         ("width", np.float64),
         ("tows", np.float64),
+        # The roads on which it drives. Only robots on the same roads are in each other's way.
+        ("roads", np.int64),
         # Tick since which it stands.
         ("stood", np.int64),
         # -- bins
@@ -189,6 +198,13 @@ ROBOT = np.dtype(
         ("has_arrived", np.bool_),
         ("next_need", np.int64),
         ("next_free", np.int64),
+        # Where it ends, or the robot fails.
+        ("stop", np.float64),
+        ("fails", np.bool_),
+        # -- failures: so far; work since the last repair, s; what remains of this repair, s
+        ("failures", np.int64),
+        ("worked", np.float64),
+        ("repair", np.float64),
         # -- the leg of a drive: it began here at this tick, ends at the limit, and was to reach the
         # goal
         ("leg_begun", np.int64),
@@ -267,9 +283,8 @@ COMING_ALONE = 6
 SETS = 7
 
 # Rows of `scratch`.
-TAKEN = 0
-WAITED_FOR = 1
-MISSING = 2
+WAITED_FOR = 0
+MISSING = 1
 
 BIN = np.dtype(
     [
@@ -294,6 +309,8 @@ CALL = np.dtype(
         # Tick at which it begins to call, and at which it will be full.
         ("since", np.int64),
         ("full", np.float64),
+        # Tick since which its picker has been repaired.
+        ("failed", np.int64),
         # Whether it has been reported to the dispatcher, and whether it still waits there.
         ("is_reported", np.bool_),
         ("is_open", np.bool_),
@@ -352,12 +369,17 @@ DESK = np.dtype(
         ("exchanges", np.int64),
         ("trips", np.int64),
         ("logged", np.int64),
+        # A robot has used its last draw.
+        ("lacks_draws", np.bool_),
         # The job that is not translated yet.
         ("missing_line", np.int64),
         ("missing_end", np.int64),
     ],
     align=True,
 )
+
+# Shares of the mean times up to a failure, and of its repair.
+FAILURE = np.dtype([("until", np.float64), ("repair", np.float64)])
 
 EXCHANGE = np.dtype(
     [
@@ -380,6 +402,7 @@ PAUSED = 0
 ENDED = 1
 LACKS_JOB = 2
 LOG_IS_FULL = 3
+LACKS_DRAWS = 4
 
 
 # Of each array of a model what its items are, and its number of dimensions.
@@ -394,10 +417,11 @@ ARRAYS = {
     "jobs": (np.int64, 2),
     "ways": (np.float64, 2),
     "speeds": (np.float64, 1),
+    "failures": (FAILURE, 2),
     "robots": (ROBOT, 1),
     "sets": (np.uint64, 3),
     "scratch": (np.uint64, 2),
-    "rears": (np.int64, 1),
+    "rears": (np.int64, 2),
     "bins": (BIN, 1),
     "calls": (CALL, 1),
     "offers": (np.int64, 2),
@@ -428,13 +452,15 @@ class Model(NamedTuple):
     ways: Any
     # (rows,) m/s at which each is picked.
     speeds: Any
+    # (r, draws) of each robot, its failures in order.
+    failures: Any
     # -- the state
     robots: Any
     # (SETS, r, w) bits.
     sets: Any
-    # (3, w) bits, for traffic while it grants.
+    # (2, w) bits, for traffic while it grants.
     scratch: Any
-    # (lines,): the last robot on each.
+    # (roads, lines): the last robot on each.
     rears: Any
     bins: Any
     # (r,): of a picker.

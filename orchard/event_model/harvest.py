@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchard.event_model import columns as c
+from orchard.event_model.draws import draws
 from orchard.event_model.kernel.entry import addressed, run
 from orchard.event_model.known import COMPILED, lacking
 from orchard.event_model.program import Program
@@ -109,10 +110,11 @@ def _initial(
         jobs=program.jobs,
         ways=program.ways,
         speeds=np.zeros(len(layout.lanes)),
+        **draws(layout, [start.name for start in starts], 0),
         robots=_robots(program, starts, bin_names),
         sets=np.zeros((c.SETS, count, program.words), np.uint64),
-        scratch=np.zeros((3, program.words), np.uint64),
-        rears=np.full(program.most_lines, c.NONE),
+        scratch=np.zeros((2, program.words), np.uint64),
+        rears=np.full((1, program.most_lines), c.NONE),
         bins=bins,
         calls=calls,
         offers=np.full((count, len(bins)), c.NEVER),
@@ -165,8 +167,9 @@ def _desk(layout: Layout, program: Program) -> Any:
 class EventHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout, is_logged: bool = False) -> None:
-        """`is_logged`: note what each robot does when, for a trace.
+    def __init__(self, layout: Layout, is_logged: bool = False, free_roads: bool = False) -> None:
+        """`is_logged`: note what each robot does when, for a trace. `free_roads`: no robot is in
+        another's way.
 
         Raises NotImplementedError for what the model does not know: see `lacking`.
         """
@@ -180,6 +183,10 @@ class EventHarvest:
         self.bin_names = prepared.bin_names
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
+        own |= draws(layout, self.names)
+        if free_roads:
+            own["robots"].roads = np.arange(len(self.names))
+            own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
         self.model = prepared.model._replace(**own)
@@ -218,11 +225,19 @@ class EventHarvest:
                 desk = self.model.desk[0]
                 self.program.translate_job(int(desk.missing_line), int(desk.missing_end))
                 self._take_program()
+            elif reason == c.LACKS_DRAWS:
+                self._draw_more()
             elif reason == c.LOG_IS_FULL:
                 longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
                 self.model = self.model._replace(log=longer.view(np.recarray))
             else:
                 return reason
+
+    def _draw_more(self) -> None:
+        """Draw twice as much of what happens at random."""
+        count = 2 * self.model.failures.shape[1]
+        self.model = addressed(self.model._replace(**draws(self.layout, self.names, count)))
+        self.model.desk.lacks_draws = False
 
     def _take_program(self) -> None:
         """Take over the arrays of the program, which may be new ones because it has grown."""

@@ -23,8 +23,6 @@ def lacking(scenario: Scenario) -> str:
     animals = scenario.animals.dogs + scenario.animals.cats
     if people or animals:
         return "people and animals"
-    if scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between:
-        return "failures"
     if scenario.has_batteries:
         return "batteries"
     if not scenario.sensors.are_exact:

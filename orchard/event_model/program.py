@@ -77,6 +77,8 @@ class _Writer:
     state: str = "resting"
     # The passes through rows that are still to be done, with their numbers, of a picker.
     passes: list[tuple[int, Pass]] = field(default_factory=list)
+    # What may happen on the drive that follows.
+    may_fail: st.MayFail | None = None
 
 
 class Program:
@@ -264,6 +266,8 @@ class Program:
             last_free=len(self.frees),
             arg=c.NONE if row is None else row,
             is_queueing=step.queueing,
+            picks=writer.state == "picking",
+            **_failing(writer),
         )
 
     @_write.register(st.Face)
@@ -332,6 +336,14 @@ class Program:
     @_write.register
     def _(self, step: st.Home, writer: _Writer) -> None:
         self._append(step, c.HOME)
+
+    @_write.register
+    def _(self, step: st.MayFail, writer: _Writer) -> None:
+        if step.seed != self.layout.scenario.seed:
+            raise NotImplementedError("the event model knows no seed of your own for failures")
+        if not isinstance(writer.steps[writer.number + 1], st.DriveTo):
+            raise NotImplementedError("the event model knows failures on drives only")
+        writer.may_fail = step
 
     @_write.register
     def _(self, step: st.PickFrom, writer: _Writer) -> None:
@@ -415,6 +427,15 @@ class Program:
                 f"the event model knows {most} places, or lines on which robots drive, and no more"
             )
         return numbers.setdefault(key, len(numbers))
+
+
+def _failing(writer: _Writer) -> dict[str, float]:
+    """Return the columns of a drive that tell how its robot may fail on it."""
+    step = writer.may_fail
+    writer.may_fail = None
+    if step is None:
+        return {}
+    return {"mean_between": step.mean_between, "mean_repair": step.mean_repair}
 
 
 def _whole_ticks(seconds: float) -> int:

@@ -46,6 +46,7 @@ from orchard.field.layout import UNLOADING_SECONDS
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
+from orchard.plans import failures
 from orchard.plans.robot import (
     ASK,
     EXACT,
@@ -63,11 +64,6 @@ from orchard.plans.sense import Box
 CRUISE = 1.0  # m/s
 # Ticks between two questions if the answer changes nothing.
 SELDOM = 50
-# m past a gate at which a robot that stands is clear of one that turns behind it, whose front
-# corner no laser sees.
-CLEAR_OF_TURNS = 3.0
-# s in one step of a repair. A run is jammed after 600 s without progress.
-LONGEST_WAIT = 300.0
 # m from a place at which a robot that searches for the coupling point counts as there.
 THERE = 0.01
 # m which it drives ahead to come to one side.
@@ -564,16 +560,15 @@ class MayFail(Step, frozen=True):
         distance = getattr(drive, axis) - here
         # s of work: for the rest of the drive, and up to the failure.
         needed = abs(distance) / drive.speed
-        sound = max(0.0, until - memory.worked)
+        sound = failures.work_left(until, memory.worked)
         if sound >= needed:
             memory.worked += needed
             return True
         memory.failures += 1
         memory.worked = 0.0
-        stop = here + distance * sound / needed
-        # It asks for no place that it does not come to, and keeps what it stands near.
-        needs = [gate for gate in drive.needs if (stop - gate.at) * distance > 0.0]
-        frees = [gate for gate in drive.frees if abs(stop - gate.at) > CLEAR_OF_TURNS]
+        stop = failures.stop_of(here, distance, sound, needed)
+        needs = [gate for gate in drive.needs if failures.is_asked_for(gate.at, stop, distance)]
+        frees = [gate for gate in drive.frees if failures.is_freed(gate.at, stop)]
         robot.next(
             [
                 replace(drive, **{axis: stop}, needs=needs, frees=frees),
@@ -593,11 +588,12 @@ class Repair(Step, frozen=True):
 
     def act(self, robot: PlanExecutor) -> bool:
         """Put the first part, and what remains, into the plan."""
-        remaining = self.seconds - LONGEST_WAIT
+        first = failures.first_part(self.seconds)
+        remaining = self.seconds - first
+        steps: list[Step] = [Wait(first)]
         if remaining > 0.0:
-            robot.next([Wait(LONGEST_WAIT), Repair(remaining)])
-        else:
-            robot.next([Wait(self.seconds)])
+            steps.append(Repair(remaining))
+        robot.next(steps)
         return True
 
 

@@ -88,7 +88,6 @@ def test_a_trace_tells_a_job_from_the_order_to_the_way_home() -> None:
     "values",
     [
         {"people": {"workers": 1, "visitors": 0}},
-        {"picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}},
         {"dispatch": "rolling"},
     ],
 )

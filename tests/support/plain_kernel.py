@@ -5,6 +5,8 @@ the array's end. Here both are refused, and so is a value that its column cannot
 """
 
 from collections.abc import Iterator
+from importlib import import_module
+from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
@@ -13,9 +15,12 @@ import pytest
 
 from orchard.event_model import columns as c
 from orchard.event_model import harvest as harvests
-from orchard.event_model.kernel import calls, drives, handling, machine, places, roads
+from orchard.event_model import kernel
+from orchard.event_model.kernel import machine
 
-MODULES = (roads, places, drives, calls, handling, machine)
+MODULES = [
+    import_module(f"{kernel.__name__}.{module.name}") for module in iter_modules(kernel.__path__)
+]
 
 
 def kernel_functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
@@ -28,8 +33,8 @@ def kernel_functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
 def use_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let harvests run in plain Python, over checked arrays."""
     for module in MODULES:
-        for name, kernel in kernel_functions(module):
-            monkeypatch.setattr(module, name, kernel.py_func)
+        for name, function in kernel_functions(module):
+            monkeypatch.setattr(module, name, function.py_func)
     monkeypatch.setattr(harvests, "run", _run)
 
 
@@ -46,13 +51,21 @@ def _checked(array: np.ndarray) -> "CheckedArray":
     if array.dtype.names is None:
         return CheckedArray(array.tolist(), array.shape, array.dtype.kind)
     kinds = {name: array.dtype[name].kind for name in array.dtype.names}
-    rows = [CheckedRow(kinds, row) for row in array.tolist()]
-    return CheckedArray(rows, array.shape, "")
+    return CheckedArray(_rows(array, kinds), array.shape, "")
+
+
+def _rows(array: np.ndarray, kinds: dict[str, str]) -> list[Any]:
+    if array.ndim > 1:
+        return [_rows(part, kinds) for part in array]
+    return [CheckedRow(kinds, row) for row in array.tolist()]
 
 
 def _write_back(checked: "CheckedArray", array: np.ndarray) -> None:
     if array.dtype.names is None:
         array[...] = np.array(checked.items, array.dtype).reshape(array.shape)
+        return
+    if array.ndim > 1:
+        # No harvest changes its draws.
         return
     for number, row in enumerate(checked.items):
         array[number] = tuple(row.values.values())
@@ -72,9 +85,11 @@ class CheckedArray:
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, tuple):
-            first, *rest = index
-            inner = self[first]
-            return inner[tuple(rest)] if len(rest) > 1 else inner[rest[0]]
+            item = self.items
+            for length, number in zip(self.shape, index, strict=False):
+                item = item[_checked_index(number, length)]
+            inner = self.shape[len(index) :]
+            return CheckedArray(item, inner, self.kind) if inner else item
         item = self.items[_checked_index(index, self.shape[0])]
         if len(self.shape) > 1:
             return CheckedArray(item, self.shape[1:], self.kind)

@@ -1,6 +1,6 @@
-"""Random orchards in which nobody is about, no robot fails and no battery wears down."""
+"""Random orchards: quiet ones, where nobody is about and nothing fails, and others."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from random import Random
 from typing import Any
 
@@ -28,11 +28,21 @@ POLICIES = (
 
 def quiet_layouts(seed: int, count: int) -> Iterator[Layout]:
     """Yield so many random layouts. What cannot be built is drawn again."""
+    return random_layouts(seed, count, lambda _: {})
+
+
+def random_layouts(
+    seed: int, count: int, values_of: Callable[[Random], dict[str, Any]]
+) -> Iterator[Layout]:
+    """Yield so many random layouts. `values_of`: what they have beside those of a quiet one."""
     chances = Random(seed)
     made = 0
     while made < count:
+        values = _values(chances)
+        for group, more in values_of(chances).items():
+            values[group] = values.get(group, {}) | more if isinstance(more, dict) else more
         try:
-            layout = lay_out(Scenario.model_validate(_values(chances)))
+            layout = lay_out(Scenario.model_validate(values))
         except (ScenarioError, ValidationError):
             continue
         made += 1

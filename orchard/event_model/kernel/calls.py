@@ -11,7 +11,7 @@ from orchard.behaviour.dispatcher import POLL_TICKS
 from orchard.dispatch.ranking import MARGIN
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
-from orchard.event_model.kernel.drives import is_moving, x_now
+from orchard.event_model.kernel.motion import is_moving, x_now
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK
@@ -84,10 +84,29 @@ def see_row(m, picker):
         call.is_reported = False
         call.is_open = False
         call.is_booked = False
+        call.failed = c.NONE
     call.full = full
     if not call.is_reported:
         call.since = max(seen, ceil(full - m.desk[0].horizon / TIME_STEP))
         m.timers[c.REPORT, picker] = c.QUARTERS * call.since
+
+
+@inner
+def hear_failed(m, picker):
+    """Let a picker's bin see that the picker stands, and will pick no more for now."""
+    call = m.calls[picker]
+    if call.bin == m.robots[picker].bin:
+        call.failed = tick_of(m)
+
+
+@inner
+def hear_repaired(m, picker):
+    """Let a picker's bin see that the picker picks on: it will be full later."""
+    call = m.calls[picker]
+    if call.failed == c.NONE:
+        return
+    call.full += tick_of(m) - call.failed
+    call.failed = c.NONE
 
 
 @inner
@@ -102,6 +121,7 @@ def call_carriers(m, picker, end):
     call.end = end
     call.since = tick
     call.full = tick
+    call.failed = c.NONE
     call.is_booked = False
     if m.desk[0].policy == c.BY_CALLS:
         m.timers[c.CALL_HEARD, picker] = c.QUARTERS * (tick + 1)
@@ -269,7 +289,10 @@ def decide(m):
 @inner
 def seconds_to_full(m, picker, tick):
     """Return the seconds until a bin is full; 0 once it is."""
-    return max(0.0, (m.calls[picker].full - tick) * TIME_STEP)
+    call = m.calls[picker]
+    if call.failed != c.NONE:
+        tick = call.failed
+    return max(0.0, (call.full - tick) * TIME_STEP)
 
 
 @inner

@@ -6,9 +6,12 @@ from math import ceil, floor
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.failures import fail, is_repaired, may_fail
+from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import (
     free_places,
     has_places,
+    share_any,
     tick_of,
     ticks_to_answer,
     want_places,
@@ -23,17 +26,15 @@ from orchard.event_model.kernel.roads import (
     tell_followers,
 )
 from orchard.field.scenario import TIME_STEP
+from orchard.plans import failures
+
+is_asked_for = inner(failures.is_asked_for)
+is_freed = inner(failures.is_freed)
 
 # m
 NEAR = 1e-6
 # As a coordinate: none.
 FAR = 1e18
-
-
-@inner
-def set_alarm(m, robot, ticks):
-    """Let a robot go on after so many ticks."""
-    m.timers[c.WAKE, robot] = m.desk[0].now + c.QUARTERS * ticks
 
 
 # -- drives
@@ -55,7 +56,27 @@ def depart(m, robot):
     if me.line == c.NONE:
         arrive(m, robot, op.line)
     me.has_arrived = me.line == op.line
+    me.stop = op.target
+    me.fails = False
+    if op.mean_between > 0.0:
+        may_fail(m, robot, speed_of(m, op))
     return drive_on(m, robot)
+
+
+@inner
+def speed_of(m, op):
+    """Return the speed of a drive, m/s."""
+    if op.speed == 0.0:
+        return m.speeds[op.arg]
+    return op.speed
+
+
+@inner
+def go_on_repaired(m, robot):
+    """Drive on after a part of a repair, if it was the last. Return whether the drive is done."""
+    if is_repaired(m, robot):
+        return depart(m, robot)
+    return False
 
 
 @inner
@@ -82,7 +103,7 @@ def drive_on(m, robot):
         free_to = FAR
         if ahead != c.NONE:
             free_to = room(m, robot, ahead)
-        goal = min(op.target, gate)
+        goal = min(me.stop, gate)
         limit = min(goal, max(me.here, free_to))
         if me.has_arrived and limit > me.line_end + NEAR:
             me.line_end = limit
@@ -91,8 +112,10 @@ def drive_on(m, robot):
             begin_leg(m, robot, goal, limit, ahead, ticks)
             return False
         me.stood = tick_of(m)
-        if op.target - me.here <= NEAR:
-            return True
+        if me.stop - me.here <= NEAR:
+            if me.fails:
+                fail(m, robot)
+            return not me.fails
         is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
         stand(m, robot, ahead if is_held_up else c.NONE, awaited_bin)
         return False
@@ -106,10 +129,7 @@ def begin_leg(m, robot, goal, limit, ahead, ticks):
     """
     me = m.robots[robot]
     op = m.ops[me.op]
-    speed = op.speed
-    if speed == 0.0:
-        speed = m.speeds[op.arg]
-    stride = speed * TIME_STEP
+    stride = speed_of(m, op) * TIME_STEP
     until = min(limit, next_place_freed(m, robot))
     if not me.has_arrived:
         until = min(until, me.left_at + CLEAR)
@@ -168,7 +188,9 @@ def free_passed(m, robot):
     me = m.robots[robot]
     last = m.ops[me.op].last_free
     while me.next_free < last and me.here > m.frees[me.next_free].at - NEAR:
-        free_places(m, robot, m.frees[me.next_free].places)
+        gate = m.frees[me.next_free]
+        if not me.fails or is_freed(gate.at, me.stop):
+            free_places(m, robot, gate.places)
         me.next_free += 1
 
 
@@ -178,9 +200,9 @@ def next_place_freed(m, robot):
     me = m.robots[robot]
     for number in range(me.next_free, m.ops[me.op].last_free):
         gate = m.frees[number]
-        for word in range(m.sets.shape[2]):
-            if m.places[gate.places, word] & m.sets[c.OWN, robot, word]:
-                return gate.at
+        is_kept = me.fails and not is_freed(gate.at, me.stop)
+        if not is_kept and share_any(m.places[gate.places], m.sets[c.OWN, robot]):
+            return gate.at
     return FAR
 
 
@@ -195,7 +217,8 @@ def next_gate(m, robot):
     op = m.ops[me.op]
     while me.next_need < op.last_need:
         gate = m.needs[me.next_need]
-        if me.here <= gate.at + NEAR and not has_places(m, robot, gate.places):
+        is_ahead = me.here <= gate.at + NEAR and not has_places(m, robot, gate.places)
+        if is_ahead and (not me.fails or is_asked_for(gate.at, me.stop, 1.0)):
             break
         me.next_need += 1
     if me.next_need == op.last_need:
@@ -203,34 +226,12 @@ def next_gate(m, robot):
     gate = m.needs[me.next_need]
     before = gate.at - me.here - op.asks_before
     if before >= -NEAR:
-        speed = op.speed
-        if speed == 0.0:
-            speed = m.speeds[op.arg]
-        return gate.at, max(1, floor(before / (speed * TIME_STEP) + NEAR) + 1), c.NONE
+        stride = speed_of(m, op) * TIME_STEP
+        return gate.at, max(1, floor(before / stride + NEAR) + 1), c.NONE
     if gate.after_bin and not m.bins[me.job_bin].is_left:
         return gate.at, c.NEVER, me.job_bin
     want_places(m, robot, gate.places, c.NONE)
     return gate.at, c.NEVER, c.NONE
-
-
-@inner
-def x_now(m, robot):
-    """Return a robot's x now, m, also on its way."""
-    me = m.robots[robot]
-    if me.state != c.DRIVING:
-        return me.x
-    line = m.lines[m.ops[me.op].line]
-    if line.axis == 1:
-        return me.x
-    driven = (m.desk[0].now / c.QUARTERS - me.leg_begun) * me.leg_stride
-    return line.sign * min(me.leg_limit, me.leg_from + driven)
-
-
-@inner
-def is_moving(m, robot):
-    """Whether a robot has begun to drive."""
-    me = m.robots[robot]
-    return me.state == c.DRIVING and m.desk[0].now > c.QUARTERS * me.leg_begun
 
 
 # -- turns

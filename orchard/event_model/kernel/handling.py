@@ -3,7 +3,7 @@
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.calls import call_carriers
 from orchard.event_model.kernel.compiled import inner
-from orchard.event_model.kernel.drives import set_alarm
+from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import (
     has_places,
     hear_answer,

@@ -24,6 +24,8 @@ complete at any time, and can be copied.
     coupling            | after that             | alarm               | takes the lane's place
     taking a place      | after that             | a grant             | does the next op
     taking a bin        | take bin               | alarm               | does the next op
+    repaired            | a drive on which it    | alarm, each 300 s   | drives on to the drive's
+                        | fails                  |                     | end, or to a next failure
 
 A carrier's job in ops: `pause` (it asks the bin whether that still wants it), drives and turns to
 the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to the bay, `unload`,
@@ -46,7 +48,14 @@ from orchard.event_model.kernel.calls import (
     send,
 )
 from orchard.event_model.kernel.compiled import inner
-from orchard.event_model.kernel.drives import depart, drive_on, end_leg, set_alarm, swung, turn
+from orchard.event_model.kernel.drives import (
+    depart,
+    drive_on,
+    end_leg,
+    go_on_repaired,
+    swung,
+    turn,
+)
 from orchard.event_model.kernel.handling import (
     await_bin,
     await_partner_gone,
@@ -63,6 +72,7 @@ from orchard.event_model.kernel.handling import (
     take_bin,
     take_place,
 )
+from orchard.event_model.kernel.motion import set_alarm
 from orchard.event_model.kernel.places import free_places, hear_claims, hear_grant, tick_of
 from orchard.event_model.kernel.roads import last_to_wake
 
@@ -83,6 +93,8 @@ def run(m, until):
         m.desk[0].now = time
         if (kind == c.COME or kind == c.ORDER) and lacks_job(m, robot):
             return c.LACKS_JOB
+        if m.desk[0].lacks_draws:
+            return c.LACKS_DRAWS
         if len(m.log) > 0 and m.desk[0].logged + MOST_NOTES > len(m.log):
             return c.LOG_IS_FULL
         happen(m, kind, robot)
@@ -233,6 +245,8 @@ def go_on(m, robot):
         return take_place(m, robot)
     if state == c.TAKING_BIN:
         return take_bin(m, robot)
+    if state == c.REPAIRED:
+        return go_on_repaired(m, robot)
     return True
 
 

@@ -50,6 +50,12 @@ def share_any(some, others):
 
 
 @inner
+def share_roads(m, robot, other):
+    """Whether another robot may be in this one's way."""
+    return other != robot and m.robots[other].roads == m.robots[robot].roads
+
+
+@inner
 def copy_set(m, robot, source, target):
     """Copy a robot's set of places to another one of its sets."""
     for word in range(m.sets.shape[2]):
@@ -222,7 +228,7 @@ def note_answer(m, robot):
     copy_set(m, robot, c.RESERVED, c.COMING)
     copy_set(m, robot, c.RESERVED, c.COMING_ALONE)
     for other in range(len(m.robots)):
-        if other != robot:
+        if share_roads(m, robot, other):
             for word in range(m.sets.shape[2]):
                 m.sets[c.COMING_ALONE, robot, word] &= ~m.sets[c.RESERVED, other, word]
 
@@ -236,10 +242,6 @@ def grant(m):
     if robot == c.NONE:
         return
     m.scratch[:] = 0
-    taken = m.scratch[c.TAKEN]
-    for other in range(len(m.robots)):
-        for word in range(len(taken)):
-            taken[word] |= m.sets[c.RESERVED, other, word]
     while robot != c.NONE:
         # The next one is looked up first: who is served no longer waits.
         following = next_wish(m, robot)
@@ -277,19 +279,15 @@ def serve(m, robot):
     """Grant a robot all that it waits for, or note that later ones must wait behind it."""
     me = m.robots[robot]
     reserved = m.sets[c.RESERVED, robot]
-    taken = m.scratch[c.TAKEN]
     waited_for = m.scratch[c.WAITED_FOR]
     missing = m.scratch[c.MISSING]
     for word in range(len(missing)):
         missing[word] = m.places[me.wish, word] & ~reserved[word]
-    is_free = not share_any(taken, missing)
-    if not is_free and me.wish_beside != c.NONE:
-        is_free = not is_blocked(m, robot, missing)
+    is_free = not is_blocked(m, robot, missing)
     is_next = not share_any(waited_for, missing) or joins_partner(m, robot, missing)
     if is_free and is_next:
         for word in range(len(missing)):
             reserved[word] |= missing[word]
-            taken[word] |= missing[word]
         me.granted = me.wish
         me.wish = 0
         me.was_served = True
@@ -302,8 +300,9 @@ def serve(m, robot):
 def is_blocked(m, robot, missing):
     """Whether another robot than the partner has places that a robot misses."""
     for other in range(len(m.robots)):
-        is_partner = other == m.robots[robot].wish_beside
-        if other != robot and not is_partner and share_any(missing, m.sets[c.RESERVED, other]):
+        if not share_roads(m, robot, other) or other == m.robots[robot].wish_beside:
+            continue
+        if share_any(missing, m.sets[c.RESERVED, other]):
             return True
     return False
 
@@ -321,6 +320,7 @@ def is_alone(m, robot, places):
     if not is_subset(m.places[places], m.sets[c.RESERVED, robot]):
         return False
     for other in range(len(m.robots)):
-        if other != robot and share_any(m.places[places], m.sets[c.RESERVED, other]):
+        is_near = share_roads(m, robot, other)
+        if is_near and share_any(m.places[places], m.sets[c.RESERVED, other]):
             return False
     return True

@@ -23,8 +23,9 @@ def enter(m, robot, line, at):
     """Leave the line before, and enter a line at a coordinate in its direction."""
     leave(m, robot)
     me = m.robots[robot]
+    rears = m.rears[me.roads]
     behind = c.NONE
-    ahead = m.rears[line]
+    ahead = rears[line]
     while ahead != c.NONE and m.robots[ahead].line_end < at:
         behind = ahead
         ahead = m.robots[ahead].ahead
@@ -38,7 +39,7 @@ def enter(m, robot, line, at):
     if behind != c.NONE:
         m.robots[behind].ahead = robot
     else:
-        m.rears[line] = robot
+        rears[line] = robot
 
 
 @inner
@@ -52,7 +53,7 @@ def leave(m, robot):
     if me.behind != c.NONE:
         m.robots[me.behind].ahead = me.ahead
     else:
-        m.rears[me.line] = me.ahead
+        m.rears[me.roads, me.line] = me.ahead
     me.line = c.NONE
     me.ahead = c.NONE
     me.behind = c.NONE
@@ -61,9 +62,10 @@ def leave(m, robot):
 @inner
 def robot_ahead(m, robot, line, at):
     """Return the robot that one at a coordinate of a line follows there, or would follow."""
-    if m.robots[robot].line == line:
-        return m.robots[robot].ahead
-    ahead = m.rears[line]
+    me = m.robots[robot]
+    if me.line == line:
+        return me.ahead
+    ahead = m.rears[me.roads, line]
     while ahead != c.NONE and m.robots[ahead].line_end < at:
         ahead = m.robots[ahead].ahead
     return ahead

@@ -1,0 +1,32 @@
+"""The random draws of a harvest: as many as robots have used, and as many again.
+
+Each draw belongs to the seed, the robot and its number, so more of them change none.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orchard.event_model import columns as c
+from orchard.field.layout import Layout
+from orchard.field.picking import failure
+from orchard.field.scenario import Scenario
+
+# Of each kind for each robot, at first.
+FIRST = 4
+
+
+def draws(layout: Layout, names: Sequence[str], count: int = FIRST) -> dict[str, np.ndarray]:
+    """Return arrays of a model with so many draws for each robot; none of what does not happen."""
+    return {"failures": _failures(layout.scenario, names, count)}
+
+
+def _failures(scenario: Scenario, names: Sequence[str], count: int) -> np.ndarray:
+    """Return the failures of robots, as shares of the mean times, (r, count)."""
+    if not (scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between):
+        count = 0
+    failures = np.zeros((len(names), count), c.FAILURE).view(np.recarray)
+    for robot, name in enumerate(names):
+        for number in range(count):
+            failures[robot, number] = failure(scenario.seed, name, number, 1.0, 1.0)
+    return failures

@@ -1,0 +1,24 @@
+"""The event model as data beside the one of generators."""
+
+import pytest
+
+from orchard.discrete.generators import GeneratorHarvest
+from orchard.event_model.harvest import EventHarvest
+from orchard.field.layout import Layout
+
+
+def differences(layout: Layout, free_roads: bool = False) -> list[str]:
+    """Do a harvest in both models, and return in what they differ: each tick counts."""
+    told = EventHarvest(layout, free_roads=free_roads).run()
+    expected = GeneratorHarvest(layout, free_roads=free_roads).run()
+    pairs = {
+        "deliveries": (told.deliveries, pytest.approx(expected.deliveries)),
+        "exchanges": (told.exchanges, expected.exchanges),
+        "length": (told.seconds, pytest.approx(expected.seconds)),
+        "waiting": (
+            told.picker_waiting_seconds(),
+            pytest.approx(expected.picker_waiting_seconds()),
+        ),
+        "utilisation": (told.carrier_utilisation(), pytest.approx(expected.carrier_utilisation())),
+    }
+    return [name for name, (figure, other) in pairs.items() if figure != other]

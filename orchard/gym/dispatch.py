@@ -43,15 +43,17 @@ class Dispatching:
     """
 
     def __init__(self, layout: Layout) -> None:
+        """`layout`: of the orchard."""
         names = sorted(layout.names)
-        self.bins, self.carriers = (
-            [name for name in names if name.startswith(f"{kind}_")] for kind in ("bin", "carrier")
-        )
-        most = np.array([1.0, MOST_LANES, LONG, LONG, LONG, FAR], dtype=np.float32)
+        self.bins = [name for name in names if name.startswith("bin_")]
+        self.carriers = [name for name in names if name.startswith("carrier_")]
+        most_of_bin = np.array([1.0, MOST_LANES, LONG, LONG, LONG, FAR], dtype=np.float32)
         self.action_space = spaces.Discrete(1 + len(self.bins) * len(self.carriers))
-        self.observation_space = spaces.Dict(  # in the order in which Gymnasium sorts them
-            bins=_box_up_to(np.tile(most, len(self.bins))),
-            carriers=_box_up_to(np.tile(most[[0, 5]], len(self.carriers))),
+        most_of_carrier = np.array([1.0, FAR], dtype=np.float32)
+        # In the order in which Gymnasium sorts them.
+        self.observation_space = spaces.Dict(
+            bins=_box_up_to(np.tile(most_of_bin, len(self.bins))),
+            carriers=_box_up_to(np.tile(most_of_carrier, len(self.carriers))),
             seconds=_box_up_to(np.array([LONG], np.float32)),
         )
 
@@ -59,56 +61,50 @@ class Dispatching:
         self, now: int, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]
     ) -> Arrays:
         """Return what a policy is told, as arrays. `now`: the tick."""
-        seconds = np.array([now * TIME_STEP], np.float32)
-        calls, queue = (
-            np.zeros((len(self.bins), 6), np.float32),
-            np.zeros((len(self.carriers), 2), np.float32),
-        )
-        for one in bins:
-            told = (
+        calls = np.zeros((len(self.bins), 6), np.float32)
+        for report in bins:
+            calls[self.bins.index(report.name)] = (
                 1.0,
-                one.lane,
-                (now - one.since) * TIME_STEP,
-                one.seconds_to_full,
-                one.seconds_to_reach,
-                one.metres,
+                report.lane,
+                (now - report.since) * TIME_STEP,
+                report.seconds_to_full,
+                report.seconds_to_reach,
+                report.metres,
             )
-            calls[self.bins.index(one.name)] = told
+        queue = np.zeros((len(self.carriers), 2), np.float32)
         for carrier in carriers:
             queue[self.carriers.index(carrier.name)] = float(carrier.is_next), carrier.metres
+        seconds = np.array([now * TIME_STEP], np.float32)
         return {"seconds": seconds, "bins": calls.ravel(), "carriers": queue.ravel()}
 
     def mask(self, bins: Iterable[BinReport], carriers: Iterable[CarrierReport]) -> np.ndarray:
         """Return which actions can be, (actions,) int8; 0 always can."""
+        ready = [carrier.name for carrier in carriers if carrier.is_next]
         mask = np.zeros(self.action_space.n, dtype=np.int8)
-        free = [carrier.name for carrier in carriers if carrier.is_next]
-        mask[
-            [NO_ORDER, *(self.action(Assignment(one.name, name)) for one in bins for name in free)]
-        ] = 1
+        mask[NO_ORDER] = 1
+        for report in bins:
+            for carrier_name in ready:
+                mask[self.action(Assignment(report.name, carrier_name))] = 1
         return mask
 
     def action(self, order: Assignment | None) -> int:
+        """Return the action that is an order; 0 for none."""
         if order is None:
             return NO_ORDER
-        return (
-            1 + self.bins.index(order.bin) * len(self.carriers) + self.carriers.index(order.carrier)
-        )
+        first_of_bin = 1 + self.bins.index(order.bin) * len(self.carriers)
+        return first_of_bin + self.carriers.index(order.carrier)
 
     def number(self, action: Any) -> int:
         """Return an action as a number: a whole one, or an array of one.
 
         Raises ValueError for what is no action.
         """
-        given = np.asarray(action)
-        if (
-            given.size != 1
-            or given.dtype.kind not in "iu"
-            or not self.action_space.contains(int(given.item()))
-        ):
-            raise ValueError(
-                f"action {action!r}: must be a number from 0 to {self.action_space.n - 1}"
-            )
-        return int(given.item())
+        value = np.asarray(action)
+        is_whole = value.size == 1 and value.dtype.kind in "iu"
+        if not is_whole or not self.action_space.contains(int(value.item())):
+            most = self.action_space.n - 1
+            raise ValueError(f"action {action!r}: must be a number from 0 to {most}")
+        return int(value.item())
 
     def order(self, action: Any) -> Assignment | None:
         """Return the order that an action is; None for 0.
@@ -116,8 +112,10 @@ class Dispatching:
         Raises ValueError for what is no action.
         """
         number = self.number(action)
-        bin_, carrier = divmod(number - 1, len(self.carriers))
-        return None if number == NO_ORDER else Assignment(self.bins[bin_], self.carriers[carrier])
+        if number == NO_ORDER:
+            return None
+        bin_index, carrier_index = divmod(number - 1, len(self.carriers))
+        return Assignment(self.bins[bin_index], self.carriers[carrier_index])
 
     def orders(
         self, choose: Choose, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
@@ -127,21 +125,28 @@ class Dispatching:
         What cannot be sends none.
         """
         orders: list[Assignment] = []
-        while (mask := self.mask(bins, carriers)).sum() > 1:
+        while True:
+            mask = self.mask(bins, carriers)
+            if mask.sum() == 1:
+                # Only the action that sends no carrier remains.
+                break
             action = self.number(choose(self.observation(now, bins, carriers), mask))
             order = self.order(action)
             if order is None or not mask[action]:
                 break
             orders.append(order)
-            bins, carriers = left(bins, order.bin), left(carriers, order.carrier)
+            bins = without(bins, order.bin)
+            carriers = without(carriers, order.carrier)
         return orders
 
 
 def _box_up_to(most: np.ndarray) -> spaces.Box:
+    """Return the space of arrays whose numbers are from 0 to these."""
     return spaces.Box(np.zeros_like(most), most)
 
 
-def left(reports: Sequence[Any], name: str) -> list[Any]:
+def without(reports: Sequence[Any], name: str) -> list[Any]:
+    """Return all reports but that of a name."""
     return [report for report in reports if report.name != name]
 
 
@@ -217,8 +222,11 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         without a tick, and for a scenario with agents of one's own or errors of sensors.
         """
         refuse_what_is_no_episode(scenario, longest)
-        self.scenario, self._reward, self._longest = scenario, named(reward, REWARDS), longest
-        self._episode, self._is_over = Episode(scenario.seed, -1), True
+        self.scenario = scenario
+        self._reward = named(reward, REWARDS)
+        self._longest = longest
+        self._episode = Episode(scenario.seed, -1)
+        self._is_over = True
         # Those of this episode, by which a copy comes to the same decision.
         self._actions: list[int] = []
         # The steps of all robots, and the tick at which one of them moved on last.
@@ -250,11 +258,12 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
         If the scenario's policy fails, the episode is over.
         """
-        self.harvest = GeneratorHarvest(
-            lay_out(with_changes(self.scenario, seed=episode.seed)), calls=Paused
-        )
-        self._episode, self._is_over = episode, True
-        self._actions, self._moved = [], (0, 0.0)
+        layout = lay_out(with_changes(self.scenario, seed=episode.seed))
+        self.harvest = GeneratorHarvest(layout, calls=Paused)
+        self._episode = episode
+        self._is_over = True
+        self._actions = []
+        self._moved = (0, 0.0)
         self._until_decision()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -266,7 +275,8 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         vars(self).update(state)
         if self._episode.number < 0:
             return
-        is_over, actions = self._is_over, self._actions
+        is_over = self._is_over
+        actions = self._actions
         self._begin(self._episode)
         for action in actions:
             self._act(action)
@@ -285,22 +295,17 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
         before = self._so_far()
         self._act(self.dispatching.number(action))
-        now, self._is_over = self._so_far(), self._calls.pending is None
-        reward = self._reward(
-            Transition(
-                now.seconds - before.seconds,
-                now.waited - before.waited,
-                now.delivered - before.delivered,
-            )
+        now = self._so_far()
+        happened = Transition(
+            seconds=now.seconds - before.seconds,
+            waited=now.waited - before.waited,
+            delivered=now.delivered - before.delivered,
         )
+        self._is_over = self._calls.pending is None
+        reward = float(self._reward(happened))
         terminated = self._is_over and self.harvest.is_over
-        return (
-            self._observed(),
-            float(reward),
-            terminated,
-            self._is_over and not terminated,
-            self._info(),
-        )
+        truncated = self._is_over and not terminated
+        return self._observed(), reward, terminated, truncated, self._info()
 
     def action_masks(self) -> np.ndarray:
         """Return which actions can be, (actions,) bool, as MaskablePPO of sb3-contrib asks
@@ -310,6 +315,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
 
     @property
     def _calls(self) -> Paused:
+        """The calls of bins in this episode's model."""
         calls = self.harvest.calls
         assert isinstance(calls, Paused)
         return calls
@@ -321,23 +327,24 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._actions.append(action)
 
     def _take(self, action: int) -> None:
-        decision, order = self._calls.pending, self.dispatching.order(action)
-        if (
-            decision is None
-            or order is None
-            or not self.dispatching.mask(decision.bins, decision.carriers)[action]
-        ):
-            self._calls.pending = None
+        """Do an action at the decision that waits; drop the decision if it sends no carrier."""
+        decision = self._calls.pending
+        order = self.dispatching.order(action)
+        self._calls.pending = None
+        if decision is None or order is None:
+            return
+        if not self.dispatching.mask(decision.bins, decision.carriers)[action]:
             return
         self._calls.send(decision, [order])
-        decision.bins, decision.carriers = (
-            left(decision.bins, order.bin),
-            left(decision.carriers, order.carrier),
-        )
-        self._calls.pending = decision if decision.is_open else None
+        decision.bins = without(decision.bins, order.bin)
+        decision.carriers = without(decision.carriers, order.carrier)
+        if decision.is_open:
+            self._calls.pending = decision
 
     def _until_decision(self) -> None:
-        harvest, env = self.harvest, self.harvest.env
+        """Let the model go on until something is to be decided, or the episode is over."""
+        harvest = self.harvest
+        env = harvest.env
         while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
             env.step()
             done, since = self._moved
@@ -347,20 +354,28 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
                 self._calls.pending = None
                 break
         if harvest.is_over:
-            harvest.run()  # the last robots drive home
+            # The last robots drive home.
+            harvest.run()
 
     def _so_far(self) -> Transition:
-        seconds = self.harvest.seconds if self.harvest.is_over else self.harvest.env.now * TIME_STEP
-        return Transition(seconds, self.harvest.waited_seconds, self.harvest.delivered)
+        """Return what has happened since the start."""
+        harvest = self.harvest
+        seconds = harvest.seconds if harvest.is_over else harvest.env.now * TIME_STEP
+        return Transition(seconds, harvest.waited_seconds, harvest.delivered)
 
     def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
+        """Return the bins and carriers of the decision that waits; none without one."""
         decision = self._calls.pending
-        return (decision.bins, decision.carriers) if decision else ((), ())
+        if decision is None:
+            return (), ()
+        return decision.bins, decision.carriers
 
     def _observed(self) -> Arrays:
+        """Return what there is to decide about."""
         return self.dispatching.observation(int(self.harvest.env.now), *self._reports())
 
     def _info(self) -> dict[str, Any]:
+        """Return which actions can be, and the first one of the scenario's policy that can."""
         mask = self.action_masks()
         scripted = (self.dispatching.action(order) for order in self._calls.scripted)
         return {

@@ -27,20 +27,21 @@ def plain(seed: Any) -> Any:
 
 
 class Episode(NamedTuple):
-    """One episode, by the seed that was given last, and how many have begun since then."""
+    """One episode, by the seed of the last reset that had one, and how many have begun since."""
 
-    given: int
-    number: int
+    reset_seed: int
+    number: int  # 0 at that reset, -1 before the first one
 
     @property
     def seed(self) -> int:
-        """The seed of its scenario: the one that was given, then others that are drawn from it."""
-        return (
-            self.given
-            if self.number == 0
-            else int(draw(self.given, "episode", self.number)[0] * 2**53)
-        )
+        """The seed of its scenario: that of the reset, then others that are drawn from it."""
+        if self.number == 0:
+            return self.reset_seed
+        share = draw(self.reset_seed, "episode", self.number)[0]
+        return int(share * 2**53)
 
     def after(self, seed: int | None) -> "Episode":
         """Return the next episode, after a reset with a seed or without one."""
-        return Episode(self.given, self.number + 1) if seed is None else Episode(seed, 0)
+        if seed is None:
+            return Episode(self.reset_seed, self.number + 1)
+        return Episode(seed, 0)

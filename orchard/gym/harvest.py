@@ -84,20 +84,18 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
                 f"learned = {learned!r}: must be a list of names, such as ['carrier_01']"
             )
         _refuse_what_cannot_learn(lay_out(scenario), learned)
-        self.scenario, self.possible_agents = scenario, list(learned)
+        self.scenario = scenario
+        self.possible_agents = list(learned)
         self.agents: list[str] = []
-        self._reward, self._deeds, self._longest, self._is_hashed = (
-            named(reward, REWARDS),
-            deeds,
-            longest,
-            is_hashed,
-        )
+        self._reward = named(reward, REWARDS)
+        self._deeds = deeds
+        self._longest = longest
+        self._is_hashed = is_hashed
         self._episode = Episode(scenario.seed, -1)
         self.observation_spaces = {name: arrays.observation_space(name) for name in learned}
         self.action_spaces = {name: arrays.action_space(name, deeds) for name in learned}
-        self._answers: dict[
-            str, Action
-        ] = {}  # the actions of the agents that were asked at this tick
+        # The actions of the agents that were asked at this tick.
+        self._answers: dict[str, Action] = {}
         self._looks: dict[str, Look] = {}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -123,9 +121,8 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         scenario = with_changes(self.scenario, **changes | {"seed": episode.seed})
         _refuse_what_cannot_learn(lay_out(scenario), self.possible_agents)
         self._episode = episode
-        self.local = Local(
-            scenario, is_hashed=self._is_hashed, engine=Engine if self._is_hashed else Unaudited
-        )
+        engine = Engine if self._is_hashed else Unaudited
+        self.local = Local(scenario, is_hashed=self._is_hashed, engine=engine)
         self.agents = list(self.possible_agents)
         self._look()
         return self._observed(), self._infos()
@@ -142,90 +139,105 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         """
         if not self.agents:
             raise ResetNeeded("the episode is over, or none has begun: call reset()")
-        if unknown := [str(name) for name in actions if name not in self.agents]:
+        unknown = [str(name) for name in actions if name not in self.agents]
+        if unknown:
             raise ValueError(
                 f"actions for {', '.join(unknown)}, which do not learn here;"
                 f" {', '.join(self.agents)} do"
             )
         commands = {
-            name: arrays.command_of(name, given, self._deeds) for name, given in actions.items()
+            name: arrays.decode(name, action, self._deeds) for name, action in actions.items()
         }
         for name, command in commands.items():
             self._command(name, command)
-        velocities = {
-            name: commands[name].velocity if name in commands else self._looks[name].action.twist
-            for name in self.agents
-        }
-        before, events = self._looks, self.local.act(self._answers)
+        before = self._looks
+        events = self.local.act(self._answers)
         self._look()
-        rewards = {
-            name: float(
-                self._reward(_moment(before[name], self._looks[name], velocities[name], events))
-            )
-            for name in self.agents
-        }
+        rewards = {}
+        for name in self.agents:
+            velocity = before[name].action.twist
+            if name in commands:
+                velocity = commands[name].velocity
+            moment = _moment(before[name], self._looks[name], velocity, events)
+            rewards[name] = float(self._reward(moment))
         over = self.local.engine.over
         too_long = not over and self.local.engine.tick >= self._longest
-        ends = dict.fromkeys(self.agents, over), dict.fromkeys(self.agents, too_long)
-        self.agents = [] if over or too_long else self.agents
-        return self._observed(), rewards, *ends, self._infos()
+        terminations = dict.fromkeys(self.agents, over)
+        truncations = dict.fromkeys(self.agents, too_long)
+        if over or too_long:
+            self.agents = []
+        return self._observed(), rewards, terminations, truncations, self._infos()
 
     def _look(self) -> None:
+        """Ask the agents, and keep what is known of the learned bodies."""
         self._answers = self.local.ask()
         self._looks = {name: self._look_at(name) for name in self.agents}
 
     def _look_at(self, name: str) -> Look:
+        """Return what is known of a body now."""
         local = self.local
         seen = local.observed.get(name) or local.seen[name]
         action = self._answers.get(name) or local.actions[name]
         fill = local.seen.fills.get(seen.hitch.name, 0.0) if seen.hitch else 0.0
         return Look(seen, action, arrays.goal_of(seen, action.memory), fill)
 
-    def _command(self, name: str, command: arrays.Command) -> None:
+    def _command(self, name: str, command: arrays.DecodedAction) -> None:
         """Put an action in the place of what the body's own agent commands.
 
         The agent keeps its hold only if it would have moved so itself. What it remembers of its own
         motion becomes what is commanded: without that, it would take a body that was told to stand
         for one that collided.
         """
-        look, world = self._looks[name], self.local.engine.world
+        look = self._looks[name]
         if command.velocity == look.action.twist and not self._deeds:
             return
         action = self._answers.get(name) or replace(look.action, deeds=[], requests=[], answers=[])
-        own = [deed for deed in action.deeds if isinstance(deed, PickFrom)]  # which no action names
-        deeds = [*arrays.deeds_of(world, name, command.deed), *own] if self._deeds else action.deeds
+        deeds = action.deeds
+        if self._deeds:
+            # No action names the deed that begins picking.
+            own = [deed for deed in action.deeds if isinstance(deed, PickFrom)]
+            deeds = [*arrays.deeds_of(self.local.engine.world, name, command.deed), *own]
         self._answers[name] = replace(action, twist=command.velocity, deeds=deeds, hold=None)
         if isinstance(action.memory, RobotMemory):
             action.memory.moving = command.velocity != STILL
 
     def _observed(self) -> dict[str, Arrays]:
+        """Return what each learned body observes."""
         return {
             name: arrays.observed(look.seen, look.fill, look.goal, look.action)
             for name, look in self._looks.items()
         }
 
     def _infos(self) -> Infos:
-        infos: Infos = {
-            name: {"scripted": np.array((look.action.twist.x, look.action.twist.yaw))}
-            for name, look in self._looks.items()
-        }
-        if self._deeds:
-            for name, info in infos.items():
-                info["action_mask"] = {
-                    "velocity": None,
-                    "deed": arrays.deed_mask(self.local.engine.world, name),
-                }
+        """Return the scripted velocity of each learned body, and which deeds it can try."""
+        infos: Infos = {}
+        for name, look in self._looks.items():
+            twist = look.action.twist
+            infos[name] = {"scripted": np.array((twist.x, twist.yaw))}
+            if self._deeds:
+                deed_mask = arrays.deed_mask(self.local.engine.world, name)
+                infos[name]["action_mask"] = {"velocity": None, "deed": deed_mask}
         return infos
 
 
 def _moment(before: Look, after: Look, velocity: Twist, events: list[Event]) -> Moment:
-    filled = max(0.0, after.fill - before.fill) if _bin_of(before) == _bin_of(after) else 0.0
+    """Return the step of a body between two looks at it. `velocity`: with which it was to move."""
+    filled = 0.0
+    if _bin_of(before) == _bin_of(after):
+        filled = max(0.0, after.fill - before.fill)
     return Moment(
-        before.seen, after.seen, before.goal, velocity, before.action.twist, filled, events
+        before=before.seen,
+        after=after.seen,
+        goal=before.goal,
+        velocity=velocity,
+        scripted=before.action.twist,
+        filled=filled,
+        events=events,
     )
 
 
 def _bin_of(look: Look) -> str:
+    """Return the name of the bin that a body tows; '' without one."""
     return look.seen.hitch.name if look.seen.hitch else ""
 
 
@@ -241,16 +253,19 @@ def _changes_in(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_what_cannot_learn(layout: Layout, learned: Sequence[str]) -> None:
+    """Raise ValueError for names that no body has which can learn, for some twice, and for none."""
     able = [name for name in layout.names if kind_of(name) in MOVERS]
-    wrong = [
-        f"{name}: " + ("given twice" if name in able else "no such body can learn")
-        for name in learned
-        if name not in able or learned.count(name) > 1
-    ]
-    if wrong or not learned:
-        raise ValueError(
-            f"learned: {'; '.join(dict.fromkeys(wrong)) or 'empty'}; there are {', '.join(able)}"
-        )
+    problems = []
+    for name in learned:
+        if name not in able:
+            problems.append(f"{name}: no such body can learn")
+        elif learned.count(name) > 1:
+            problems.append(f"{name}: given twice")
+    if not learned:
+        problems.append("empty")
+    if problems:
+        problem = "; ".join(dict.fromkeys(problems))
+        raise ValueError(f"learned: {problem}; there are {', '.join(able)}")
 
 
 parallel_env = HarvestEnv  # PettingZoo's name for what makes an environment
@@ -268,12 +283,14 @@ class SingleEnv(gymnasium.Env[Arrays, Any]):
         """`options`: reward, deeds, longest and is_hashed, as for `HarvestEnv`. Raises as
         it does.
         """
-        self.robot, self.harvest = robot, HarvestEnv(scenario, [robot], **options)
+        self.robot = robot
+        self.harvest = HarvestEnv(scenario, [robot], **options)
         self.observation_space: spaces.Space[Any] = self.harvest.observation_space(robot)
         self.action_space: spaces.Space[Any] = self.harvest.action_space(robot)
 
     @property
     def local(self) -> Local:
+        """The run of this episode, from the first `reset` on."""
         return self.harvest.local
 
     def reset(

@@ -21,9 +21,8 @@ class Moment(NamedTuple):
 
     before: Observation  #: what it observed before the step
     after: Observation  #: what it observes now
-    goal: tuple[
-        float, float, float
-    ]  #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
+    #: what its plan asked for before the step: x, y (m, in the frame `map`), turn (rad)
+    goal: tuple[float, float, float]
     velocity: Twist  #: with which it was to move
     scripted: Twist  #: with which our agent would have moved
     filled: float  #: m of row that came into its bin
@@ -49,15 +48,16 @@ def goal(moment: Moment) -> float:
     step.
     """
     x, y, turn = moment.goal
-    before, after = moment.before, moment.after
-    metres = math.hypot(x - before.x, y - before.y) - math.hypot(x - after.x, y - after.y)
-    return (
-        metres
-        + abs(turn)
-        - abs(math.remainder(turn - (after.pose.yaw - before.pose.yaw), math.tau))
-        if turn
-        else metres
-    )
+    before = moment.before
+    after = moment.after
+    distance_before = math.hypot(x - before.x, y - before.y)
+    distance_after = math.hypot(x - after.x, y - after.y)
+    progress = distance_before - distance_after
+    if turn:
+        turned = after.pose.yaw - before.pose.yaw
+        progress += abs(turn)
+        progress -= abs(math.remainder(turn - turned, math.tau))
+    return progress
 
 
 def picking(moment: Moment) -> float:
@@ -117,6 +117,7 @@ class NamelessReward(Generic[Happened]):
         return self._function(happened)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "NamelessReward[Happened]":
+        """Return a reward with a copy of the function."""
         return NamelessReward(deepcopy(self._function, memo))
 
     def __reduce__(self) -> tuple[Any, ...]:

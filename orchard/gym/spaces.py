@@ -30,27 +30,15 @@ from orchard.sim.world import NONE, World
 
 FAR = 2000.0  # m: no orchard is so large
 MOST_LANES = 100.0  # rows of a scenario
-NOTHING, COUPLE, UNCOUPLE = range(3)  # the deeds that an action names
+# The deeds that an action names.
+NOTHING, COUPLE, UNCOUPLE = range(3)
 
 Arrays = dict[str, np.ndarray]
-Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that are left to turn
-
-
-_SIZES = {
-    "pose": 4,
-    "velocity": 2,
-    "bar": 1,
-    "fill": 1,
-    "goal": 3,
-    "mail": 4,
-}  # of all but the scan
-_ENDS = np.cumsum(list(_SIZES.values())).tolist()
-_PARTS = {
-    key: slice(end - size, end) for (key, size), end in zip(_SIZES.items(), _ENDS, strict=True)
-}
+Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that remain to turn
 
 
 def _box(*bounds: tuple[float, float]) -> spaces.Box:
+    """Return the space of arrays whose numbers are within these bounds: lowest, highest."""
     low, high = np.array(bounds, dtype=np.float32).T
     return spaces.Box(low, high, dtype=np.float32)
 
@@ -60,17 +48,22 @@ def observation_space(name: str) -> spaces.Dict:
 
     It does not depend on the orchard: a curriculum may change it.
     """
-    kind, one = KINDS[kind_of(name)], (0.0, 1.0)
-    return spaces.Dict(  # in the order in which Gymnasium sorts them
-        bar=_box(one),
+    kind = KINDS[kind_of(name)]
+    whether = (0.0, 1.0)
+    coordinate = (-FAR, FAR)
+    ratio = (-1.0, 1.0)
+    # Odometry may measure more than there is.
+    most_speed = 2.0 * kind.speed
+    most_turn = 2.0 * kind.turn
+    # In the order in which Gymnasium sorts them.
+    return spaces.Dict(
+        bar=_box(whether),
         fill=_box((0.0, LONGEST_ROW)),
-        goal=_box((-FAR, FAR), (-FAR, FAR), (-math.pi, math.pi)),
-        mail=_box(one, (0.0, MOST_LANES), (-1.0, 1.0), one),
-        pose=_box((-FAR, FAR), (-FAR, FAR), (-1.0, 1.0), (-1.0, 1.0)),
+        goal=_box(coordinate, coordinate, (-math.pi, math.pi)),
+        mail=_box(whether, (0.0, MOST_LANES), ratio, whether),
+        pose=_box(coordinate, coordinate, ratio, ratio),
         scan=_box(*[(0.0, LASER_RANGE)] * kind.laser.beams),
-        velocity=_box(
-            *[(-2.0 * most, 2.0 * most) for most in (kind.speed, kind.turn)]
-        ),  # odometry may measure more than there is
+        velocity=_box((-most_speed, most_speed), (-most_turn, most_turn)),
     )
 
 
@@ -79,10 +72,11 @@ def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
 
     With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple.
     """
-    velocity = _box(
-        *[(-most, most) for most in (KINDS[kind_of(name)].speed, KINDS[kind_of(name)].turn)]
-    )
-    return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)}) if deeds else velocity
+    kind = KINDS[kind_of(name)]
+    velocity = _box((-kind.speed, kind.speed), (-kind.turn, kind.turn))
+    if deeds:
+        return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)})
+    return velocity
 
 
 def goal_of(seen: Observation, memory: Any) -> Goal:
@@ -102,21 +96,27 @@ def goal_of(seen: Observation, memory: Any) -> Goal:
 
 
 def _way_end(here: float, end: float, gates: Sequence[Gate], reserved: Sequence[str]) -> float:
+    """Return how far a drive may go: to its end, or to the first closed gate before it, m.
+
+    `here`, `end`: along the axis of the drive, m. `reserved`: the places that traffic has granted.
+    """
     for gate in gates:
-        if (here <= gate.at <= end or end <= gate.at <= here) and any(
-            place not in reserved for place in gate.places
-        ):
+        is_ahead = here <= gate.at <= end or end <= gate.at <= here
+        is_closed = any(place not in reserved for place in gate.places)
+        if is_ahead and is_closed:
             end = gate.at
     return end
 
 
 def mail_of(action: Action) -> tuple[float, float, float, float]:
     """Return what an agent's mail has come to: see the table above."""
-    memory, waits = action.memory, float(bool(action.waits_for))
-    job = getattr(memory, "job", None)
+    waits = float(bool(action.waits_for))
+    job = getattr(action.memory, "job", None)
     if job is None:
-        return float(bool(getattr(memory, "carrier", ""))), 0.0, 0.0, waits
-    return 1.0, float(job.lane), 1.0 if job.side == "east" else -1.0, waits
+        carrier_comes = bool(getattr(action.memory, "carrier", ""))
+        return float(carrier_comes), 0.0, 0.0, waits
+    end = 1.0 if job.side == "east" else -1.0
+    return 1.0, float(job.lane), end, waits
 
 
 def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arrays:
@@ -124,72 +124,87 @@ def observed(seen: Observation, fill: float, goal: Goal, action: Action) -> Arra
 
     `fill`: m in its bin; `action`: the newest one of its own agent.
     """
-    (z, w), (forward, _, turn) = seen.orientation, seen.twist
-    cosine, sine = w * w - z * z, 2.0 * z * w
-    dx, dy, left = goal[0] - seen.x, goal[1] - seen.y, goal[2]
-    towards = cosine * dx + sine * dy, cosine * dy - sine * dx, left
-    told = (
-        seen.x,
-        seen.y,
-        cosine,
-        sine,
-        forward,
-        turn,
-        float(seen.hitch is not None),
-        fill,
-        *towards,
-        *mail_of(action),
-    )
-    numbers = np.array(told, np.float32)
-    arrays = {key: numbers[part] for key, part in _PARTS.items()}
-    arrays["scan"] = np.minimum(seen.scan, np.float32(LASER_RANGE))
-    return arrays
+    goal_x, goal_y, goal_turn = goal
+    z, w = seen.orientation
+    cosine = w * w - z * z
+    sine = 2.0 * z * w
+    dx = goal_x - seen.x
+    dy = goal_y - seen.y
+    ahead = cosine * dx + sine * dy
+    aside = cosine * dy - sine * dx
+    has_bin = seen.hitch is not None
+    return {
+        "pose": np.array((seen.x, seen.y, cosine, sine), np.float32),
+        "velocity": np.array((seen.twist.x, seen.twist.yaw), np.float32),
+        "bar": np.array((has_bin,), np.float32),
+        "fill": np.array((fill,), np.float32),
+        "goal": np.array((ahead, aside, goal_turn), np.float32),
+        "mail": np.array(mail_of(action), np.float32),
+        "scan": np.minimum(seen.scan, np.float32(LASER_RANGE)),
+    }
 
 
-class Command(NamedTuple):
+class DecodedAction(NamedTuple):
     """What an action commands."""
 
     velocity: Twist  # within the limits of the body
     deed: int = NOTHING
 
 
-def command_of(name: str, given: Any, deeds: bool) -> Command:
-    """Return what an action commands.
+def decode(name: str, action: Any, deeds: bool) -> DecodedAction:
+    """Return what an action of a body commands. `deeds`: whether it also names a deed.
 
     Raises ValueError for one that is not in the action space, limits aside.
     """
-    kind = KINDS[kind_of(name)]
     try:
-        velocity, deed = (given["velocity"], given["deed"]) if deeds else (given, NOTHING)
-        forward, turn = map(float, _numbers(velocity, "iuf").tolist())
-        number = (NOTHING, COUPLE, UNCOUPLE).index(_numbers(deed, "iu").item())
+        forward, turn, deed = _numbers_of(action, deeds)
     except (TypeError, ValueError, LookupError):
-        words = (
-            "{'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}; the numbers are"
-            if deeds
-            else "two numbers,"
-        )
         raise ValueError(
-            f"{name}: action {given!r}; it must be {words} m/s forward and rad/s counter-clockwise"
+            f"{name}: action {action!r}; it must be {_form(deeds)} m/s forward and rad/s"
+            " counter-clockwise"
         ) from None
     if not (math.isfinite(forward) and math.isfinite(turn)):
-        raise ValueError(f"{name}: action {given!r}; its numbers must be finite")
-    return Command(
-        Twist(
-            min(max(forward, -kind.speed), kind.speed), 0.0, min(max(turn, -kind.turn), kind.turn)
-        ),
-        number,
+        raise ValueError(f"{name}: action {action!r}; its numbers must be finite")
+    kind = KINDS[kind_of(name)]
+    velocity = Twist(
+        x=min(max(forward, -kind.speed), kind.speed),
+        yaw=min(max(turn, -kind.turn), kind.turn),
     )
+    return DecodedAction(velocity, deed)
 
 
-def _numbers(given: Any, kinds: str) -> np.ndarray:
+def _numbers_of(action: Any, deeds: bool) -> tuple[float, float, int]:
+    """Return speed, turn and deed of an action.
+
+    Raises TypeError, ValueError or LookupError for one of another form.
+    """
+    velocity = action["velocity"] if deeds else action
+    forward, turn = _numbers(velocity, "iuf").tolist()
+    if not deeds:
+        return float(forward), float(turn), NOTHING
+    deed = _numbers(action["deed"], "iu").item()
+    if deed not in (NOTHING, COUPLE, UNCOUPLE):
+        raise ValueError(deed)
+    return float(forward), float(turn), deed
+
+
+def _form(deeds: bool) -> str:
+    """Return how an action is written, in words. `deeds`: whether it also names a deed."""
+    if deeds:
+        return (
+            "{'velocity': two numbers, 'deed': 0, 1 to couple, or 2 to uncouple}; the numbers are"
+        )
+    return "two numbers,"
+
+
+def _numbers(values: Any, kinds: str) -> np.ndarray:
     """Return numbers as an array.
 
     `kinds`: numpy's letters for those that can be. Raises ValueError for others.
     """
-    numbers = np.asarray(given)
+    numbers = np.asarray(values)
     if numbers.dtype.kind not in kinds:
-        raise ValueError(given)
+        raise ValueError(values)
     return numbers
 
 
@@ -198,14 +213,12 @@ def deeds_of(world: World, name: str, deed: int) -> list[Deed]:
 
     A deed that cannot be is left out: see `deed_mask`.
     """
-    robot = world.index[name]
-    if not deed_mask(world, name)[deed] or deed == NOTHING:
+    if deed == NOTHING or not deed_mask(world, name)[deed]:
         return []
-    return (
-        [Uncouple()]
-        if deed == UNCOUPLE
-        else [Couple(world.layout.names[_bin_behind(world, robot)])]
-    )
+    if deed == UNCOUPLE:
+        return [Uncouple()]
+    behind = _bin_behind(world, world.index[name])
+    return [Couple(world.layout.names[behind])]
 
 
 def deed_mask(world: World, name: str) -> np.ndarray:
@@ -213,8 +226,9 @@ def deed_mask(world: World, name: str) -> np.ndarray:
     coupling point; uncouple.
     """
     robot = world.index[name]
-    has = bool(world.coupled[robot] != NONE)
-    return np.array([True, not has and _bin_behind(world, robot) != NONE, has], dtype=np.int8)
+    has_bin = bool(world.coupled[robot] != NONE)
+    can_couple = not has_bin and _bin_behind(world, robot) != NONE
+    return np.array([True, can_couple, has_bin], dtype=np.int8)
 
 
 def _bin_behind(world: World, robot: int) -> int:
@@ -224,12 +238,10 @@ def _bin_behind(world: World, robot: int) -> int:
     """
     x, y, yaw = world.pose[robot].tolist()
     behind = float(world.fixed.tows[robot])
-    at = x - behind * math.cos(yaw), y - behind * math.sin(yaw)
-    for i, start in enumerate(world.layout.starts):
-        if (
-            start.kind == "bin"
-            and world.coupled[i] == NONE
-            and math.dist(at, world.pose[i, :2].tolist()) <= COUPLING_REACH
-        ):
-            return i
+    coupling_point = (x - behind * math.cos(yaw), y - behind * math.sin(yaw))
+    for body, start in enumerate(world.layout.starts):
+        if start.kind != "bin" or world.coupled[body] != NONE:
+            continue
+        if math.dist(coupling_point, world.pose[body, :2].tolist()) <= COUPLING_REACH:
+            return body
     return NONE

@@ -45,10 +45,13 @@ def limit_of_question(layout: Layout) -> QuestionLimit:
     if scenario.picking.spread.distribution != "none":
         later = [scenario.seed + number for number in range(1, FIRST_SEEDS)]
         layouts += [lay_out(with_seed(scenario, seed)) for seed in later]
-    bounds = [Bounds(each) for each in layouts]
+    bounds = [Bounds(with_drawn_rows) for with_drawn_rows in layouts]
+    terms = {}
+    for name in bounds[0].terms:
+        terms[name] = fmean(bound.terms[name] for bound in bounds)
     return QuestionLimit(
-        bins_per_hour=fmean(one.bins_per_hour for one in bounds),
-        terms={name: fmean(one.terms[name] for one in bounds) for name in bounds[0].terms},
-        bottleneck=common_bottleneck([one.bottleneck for one in bounds]),
-        seeds=tuple(each.scenario.seed for each in layouts),
+        bins_per_hour=fmean(bound.bins_per_hour for bound in bounds),
+        terms=terms,
+        bottleneck=common_bottleneck([bound.bottleneck for bound in bounds]),
+        seeds=tuple(with_drawn_rows.scenario.seed for with_drawn_rows in layouts),
     )

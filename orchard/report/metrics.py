@@ -5,6 +5,7 @@ progress.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,13 +39,12 @@ class HarvestFigures:
     charging_ticks: int = 0  # of all carriers
     flat_ticks: int = 0
     weeds_flattened: int = 0
-    broken: dict[str, int] = field(
-        default_factory=dict
-    )  # agent -> tick at which it first was broken
-    orders_refused: int = 0  # decisions of the dispatch policy that could not be
-    steps: dict[str, int] = field(
-        default_factory=dict
-    )  # picker or carrier -> steps of its plan that it has finished
+    #: Agent -> tick at which it first was broken.
+    broken: dict[str, int] = field(default_factory=dict)
+    #: Decisions of the dispatch policy that could not be.
+    orders_refused: int = 0
+    #: Picker or carrier -> steps of its plan that it has finished.
+    steps: dict[str, int] = field(default_factory=dict)
     #: Tick of the last progress: something was picked, a step of work was done, a battery was
     #: charged, or a robot was stopped.
     progress_tick: int = 0
@@ -97,6 +97,7 @@ class HarvestFigures:
         }
 
     def _count(self, event: Event) -> None:
+        """Account for an event: pickers that begin and end to wait, and weeds."""
         if event.what == "bin full":
             self.waiting_since[event.whom] = event.tick
         elif event.what == "coupled" and event.who in self.waiting_since:
@@ -132,16 +133,16 @@ def who_waits(actions: Mapping[str, Action]) -> list[str]:
     """Return a line for each robot that waits, or has failed: what it does, and what it
     waits for.
     """
-    robots = [(name, action) for name, action in sorted(actions.items()) if kind_of(name) in ROBOTS]
-    waits = {
-        name: f" waits for {action.waits_for}" if action.waits_for else ""
-        for name, action in robots
-    }
-    return [
-        f"{name} ({action.doing}){waits[name]}"
-        for name, action in robots
-        if waits[name] or action.state == "failed"
-    ]
+    lines = []
+    for name, action in sorted(actions.items()):
+        if kind_of(name) not in ROBOTS:
+            continue
+        line = f"{name} ({action.doing})"
+        if action.waits_for:
+            lines.append(f"{line} waits for {action.waits_for}")
+        elif action.state == "failed":
+            lines.append(line)
+    return lines
 
 
 def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
@@ -155,6 +156,7 @@ def collisions(world: World, kinds: tuple[str, ...] = ROBOTS) -> int:
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _ideals(layout: Layout) -> tuple[Bounds, float]:
+    """Return what an orchard allows without traffic: its limits, and its schedule's length, s."""
     return Bounds(layout), schedule_seconds(layout)
 
 
@@ -163,10 +165,9 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     repetition.
     """
     hours = world.tick * TIME_STEP / 3600.0
-    scenario, (bounds, schedule) = world.layout.scenario, _ideals(world.layout)
-    distance: dict[str, float] = {}
-    for name, i in world.layout.index.items():
-        distance[kind_of(name)] = distance.get(kind_of(name), 0.0) + float(world.distance[i])
+    scenario = world.layout.scenario
+    bounds, schedule = _ideals(world.layout)
+    waits = figures.waits
     return {
         "seed": scenario.seed,
         "ticks": world.tick,
@@ -178,7 +179,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins": world.layout.bins,
         "bins_delivered": world.delivered,
-        "bins_per_hour": world.delivered / hours if hours else 0.0,
+        "bins_per_hour": _ratio(world.delivered, hours),
         "limit_bins_per_hour": bounds.bins_per_hour,
         "schedule_sim_seconds": schedule,
         "bottleneck": bounds.bottleneck,
@@ -187,18 +188,29 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "weeds_flattened": figures.weeds_flattened,
         "row_end_seconds": bounds.row_end_seconds,
         "row_end_share": bounds.row_end_share,
-        "picker_waiting_seconds": sum(figures.waits) / len(figures.waits) if figures.waits else 0.0,
-        "carrier_utilisation": (
-            figures.busy_ticks / figures.carrier_ticks if figures.carrier_ticks else 0.0
-        ),
+        "picker_waiting_seconds": _ratio(sum(waits), len(waits)),
+        "carrier_utilisation": _ratio(figures.busy_ticks, figures.carrier_ticks),
         "charging_seconds": round(figures.charging_ticks * TIME_STEP, 1),
         "flat_seconds": round(figures.flat_ticks * TIME_STEP, 1),
         "orders_refused": figures.orders_refused,
         "broken_agents": [f"{name}, since tick {tick}" for name, tick in figures.broken.items()],
-        "distance_metres": {
-            kind: metres for kind, metres in sorted(distance.items()) if kind != "weed"
-        },
+        "distance_metres": _distances(world),
     }
+
+
+def _ratio(amount: float, whole: float) -> float:
+    """Return a part of a whole, 0 if there is nothing of it."""
+    return amount / whole if whole else 0.0
+
+
+def _distances(world: World) -> dict[str, float]:
+    """Return how far all bodies of a kind have moved together, m. Weeds do not move."""
+    distances: dict[str, float] = {}
+    for name, i in world.layout.index.items():
+        kind = kind_of(name)
+        if kind != "weed":
+            distances[kind] = distances.get(kind, 0.0) + float(world.distance[i])
+    return dict(sorted(distances.items()))
 
 
 FIRST_STEP = 100  # ticks between two samples at first: 10 s
@@ -207,9 +219,8 @@ WAITING = [STATES.index(state) for state in WAITING_STATES]
 
 # s since the start; bins; s of all pickers together; s of all carriers together, outside the queue
 SAMPLED = ("seconds", "bins_delivered", "pickers_waited_seconds", "carriers_busy_seconds")
-Sample = tuple[
-    float, int, float, float
-]  # totals since the start of the run, in the order of SAMPLED
+# Totals since the start of the run, in the order of SAMPLED.
+Sample = tuple[float, int, float, float]
 
 
 @dataclass
@@ -225,25 +236,24 @@ class History:
             return
         self.samples.append(sample_of(world, states, busy_ticks))
         if len(self.samples) >= MOST_SAMPLES:
-            self.step, self.samples = 2 * self.step, self.samples[1::2]
+            self.step *= 2
+            self.samples = self.samples[1::2]
 
     def until(self, now: Sample) -> dict[str, list[float]]:
         """Return all samples and that of now, for the summary: name -> values."""
-        samples = [*self.samples, now] if [now] != self.samples[-1:] else self.samples
-        return {
-            name: list(values)
-            for name, values in zip(SAMPLED, zip(*samples, strict=True), strict=True)
-        }
+        samples = list(self.samples)
+        if samples[-1:] != [now]:
+            samples.append(now)
+        columns = zip(*samples, strict=True)
+        return {name: list(values) for name, values in zip(SAMPLED, columns, strict=True)}
 
 
 def sample_of(world: World, states: StateTimes, busy_ticks: int) -> Sample:
     """Return the totals up to this tick. `busy_ticks`: of all carriers outside the queue."""
-    waiting = sum(
-        ticks[state]
-        for name, ticks in states.counts.ticks.items()
-        if kind_of(name) == "picker"
-        for state in WAITING
-    )
+    waiting = 0
+    for name, ticks in states.counts.ticks.items():
+        if kind_of(name) == "picker":
+            waiting += sum(ticks[state] for state in WAITING)
     return (
         round(world.tick * TIME_STEP, 1),
         world.delivered,
@@ -257,9 +267,9 @@ def shares(history: Mapping[str, Sequence[float]], name: str, robots: int) -> li
 
     `robots`: how many there are together.
     """
-    times, spent = [0.0, *history["seconds"]], [0.0, *history[name]]
-    steps = zip(times, times[1:], spent, spent[1:], strict=False)
+    times = pairwise([0.0, *history["seconds"]])
+    totals = pairwise([0.0, *history[name]])
     return [
-        (after - before) / (robots * (until - since)) if until > since else 0.0
-        for since, until, before, after in steps
+        _ratio(after - before, robots * (until - since))
+        for (since, until), (before, after) in zip(times, totals, strict=True)
     ]

@@ -5,9 +5,9 @@ starts.
 import html
 import math
 
-from orchard.field.geometry import Pose, nearest_heading
+from orchard.field.geometry import Pose, Rect, nearest_heading
 from orchard.field.kinds import KINDS, kind_of, number_of
-from orchard.field.layout import DRIVEWAY, X_WEST, Layout
+from orchard.field.layout import DRIVEWAY, X_WEST, Lane, Layout
 from orchard.plans.routes import route_of
 from orchard.report.summary import clock
 from orchard.sim.world import World
@@ -39,16 +39,21 @@ class Drawing:
     def __init__(
         self, layout: Layout, west: float, south: float, east: float, north: float
     ) -> None:
-        self.west, self.north = west, north
-        self.width, self.height = (east - west) * PIXELS, (north - south) * PIXELS
+        """Draw ground and roads. `west`, `south`, `east`, `north`: as above, m."""
+        self.west = west
+        self.north = north
+        self.width = (east - west) * PIXELS
+        self.height = (north - south) * PIXELS
         self.elements: list[str] = []
         _ground(self, layout)
         _roads(self, layout)
 
     def x(self, x: float) -> float:
+        """Return x as the drawing has it, pixels from the left."""
         return round((x - self.west) * PIXELS, 2)
 
     def y(self, y: float) -> float:
+        """Return y as the drawing has it, pixels from the top."""
         return round((self.north - y) * PIXELS, 2)
 
     def box(
@@ -62,17 +67,23 @@ class Drawing:
         yaw: float = 0.0,
     ) -> None:
         """Draw a rectangle about its centre, m, turned by `yaw`, rad."""
-        label = f"<title>{html.escape(title)}</title>" if title else ""
+        corner = f'x="{self.x(x - half_x)}" y="{self.y(y + half_y)}"'
         size = f'width="{round(2 * half_x * PIXELS, 2)}" height="{round(2 * half_y * PIXELS, 2)}"'
-        turn = (
-            f' transform="rotate({-math.degrees(yaw):.1f} {self.x(x)} {self.y(y)})"' if yaw else ""
-        )
-        self.elements.append(
-            f'<rect x="{self.x(x - half_x)}" y="{self.y(y + half_y)}" {size}{turn}'
-            f' style="{style}">{label}</rect>'
-        )
+        turn = ""
+        if yaw:
+            clockwise = -math.degrees(yaw)
+            turn = f' transform="rotate({clockwise:.1f} {self.x(x)} {self.y(y)})"'
+        label = f"<title>{html.escape(title)}</title>" if title else ""
+        self.elements.append(f'<rect {corner} {size}{turn} style="{style}">{label}</rect>')
+
+    def area(self, rect: Rect, style: str) -> None:
+        """Draw a rectangle on the ground."""
+        half_x = (rect.east - rect.west) / 2
+        half_y = (rect.north - rect.south) / 2
+        self.box((rect.west + rect.east) / 2, (rect.south + rect.north) / 2, half_x, half_y, style)
 
     def line(self, points: list[tuple[float, float]], style: str) -> None:
+        """Draw a line through points, m."""
         path = " ".join(f"{self.x(x)},{self.y(y)}" for x, y in points)
         self.elements.append(f'<polyline points="{path}" style="fill:none;{style}"/>')
 
@@ -88,6 +99,7 @@ class Drawing:
         self.elements.append(f'<text {at} style="{style}">{html.escape(words)}</text>')
 
     def svg(self) -> str:
+        """Return the drawing as a file."""
         head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}">'
         return "\n".join([head, *self.elements, "</svg>", ""])
 
@@ -96,9 +108,9 @@ def orchard_plan(layout: Layout) -> str:
     """Return the drawing of the whole orchard, with all bodies at their starts."""
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 1)
     for start in layout.starts:
-        drawing.box(
-            start.pose.x, start.pose.y, *_half_sizes(start.kind), _paint(start.kind), start.name
-        )
+        half_x, half_y = _half_sizes(start.kind)
+        paint = _paint(start.kind)
+        drawing.box(start.pose.x, start.pose.y, half_x, half_y, paint, start.name)
     return drawing.svg()
 
 
@@ -108,45 +120,46 @@ def present_plan(world: World) -> str:
     """
     layout = world.layout
     drawing = Drawing(layout, X_WEST - 1, layout.bottom - 1, layout.east + 1, layout.top + 5)
-    for lane, (west, east, *inside), total in zip(
-        layout.lanes, world.row_ends.tolist(), world.row_picked.tolist(), strict=True
-    ):
-        words = f"row {lane.number}: {total:.1f} m picked"
-        parts = (
-            (0.0, west),
-            (lane.length - east, lane.length),
-            (lane.length - inside[1], max(inside[0], lane.length - inside[1])),
-        )
-        for begin, end in parts:
-            drawing.box(
-                lane.west + (begin + end) / 2,
-                lane.y,
-                (end - begin) / 2,
-                1.0,
-                f"fill:{COLOURS['picked']};opacity:0.8",
-                words,
-            )
+    for number, lane in enumerate(layout.lanes):
+        _picked(drawing, lane, world.row_ends[number].tolist(), float(world.row_picked[number]))
     for name, i in layout.index.items():
         if world.alive[i]:
-            _present_body(
-                drawing,
-                name,
-                Pose(*world.pose[i].tolist()),
-                float(world.fill[i]) / layout.metres_per_bin,
-            )
-    picked = (
-        f"{world.row_picked.sum():.0f} of {layout.mean_length * len(layout.lanes):.0f} m picked"
-    )
-    told = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
-    drawing.label(X_WEST, layout.top + 1.7, told, 2.4)
+            pose = Pose(*world.pose[i].tolist())
+            share = float(world.fill[i]) / layout.metres_per_bin
+            _present_body(drawing, name, pose, share)
+    all_metres = layout.mean_length * len(layout.lanes)
+    picked = f"{world.row_picked.sum():.0f} of {all_metres:.0f} m picked"
+    words = f"{clock(world.seconds)}, {picked}, {world.delivered} bins delivered"
+    drawing.label(X_WEST, layout.top + 1.7, words, 2.4)
     return drawing.svg()
 
 
+def _picked(drawing: Drawing, lane: Lane, ends: list[float], total: float) -> None:
+    """Draw what is picked of a row: from its west, from its east, and inside it.
+
+    `ends`: as a row of `World.row_ends`, m. `total`: m picked.
+    """
+    from_west, from_east, inside_west, inside_east = ends
+    inside_begin = lane.length - inside_east
+    parts = (
+        (0.0, from_west),
+        (lane.length - from_east, lane.length),
+        (inside_begin, max(inside_west, inside_begin)),
+    )
+    style = f"fill:{COLOURS['picked']};opacity:0.8"
+    words = f"row {lane.number}: {total:.1f} m picked"
+    for begin, end in parts:
+        middle = lane.west + (begin + end) / 2
+        drawing.box(middle, lane.y, (end - begin) / 2, 1.0, style, words)
+
+
 def _half_sizes(kind: str) -> tuple[float, float]:
+    """Return half the length and half the width of a kind of body, m."""
     return KINDS[kind].length / 2, KINDS[kind].width / 2
 
 
 def _paint(kind: str) -> str:
+    """Return the style of a kind of body: its own colour, with a black edge."""
     return "fill:rgb({},{},{});stroke:black;stroke-width:1".format(*KINDS[kind].colour)
 
 
@@ -156,60 +169,53 @@ def _present_body(drawing: Drawing, name: str, pose: Pose, share: float) -> None
     `share`: how full a bin is; an empty one is pale. Pickers and carriers have labels: P1, C2.
     """
     kind = kind_of(name)
-    pale = f";fill-opacity:{0.15 + 0.85 * share:.2f}" if kind == "bin" else ""
-    drawing.box(pose.x, pose.y, *_half_sizes(kind), _paint(kind) + pale, name, pose.yaw)
+    half_x, half_y = _half_sizes(kind)
+    paint = _paint(kind)
+    if kind == "bin":
+        paint = f"{paint};fill-opacity:{0.15 + 0.85 * share:.2f}"
+    drawing.box(pose.x, pose.y, half_x, half_y, paint, name, pose.yaw)
     if kind in ("picker", "carrier"):
-        x, y = (
-            (-1.2, 1.3) if nearest_heading(pose.yaw) in ("EAST", "WEST") else (1.2, -0.6)
-        )  # beside it, not on its bin
+        # The label stands beside the robot, not on its bin.
+        is_along_rows = nearest_heading(pose.yaw) in ("EAST", "WEST")
+        x, y = (-1.2, 1.3) if is_along_rows else (1.2, -0.6)
         drawing.label(pose.x + x, pose.y + y, f"{kind[0].upper()}{number_of(name)}", 1.8)
 
 
 def _ground(drawing: Drawing, layout: Layout) -> None:
-    middle, half = (layout.top + layout.bottom) / 2, (layout.top - layout.bottom) / 2
-    width = layout.east - X_WEST
-    drawing.box(
-        X_WEST + width / 2,
-        middle,
-        width / 2,
-        half,
-        f"fill:{COLOURS['ground']};stroke:{COLOURS['fence']};stroke-width:{PIXELS}",
-    )
-    for rect, colour in ((DRIVEWAY, COLOURS["driveway"]), (layout.bay, COLOURS["bay"])):
-        x, y = (rect.west + rect.east) / 2, (rect.south + rect.north) / 2
-        drawing.box(
-            x, y, (rect.east - rect.west) / 2, (rect.north - rect.south) / 2, f"fill:{colour}"
-        )
+    """Draw what lies within the fences: driveway, bay, rows, trees."""
+    orchard = Rect(X_WEST, layout.bottom, layout.east, layout.top)
+    fence = f"stroke:{COLOURS['fence']};stroke-width:{PIXELS}"
+    drawing.area(orchard, f"fill:{COLOURS['ground']};{fence}")
+    drawing.area(DRIVEWAY, f"fill:{COLOURS['driveway']}")
+    drawing.area(layout.bay, f"fill:{COLOURS['bay']}")
     for lane in layout.lanes:
-        across = (lane.east + lane.west) / 2
-        drawing.box(across, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
-        drawing.label(across - 2.0, lane.y - 0.3, f"row {lane.number}", 0.9)
+        middle = (lane.east + lane.west) / 2
+        drawing.box(middle, lane.y, lane.length / 2, 1.0, f"fill:{COLOURS['lane']};opacity:0.6")
+        drawing.label(middle - 2.0, lane.y - 0.3, f"row {lane.number}", 0.9)
     for line in layout.lines:
         for x in line.trees_x:
             drawing.box(x, line.y, 2.75, 0.5, f"fill:{COLOURS['tree']};opacity:0.7")
+    # The first four walls are the fences.
     for x, y, half_x, half_y in layout.walls[4:]:
         drawing.box(x, y, half_x, half_y, f"fill:{COLOURS['trunk']}")
 
 
 def _roads(drawing: Drawing, layout: Layout) -> None:
+    """Draw the roads, the lines of the queue, and the lines at which robots stop."""
     route = route_of(layout)
     for road in route.roads():
-        colour = COLOURS.get(road.name, OTHER_ROAD)
+        stroke = f"stroke:{COLOURS.get(road.name, OTHER_ROAD)}"
         if road.width:
-            drawing.line(
-                road.points, f"stroke:{colour};stroke-width:{road.width * PIXELS};opacity:0.18"
-            )
-        drawing.line(
-            road.points,
-            f"stroke:{colour};stroke-width:2{'' if road.width else ';stroke-dasharray:4'}",
-        )
+            width = road.width * PIXELS
+            drawing.line(road.points, f"{stroke};stroke-width:{width};opacity:0.18")
+            drawing.line(road.points, f"{stroke};stroke-width:2")
+        else:
+            drawing.line(road.points, f"{stroke};stroke-width:2;stroke-dasharray:4")
+    area = layout.queue.area
     for y in layout.queue.lines:
         colour = COLOURS["charging" if y in layout.charging_lines else "D"]
-        drawing.line(
-            [(layout.queue.area.west, y), (layout.queue.area.east, y)],
-            f"stroke:{colour};stroke-width:1;stroke-dasharray:6",
-        )
+        style = f"stroke:{colour};stroke-width:1;stroke-dasharray:6"
+        drawing.line([(area.west, y), (area.east, y)], style)
     for name, x, y in route.holds():
-        drawing.line(
-            [(x - 0.75, y), (x + 0.75, y)], f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3"
-        )
+        style = f"stroke:{COLOURS.get(name, OTHER_ROAD)};stroke-width:3"
+        drawing.line([(x - 0.75, y), (x + 0.75, y)], style)

@@ -35,7 +35,9 @@ class Progress:
         """`as_json`: lines are objects {"progress": {...}}. `until`: simulated time at which the
         run ends, s.
         """
-        self.console, self._as_json, self._until = console, as_json, until
+        self.console = console
+        self._as_json = as_json
+        self._until = until
         live = Live(
             console=console,
             refresh_per_second=4,
@@ -49,11 +51,13 @@ class Progress:
         self._has_begun = threading.Event()  # the first figures have come
 
     def __enter__(self) -> "Progress":
+        """Begin the live table, if there is one."""
         if self._live:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        """End the live table, and the lines before the first figures."""
         self._has_begun.set()
         if self._live:
             self._live.stop()
@@ -67,6 +71,7 @@ class Progress:
         self.preparing.start()
 
     def _show_that_it_goes_on(self) -> None:
+        """Show how long the run gets ready, until its first figures have come."""
         begun = time.monotonic()
         while not self._has_begun.wait(1.0 if self._live else STILL_SECONDS):
             words = f"getting ready: {clock(time.monotonic() - begun)} so far"
@@ -83,23 +88,18 @@ class Progress:
         `waits_for`: robot -> agent or thing.
         """
         self._has_begun.set()
-        known = headline_of(figures)
+        headline = headline_of(figures)
         if self._live:
             self._seen |= dict.fromkeys(doing)
-            table = robots(
-                dict.fromkeys(self._seen, SILENT) | dict(doing),
-                waits_for,
-                self.console.width,
-                self.console.height,
-            )
-            self._live.update(Group(Text(known.line(self._until), style="bold"), table))
+            all_doing = dict.fromkeys(self._seen, SILENT) | dict(doing)
+            table = robots(all_doing, waits_for, self.console.width, self.console.height)
+            self._live.update(Group(Text(headline.line(self._until), style="bold"), table))
         elif time.monotonic() - self._printed >= LINE_SECONDS:
             self._printed = time.monotonic()
-            self.say(
-                msgspec.json.encode({"progress": known}).decode()
-                if self._as_json
-                else known.line(self._until)
-            )
+            if self._as_json:
+                self.say(msgspec.json.encode({"progress": headline}).decode())
+            else:
+                self.say(headline.line(self._until))
 
     def say(self, words: str) -> None:
         """Print a line that stays on the console."""
@@ -118,7 +118,9 @@ def robots(
     room = max(4, height - 3)
     if len(names) > room:
         names = [name for name in names if kind_of(name) != "bin"]
-    columns = min(math.ceil(len(names) / room), max(1, width // NARROWEST)) or 1
+    needed_columns = max(1, math.ceil(len(names) / room))
+    most_columns = max(1, width // NARROWEST)
+    columns = min(needed_columns, most_columns)
     is_full = len(names) > room * columns
     lines = room - 1 if is_full else math.ceil(len(names) / columns)
     table = Table.grid(padding=(0, 1, 0, 0))
@@ -133,9 +135,12 @@ def robots(
 
 def _line(name: str, doing: Mapping[str, str], waits_for: Mapping[str, str]) -> Text:
     """One robot: its short name, as columns are narrow, what it does, and what it waits for."""
-    waits = waits_for.get(name)
-    words = f"{doing[name]} ({waits})" if waits and waits not in doing[name] else doing[name]
-    return Text.assemble(
-        (f"{short_name(name)} ", "bold"),
-        (words, "red" if doing[name] in STANDS else "yellow" if waits else ""),
-    )
+    words = doing[name]
+    waited_for = waits_for.get(name)
+    if words in STANDS:
+        colour = "red"
+    else:
+        colour = "yellow" if waited_for else ""
+    if waited_for and waited_for not in words:
+        words = f"{words} ({waited_for})"
+    return Text.assemble((f"{short_name(name)} ", "bold"), (words, colour))

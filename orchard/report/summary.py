@@ -38,6 +38,7 @@ UNITS = {
     "flat_seconds": "s, in which carriers stood with a flat battery, all together",
     "recording_gaps": "s, which no recording shows",
 }
+# Shown if they are not zero.
 UNUSUAL = (
     "stopped_seconds",
     "charging_seconds",
@@ -50,15 +51,17 @@ UNUSUAL = (
     "messages_refused",
     "messages_dropped",
     "recording_gaps",
-)  # shown if they are not zero
+)
 NAMED = 3  # broken agents that a line of progress names
+# What an empty map of a key means.
 OF_NONE = {
     "lost_seconds": (
         "known of a complete harvest only, of built-in classes, not stopped, not forked with"
         " changes"
     )
-}  # if it is empty
-NOT_IN_TABLE = ("scenario", "history")  # for programs; the page shows them in its own way
+}
+# For programs. The page shows them in its own way.
+NOT_IN_TABLE = ("scenario", "history")
 
 
 class Headline(msgspec.Struct, kw_only=True):
@@ -74,9 +77,8 @@ class Headline(msgspec.Struct, kw_only=True):
     bins_delivered: int
     schedule_sim_seconds: float
     carrier_utilisation: float
-    state_seconds: dict[
-        str, dict[str, float]
-    ]  # kind of robot -> state -> s, all robots of the kind together
+    # Kind of robot -> state -> s, all robots of the kind together.
+    state_seconds: dict[str, dict[str, float]]
     broken_agents: list[str] = []  # each with the tick since which it is
 
     @property
@@ -88,42 +90,52 @@ class Headline(msgspec.Struct, kw_only=True):
     @property
     def fraction(self) -> float:
         """Progress from 0 to 1: half for metres picked, half for bins delivered."""
-        return (
-            self.metres_picked / (self.rows * self.row_length) + self.bins_delivered / self.bins
-        ) / 2
+        share_of_metres = self.metres_picked / self._all_metres
+        share_of_bins = self.bins_delivered / self.bins
+        return (share_of_metres + share_of_bins) / 2
+
+    @property
+    def _all_metres(self) -> float:
+        """The length of all rows, m."""
+        return self.rows * self.row_length
 
     def seconds_left(self, until: float | None = None) -> float:
         """Return the estimated rest of the harvest, s of wall time.
 
         `until`: simulated time at which the run ends, s.
         """
-        rest = max(
-            self.schedule_sim_seconds - self.sim_seconds,
-            (1.0 - self.fraction) * self.schedule_sim_seconds,
-        )
-        rest = rest if until is None else min(rest, max(0.0, until - self.sim_seconds))
-        return rest / self.times_real_time if self.times_real_time else math.inf
+        if not self.times_real_time:
+            return math.inf
+        rest_by_schedule = self.schedule_sim_seconds - self.sim_seconds
+        rest_by_share = (1.0 - self.fraction) * self.schedule_sim_seconds
+        rest = max(rest_by_schedule, rest_by_share)
+        if until is not None:
+            rest = min(rest, max(0.0, until - self.sim_seconds))
+        return rest / self.times_real_time
 
     def line(self, until: float | None = None) -> str:
         """Return the headline as a line of at most 80 characters, and the broken agents.
 
         `until`: as in `seconds_left`.
         """
-        left, picked = (
-            self.seconds_left(until),
-            share_picked(self.metres_picked, self.rows * self.row_length),
-        )
-        ends = [f"{clock(left)} left"] if left < math.inf else []
+        picked = share_picked(self.metres_picked, self._all_metres)
+        parts = [
+            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time",
+            f"{picked:>5} picked  {self.bins_delivered}/{self.bins} bins",
+        ]
+        seconds_left = self.seconds_left(until)
+        if seconds_left < math.inf:
+            parts.append(f"{clock(seconds_left)} left")
         if self.broken_agents:
-            names, more = (
-                [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]],
-                len(self.broken_agents) - NAMED,
-            )
-            ends.append(f"broken: {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
-        so_far = f"{picked:>5} picked  {self.bins_delivered}/{self.bins} bins"
-        return "  ".join(
-            [f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time", so_far, *ends]
-        )
+            parts.append(f"broken: {self._broken_names()}")
+        return "  ".join(parts)
+
+    def _broken_names(self) -> str:
+        """Return the names of the first broken agents, and how many more there are."""
+        names = [agent.partition(",")[0] for agent in self.broken_agents[:NAMED]]
+        words = ", ".join(names)
+        more = len(self.broken_agents) - NAMED
+        return f"{words} and {more} more" if more > 0 else words
 
 
 def headline_of(figures: Mapping[str, Any]) -> Headline:
@@ -171,13 +183,13 @@ def as_table(summary: dict[str, Any]) -> Table:
 
 
 def _words(key: str, value: Any) -> str:
+    """Return a figure in words, with its unit."""
     unit = f" {UNITS[key]}" if key in UNITS else ""
     if isinstance(value, dict):
-        return (
-            ", ".join(f"{name} {_words('', part)}" for name, part in value.items()) + unit
-            if value
-            else OF_NONE.get(key, "none")
-        )
+        if not value:
+            return OF_NONE.get(key, "none")
+        parts = [f"{name} {_words('', part)}" for name, part in value.items()]
+        return ", ".join(parts) + unit
     if key == "recording_gaps" and value:
         return ", ".join(f"{since} to {until}" for since, until in value) + unit
     if isinstance(value, list):
@@ -189,7 +201,8 @@ def _words(key: str, value: Any) -> str:
     return f"{value}{unit}"
 
 
-ENDS = {  # other words come from the processes of the run
+# Other words come from the processes of the run.
+ENDS = {
     "duration": "Ended by --duration",
     "stopped": "Stopped",
     "broken": "Ended because all pickers were broken,",
@@ -203,20 +216,23 @@ def sentence(outcome: Outcome) -> str:
 
     Times are simulated, since the start, also of a resumed run.
     """
-    faults = [
+    if outcome.finished:
+        result = (
+            f"{outcome.rows_picked} of {outcome.rows} rows in {clock(outcome.sim_seconds)},"
+            f" simulated: {outcome.bins_per_hour:.1f} bins an hour"
+        )
+    else:
+        result = _unfinished(outcome)
+    parts = [
+        result,
         _count(outcome.violations, "violation"),
         _count(outcome.broken_agents, "broken agent"),
     ]
-    rows = f"{outcome.rows_picked} of {outcome.rows} rows"
-    whole = (
-        f"{rows} in {clock(outcome.sim_seconds)}, simulated: {outcome.bins_per_hour:.1f} bins an"
-        " hour"
-    )
-    told = whole if outcome.finished else _unfinished(outcome)
-    return f"{told}{''.join(f'; {fault}' for fault in faults if fault)}."
+    return "; ".join(filter(None, parts)) + "."
 
 
-LOSSES = {  # parts of `lost_seconds` beside what a harvest takes at least, in words
+# Parts of `lost_seconds` beside what a harvest takes at least, in words.
+LOSSES = {
     "dispatch": "the dispatch policy",
     "charging": "charging",
     "traffic": "traffic",
@@ -228,19 +244,21 @@ def limit_sentence(outcome: Outcome) -> str:
     """Return the second sentence: what limits the rate; if known, how far the harvest is from the
     optimum, and to what most was lost.
     """
-    limited_by = (
-        outcome.bottleneck if outcome.bottleneck == "unloading" else f"the {outcome.bottleneck}"
-    )
-    told = [
+    limited_by = outcome.bottleneck
+    if limited_by != "unloading":
+        limited_by = f"the {limited_by}"
+    parts = [
         f"What limits it: {limited_by}, to {outcome.limit_bins_per_hour:.1f} bins an hour"
         " in a long harvest of these rows without traffic"
     ]
-    if proven := outcome.lost_seconds.get("optimum"):
-        told.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
-    lost = max(LOSSES, key=lambda part: outcome.lost_seconds.get(part, 0.0))
-    if (seconds := outcome.lost_seconds.get(lost, 0.0)) > 0.0:
-        told.append(f"{clock(seconds)} were lost to {LOSSES[lost]}")
-    return f"{'; '.join(told)}."
+    proven = outcome.lost_seconds.get("optimum")
+    if proven:
+        parts.append(f"its time is {above_optimum(outcome.sim_seconds, proven)}")
+    most_lost_to = max(LOSSES, key=lambda part: outcome.lost_seconds.get(part, 0.0))
+    seconds = outcome.lost_seconds.get(most_lost_to, 0.0)
+    if seconds > 0.0:
+        parts.append(f"{clock(seconds)} were lost to {LOSSES[most_lost_to]}")
+    return "; ".join(parts) + "."
 
 
 def above_optimum(seconds: float, proven: float) -> str:
@@ -252,7 +270,8 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Return the figures that matter most, in words: name, value with its unit, and a note on its
     meaning.
     """
-    limit, schedule = summary["limit_bins_per_hour"], clock(summary["schedule_sim_seconds"])
+    limit = summary["limit_bins_per_hour"]
+    schedule = clock(summary["schedule_sim_seconds"])
     return [
         (
             "Bins an hour",
@@ -285,12 +304,11 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
 
 def clock(seconds: float) -> str:
     """Return a time in words: 15:56 min, 2:33:39 h."""
-    minutes, rest = divmod(round(seconds), 60)
-    return (
-        f"{minutes}:{rest:02d} min"
-        if minutes < 60
-        else f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h"
-    )
+    all_minutes, rest = divmod(round(seconds), 60)
+    if all_minutes < 60:
+        return f"{all_minutes}:{rest:02d} min"
+    hours, minutes = divmod(all_minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d} h"
 
 
 def share_picked(metres: float, all_metres: float) -> str:
@@ -302,6 +320,7 @@ def share_picked(metres: float, all_metres: float) -> str:
 
 
 def _unfinished(outcome: Outcome) -> str:
+    """Return how a run ended before its harvest did, and how far it was."""
     end = ENDS.get(outcome.ended, f"Ended ({outcome.ended})")
     picked = share_picked(outcome.metres_picked, outcome.rows * outcome.row_length)
     return (
@@ -311,5 +330,8 @@ def _unfinished(outcome: Outcome) -> str:
     )
 
 
-def _count(things: list[str], name: str) -> str:
-    return f"{len(things)} {name}{'s' if len(things) > 1 else ''}" if things else ""
+def _count(items: list[str], name: str) -> str:
+    """Return how many there are, in words; nothing of none."""
+    if not items:
+        return ""
+    return f"{len(items)} {name}{'s' if len(items) > 1 else ''}"

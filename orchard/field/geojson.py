@@ -25,9 +25,8 @@ from orchard.field.scenario import Scenario, check
 from orchard.field.survey import CLOSEST, FEWEST_ROWS, MOST_ROWS, SurveyedRow, faults_of
 from orchard.folders import regular
 
-STRAIGHT = (
-    0.2  # m, at most, from a point of a row to its straight line, and to the direction of all rows
-)
+# m, at most, from a point of a row to its straight line, and to the direction of all rows.
+STRAIGHT = 0.2
 LARGEST_FILE = 10_000_000  # bytes
 LONGITUDE_LATITUDE = "OGC:CRS84"  # of a GeoJSON file that names no system (RFC 7946)
 RIGHT_SYSTEM = "name that of the file, geographic or projected: --crs EPSG:2193, for example"
@@ -64,11 +63,7 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     """
     file = key_text(str(path))
     content = _content(path, file)
-    found = list(_lines(content, file))
-    lines, problems = (
-        [one for one in found if isinstance(one, SurveyedLine)],
-        [one for one in found if isinstance(one, Problem)],
-    )
+    lines, problems = _lines(content, file)
     if not FEWEST_ROWS <= len(lines) <= MOST_ROWS:
         wanted = (
             f"must be {FEWEST_ROWS} to {MOST_ROWS} LineStrings; of a larger orchard, a file for"
@@ -82,18 +77,29 @@ def import_rows(path: Path, crs: str | None = None) -> Scenario:
     except ValueError as error:
         raise ScenarioError([*problems, Problem(file, str(error))]) from None
     yaw = _direction(lines)
-    lines = [SurveyedLine(line.id, line.points * cmath.exp(-1j * yaw)) for line in lines]
-    lines.sort(key=lambda line: -_middle(line.points.imag))
-    problems += [Problem(file, text, f"feature {name}") for name, text in _faults(lines, yaw)]
+    lines = [_turned(line, -yaw) for line in lines]
+    lines.sort(key=_middle_y, reverse=True)
+    problems += [Problem(file, text, f"feature {name}") for name, text in _faults(lines)]
     if problems:
         raise ScenarioError(problems)
     return _scenario(lines, plane, yaw, file)
+
+
+def _turned(line: SurveyedLine, angle: float) -> SurveyedLine:
+    """Return a line after a turn about the middle of all, rad counter-clockwise."""
+    return SurveyedLine(line.id, line.points * cmath.exp(1j * angle))
+
+
+def _middle_y(line: SurveyedLine) -> float:
+    """Return the y of a line in the rows' frame, m."""
+    return _middle(line.points.imag)
 
 
 # -- file -> lines
 
 
 def _content(path: Path, file: str) -> dict[str, Any]:
+    """Return what a file holds, with a list of features. Raises ScenarioError."""
     try:
         with regular(path).open("rb") as opened:
             text = opened.read(LARGEST_FILE + 1)
@@ -119,61 +125,66 @@ def _named_system(content: dict[str, Any]) -> str:
     return name if isinstance(name, str) else LONGITUDE_LATITUDE
 
 
-def _lines(content: dict[str, Any], file: str) -> Iterator[SurveyedLine | Problem]:
+def _lines(content: dict[str, Any], file: str) -> tuple[list[SurveyedLine], list[Problem]]:
+    """Return the lines of all features in the file's system, and what is wrong with the others."""
+    lines = []
+    problems = []
     for number, feature in enumerate(content["features"], start=1):
-        content_of_line = feature if isinstance(feature, dict) else {}
-        name = _name(content_of_line, number)
+        members = feature if isinstance(feature, dict) else {}
+        name = _name(members, number)
         try:
-            yield SurveyedLine(name, _points(content_of_line.get("geometry")))
+            lines.append(SurveyedLine(name, _points(members.get("geometry"))))
         except ValueError as error:
-            yield Problem(file, str(error), f"feature {name}")
+            problems.append(Problem(file, str(error), f"feature {name}"))
+    return lines, problems
 
 
 def _name(feature: dict[str, Any], number: int) -> str:
+    """Return what names a feature: its id, a property, or else its number in the file."""
+    candidates = [feature.get("id")]
     properties = feature.get("properties")
-    known = [
-        feature.get("id"),
-        *(properties.get(name) for name in NAMES if isinstance(properties, dict)),
-    ]
-    return next(
-        (printable(str(name), 60) for name in known if isinstance(name, str | int) and str(name)),
-        f"number {number}",
-    )
+    if isinstance(properties, dict):
+        candidates += [properties.get(name) for name in NAMES]
+    for candidate in candidates:
+        if isinstance(candidate, str | int) and str(candidate):
+            return printable(str(candidate), 60)
+    return f"number {number}"
 
 
 def _points(geometry: Any) -> np.ndarray:
-    kind, given = (
-        (geometry.get("type"), geometry.get("coordinates", ()))
-        if isinstance(geometry, dict)
-        else (None, ())
-    )
-    if kind == "MultiLineString" and isinstance(given, list) and len(given) == 1:
-        kind, given = "LineString", given[0]
+    """Return the points of a geometry, (n,) complex.
+
+    Raises ValueError for what is no line. A MultiLineString of one line is one.
+    """
+    members = geometry if isinstance(geometry, dict) else {}
+    kind = members.get("type")
+    coordinates = members.get("coordinates")
+    if kind == "MultiLineString" and isinstance(coordinates, list) and len(coordinates) == 1:
+        kind = "LineString"
+        coordinates = coordinates[0]
     if kind != "LineString":
         raise ValueError(
             f"is {show(kind)}; each feature must be one LineString, the centre line of a row"
         )
-    points = np.array(
-        [
-            _point(number, one)
-            for number, one in enumerate(given if isinstance(given, list) else [], start=1)
-        ]
-    )
+    if not isinstance(coordinates, list):
+        coordinates = []
+    points = np.array([_point(number, pair) for number, pair in enumerate(coordinates, start=1)])
     if len(points) < 2 or np.abs(points - points[0]).max() == 0.0:
         raise ValueError("must have at least two different points")
     return points
 
 
-def _point(number: int, given: Any) -> complex:
+def _point(number: int, coordinates: Any) -> complex:
+    """Return a point. Raises ValueError, with its number in the line, for what is none."""
     try:
-        x, y, *_ = given
+        x, y, *_ = coordinates
         point = complex(float(x), float(y))
     except (TypeError, ValueError, OverflowError):
         point = complex(math.nan)
     if not cmath.isfinite(point):
-        told = printable(json.dumps(given), 60)
+        text = printable(json.dumps(coordinates), 60)
         raise ValueError(
-            f"its point {number} is {told}; each point must be two finite numbers, such as [176.3,"
+            f"its point {number} is {text}; each point must be two finite numbers, such as [176.3,"
             " -37.8]"
         )
     return point
@@ -183,23 +194,26 @@ def _point(number: int, given: Any) -> complex:
 
 
 def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[SurveyedLine]]:
+    """Return a projected system that keeps angles, and the lines in it, m about their middle.
+
+    `name`: of the lines' own system. Raises ValueError if it cannot be used.
+    """
     from pyproj import CRS
     from pyproj.exceptions import ProjError
 
     try:
-        given = CRS.from_user_input(name)
-        if not (given.is_geographic or given.is_projected):
+        own = CRS.from_user_input(name)
+        if not (own.is_geographic or own.is_projected):
             raise ValueError(
-                f"{_words(name)} has no places on a map: it is {given.type_name}; {RIGHT_SYSTEM}"
+                f"{_words(name)} has no places on a map: it is {own.type_name}; {RIGHT_SYSTEM}"
             )
-        globe = _converted(given, given.geodetic_crs or given, lines)
-        crs, scale = given, _scale(given, _middle_of(lines)) if given.is_projected else 0.0
+        # This also finds points outside a projected system.
+        on_globe = _converted(own, own.geodetic_crs or own, lines)
+        crs = own
+        scale = _scale(own, _middle_of(lines)) if own.is_projected else 0.0
         if not scale:
-            middle = _middle_of(globe)
-            crs = CRS.from_epsg(
-                (32700 if middle.imag < 0 else 32600) + int((middle.real + 180.0) // 6.0) % 60 + 1
-            )
-            lines = _converted(given, crs, lines)
+            crs = CRS.from_epsg(_utm_zone(_middle_of(on_globe)))
+            lines = _converted(own, crs, lines)
             scale = _scale(crs, _middle_of(lines))
     except (ProjError, UnicodeError) as error:
         fault = str(error).rpartition("proj_create: ")[2].rstrip(")")
@@ -207,36 +221,47 @@ def _on_a_plane(lines: Sequence[SurveyedLine], name: str) -> tuple[Plane, list[S
             f"{_words(name)} cannot be used: {printable(fault)}; {RIGHT_SYSTEM}"
         ) from None
     plane = Plane(crs.to_string(), _middle_of(lines), scale)
-    return plane, [
+    in_metres = [
         SurveyedLine(line.id, (line.points - plane.middle) / plane.scale) for line in lines
     ]
+    return plane, in_metres
+
+
+def _utm_zone(place: complex) -> int:
+    """Return the EPSG number of the zone of UTM at a longitude and latitude, degrees."""
+    zone = int((place.real + 180.0) // 6.0) % 60 + 1
+    is_south = place.imag < 0
+    return (32700 if is_south else 32600) + zone
 
 
 def _words(name: str) -> str:
+    """Return a coordinate system in words."""
     return f"the coordinate system {printable(name, 60)!r}"
 
 
-def _converted(given: Any, wanted: Any, lines: Sequence[SurveyedLine]) -> list[SurveyedLine]:
+def _converted(source: Any, target: Any, lines: Sequence[SurveyedLine]) -> list[SurveyedLine]:
+    """Return lines of one coordinate system in another one.
+
+    Raises ValueError for a point that is no place in the first one.
+    """
     from pyproj import Transformer
 
-    transformer = Transformer.from_crs(given, wanted, always_xy=True)
-    most = complex(180.0, 90.0) if given.is_geographic else complex(math.inf, math.inf)
+    transformer = Transformer.from_crs(source, target, always_xy=True)
+    most_x = 180.0 if source.is_geographic else math.inf
+    most_y = 90.0 if source.is_geographic else math.inf
     converted = []
     for line in lines:
         x, y = transformer.transform(line.points.real, line.points.imag)
         points = np.asarray(x) + 1j * np.asarray(y)
-        is_there = (
-            (np.abs(line.points.real) <= most.real)
-            & (np.abs(line.points.imag) <= most.imag)
-            & np.isfinite(points)
-        )
-        if not is_there.all():
-            at = complex(line.points[~is_there][0])
-            words = (
-                f"({at.real:.10g}, {at.imag:.10g}) of feature {line.id} is no place in the"
-                f" coordinate system {printable(given.name)}"
+        is_within = np.abs(line.points.real) <= most_x
+        is_within &= np.abs(line.points.imag) <= most_y
+        is_place = is_within & np.isfinite(points)
+        if not is_place.all():
+            point = complex(line.points[~is_place][0])
+            raise ValueError(
+                f"({point.real:.10g}, {point.imag:.10g}) of feature {line.id} is no place in the"
+                f" coordinate system {printable(source.name)}; {RIGHT_SYSTEM}"
             )
-            raise ValueError(f"{words}; {RIGHT_SYSTEM}")
         converted.append(SurveyedLine(line.id, points))
     return converted
 
@@ -251,19 +276,27 @@ def _scale(crs: Any, middle: complex) -> float:
         return 0.0
     to_globe = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
     units = STEP / crs.axis_info[0].unit_conversion_factor
-    ends = [middle + units * side * axis / 2 for axis in (1, 1j) for side in (-1, 1)]
-    lon, lat = to_globe.transform([end.real for end in ends], [end.imag for end in ends])
-    _, _, metres = crs.get_geod().inv(lon[::2], lat[::2], lon[1::2], lat[1::2])
-    east, north = units / metres[0], units / metres[1]
-    return float(east) if abs(east / north - 1.0) <= CONFORMAL else 0.0
+    scales = []
+    for axis in (1, 1j):
+        begin = middle - units * axis / 2
+        end = middle + units * axis / 2
+        lon, lat = to_globe.transform([begin.real, end.real], [begin.imag, end.imag])
+        _, _, metres = crs.get_geod().inv(lon[0], lat[0], lon[1], lat[1])
+        scales.append(units / metres)
+    scale_east, scale_north = scales
+    if abs(scale_east / scale_north - 1.0) > CONFORMAL:
+        return 0.0
+    return float(scale_east)
 
 
 def _middle_of(lines: Sequence[SurveyedLine]) -> complex:
+    """Return the middle of all points."""
     points = np.concatenate([line.points for line in lines])
     return complex(_middle(points.real), _middle(points.imag))
 
 
 def _middle(values: np.ndarray) -> float:
+    """Return the middle between the least and the greatest value."""
     return float(values.min() + values.max()) / 2
 
 
@@ -274,88 +307,92 @@ def _direction(lines: Sequence[SurveyedLine]) -> float:
     """Return the rows' direction, rad, in (-pi / 2, pi / 2]: the median, so that one line that is
     askew does not turn the others.
     """
-    ways = [_way(line.points) for line in lines]
-    longest = max(ways, key=abs)
-    yaw = cmath.phase(longest) + median(cmath.phase((way / longest) ** 2) / 2 for way in ways)
+    vectors = [_vector(line.points) for line in lines]
+    longest = max(vectors, key=abs)
+    # A line may run from either end: the square of a vector is the same for both.
+    turns = [cmath.phase((vector / longest) ** 2) / 2 for vector in vectors]
+    yaw = cmath.phase(longest) + median(turns)
     return yaw - math.pi * math.ceil(yaw / math.pi - 0.5)
 
 
-def _way(points: np.ndarray) -> complex:
-    """Return the way from a line's first point to its last one; to the farthest one, if the line
+def _vector(points: np.ndarray) -> complex:
+    """Return the vector from a line's first point to its last one; to the farthest one, if the line
     comes back to where it began.
     """
-    ways = points - points[0]
-    return complex(ways[-1] or ways[np.abs(ways).argmax()])
+    vectors = points - points[0]
+    return complex(vectors[-1] or vectors[np.abs(vectors).argmax()])
 
 
-def _faults(lines: Sequence[SurveyedLine], yaw: float) -> Iterator[tuple[str, str]]:
-    askew = False
+def _faults(lines: Sequence[SurveyedLine]) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with lines in the rows' frame: the id of a line, and its fault."""
+    is_any_askew = False
     for line in lines:
+        own_bend = _bend(_turned(line, -cmath.phase(_vector(line.points))))
+        bend = _bend(line)
+        is_any_askew |= bend > CLOSEST / 2
+        if own_bend > STRAIGHT:
+            yield (
+                line.id,
+                f"is bent: {own_bend:.2f} m off a straight line; must be at most {STRAIGHT:g} m",
+            )
+        elif bend > STRAIGHT:
+            yield (
+                line.id,
+                f"is not parallel: {bend:.2f} m off the direction of the rows; must be at most"
+                f" {STRAIGHT:g} m",
+            )
         length = float(np.ptp(line.points.real))
-        own, off = (
-            _bend(line.points * cmath.exp(-1j * cmath.phase(_way(line.points)))),
-            _bend(line.points),
-        )
-        askew |= off > CLOSEST / 2
-        if own > STRAIGHT:
-            yield (
-                line.id,
-                f"is bent: {own:.2f} m off a straight line; must be at most {STRAIGHT:g} m",
-            )
-        elif off > STRAIGHT:
-            yield (
-                line.id,
-                (
-                    f"is not parallel: {off:.2f} m off the direction of the rows; must be at most"
-                    f" {STRAIGHT:g} m"
-                ),
-            )
         if not SHORTEST_ROW <= length <= LONGEST_ROW:
             yield line.id, f"is {length:.2f} m long; must be {SHORTEST_ROW:g} to {LONGEST_ROW:g} m"
-    if not askew:  # else it is not known which rows are neighbours
-        yield from ((row.id, fault) for row, fault in faults_of(_rows(lines)))
+    # With a line that is askew, it is not known which rows are neighbours.
+    if not is_any_askew:
+        for row, fault in faults_of(_rows(lines)):
+            yield row.id, fault
 
 
-def _bend(points: np.ndarray) -> float:
-    return float(np.ptp(points.imag)) / 2
+def _bend(line: SurveyedLine) -> float:
+    """Return how far a line is from a straight one along x, m."""
+    return float(np.ptp(line.points.imag)) / 2
+
+
+def _corner(lines: Sequence[SurveyedLine]) -> complex:
+    """Return the corner from which rows count: the x that lies farthest west, the first row's y."""
+    west = min(float(line.points.real.min()) for line in lines)
+    return complex(west, _middle_y(lines[0]))
 
 
 def _rows(lines: Sequence[SurveyedLine]) -> list[SurveyedRow]:
-    first, west = (
-        _middle(lines[0].points.imag),
-        min(float(line.points.real.min()) for line in lines),
-    )
+    """Return lines in the rows' frame as rows of a scenario, from north to south."""
+    corner = _corner(lines)
     rows = []
     for line in lines:
-        start, end = (
-            round(float(x) - west, DIGITS) for x in (line.points.real.min(), line.points.real.max())
-        )
-        south = round(first - _middle(line.points.imag), DIGITS)
+        start = round(float(line.points.real.min()) - corner.real, DIGITS)
+        end = round(float(line.points.real.max()) - corner.real, DIGITS)
+        south = round(corner.imag - _middle_y(line), DIGITS)
+        length = round(end - start, DIGITS)
         rows.append(
-            SurveyedRow.model_construct(
-                id=line.id, south=south, start=start, length=round(end - start, DIGITS)
-            )
+            SurveyedRow.model_construct(id=line.id, south=south, start=start, length=length)
         )
     return rows
 
 
 def _scenario(lines: Sequence[SurveyedLine], plane: Plane, yaw: float, file: str) -> Scenario:
-    rows = tuple(_rows(lines))
+    """Return the scenario of lines in the rows' frame, with the origin of its frame `map`.
+
+    `yaw`: of the rows in the plane, rad. Raises ScenarioError.
+    """
+    rows = _rows(lines)
     survey: dict[str, Any] = {"rows": [row.model_dump() for row in rows]}
     length = round(max(row.start + row.length for row in rows), DIGITS)
     values = {"rows": len(rows), "row_length": length, "survey": survey}
     layout = lay_out(check(values, file))
-    here = complex(
-        min(float(line.points.real.min()) for line in lines), _middle(lines[0].points.imag)
-    )  # the corner from which rows count
-    origin = plane.middle + plane.scale * cmath.exp(1j * yaw) * (
-        here - complex(ROW_WEST, layout.lane(1).y)
-    )
-    x, y = round(origin.real, DIGITS), round(origin.imag, DIGITS)
+    corner_on_map = complex(ROW_WEST, layout.lane(1).y)
+    shift = _corner(lines) - corner_on_map
+    origin = plane.middle + plane.scale * cmath.exp(1j * yaw) * shift
     survey["origin"] = {
         "crs": plane.crs,
-        "x": x,
-        "y": y,
+        "x": round(origin.real, DIGITS),
+        "y": round(origin.imag, DIGITS),
         "yaw": round(yaw, 8),
         "scale": round(plane.scale, 8),
     }

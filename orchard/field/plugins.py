@@ -35,8 +35,8 @@ _LIBRARIES = tuple(
 )
 
 
-# resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux
-# defines that
+# Resets the processor's floating-point flags of this thread, if it gets FE_DFL_ENV, as Linux
+# defines that.
 _SET_FLAGS = ctypes.CDLL(None).fesetenv if sys.platform == "linux" else bool
 _DEFAULT_FLAGS = ctypes.c_void_p(-1)
 Result = TypeVar("Result")
@@ -56,6 +56,7 @@ def contained(call: Callable[..., Result], *arguments: Any) -> Result:
 
 
 def _with_own_decimals(call: Callable[..., Result], *arguments: Any) -> Result:
+    """Call a user's code with a decimal context that it may change."""
     decimal.setcontext(decimal.Context())
     return call(*arguments)
 
@@ -70,14 +71,16 @@ def end_soon(code: int, show: Callable[[str], None]) -> None:
 
 
 def _end_threads(code: int, show: Callable[[str], None]) -> None:
-    if left := [
+    """End this process at once if threads keep it from its end."""
+    remaining = [
         thread.name
         for thread in threading.enumerate()
         if not thread.daemon and thread is not threading.main_thread()
-    ]:
+    ]
+    if remaining:
         show(
-            f"own classes have left threads that still run: {', '.join(left)}; the program ends"
-            " without them"
+            f"own classes have left threads that still run: {', '.join(remaining)}; the program"
+            " ends without them"
         )
         os._exit(code)
 
@@ -91,7 +94,8 @@ def import_own(module: str) -> ModuleType:
     """
     # The folder may have been removed.
     with suppress(OSError):
-        if (folder := os.getcwd()) not in sys.path:
+        folder = os.getcwd()
+        if folder not in sys.path:
             sys.path.append(folder)
     return contained(importlib.import_module, module)
 
@@ -121,14 +125,15 @@ def make_plugin(
     """
     class_: Callable[..., Result] = builtin[path] if path in builtin else load_plugin(key, path)
     try:
-        made = made_of(class_, *arguments)
-        if not issubclass(type(made), base):
+        plugin = made_of(class_, *arguments)
+        if not issubclass(type(plugin), base):
             raise TypeError(f"it must be a class that is derived from {base.__name__}")
-        if missing := [method for method in methods if not hasattr(made, method)]:
+        missing = [method for method in methods if not hasattr(plugin, method)]
+        if missing:
             raise TypeError(f"it has no {' and no '.join(missing)}")
     except MISTAKES as error:
         raise unusable(key, path, error, place=place_of_class(class_)) from error
-    return made
+    return plugin
 
 
 def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
@@ -139,14 +144,15 @@ def made_of(class_: Callable[..., Result], *arguments: Any) -> Result:
     try:
         return contained(class_, *arguments)
     except TypeError as error:
-        if (
-            traceback.extract_tb(error.__traceback__)[-1].name != _with_own_decimals.__name__
-        ):  # raised within the class
+        last_frame = traceback.extract_tb(error.__traceback__)[-1]
+        is_of_call = last_frame.name == _with_own_decimals.__name__
+        if not is_of_call:
             raise
-        names = ", ".join(
-            "name" if isinstance(one, str) else type(one).__name__.lower() for one in arguments
-        )
-        raise TypeError(f"{error}; the program calls it with ({names})") from None
+        names = [
+            "name" if isinstance(argument, str) else type(argument).__name__.lower()
+            for argument in arguments
+        ]
+        raise TypeError(f"{error}; the program calls it with ({', '.join(names)})") from None
 
 
 def unusable(
@@ -157,18 +163,20 @@ def unusable(
     """
     reraise_ctrl_c(error)
     fault = printable(f"{type(error).__name__}: {text_of(error)}", 500)
-    wanted = f"it must be {wanted}" if wanted else IMPORTED if _is_not_found(error, path) else ""
-    words = f"cannot be used: {fault}{place_of_error(error) or place}" + (
-        f"; {wanted}" if wanted else ""
-    )
+    words = f"cannot be used: {fault}{place_of_error(error) or place}"
+    if wanted:
+        words = f"{words}; it must be {wanted}"
+    elif _is_not_found(error, path):
+        words = f"{words}; {IMPORTED}"
     return ScenarioError([Problem("scenario", words, key, path)])
 
 
 def _is_not_found(error: BaseException, path: str) -> bool:
     """Whether the module of a path is missing itself, and not one that it imports."""
-    return isinstance(error, ModuleNotFoundError) and f"{path.replace(':', '.')}.".startswith(
-        f"{error.name}."
-    )
+    if not isinstance(error, ModuleNotFoundError):
+        return False
+    dotted_path = path.replace(":", ".")
+    return f"{dotted_path}.".startswith(f"{error.name}.")
 
 
 def text_of(error: BaseException) -> str:
@@ -184,21 +192,22 @@ def reraise_ctrl_c(error: BaseException) -> None:
     """Raise an error again if a signal's handler raised it, as for Ctrl-C at the terminal, and not
     a user's code by itself.
     """
-    codes, place = [], error.__traceback__
-    while place is not None:
-        codes.append(place.tb_frame.f_code)
-        last, place = place, place.tb_next
-    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)]
-    if any(getattr(handler, "__code__", None) in codes for handler in handlers):
-        raise error
-    is_raised = (
-        codes and codes[-1].co_code[last.tb_lasti] == _RAISE
-    )  # Python's own handler has no frame, and needs no `raise`
-    if (
-        isinstance(error, KeyboardInterrupt)
-        and handlers[0] is signal.default_int_handler
-        and not is_raised
-    ):
+    codes = []
+    last_instruction = -1
+    entry = error.__traceback__
+    while entry is not None:
+        codes.append(entry.tb_frame.f_code)
+        last_instruction = entry.tb_lasti
+        entry = entry.tb_next
+    on_ctrl_c, on_alarm = (signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM))
+    for handler in (on_ctrl_c, on_alarm):
+        if getattr(handler, "__code__", None) in codes:
+            raise error
+    if not isinstance(error, KeyboardInterrupt) or on_ctrl_c is not signal.default_int_handler:
+        return
+    # Python's own handler has no frame, and needs no `raise`.
+    is_raised_by_code = bool(codes) and codes[-1].co_code[last_instruction] == _RAISE
+    if not is_raised_by_code:
         raise error
 
 
@@ -208,16 +217,18 @@ def place_of_error(error: BaseException) -> str:
     """
     if isinstance(error, SyntaxError):
         return f" ({error.filename}, line {error.lineno})"
-    files = traceback.extract_tb(error.__traceback__)
     frames = [
         frame
-        for frame in files
+        for frame in traceback.extract_tb(error.__traceback__)
         if "importlib" not in frame.filename and not frame.filename.startswith(_PACKAGE)
     ]
     own = [frame for frame in frames if not frame.filename.startswith(_LIBRARIES)]
-    if not own and error.__cause__ is not None and (place := place_of_error(error.__cause__)):
-        return place
-    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in (own or frames)[-1:])
+    if not own and error.__cause__ is not None:
+        place = place_of_error(error.__cause__)
+        if place:
+            return place
+    innermost = (own or frames)[-1:]
+    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in innermost)
 
 
 def is_own(file: str) -> bool:
@@ -232,6 +243,7 @@ def place_of_class(class_: Callable[..., Any]) -> str:
     unknown.
     """
     try:
-        return f" ({inspect.getsourcefile(class_)}, line {inspect.getsourcelines(class_)[1]})"
+        _, line = inspect.getsourcelines(class_)
+        return f" ({inspect.getsourcefile(class_)}, line {line})"
     except (OSError, TypeError):
         return ""

@@ -13,12 +13,13 @@ from pydantic_core import PydanticCustomError
 
 from orchard.field.kinds import KINDS
 
-MOST_TOLD = 50  # problems in the text of a ScenarioError
+MOST_NAMED = 50  # problems in the text of a ScenarioError
 LONGEST = 200  # characters of a line of a user's code
 
 Lines = dict[tuple[str, ...], int]  # path in the file -> its line, from 1
 
-_CLASSES = {  # what each map of names and classes must be
+# What each map of names and classes must be.
+_CLASSES = {
     "agents": (
         f"a map of kinds ({', '.join(KINDS)}) or names and the classes that drive them: {{picker:"
         " my_package.MyPicker}"
@@ -27,7 +28,8 @@ _CLASSES = {  # what each map of names and classes must be
         "a map of new names and the classes that drive them: {weather: my_package.Weather}"
     ),
 }
-_NOT_A_NAME = {  # what is wrong with a key of it
+# What is wrong with a key of such a map.
+_NOT_A_NAME = {
     "agents": f"not a kind ({', '.join(KINDS)}) and not a name such as picker_01",
     "agents_without_body": "not a name: small letters, digits and _, beginning with a letter",
 }
@@ -59,39 +61,44 @@ class Problem:
 
         A rule about several values has all of them: "pickers = 4, rows = 3".
         """
-        paths, values = self.path.split(", "), self.value.split(", ")
+        paths = self.path.split(", ")
+        values = self.value.split(", ")
         if len(paths) != len(values):
-            paths, values = [self.path], [self.value]
-        return ", ".join(
+            paths = [self.path]
+            values = [self.value]
+        parts = [
             f"{path} = {value}" if value else path
             for path, value in zip(paths, values, strict=True)
-        )
+        ]
+        return ", ".join(parts)
 
     def __str__(self) -> str:
-        where = f"{self.file}:{self.line}" if self.line else self.file
-        return f"{where}: {self.what}: {self.text}" if self.path else f"{where}: {self.text}"
+        """Return the problem as a line: file, its line, place, value, and what is wrong."""
+        parts = [f"{self.file}:{self.line}" if self.line else self.file]
+        if self.path:
+            parts.append(self.what)
+        parts.append(self.text)
+        return ": ".join(parts)
 
 
 class ScenarioError(Exception):
     """A scenario cannot be used.
 
-    `problems` holds all its faults in file order; the message names the first MOST_TOLD of them.
+    `problems` holds all its faults in file order; the message names the first MOST_NAMED of them.
 
     `rest`: the scenario with the defaults in place of all that is wrong; None if nothing of it can
     be read.
     """
 
     def __init__(self, problems: list[Problem], rest: Any = None) -> None:
-        self.problems, self.rest = sorted(problems, key=lambda problem: problem.line), rest
-        more = len(problems) - MOST_TOLD
-        super().__init__(
-            "\n".join(
-                [
-                    *map(str, self.problems[:MOST_TOLD]),
-                    *([f"and {more} more problems"] if more > 0 else []),
-                ]
-            )
-        )
+        """`problems`: in any order. `rest`: as above."""
+        self.problems = sorted(problems, key=lambda problem: problem.line)
+        self.rest = rest
+        lines = [str(problem) for problem in self.problems[:MOST_NAMED]]
+        more = len(problems) - MOST_NAMED
+        if more > 0:
+            lines.append(f"and {more} more problems")
+        super().__init__("\n".join(lines))
 
 
 class Section(BaseModel):
@@ -101,12 +108,12 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
-    def _demand(self, holds: bool, text: str, *fields: str) -> None:
+    def _demand(self, is_met: bool, text: str, *fields: str) -> None:
         """Check a rule about several fields, named by dotted paths.
 
-        Raise an error that names them and their values unless it holds.
+        Raise an error that names them and their values unless it is met.
         """
-        if not holds:
+        if not is_met:
             values = [reduce(getattr, field.split("."), self) for field in fields]
             raise PydanticCustomError(
                 "rule", "{text}", {"text": text, "fields": fields, "values": values}
@@ -115,27 +122,31 @@ class Section(BaseModel):
 
 def problem_of(error: dict[str, Any], model: type[BaseModel], source: str, lines: Lines) -> Problem:
     """Convert a pydantic error about values of `model`; `lines` gives the line of each key."""
-    loc, line = error["loc"], max(lines.get(field, 0) for field in error["fields"])
+    path = error["loc"]
+    line = max(lines.get(field, 0) for field in error["fields"])
     if error["type"] == "rule":
-        return Problem(
-            source,
-            error["msg"],
-            ", ".join(map(dotted, error["fields"])),
-            ", ".join(map(str, error["ctx"]["values"])),
-            line,
-        )
+        names = ", ".join(map(dotted, error["fields"]))
+        values = ", ".join(map(str, error["ctx"]["values"]))
+        return Problem(source, error["msg"], names, values, line)
     if error["of_key"]:
-        return Problem(source, _NOT_A_NAME[loc[0]], dotted(loc), "", line)
+        return Problem(source, _NOT_A_NAME[path[0]], dotted(path), "", line)
     if error["type"] == "missing":
-        return Problem(
-            source, f"is missing: {_wanted(loc, model)}", dotted(loc), "", lines.get(loc[:-1], 0)
-        )
-    text = (
-        _unknown(loc, model)
-        if error["type"] == "extra_forbidden"
-        else f"must be {_wanted(loc, model)}{_meant(loc, model, error['input'])}"
-    )
-    return Problem(source, text, dotted(loc), show(error["input"]), line)
+        text = f"is missing: {_wanted(path, model)}"
+        return Problem(source, text, dotted(path), "", lines.get(path[:-1], 0))
+    if error["type"] == "extra_forbidden":
+        text = _unknown(path, model)
+    else:
+        text = f"must be {_wanted(path, model)}{_guess(path, model, error['input'])}"
+    return Problem(source, text, dotted(path), show(error["input"]), line)
+
+
+# How the types of fields are called.
+_TYPES: dict[Any, str] = {
+    str: "a name",
+    bool: "true or false",
+    float: "a number",
+    int: "a whole number",
+}
 
 
 def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
@@ -143,81 +154,92 @@ def _wanted(path: tuple[str, ...], model: type[BaseModel]) -> str:
     m)'.
     """
     if path[0] in _CLASSES:
-        return (
-            _CLASSES[path[0]]
-            if len(path) == 1
-            else "the class that drives it, such as my_package.MyPicker"
-        )
+        if len(path) == 1:
+            return _CLASSES[path[0]]
+        return "the class that drives it, such as my_package.MyPicker"
     field = _field(path, model)
     limits = {type(limit).__name__: limit for limit in field.metadata}
-    if get_origin(field.annotation) is tuple and not path[-1].isdecimal():
-        return (
-            f"a list of {limits['MinLen'].min_length} to {limits['MaxLen'].max_length} maps"
-            f" ({field.description})"
-        )
-    if inner := _section(field):
-        return f"a map with some of the keys {', '.join(inner.model_fields)}"
-    kinds: dict[Any, str] = {
-        str: "a name",
-        bool: "true or false",
-        float: "a number",
-        int: "a whole number",
-    }
-    kinds |= {kind | None: f"null or {words}" for kind, words in kinds.items()}
-    kind = kinds[field.annotation]
+    is_list = get_origin(field.annotation) is tuple and not path[-1].isdecimal()
+    if is_list:
+        least = limits["MinLen"].min_length
+        most = limits["MaxLen"].max_length
+        return f"a list of {least} to {most} maps ({field.description})"
+    section = _section(field)
+    if section is not None:
+        return f"a map with some of the keys {', '.join(section.model_fields)}"
     span = f" from {limits['Ge'].ge} to {limits['Le'].le}" if "Ge" in limits else ""
-    return f"{kind}{span} ({field.description})"
+    return f"{_type_words(field.annotation)}{span} ({field.description})"
+
+
+def _type_words(annotation: Any) -> str:
+    """Return what a field must be by its type, or by its type and None."""
+    if annotation in _TYPES:
+        return _TYPES[annotation]
+    (words,) = (words for type_, words in _TYPES.items() if annotation == type_ | None)
+    return f"null or {words}"
 
 
 def _field(path: tuple[str, ...], model: type[BaseModel]) -> FieldInfo:
+    """Return the field at a path. A number in the path is a place in a list of sections."""
     *section, name = [part for part in path if not part.isdecimal()]
     return _keys(tuple(section), model)[name]
 
 
-def _meant(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
-    known = [] if path[0] in _CLASSES else _field(path, model).examples or []
-    near = (
-        difflib.get_close_matches(value[:60], map(str, known), n=1)
-        if isinstance(value, str)
-        else []
-    )
+def _guess(path: tuple[str, ...], model: type[BaseModel], value: Any) -> str:
+    """Return which known name a wrong one may stand for, in words; nothing if none is near."""
+    if path[0] in _CLASSES or not isinstance(value, str):
+        return ""
+    known_names = map(str, _field(path, model).examples or [])
+    near = difflib.get_close_matches(value[:60], known_names, n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _unknown(path: tuple[str, ...], model: type[BaseModel]) -> str:
+    """Return what to say of an unknown key: the key it may stand for, here or elsewhere."""
     here = _keys(path[:-1], model)
     elsewhere = _paths(model)
     key = path[-1].lower().replace("-", "_").replace(" ", "_")[:60]
-    near = [
-        close for known in (here, elsewhere) for close in difflib.get_close_matches(key, known, n=1)
-    ]
-    guess = near and (near[0] if near[0] in here else elsewhere[near[0]])
-    return (
-        f"unknown key{f'; did you mean {guess}?' if guess else ';'} known here: {', '.join(here)}"
-    )
+    near_here = difflib.get_close_matches(key, here, n=1)
+    near_elsewhere = difflib.get_close_matches(key, elsewhere, n=1)
+    if near_here:
+        hint = f"; did you mean {near_here[0]}?"
+    elif near_elsewhere:
+        hint = f"; did you mean {elsewhere[near_elsewhere[0]]}?"
+    else:
+        hint = ";"
+    return f"unknown key{hint} known here: {', '.join(here)}"
 
 
 def _paths(model: type[BaseModel], before: str = "") -> dict[str, str]:
-    found: dict[str, str] = {}
+    """Return the dotted path of each key of a section and of those in it; the outer one wins.
+
+    `before`: the path of the section, with a dot at its end.
+    """
+    paths: dict[str, str] = {}
     for name, field in model.model_fields.items():
-        if section := _section(field):
-            found |= _paths(section, f"{before}{name}.")
-    return found | {name: before + name for name in model.model_fields}
+        section = _section(field)
+        if section is not None:
+            paths |= _paths(section, f"{before}{name}.")
+    for name in model.model_fields:
+        paths[name] = before + name
+    return paths
 
 
 def _keys(path: tuple[str, ...], model: Any) -> dict[str, FieldInfo]:
     """The fields of the section at a path. A number in it is a place in a list of sections."""
     for part in path:
-        model = model if part.isdecimal() else _section(model.model_fields[part])
+        if not part.isdecimal():
+            model = _section(model.model_fields[part])
     fields: dict[str, FieldInfo] = model.model_fields
     return fields
 
 
 def _section(field: FieldInfo) -> type[BaseModel] | None:
-    kinds = [
-        kind for kind in (field.annotation, *get_args(field.annotation)) if isinstance(kind, type)
-    ]
-    return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
+    """Return the section that a field is, or a list of which it is; None for a value."""
+    for type_ in (field.annotation, *get_args(field.annotation)):
+        if isinstance(type_, type) and issubclass(type_, BaseModel):
+            return type_
+    return None
 
 
 def key_text(key: Any) -> str:
@@ -236,6 +258,7 @@ def show(value: Any) -> str:
         return {None: "null", True: "true", False: "false"}[value]
     try:
         text = repr(value)
-    except Exception:  # for example a whole number of more than 4,300 digits
+    except Exception:
+        # For example a whole number of more than 4,300 digits.
         text = f"some {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."

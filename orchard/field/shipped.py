@@ -10,18 +10,18 @@ _CONFIG = files("orchard.config")
 
 
 def names() -> list[str]:
-    """Return the names of all scenarios that come with the package, in order."""
-    return sorted(
-        file.name.removesuffix(".yaml") for file in _CONFIG.iterdir() if file.name.endswith(".yaml")
-    )
+    """Return the names of all shipped scenarios, sorted."""
+    yaml_names = [file.name for file in _CONFIG.iterdir() if file.name.endswith(".yaml")]
+    return sorted(name.removesuffix(".yaml") for name in yaml_names)
 
 
 def shipped() -> dict[str, Scenario]:
-    """Return all scenarios that come with the package, by their names."""
-    return {name: _one(name) for name in names()}
+    """Return all shipped scenarios by name."""
+    return {name: _shipped(name) for name in names()}
 
 
-def _one(name: str) -> Scenario:
+def _shipped(name: str) -> Scenario:
+    """Return the shipped scenario of a name that there is."""
     return parse(_CONFIG.joinpath(f"{name}.yaml").read_text("utf-8"), f"{name}.yaml")
 
 
@@ -29,5 +29,8 @@ def load_or_shipped(path: Path | None) -> Scenario:
     """Return the scenario of a file, or else the shipped one of this name; the default one for
     None. Raises `ScenarioError`.
     """
-    name = DEFAULT if path is None else str(path)
-    return _one(name) if name in names() and (path is None or not path.is_file()) else load(name)
+    if path is None:
+        return _shipped(DEFAULT)
+    if str(path) in names() and not path.is_file():
+        return _shipped(str(path))
+    return load(str(path))

@@ -4,6 +4,7 @@ without agents.
 
 import time
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from bench.field import STEP, Field, velocities
 from bench.timing import MOST_STEPS
 from orchard.field.geometry import Pose
 from orchard.field.kinds import name_of
-from orchard.field.layout import Layout, Start
+from orchard.field.layout import Layout
+from orchard.field.placement import Start
 from orchard.field.scenario import TIME_STEP, Animals, People, Scenario
 from orchard.sim.physics import step
 from orchard.sim.scan import Scanner
@@ -24,7 +26,7 @@ assert STEP == TIME_STEP
 
 def world_of(area: Field) -> World:
     """Return a world with only the walls and robots of the field."""
-    no_obstacles = {
+    no_obstacles: dict[str, Any] = {
         "people": People(workers=0, visitors=0),
         "animals": Animals(dogs=0, cats=0),
         "weeds": 0,

@@ -180,11 +180,11 @@ class _Client:
                 self._ask(k, to)
             for query in self._held.pop(k - 1):
                 query.reply(query.key_expr, self._answer)
-                query.drop()
+                query.drop()  # type: ignore[no-untyped-call]
 
     def _ask(self, tick: int, to: int) -> None:
-        handler = Callback(
-            lambda reply: reply.ok.payload.to_bytes(),
+        handler: Callback[zenoh.Reply] = Callback(
+            lambda reply: reply.ok.payload.to_bytes() if reply.ok else b"",
             lambda: self._arrived.put(tick),
             indirect=False,
         )
@@ -204,7 +204,7 @@ class _Client:
                 query.reply(query.key_expr, self._answer)
 
 
-def _callback(function: Callable[[Any], object]) -> Callback:
+def _callback(function: Callable[[Any], object]) -> "Callback[Any]":
     """A handler that runs in zenoh's own thread, as those of the bus do."""
     return Callback(function, indirect=False)
 
@@ -213,7 +213,7 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
     return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
-def _start(endpoint: str, number: int, trace: Path) -> subprocess.Popen:
+def _start(endpoint: str, number: int, trace: Path) -> "subprocess.Popen[bytes]":
     command = [sys.executable, "-m", "bench.floor", endpoint, str(number), str(trace)]
     client = subprocess.Popen(command, env=QUICK_TICKS | os.environ)
     take_turns(client.pid)

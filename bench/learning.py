@@ -9,6 +9,7 @@ the best of them, because the machine may have other work.
 import time
 from collections.abc import Callable, Iterator
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def timed(work: Callable[[], object], count: int) -> list[float]:
     return times
 
 
-def harvest(choose: Callable[[dict], np.ndarray]) -> list[float]:
+def harvest(choose: Callable[[dict[str, Any]], np.ndarray]) -> list[float]:
     """Return the seconds of a step in the default orchard, in which one carrier learns.
 
     `choose`: info -> action.

@@ -39,7 +39,10 @@ START_SECONDS = 60.0
 def scenario(options: list[str]) -> Scenario:
     """Return the scenario that run.py makes of --rows and --pickers."""
     values = dict(zip(options[::2], options[1::2], strict=True))
-    return Scenario(**{name.removeprefix("--"): int(value) for name, value in values.items()})
+    numbers: dict[str, Any] = {
+        name.removeprefix("--"): int(value) for name, value in values.items()
+    }
+    return Scenario(**numbers)
 
 
 # -- local mode
@@ -96,11 +99,12 @@ def chain_seconds(options: list[str], hosts: str, ticks: int) -> float:
     local, total = Local(scenario(options)), 0.0
     processes = shares(list(local.agents), 0 if hosts == "each" else int(hosts))
     spent = [0.0] * len(processes)
-    local.agents = {
+    agents: dict[str, Any] = {
         name: _Timed(local.agents[name], spent, i)
         for i, (_, names) in enumerate(processes)
         for name in names
     }
+    local.agents = agents
     for _ in range(ticks):
         spent[:] = [0.0] * len(spent)
         begun = time.perf_counter()
@@ -195,7 +199,7 @@ def profile_run(options: list[str], hosts: str, ticks: int) -> RunProfile:
 
 def _command(process: psutil.Process) -> list[str]:
     try:
-        return process.cmdline()
+        return list(process.cmdline())
     except psutil.Error:
         return []
 
@@ -289,7 +293,7 @@ def _processor_seconds(pid: int) -> float:
     """Processor time of a process and of all its descendants."""
     program = psutil.Process(pid)
     times = [process.cpu_times() for process in [program, *program.children(recursive=True)]]
-    return sum(each.user + each.system for each in times)
+    return float(sum(each.user + each.system for each in times))
 
 
 # -- memory

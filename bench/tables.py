@@ -35,7 +35,7 @@ def measure(name: str, scenario: Scenario) -> None:
         local = Local(scenario)
         local.engine.rehearse()
         spent, total, due = 0.0, time.process_time(), time.monotonic() + FLUSH_SECONDS
-        tables = Tables(Path(folder), local.engine.layout, 0)
+        tables = Tables(Path(folder), local.engine)
         while not local.engine.over:
             events = local.tick()
             begun = time.process_time()

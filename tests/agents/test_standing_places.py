@@ -251,7 +251,7 @@ class Walk:
         self.leg(step, target, ahead)
 
     def along(self, step: DriveTo) -> float:
-        return float(step.y if step.x is None else step.x)  # type: ignore[arg-type]
+        return float(step.y if step.x is None else step.x)
 
     def leg(
         self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()

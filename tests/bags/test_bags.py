@@ -16,9 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from local_runs import SMALL, local_hash, played
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
 
 from orchard.bags import drives
-from orchard.bags import export as bags
 from orchard.bags.drives import RecordingError, ranges_of, read_drives
 from orchard.bags.export import Bag, chosen, export
 from orchard.bags.export_command import check_bag, export_bag, lacks
@@ -268,7 +268,7 @@ def test_the_quality_of_service_is_in_the_bag(recorded, tmp_path):
         latched = {
             c.topic
             for c in reader.connections
-            if c.ext.offered_qos_profiles[0].durability is bags.QosDurability.TRANSIENT_LOCAL
+            if c.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
         }
     assert latched == {"/map", "/orchard/scenario", "/tf_static", "/picker_01/robot_description"}
 

@@ -6,6 +6,7 @@ import copy
 import pickle
 import threading
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,7 +65,7 @@ def steps(env, infos, count):
 @pytest.mark.parametrize("made", MAKERS)
 def test_a_copy_goes_on_as_the_environment_does(made, how):
     np.set_printoptions(floatmode="unique", threshold=10_000)
-    env = MAKERS[made]()
+    env: Any = MAKERS[made]()
     unused = COPIES[how](env)
     _, infos = env.reset(seed=5)
     _, others = unused.reset(seed=5)

@@ -3,8 +3,10 @@ fast model, use in the simulator.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import own_policies
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
@@ -18,7 +20,6 @@ from orchard.event_model.results import LONGEST
 from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import Dispatching, dispatch_env
-from tests.support import own_policies
 
 SMALL = Scenario(rows=4, pickers=2)
 BIN = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 4.0, 60.0)
@@ -132,7 +133,7 @@ def test_mistakes():
         dispatch_env(SMALL, reward="speed")
     with pytest.raises(ValueError, match="built-in agents only"):
         dispatch_env(Scenario(agents={"picker": "mine.Picker"}))
-    env = dispatch_env(SMALL)
+    env: Any = dispatch_env(SMALL)
     env.reset()
     with pytest.raises(
         ValueError, match=f"action 99: must be a number from 0 to {env.action_space.n - 1}"

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import psutil
 import pytest
@@ -151,7 +152,7 @@ def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
             naps.append(seconds)
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(local_run.time, "sleep", nap)
+    monkeypatch.setattr(time, "sleep", nap)
     wish = RunRequest(HarvestOptions(mode="local", speed=1e-12), Scenario(), None, tmp_path)
     summary, why = local_run.run(wish, None, lambda *figures: None)
     assert (why, summary["ticks"]) == ("stopped", 1)

@@ -10,6 +10,7 @@ import sys
 from queue import SimpleQueue
 from time import monotonic
 from types import SimpleNamespace
+from typing import Any
 
 import psutil
 import pytest
@@ -269,13 +270,9 @@ def test_processes_take_turns():
 
 
 def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts(clock):
-    fleet = SimpleNamespace(
-        clock=clock,
-        number=1,
-        killed=[],
-        pid=lambda name: fleet.number,
-        kill=lambda name: fleet.killed.append(fleet.number),
-    )
+    fleet: Any = SimpleNamespace(clock=clock, number=1, killed=[])
+    fleet.pid = lambda name: fleet.number
+    fleet.kill = lambda name: fleet.killed.append(fleet.number)
     watchdog = Watchdog(fleet, "logger")
     watchdog.look()
     assert fleet.killed == [], "it has not been there yet"

@@ -28,7 +28,7 @@ from orchard.net.refusals import Refused
 from orchard.report.progress import Progress
 from orchard.server.snapshots import sole
 from orchard.sim.snapshot import SnapshotError
-from orchard.wire.keys import Keys
+from orchard.wire.keys import PHYSICS, Keys
 from orchard.wire.messages import End
 
 DEAF = """\
@@ -149,7 +149,7 @@ def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_fo
         summary if signals == 1 else None,
         ended,
     )
-    assert launched.supervisor.asked_to_end == [distributed.PHYSICS] * signals
+    assert launched.supervisor.asked_to_end == [PHYSICS] * signals
 
 
 @pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])

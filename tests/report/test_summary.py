@@ -56,9 +56,10 @@ def fleet(pickers: int, carriers: int) -> dict[str, str]:
 
 
 def printed(doing, waits, width, height) -> list[str]:
-    console = Console(file=io.StringIO(), width=width, height=height, force_terminal=False)
+    shown = io.StringIO()
+    console = Console(file=shown, width=width, height=height, force_terminal=False)
     console.print(robots(doing, waits, width, height))
-    return console.file.getvalue().rstrip().splitlines()
+    return shown.getvalue().rstrip().splitlines()
 
 
 @pytest.mark.parametrize(("pickers", "carriers"), [(2, 2), (5, 4), (20, 39), (20, 40)])
@@ -88,8 +89,9 @@ def test_the_table_tells_for_whom_a_robot_waits():
 
 
 def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
+    output = io.StringIO()
     console = Console(
-        file=io.StringIO(),
+        file=output,
         width=80,
         height=24,
         force_terminal=True,
@@ -99,7 +101,7 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
     with Progress(console) as progress:
         progress.show(FIGURES, {"picker_01": "picking row 1", "picker_02": "picking row 2"}, {})
         progress.show(FIGURES, {"picker_02": "stopped"}, {})
-    shown = console.file.getvalue()
+    shown = output.getvalue()
     assert "P01 \x1b[0m\x1b[31mno agent" in shown
     assert "P02 \x1b[0m\x1b[31mstopped" in shown
 
@@ -170,13 +172,13 @@ def test_a_run_that_gets_ready_shows_that_it_goes_on_until_its_first_figures(mon
 
 
 def test_where_the_output_is_no_terminal_there_are_plain_lines_now_and_then():
-    console = Console(file=io.StringIO(), width=100, force_terminal=False)
+    shown = io.StringIO()
+    console = Console(file=shown, width=100, force_terminal=False)
     with Progress(console) as progress:
         for _ in range(20):
             progress.show(FIGURES, fleet(2, 2), {})
-    lines = console.file.getvalue().splitlines()
-    assert lines == [headline_of(FIGURES).line()]
-    assert "\x1b" not in console.file.getvalue()
+    assert shown.getvalue().splitlines() == [headline_of(FIGURES).line()]
+    assert "\x1b" not in shown.getvalue()
 
 
 def test_a_program_reads_progress_as_json():

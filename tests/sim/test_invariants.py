@@ -3,6 +3,8 @@
 A run from any tick on, with stops in it, breaks none.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from command_line import PATH, python
@@ -54,7 +56,8 @@ def test_an_orchard_in_order_violates_nothing(checker, world):
     assert checker.end(world, finished=True) == []
 
 
-WRONG = {  # what is set in a new world -> what is said of it
+# What is set in a new world, and what is said of it.
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a bin that its robot does not have": (
         {"coupled": {"picker_01": "nobody"}},
         "bin_01 is not at one place: it is on picker_01, and coupled to no robot",

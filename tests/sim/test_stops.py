@@ -4,6 +4,7 @@ and whatever process ends.
 
 import signal
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import pytest
@@ -196,7 +197,7 @@ def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
     assert local.engine.hash == harvest_hash()
 
 
-def ask(someone: Client, stop: bool, *names: str, **changes) -> object:
+def ask(someone: Client, stop: bool, *names: str, **changes) -> Any:
     (reply,) = someone.ask(
         "orchard/stop",
         msgpack.packb({"run": someone.run, "stop": stop, "names": list(names)} | changes),

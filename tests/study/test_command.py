@@ -286,11 +286,11 @@ def test_a_violated_invariant_is_exit_code_1_and_named(folder):
     sound = PlannedRun(scenario, "fast").do(time.time() + 100.0)
     with Store(folder / "violated.db") as store:
         for seed in range(scenario.seed, scenario.seed + 5):
-            run = PlannedRun.of(scenario, seed, "full", "harvest")
+            planned = PlannedRun.of(scenario, seed, "full", "harvest")
             store.keep(
                 replace(
                     sound,
-                    key=run.key,
+                    key=planned.key,
                     seed=seed,
                     model="full",
                     ended="violated",

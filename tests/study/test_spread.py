@@ -32,7 +32,10 @@ def test_the_corners_of_two_ranges_come_first_and_then_the_middles() -> None:
 
 
 def test_each_value_that_is_no_number_has_its_own_corners() -> None:
-    varied = {"dispatch": ["nearest", "rolling", "mine.Own"], "carriers": [1, 2, 3]}
+    varied: dict[str, list] = {
+        "dispatch": ["nearest", "rolling", "mine.Own"],
+        "carriers": [1, 2, 3],
+    }
     settings = [dict(zip(varied, pair, strict=True)) for pair in product(*varied.values())]
     first = [tuple(settings[i].values()) for i in spread(varied, settings)][:6]
     assert first == [(name, n) for name in varied["dispatch"] for n in (1, 3)]

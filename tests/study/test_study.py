@@ -449,7 +449,10 @@ def test_an_open_number_of_carriers_is_tried_for_each_of_what_cannot_be_chosen(t
 
 
 def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_best(tmp_path):
-    varied = {"dispatch": ["assignment", "predictive"], "people": [{"workers": 0}, {"visitors": 0}]}
+    varied: dict[str, list] = {
+        "dispatch": ["assignment", "predictive"],
+        "people": [{"workers": 0}, {"visitors": 0}],
+    }
     told = study(
         Scenario(rows=12, pickers=6, carriers=2, **QUIET),
         varied,

@@ -8,6 +8,7 @@ import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -41,8 +42,9 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
 def test_a_worker_that_dies_between_two_rounds_of_work_is_replaced():
     with processes(1) as workers:
         list(workers.do(double, [(1, HERE)], always))
-        (worker,) = workers.executor._processes.values()
-        noticed = workers.executor._executor_manager_thread
+        executor: Any = workers.executor
+        (worker,) = executor._processes.values()
+        noticed = executor._executor_manager_thread
         worker.kill()
         noticed.join(PATIENCE)
         done = workers.do(double, [(number, HERE) for number in NUMBERS], always)

@@ -13,9 +13,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import zenoh
@@ -164,6 +165,8 @@ class AnyClient:
 
     run: str
     keys = Keys()
+    put: Callable[..., Any]
+    ask: Callable[..., Any]
 
     def drive(self, name: str, tick: int, x: float, **message) -> None:
         self.put(

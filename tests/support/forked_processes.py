@@ -279,7 +279,9 @@ def let_supervisor_fork(own: socket.socket) -> None:
             return subprocess.Popen(command, **how)
         return Forked(command[3], command[4:], how["env"], stdin=how["stdin"], folder=Path.cwd())
 
-    supervisor.subprocess = SimpleNamespace(**vars(subprocess) | {"Popen": start})
+    supervisor.subprocess = SimpleNamespace(  # type: ignore[attr-defined]
+        **vars(subprocess) | {"Popen": start}
+    )
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rerun.chunk import RrdReader
@@ -53,7 +54,7 @@ class Rows:
                 self._take(chunk)
         self.rows.sort(key=lambda row: row[0])
 
-    def _take(self, chunk: object) -> None:
+    def _take(self, chunk: Any) -> None:
         batch = chunk.to_record_batch()
         for row in (
             batch.drop_columns([n for n in batch.schema.names if n == "sim_time"]).to_pylist()

@@ -5,6 +5,7 @@ try this and that.
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from local_runs import SMALL
 from patience import PATIENCE
@@ -96,6 +97,9 @@ class Somebody:
 
 
 class Farm:
+    physics: Any
+    bus: Any
+
     def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
         self.keyring, self.endpoint, self.run, self._stack = (
             Keyring.load(folder),

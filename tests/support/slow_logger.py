@@ -23,5 +23,6 @@ class SlowRecorder(Recorder):
 
 
 if __name__ == "__main__":
-    recording.Recorder, recording.FrameQueue = SlowRecorder, lambda: QUEUE
+    recording.Recorder = SlowRecorder  # type: ignore[attr-defined]
+    recording.FrameQueue = lambda: QUEUE
     sys.exit(logger.main())

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from local_runs import HARVEST_TICKS, SMALL
 
 from orchard.contract.agent import STATES
+from orchard.contract.events import STOPPED
 from orchard.contract.messages import Fetch, pack, type_of, unpack
 from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
@@ -25,7 +26,6 @@ from orchard.report.metrics import HarvestFigures
 from orchard.server.figures import RunFigures
 from orchard.sim.kernels.move import quaternions
 from orchard.sim.snapshot import Snapshot
-from orchard.sim.stops import STOPPED
 from orchard.tables import folder as folders
 from orchard.tables.columns import BODIES, CALLS, EVENTS, EXCHANGES, MESSAGES, SUMMARY
 from orchard.tables.exchanges import calls, exchanges

@@ -39,6 +39,7 @@ MEASURES = {
     "vague_names": "the name of a value says nothing of it",
     "bare_functions": "a function has no docstring",
     "double_classes": "a class has the name of another one",
+    "long_test_names": "the name of a test has more than sixty characters",
 }
 VAGUE = frozenset(
     ["one", "two", "other", "told", "said", "given", "found", "made", "what", "which", "way"]
@@ -66,6 +67,7 @@ UNITS = frozenset(
 DIRECTIVES = ("noqa", "type:", "fmt:", "mypy:", "pragma:")
 MOST_POSITIONAL = 5
 LONGEST_LAMBDA = 40
+LONGEST_TEST_NAME = 60
 MOST_DOTS = 3
 LONGEST_COORDINATE = 2  # characters of names such as x, y, dx
 
@@ -191,6 +193,8 @@ class Reader(ast.NodeVisitor):
     def _visit_function(self, node: Function) -> None:
         if ast.get_docstring(node) is None:
             self._add("bare_functions", node.lineno)
+        if node.name.startswith("test_") and len(node.name) > LONGEST_TEST_NAME:
+            self._add("long_test_names", node.lineno)
         self.generic_visit(node)
 
     def generic_visit(self, node: ast.AST) -> None:

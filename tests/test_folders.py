@@ -53,7 +53,8 @@ def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(read, pipe):
     assert read(pipe.parent) == ([], ["odd.json is passed over: is no regular file"])
 
 
-def test_what_was_there_before_a_process_settled_is_there_afterwards():
+def test_what_was_there_before_a_process_settled_stays():
+    """What was there before a process settled is there afterwards."""
     program = """
 from orchard.memory import settle
 kept = [bytes([n % 256]) * 1000 for n in range(20_000)]
@@ -63,7 +64,8 @@ assert all(each == bytes([n % 256]) * 1000 for n, each in enumerate(kept))
     subprocess.run([sys.executable, "-c", program], check=True, timeout=PATIENCE)
 
 
-def test_the_collector_runs_seldom_from_the_first_import_of_a_process_on():
+def test_the_collector_runs_seldom_from_the_first_import():
+    """The collector runs seldom from the first import of a process on."""
     program = (
         "import orchard.processes, gc, orchard.memory; assert gc.get_threshold()[0] =="
         " orchard.memory.YOUNG"

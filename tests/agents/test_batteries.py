@@ -33,7 +33,8 @@ def charging(battery: dict | None = None, **changes) -> Scenario:
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_carriers_charge_when_their_job_is_done_and_share_the_charger(route, dispatch):
+def test_carriers_charge_after_their_job_and_share_the_charger(route, dispatch):
+    """Carriers charge when their job is done and share the charger."""
     stage = Stage(charging(route=route, dispatch=dispatch))
     carriers, most, least = stage.world.fixed.carriers, 0, 1.0
     while not stage.local.engine.over:
@@ -58,8 +59,11 @@ def test_carriers_charge_when_their_job_is_done_and_share_the_charger(route, dis
     stage.assert_no_collisions()
 
 
-def test_a_battery_is_used_outside_the_queue_and_charged_to_the_full():
-    """With time, and by less while its carrier stands."""
+def test_a_battery_is_used_outside_the_queue_and_charged_fully():
+    """A battery is used outside the queue and charged to the full.
+
+    With time, and by less while its carrier stands.
+    """
     stage = Stage(charging({"hours": 1.0, "standing": 0.5}, carriers=1, dispatch="nearest"))
     stage.run(3)
     assert stage.world.charge[stage.world.fixed.carriers] == 1.0, "in the queue it is off"
@@ -75,7 +79,8 @@ def test_a_battery_is_used_outside_the_queue_and_charged_to_the_full():
     assert stage.local.engine.observe()["carrier_01"].charge == 1.0
 
 
-def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed(soon_jammed):
+def test_a_flat_carrier_jams_the_run(soon_jammed):
+    """A flat carrier stands is an event and the run ends as jammed."""
     stage = Stage(charging({"hours": 0.05, "standing": 1.0, "reserve": 0.0}, carriers=1))
     lasted = stage.run_until(lambda: bool(stage.happened("flat")), 300)
     at = stage.pose("carrier_01")
@@ -91,7 +96,8 @@ def test_a_flat_carrier_stands_is_an_event_and_the_run_ends_as_jammed(soon_jamme
 
 
 @pytest.mark.parametrize("holds", [Lookahead, CheckedHolds, IgnoredHolds])
-def test_a_carrier_that_goes_flat_in_its_charging_line_charges_there(holds):
+def test_a_carrier_that_goes_flat_in_its_charging_line_charges(holds):
+    """A carrier that goes flat in its charging line charges there."""
     battery = {"hours": 1.0, "hours_to_charge": 0.05, "standing": 1.0, "reserve": 0.9}
     stage = Stage(charging(battery, carriers=6, route="one-way", row_length=70.0), holds=holds)
     carrier = stage.world.index["carrier_01"]
@@ -144,14 +150,18 @@ def while_charging() -> Snapshot:
     return unpack(pack(played(local, local.engine.tick + 100).snapshot()), Snapshot)
 
 
-def test_a_run_that_is_resumed_while_a_carrier_charges_has_the_hash_of_one_never_interrupted():
+def test_a_run_resumed_while_charging_has_the_same_hash():
+    """A run that is resumed while a carrier charges has the hash of one never interrupted."""
     local = Local.resume(while_charging())
     assert local.engine.world.plugged.any()
     assert played(local, TICKS).engine.hash == expected_hash()
 
 
-def test_kills_while_a_carrier_charges_leave_the_hash_of_local_mode(fleet, tmp_path):
-    """A host is killed, and physics."""
+def test_kills_during_a_charge_leave_the_hash_of_local_mode(fleet, tmp_path):
+    """Kills while a carrier charges leave the hash of local mode.
+
+    A host is killed, and physics.
+    """
     run = (
         "--speed",
         "30",
@@ -175,7 +185,8 @@ def test_kills_while_a_carrier_charges_leave_the_hash_of_local_mode(fleet, tmp_p
     assert fleet.end() == expected_hash()
 
 
-def test_in_the_long_run_more_chargers_deliver_more_until_they_suffice_and_no_more_than_the_limit():
+def test_more_chargers_deliver_more_until_they_suffice():
+    """In the long run more chargers deliver more until they suffice and no more than the limit."""
     battery = {"hours_to_charge": 0.2}
     layouts = [
         lay_out(charging(battery, rows=8, pickers=4, carriers=4, chargers=chargers))
@@ -189,7 +200,8 @@ def test_in_the_long_run_more_chargers_deliver_more_until_they_suffice_and_no_mo
     assert [Bounds(layout).bottleneck for layout in layouts][::2] == ["chargers", "carriers"]
 
 
-def test_spare_carriers_are_off_in_the_queue_and_where_they_were_charged():
+def test_spare_carriers_are_off_in_the_queue():
+    """Spare carriers are off in the queue and where they were charged."""
     battery = {"hours": 0.3, "hours_to_charge": 0.2, "reserve": 0.5, "standing": 1.0}
     layout = lay_out(charging(battery, rows=6, pickers=2, carriers=6, picking_speed=0.012))
     assert 0.96 < long_run(layout).bins_per_hour / Bounds(layout).bins_per_hour <= 1.0
@@ -218,7 +230,8 @@ def test_what_batteries_need_is_told(changes, told):
     assert told in str(error.value)
 
 
-def test_each_line_of_the_queue_has_a_charging_line_with_as_many_places():
+def test_each_line_has_a_charging_line_with_as_many_places():
+    """Each line of the queue has a charging line with as many places."""
     for route in ("one-way", "two-way"):
         for carriers in (1, 2, 5, 12, 13, 40):
             layout = lay_out(charging(route=route, carriers=carriers, row_length=100.0))

@@ -87,7 +87,8 @@ def assert_every_bin_is_taken_once(stage: Stage, rows: int = 3) -> None:
     assert stage.world.delivered == rows
 
 
-def test_the_nearest_carrier_by_road_is_sent_which_is_the_head_of_the_nearest_line():
+def test_the_nearest_carrier_by_road_is_sent():
+    """The nearest carrier by road is sent which is the head of the nearest line."""
     stage = Stage(calling_orchard(rows=3, pickers=2, carriers=25, row_length=70.0))
     stage.run_until(lambda: bool(exchanges(stage)), 200)
     assert exchanges(stage)[0][0] == "carrier_25", (
@@ -106,7 +107,8 @@ def answers(stage: Stage, tick: int, *calls: tuple[str, int]) -> list[type[Answe
     return [type(answer) for _, answer in action.answers]
 
 
-def test_a_carrier_offers_itself_only_to_the_bin_that_has_called_for_longest():
+def test_a_carrier_offers_itself_only_to_the_longest_caller():
+    """A carrier offers itself only to the bin that has called for longest."""
     stage = Stage(calling_orchard())
     stage.local.memories["carrier_01"] = busy = CarrierMemory(
         job=Job("bin_09", 1, "east", "picker_01")
@@ -123,7 +125,8 @@ def test_a_carrier_offers_itself_only_to_the_bin_that_has_called_for_longest():
     )
 
 
-def test_a_bin_that_calls_and_never_decides_does_not_keep_the_carrier_from_the_others():
+def test_a_bin_that_never_decides_keeps_the_carrier_from_nobody():
+    """A bin that calls and never decides does not keep the carrier from the others."""
     stage = Stage(calling_orchard())
     assert answers(stage, 100, ("bin_01", 0), ("bin_02", 50)) == [Offer, No]
     assert answers(stage, 120, ("bin_01", 0), ("bin_02", 50)) == [No, Offer]
@@ -167,7 +170,8 @@ def test_soak_the_bins_are_served_in_the_order_of_their_calls(dispatch):
     assert len(jobs) == 6
 
 
-def test_carriers_of_several_lines_that_are_free_at_once_each_get_a_bin_soon():
+def test_carriers_of_several_lines_free_at_once_get_bins_soon():
+    """Carriers of several lines that are free at once each get a bin soon."""
     stage = Stage(calling_orchard(rows=4, pickers=4, carriers=40, row_length=70.0))
     stage.run_until(
         lambda: sum(1 for m in stage.local.memories.values() if getattr(m, "job", None)) == 4, 85
@@ -181,7 +185,8 @@ def test_a_call_that_nobody_answers_is_repeated():
     assert_every_bin_is_taken_once(stage)
 
 
-def test_a_carrier_that_does_not_answer_when_it_is_sent_is_given_up_for_the_head_of_another_line():
+def test_a_carrier_that_does_not_answer_is_given_up():
+    """A carrier that does not answer when it is sent is given up for the head of another line."""
     stage = stage_with(
         lambda name, agent: HardOfHearing(agent, Come, until=60000 if name == "carrier_13" else 0),
         carriers=13,
@@ -220,7 +225,8 @@ def test_a_picker_with_a_bin_tells_why_it_takes_no_other(brought, why):
     assert action.answers == [(heard, No(why))]
 
 
-def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_it():
+def test_only_the_head_of_a_line_is_sent():
+    """Only the head of a line is sent so that nobody who stays stands before it."""
     stage = Stage(calling_orchard(rows=6, pickers=6, carriers=6))
     stage.run_to_the_end()
     order = [event.who for event in stage.happened("uncoupled") if event.who.startswith("carrier")]
@@ -228,12 +234,14 @@ def test_only_the_head_of_a_line_is_sent_so_that_nobody_who_stays_stands_before_
     assert_every_bin_is_taken_once(stage, 6)
 
 
-def test_a_carrier_that_came_although_its_answer_was_lost_is_still_the_only_one():
+def test_a_carrier_that_came_with_a_lost_answer_is_the_only_one():
+    """A carrier that came although its answer was lost is still the only one."""
     stage = stage_with(lambda name, agent: LateAnswerer(agent, until=460))
     assert_every_bin_is_taken_once(stage)
 
 
-def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
+def test_a_carrier_with_an_unheard_confirmation_waits_then_goes():
+    """A carrier whose confirmation is not heard waits and then goes."""
     stage = Stage(calling_orchard())
     for name in [name for name in stage.local.agents if name.startswith("bin")]:
         stage.local.agents[name] = HardOfHearing(stage.local.agents[name], Confirm, until=700)
@@ -244,7 +252,8 @@ def test_a_carrier_whose_confirmation_is_not_heard_waits_and_then_goes():
     assert_every_bin_is_taken_once(stage)
 
 
-def test_a_carrier_that_forgot_its_job_on_the_way_is_replaced_by_a_new_call():
+def test_a_carrier_that_forgot_its_job_is_replaced_by_a_new_call():
+    """A carrier that forgot its job on the way is replaced by a new call."""
     stage = stage_with(
         lambda name, agent: Forgetful(agent, at=415 if name == "carrier_01" else -1), carriers=3
     )

@@ -42,8 +42,11 @@ def harvest(seed: int) -> Stage:
     return stage
 
 
-def test_a_picker_fails_when_it_was_drawn_and_goes_on_when_repaired():
-    """It has picked then for as long as was drawn."""
+def test_a_picker_fails_as_drawn_and_goes_on_when_repaired():
+    """A picker fails when it was drawn and goes on when repaired.
+
+    It has picked then for as long as was drawn.
+    """
     stage = Stage(
         empty_orchard(
             picking_speed=0.5, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}}
@@ -64,9 +67,8 @@ def test_a_picker_fails_when_it_was_drawn_and_goes_on_when_repaired():
 
 
 @pytest.mark.parametrize("route", ["one-way", "two-way"])
-def test_a_carrier_fails_where_it_has_driven_for_as_long_as_was_drawn_and_goes_on_with_its_job(
-    route,
-):
+def test_a_carrier_fails_after_the_drawn_drive_and_goes_on(route):
+    """A carrier fails where it has driven for as long as was drawn and goes on with its job."""
     stage = Stage(
         empty_orchard(
             route=route,
@@ -98,8 +100,11 @@ def failed(stage: Stage) -> bool:
     return stage.world.tick > 0 and stage.local.actions["carrier_01"].state == "failed"
 
 
-def test_a_robot_that_worked_longer_than_drawn_fails_on_its_next_drive():
-    """As after a fork with another seed."""
+def test_an_overdue_failure_strikes_on_the_next_drive():
+    """A robot that worked longer than drawn fails on its next drive.
+
+    As after a fork with another seed.
+    """
     stage = meadow()
     stage.put("carrier_01", 0.0, 20.0)
     fails = MayFail(seed=1, mean_between=60.0, mean_repair=30.0)
@@ -110,7 +115,8 @@ def test_a_robot_that_worked_longer_than_drawn_fails_on_its_next_drive():
     stage.assert_at("carrier_01", x=5.0)
 
 
-def test_a_carrier_that_fails_right_behind_a_place_keeps_it_until_it_is_repaired():
+def test_a_carrier_that_fails_behind_a_place_keeps_it():
+    """A carrier that fails right behind a place keeps it until it is repaired."""
     stage = meadow(carrying={"failure": {"mean_between": 60.0, "mean_repair": 30.0}})
     stage.put("carrier_01", 0.0, 20.0)
     sound, _ = failure(1, "carrier_01", 0, 60.0, 30.0)
@@ -128,7 +134,8 @@ def test_a_carrier_that_fails_right_behind_a_place_keeps_it_until_it_is_repaired
     assert not failed(stage) and stage.pose("carrier_01")[0] < 6.2
 
 
-def test_a_bin_does_not_take_the_last_step_before_a_failure_for_the_picking_speed_of_its_picker():
+def test_a_step_before_a_failure_is_not_the_picking_speed():
+    """A bin does not take the last step before a failure for the picking speed of its picker."""
     stage = Stage(
         empty_orchard(seed=4, picking={"failure": {"mean_between": 60.0, "mean_repair": 1800.0}})
     )
@@ -153,7 +160,8 @@ def test_a_picker_that_waits_long_for_its_repair_is_no_jam():
     assert stage.account.jam == []
 
 
-def test_a_picker_that_fails_before_the_roads_asks_for_no_place_on_them():
+def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
+    """A picker that fails before the roads asks for no place on them."""
     seed = next(
         seed for seed in range(1000) if 134.5 < failure(seed, "picker_01", 0, 60.0, 60.0)[0] < 137.5
     )  # x = 31.75 to 33.25
@@ -198,7 +206,8 @@ def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
     assert "holds wrongly" not in caplog.text
 
 
-def test_an_agent_that_is_made_anew_in_the_middle_of_a_failure_changes_nothing():
+def test_an_agent_made_anew_during_a_failure_changes_nothing():
+    """An agent that is made anew in the middle of a failure changes nothing."""
     run, restarts = Local(varied()), 0
     for tick in range(SHORT):
         run.tick()
@@ -210,7 +219,8 @@ def test_an_agent_that_is_made_anew_in_the_middle_of_a_failure_changes_nothing()
     assert run.engine.hash == local_hash(varied(), SHORT)
 
 
-def test_lockstep_has_the_hash_of_local_mode_when_robots_fail_and_rows_differ(fleet):
+def test_lockstep_has_the_local_hash_with_failures(fleet):
+    """Lockstep has the hash of local mode when robots fail and rows differ."""
     own = varied(rows_to_pickers="balanced-ends")
     fleet.physics(own, "--duration", str(SHORT / 10))
     fleet.share(2)

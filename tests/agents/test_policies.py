@@ -101,21 +101,22 @@ DECISIONS = {
 
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
-def test_the_bin_that_the_policy_prefers_gets_the_only_free_carrier(name):
+def test_the_preferred_bin_gets_the_only_free_carrier(name):
+    """The bin that the policy prefers gets the only free carrier."""
     assert decide(name, [NEAR, FAR], [HEAD, BUSY]) == [(DECISIONS[name][0], "carrier_02")]
 
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
-def test_each_bin_gets_a_carrier_if_there_are_enough_and_busy_ones_none(name):
+def test_each_bin_gets_a_carrier_and_busy_ones_none(name):
+    """Each bin gets a carrier if there are enough and busy ones none."""
     orders = decide(name, [NEAR, FAR], [BUSY, CarrierReport("carrier_01", "", True, 0.5), HEAD])
     assert {bin_name for bin_name, _ in orders} == {"bin_01", "bin_02"}
     assert {carrier for _, carrier in orders} == {"carrier_01", "carrier_02"}
 
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
-def test_carriers_at_the_heads_of_two_lines_go_by_name_though_one_stands_a_rounding_error_behind(
-    name,
-):
+def test_heads_of_two_lines_go_by_name_despite_rounding(name):
+    """Carriers at the heads of two lines go by name though one stands a rounding error behind."""
     assert decide(name, [NEAR], [HEAD, CarrierReport("carrier_01", "", True, 2e-15)]) == [
         ("bin_01", "carrier_01")
     ]
@@ -124,13 +125,17 @@ def test_carriers_at_the_heads_of_two_lines_go_by_name_though_one_stands_a_round
 @pytest.mark.parametrize(
     ("name", "first"), [("predictive", "bin_02"), ("predictive-farthest", "bin_03")]
 )
-def test_an_early_policy_sends_for_what_is_due_and_for_nothing_else(name, first):
+def test_an_early_policy_sends_only_for_what_is_due(name, first):
+    """An early policy sends for what is due and for nothing else."""
     assert decide(name, [UNRIPE], [HEAD]) == []
     assert decide(name, [NEAR, FAR, FILLING, UNRIPE], [HEAD]) == [(first, "carrier_02")]
 
 
-def test_predictive_serves_a_near_bin_though_a_far_one_is_full_again_and_again():
-    """Of full bins the farthest first would leave the near one out for ever."""
+def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
+    """Predictive serves a near bin though a far one is full again and again.
+
+    Of full bins the farthest first would leave the near one out for ever.
+    """
     made = policy("predictive")
     memory, now, waits, served = made.Memory(), 1000, replace(NEAR, since=1000), ""
     while served != NEAR.name:
@@ -139,7 +144,8 @@ def test_predictive_serves_a_near_bin_though_a_far_one_is_full_again_and_again()
         now += 200  # the far bin is fetched, and its picker fills the next one
 
 
-def test_predictive_knows_since_when_a_bin_is_full_that_it_was_told_of_before():
+def test_predictive_knows_since_when_a_bin_is_full():
+    """Predictive knows since when a bin is full that it was told of before."""
     made = policy("predictive")
     memory, soon, later = (
         made.Memory(),
@@ -186,9 +192,8 @@ CARRIERS = st.lists(
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
 @settings(max_examples=40)
 @given(BINS, CARRIERS, st.randoms(use_true_random=False))
-def test_a_policy_assigns_only_what_is_there_never_twice_and_whatever_the_order_of_the_reports(
-    name, bins, carriers, random
-):
+def test_a_policy_assigns_only_what_is_there_and_never_twice(name, bins, carriers, random):
+    """A policy assigns only what is there never twice and whatever the order of the reports."""
     orders = decide(name, bins, carriers)
     assert {bin_name for bin_name, _ in orders} <= {report.name for report in bins}
     assert {carrier for _, carrier in orders} <= {
@@ -221,7 +226,8 @@ def harvested(name: str) -> Stage:
 
 
 @pytest.mark.parametrize("name", DISPATCH_POLICIES)
-def test_a_harvest_with_each_policy_is_complete_without_a_collision(name):
+def test_a_harvest_with_each_policy_is_complete(name):
+    """A harvest with each policy is complete without a collision."""
     stage = harvested(name)
     assert (stage.world.delivered, stage.account.figures()["broken_agents"]) == (4, [])
     stage.assert_no_collisions()
@@ -236,7 +242,8 @@ def test_early_carriers_make_the_harvest_shorter():
 
 
 @pytest.mark.parametrize("name", ["farthest-first", "predictive", "rolling"])
-def test_agents_started_afresh_and_asked_at_every_tick_give_the_same_harvest(name):
+def test_agents_started_afresh_at_every_tick_harvest_alike(name):
+    """Agents started afresh and asked at every tick give the same harvest."""
     whole = harvested(name)
     local = Local(small(name, row_length=20.0), holds=IgnoredHolds)
     while not local.engine.over:
@@ -255,7 +262,8 @@ def too_early() -> Stage:
     return Stage(small("own_policies.AtOnce", rows=3, pickers=2, carriers=2, picking_speed=0.5))
 
 
-def test_a_carrier_that_comes_early_holds_before_the_lane_until_the_bin_is_left():
+def test_an_early_carrier_holds_until_the_bin_is_left():
+    """A carrier that comes early holds before the lane until the bin is left."""
     stage = too_early()
     hold = stage.world.layout.lane(1).y + route.OneWay.HOLD
     stage.run_until(lambda: stage.pose("carrier_01")[1] < hold + 1e-6, 100)
@@ -279,9 +287,8 @@ def test_without_that_hold_the_early_carrier_shuts_the_picker_in(monkeypatch):
     assert stage.local.actions["carrier_01"].waits_for == "picker_01"
 
 
-def test_a_picker_that_stays_in_its_row_after_a_carrier_has_left_ends_in_a_jam_that_names_its_bin(
-    soon_jammed,
-):
+def test_a_picker_that_stays_in_its_row_jams_with_its_bin_named(soon_jammed):
+    """A picker that stays in its row after a carrier has left ends in a jam that names its bin."""
     stage = Stage(small("predictive", rows=3))
     stage.run_until(
         lambda: any(getattr(memory, "job", None) for memory in stage.local.memories.values()), 100
@@ -331,8 +338,11 @@ MISTAKES = {
 }
 
 
-def test_a_carrier_whose_answers_to_two_questions_come_together_is_sent_to_one_bin():
-    """As in realtime, where an answer may be late."""
+def test_a_carrier_with_two_answers_at_once_is_sent_to_one_bin():
+    """A carrier whose answers to two questions come together is sent to one bin.
+
+    As in realtime, where an answer may be late.
+    """
     dispatcher = Dispatcher(lay_out(Scenario(dispatch="nearest")), "dispatch")
     fetches = [
         Heard(name, 0, 0, Fetch(lane, "east", "picker_01", 0, 0.0))
@@ -357,7 +367,8 @@ def test_names_in_a_decision_may_be_of_a_text_type_of_a_library():
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_on(name, caplog):
+def test_the_mistake_of_a_policy_is_named_once_and_counted(name, caplog):
+    """The mistake of a policy is named once and counted and the harvest goes on."""
     stage = Stage(small(f"own_policies.{name}", rows=3, carriers=3))
     stage.run_until(lambda: stage.world.delivered == 1, 500)
     faults = [
@@ -373,7 +384,8 @@ def test_the_mistake_of_a_policy_is_named_once_and_counted_and_the_harvest_goes_
     assert stage.account.fault == ""
 
 
-def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_same_tick(fleet):
+def test_a_mistake_may_end_the_harvest_in_lockstep_at_its_tick(fleet):
+    """A mistake ends the harvest if the scenario says so in lockstep at the same tick."""
     scenario = small("own_policies.Raising", rows=3, dispatch_errors="end")
     stage = Stage(scenario, is_hashed=True)
     stage.run_until(lambda: stage.account.fault == "refused", 200)
@@ -389,8 +401,10 @@ def test_a_mistake_ends_the_harvest_if_the_scenario_says_so_in_lockstep_at_the_s
 
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(40))
-def test_soak_carriers_that_leave_much_too_early_never_lock_each_other(seed):
-    """Random orchards.
+def test_soak_carriers_that_leave_too_early_never_lock(seed):
+    """Carriers that leave much too early never lock each other.
+
+    Random orchards.
 
     Some robots are stopped for a while: the others that wait then go on afterwards.
     """

@@ -59,7 +59,8 @@ def harvested(name: str) -> tuple[str, Local]:
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_has_the_same_hash_in_local_mode_and_in_lockstep(name, fleet):
+def test_an_example_has_the_local_hash_in_lockstep(name, fleet):
+    """An example has the same hash in local mode and in lockstep."""
     fleet.physics(scenario(**EXAMPLES[name]), "--duration", str(TICKS / 10))
     fleet.share(2)
     assert fleet.end() == harvested(name)[0]
@@ -93,7 +94,8 @@ def test_the_farthest_bin_is_fetched_first_by_that_policy():
     assert policy.assign(0, bins, carriers, policy.Memory()) == [Assignment("bin_02", "carrier_01")]
 
 
-def test_the_nearest_policy_harvests_alike_through_the_dispatcher():
+def test_nearest_harvests_alike_through_the_dispatcher():
+    """The nearest policy harvests alike through the dispatcher."""
     local = run(Local(scenario(dispatch="orchard.dispatch.ranking.Nearest")))
     assert local.engine.over
     assert local.engine.world.delivered == 4

@@ -33,9 +33,8 @@ from orchard.tables.exchanges import exchanges
     st.sampled_from(["west", "east"]),
     st.sampled_from(ROW_ORDERS),
 )
-def test_each_metre_is_picked_once_and_each_bin_but_the_last_is_full(
-    rows, metres_per_bin, start, order
-):
+def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start, order):
+    """Each metre is picked once and each bin but the last is full."""
     passes = passes_of(
         rows, Block(tuple(range(1, len(rows) + 1)), start), metres_per_bin, ORDERS[order]
     )
@@ -195,8 +194,10 @@ def test_random_harvests_finish_without_a_collision(values, holds, kill_every):
 @pytest.mark.parametrize(
     "name", ["bins that go on with the next row", "bins that are full where the row ends"]
 )
-def test_a_run_goes_on_from_any_snapshot_and_with_other_agents_to_the_same_hash(name):
-    """Each stretch of the run ends with the state, the memories and the mail with which the next
+def test_a_run_resumes_anywhere_to_the_same_hash(name):
+    """A run goes on from any snapshot and with other agents to the same hash.
+
+    Each stretch of the run ends with the state, the memories and the mail with which the next
     one begins.
     """
     for begun, meant in pairwise(snapshots_of(name)[1]):
@@ -226,10 +227,11 @@ def test_a_picker_remembers_few_steps_however_many_bins_it_fills():
     ("metres_per_bin", "bins", "seconds"),
     [(None, 3, 0.0), (70.0, 3, 0.0), (17.5, 12, 0.75 * (70.0 + 22.4))],
 )
-def test_what_it_costs_to_drive_to_the_ends_of_rows_is_in_the_summary(
-    metres_per_bin, bins, seconds
-):
-    """With four bins a row there are three more drives through 70 m, and three more turns."""
+def test_the_summary_has_the_cost_of_drives_to_row_ends(metres_per_bin, bins, seconds):
+    """What it costs to drive to the ends of rows is in the summary.
+
+    With four bins a row there are three more drives through 70 m, and three more turns.
+    """
     stage = Stage(empty_orchard(pickers=3, metres_per_bin=metres_per_bin))
     told = stage.account.figures()
     assert (told["bins"], told["row_end_seconds"]) == (bins, pytest.approx(seconds, abs=0.1))

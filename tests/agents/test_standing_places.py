@@ -101,7 +101,8 @@ def test_what_turns_sweep_is_what_the_plan_says():
         assert np.hypot(*shape.T).max() == pytest.approx(radius, abs=0.005)
 
 
-def test_a_carriers_turn_at_its_stop_stays_clear_of_the_next_pickers_exit_turn():
+def test_a_carriers_turn_stays_clear_of_the_pickers_exit_turn():
+    """A carrier's turn at its stop stays clear of the next picker's exit turn."""
     carrier = swept(outline("carrier"), D_ROAD, -STOP, SOUTH, -QUARTER)
     picker = swept(train("picker"), WAITING, -PITCH, EAST, -QUARTER)
     assert gap(carrier, picker) == pytest.approx(0.28, abs=0.01)
@@ -117,8 +118,11 @@ def test_a_carriers_turns_on_its_loop_stay_clear_of_both_bins(x, y, start, least
     assert min(gap(turn, fruit) for fruit in bins) >= least
 
 
-def test_a_carrier_with_the_full_bin_stays_off_the_road_of_deliveries():
-    """It may stand at its own place there."""
+def test_a_carrier_with_the_full_bin_stays_off_deliveries():
+    """A carrier with the full bin stays off the road of deliveries.
+
+    It may stand at its own place there.
+    """
     turn = swept(train("carrier"), F_ROAD, 0.0, EAST, -QUARTER)
     assert turn[:, 1].max() < 2.8, "no robot waits nearer than that"
     assert turn[:, 0].max() < D_ROAD - 0.75 - 0.1
@@ -483,18 +487,16 @@ CLOSE = [
 @given(surveyed())
 @example(orchard_of(CLOSE, pickers=4, carriers=4))
 @example(orchard_of(CLOSE, pickers=4, carriers=4, route=TWO_WAY, rows_to_pickers=FROM_THE_EAST))
-def test_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(
-    scenario: Scenario,
-) -> None:
+def test_what_stands_at_unequal_rows_is_clear_of_every_drive(scenario: Scenario) -> None:
+    """What stands at unequal rows is clear of every drive and every turn."""
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 
 
 @pytest.mark.soak
 @given(surveyed())
-def test_soak_what_stands_at_unequal_rows_is_clear_of_every_drive_and_every_turn(
-    scenario: Scenario,
-) -> None:
+def test_soak_what_stands_at_unequal_rows_is_clear_of_drives(scenario: Scenario) -> None:
+    """What stands at unequal rows is clear of every drive and every turn."""
     assert too_near(lay_out(scenario)) == []
     assert in_a_turn(lay_out(scenario)) == []
 
@@ -585,9 +587,8 @@ def test_no_carrier_comes_near_to_what_the_tractor_sweeps(route: str, queues: tu
 
 
 @pytest.mark.parametrize("length", [28.0, 50.0, 105.0])
-def test_the_only_carrier_of_a_two_way_orchard_brings_in_the_harvest_beside_the_tractor(
-    length: float,
-) -> None:
+def test_the_only_carrier_works_beside_the_tractor(length: float) -> None:
+    """The only carrier of a two way orchard brings in the harvest beside the tractor."""
     stage = Stage(
         empty_orchard(rows=3, pickers=2, carriers=1, row_length=length, route=TWO_WAY, tractor=True)
     )
@@ -603,7 +604,8 @@ def test_a_picker_that_is_stopped_at_its_start_stands_in_no_way(stands: str) -> 
     stage.assert_no_collisions()
 
 
-def test_a_picker_that_never_leaves_its_start_in_the_east_stands_in_no_way() -> None:
+def test_a_picker_that_stays_in_the_east_stands_in_no_way() -> None:
+    """A picker that never leaves its start in the east stands in no way."""
     stage = Stage(Scenario(rows=4, pickers=2, row_length=30.0), picker_02=Standing())
     stage.run_until(lambda: stage.world.delivered == 2, 700)
     stage.assert_no_collisions()
@@ -624,8 +626,10 @@ def test_soak_no_picker_that_stands_is_in_the_way_of_the_others(
 
 
 @pytest.mark.soak
-def test_soak_half_of_the_pickers_of_the_largest_orchard_stand_in_no_way_of_the_others() -> None:
-    """Bins call when they are full.
+def test_soak_half_of_the_pickers_stand_in_no_way() -> None:
+    """Half of the pickers of the largest orchard stand in no way of the others.
+
+    Bins call when they are full.
 
     With an early policy carriers would hold for the pickers that stand, in the way of others.
     """

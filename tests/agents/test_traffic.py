@@ -150,9 +150,8 @@ WITH_GUESTS = [
 
 
 @pytest.mark.parametrize(("rows", "pickers", "seed", "route", "row_length"), WITH_GUESTS)
-def test_a_harvest_among_people_and_animals_ends_without_a_collision(
-    rows, pickers, seed, route, row_length
-):
+def test_a_harvest_among_people_ends_without_a_collision(rows, pickers, seed, route, row_length):
+    """A harvest among people and animals ends without a collision."""
     stage = Stage(
         Scenario(rows=rows, pickers=pickers, seed=seed, route=route, row_length=row_length)
     )
@@ -164,7 +163,8 @@ def test_a_harvest_among_people_and_animals_ends_without_a_collision(
 @pytest.mark.soak
 @pytest.mark.parametrize("size", ["any", "large"])
 @pytest.mark.parametrize("number", range(200))
-def test_soak_a_random_legal_scenario_ends_with_all_bins_delivered(number, size):
+def test_soak_a_random_legal_scenario_delivers_all_bins(number, size):
+    """A random legal scenario ends with all bins delivered."""
     scenario = random_scenario(number) if size == "any" else large_scenario(number)
     print(f"scenario {number} of seed {RANDOM_SEED}: {scenario}")
     stage = Stage(scenario)
@@ -271,7 +271,8 @@ def test_a_person_standing_in_a_row_holds_up_only_that_row():
     stage.run_until(lambda: stage.world.row_picked[0] == 70.0, 60)
 
 
-def test_an_animal_that_crosses_in_front_of_a_carrier_is_not_run_over():
+def test_a_crossing_animal_is_not_run_over():
+    """An animal that crosses in front of a carrier is not run over."""
     stage = Stage(empty_orchard(animals=Animals(dogs=1, cats=0)), dog_01=Driven(Twist(x=0.6)))
     stage.put("dog_01", 20.0, 10.9, "EAST")
     stage.run_until(lambda: stage.world.delivered == 1, 600)
@@ -314,9 +315,8 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     ("rows", "pickers", "row_width", "route"),
     [(5, 3, 5.0, ONE_WAY), (4, 2, 9.0, ONE_WAY), (5, 3, 5.0, TWO_WAY)],
 )
-def test_a_carrier_on_a_road_has_every_place_that_it_or_its_bin_is_in(
-    rows, pickers, row_width, route
-):
+def test_a_carrier_on_a_road_has_every_place_it_is_in(rows, pickers, row_width, route):
+    """A carrier on a road has every place that it or its bin is in."""
     stage = Stage(
         empty_orchard(rows=rows, pickers=pickers, row_width=row_width, carriers=4, route=route)
     )

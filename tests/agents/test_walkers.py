@@ -35,7 +35,8 @@ def walk_on(seen: Observation) -> Twist:
     return person.tick(seen, Mail(), WalkerMemory(0.0, 0.0, 0)).twist
 
 
-def test_walkers_mind_only_what_is_in_their_path_and_within_four_metres():
+def test_walkers_mind_only_what_is_near_in_their_path():
+    """Walkers mind only what is in their path and within four metres."""
     assert walk_on(facing()) == Twist(x=1.0)
     assert walk_on(facing((4.5, 0.0))) == Twist(x=1.0)
     assert walk_on(facing((2.0, 3.0))) == Twist(x=1.0)
@@ -83,7 +84,8 @@ def test_walkers_turn_away_from_an_obstacle_and_go_on(kind, where):
 @pytest.mark.parametrize(
     "seed", [1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (6, 16))]
 )
-def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
+def test_nobody_stays_near_one_point_for_a_minute(seed):
+    """Nobody stays within a circle of three metres for a minute."""
     stage = meadow(
         seed=seed,
         tractor=True,
@@ -108,7 +110,8 @@ def test_nobody_stays_within_a_circle_of_three_metres_for_a_minute(seed):
 
 
 @pytest.mark.parametrize("kind", ["dog", "cat"])
-def test_animals_change_their_mind_every_three_seconds_and_keep_it_until_then(kind):
+def test_animals_change_their_mind_every_three_seconds(kind):
+    """Animals change their mind every three seconds and keep it until then."""
     stage = one_guest(kind, 0.0, 20.0)
     speeds = []
     for _ in range(600):
@@ -129,8 +132,11 @@ def test_animals_do_not_change_their_minds_in_the_same_tick():
     assert phases <= set(range(30))
 
 
-def test_animals_change_their_mind_although_they_do_not_see_every_tick():
-    """As in realtime, where ticks may be left out."""
+def test_animals_change_their_mind_without_seeing_every_tick():
+    """Animals change their mind although they do not see every tick.
+
+    As in realtime, where ticks may be left out.
+    """
     seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
     dog = Animal(Local(Scenario()).engine.layout, "dog_01")
     memory = dog.tick(seen, Mail(), None).memory

@@ -236,7 +236,8 @@ def test_a_plan_of_many_rows_is_shown_as_wide_as_the_page(browser):
     )
 
 
-def test_bad_values_are_explained_at_their_fields_and_cannot_be_run(browser):
+def test_bad_values_are_explained_at_their_fields(browser):
+    """Bad values are explained at their fields and cannot be run."""
     browser.fill("rows", 101)
     browser.until(lambda: "from 3 to 100" in browser.problem("rows"), "the limits at the field")
     browser.fill("people.workers", 48)
@@ -305,7 +306,8 @@ def test_a_file_is_opened_changed_and_saved(browser, downloads, tmp_path):
     assert load(browser.saved(downloads)) == Scenario(**size, picking_speed=0.5, picking=picking)
 
 
-def test_longer_rows_leave_a_rate_as_it_was_and_show_the_speed_that_it_comes_to(browser):
+def test_longer_rows_leave_a_rate_and_show_its_speed(browser):
+    """Longer rows leave a rate as it was and show the speed that it comes to."""
     browser.reload()
     browser.until(lambda: browser.field("rows").is_displayed(), "the page")
     assert not browser.field("picking_speed").is_displayed()  # but folded away
@@ -540,7 +542,8 @@ def test_a_run_that_is_stopped_at_once_is_no_mistake(small):
 
 
 @pytest.mark.soak
-def test_a_browser_that_was_busy_at_the_end_of_a_run_sees_the_end(small, server):
+def test_a_busy_browser_sees_the_end_of_a_run(small, server):
+    """A browser that was busy at the end of a run sees the end."""
     small.fill("duration", 100)
     small.press("run")
     small.tell_state("running")
@@ -597,9 +600,8 @@ def parent(small, server):
     return file.stem
 
 
-def test_a_run_goes_on_from_a_moment_with_something_changed_beside_the_first_one(
-    small, parent, server
-):
+def test_a_run_goes_on_from_a_moment_with_a_change(small, parent, server):
+    """A run goes on from a moment with something changed beside the first one."""
     small.one("[data-field=moment] [tabindex='0']").send_keys(Keys.ARROW_LEFT)
     small.until(lambda: small.view("moment").text == "2:59", "an earlier moment")
     small.switch("fork-carriers-automatic", False)
@@ -659,7 +661,8 @@ def two_pictures(page):
     return urls if len(urls) == 2 and all(urls) else None
 
 
-def test_why_a_run_cannot_go_on_so_is_told_in_the_words_of_the_command(small, parent):
+def test_why_a_run_cannot_go_on_is_told_as_the_command_does(small, parent):
+    """Why a run cannot go on so is told in the words of the command."""
     small.switch("fork-carriers-automatic", False)
     small.fill("fork-carriers", 1)
     small.press("fork")

@@ -233,7 +233,8 @@ def as_phone(browser):
         browser.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
-def test_on_a_phone_run_is_on_the_first_screen_and_nothing_is_too_wide(listed):
+def test_on_a_phone_run_is_first_and_nothing_is_too_wide(listed):
+    """On a phone run is on the first screen and nothing is too wide."""
     with as_phone(listed):
         compare_two(listed)
         run = listed.one("[data-action=run]").rect

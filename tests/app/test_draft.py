@@ -71,7 +71,8 @@ def test_no_number_is_advised_that_is_refused(changes):
     assert "point" not in words
 
 
-def test_a_number_with_a_comma_is_advised_though_another_value_is_wrong():
+def test_a_number_with_a_comma_is_advised_beside_a_wrong_value():
+    """A number with a comma is advised though another value is wrong."""
     draft = Draft(Scenario())
     draft.enter({"row_width": "5,5", "rows": 101})
     assert "write a point: 5.5" in draft.problems["row_width"]
@@ -103,7 +104,8 @@ def test_the_classes_of_a_scenario_survive_changes():
     assert draft.scenario == Scenario(rows=7)
 
 
-def test_a_survey_survives_changes_and_refuses_another_number_of_rows():
+def test_a_survey_survives_changes_of_other_values():
+    """A survey survives changes and refuses another number of rows."""
     surveyed = orchard_of(UNEQUAL, agents={"picker": "tests.support.own_agents.Eastward"})
     draft = Draft(surveyed)
     draft.enter({"seed": "7"})
@@ -114,7 +116,8 @@ def test_a_survey_survives_changes_and_refuses_another_number_of_rows():
     assert (draft.scenario, draft.problems) == (None, {"rows": "must be 4 with this survey"})
 
 
-def test_built_in_rules_are_chosen_on_the_page_and_a_class_of_a_file_stays_one_of_the_choices():
+def test_built_in_rules_are_chosen_beside_a_class_of_a_file():
+    """Built-in rules are chosen on the page and a class of a file stays one of the choices."""
     assert entries()["dispatch"].choices == DISPATCH_POLICIES
     own = "examples.seams.farthest_first.FarthestFirst"
     draft = Draft(Scenario(dispatch=own))
@@ -154,9 +157,8 @@ def test_a_class_for_a_robot_that_is_gone_is_told():
     assert "agents.picker_03: no such agent or kind" in draft.problems["agents"]
 
 
-def test_own_classes_are_of_the_directory_of_the_start_and_none_runs_when_it_is_looked_for(
-    tmp_path, monkeypatch
-):
+def test_own_classes_are_of_the_start_directory_and_do_not_run(tmp_path, monkeypatch):
+    """Own classes are of the directory of the start and none runs when it is looked for."""
     (tmp_path / "mine.py").write_text("raise SystemExit('it ran')")
     (tmp_path / "yours").mkdir()
     (tmp_path / "yours" / "there.py").touch()
@@ -284,14 +286,16 @@ def test_what_is_wrong_in_a_link_is_told():
     assert draft.problems.keys() == {"rows", "tractor"}
 
 
-def test_a_link_without_settings_holds_no_draft_and_names_are_told_up_to_a_number():
+def test_a_link_without_settings_holds_no_draft():
+    """A link without settings holds no draft and names are told up to a number."""
     draft, unknown = draft_of([(f"x{number}" * 100, "1") for number in range(2000)])
     assert draft is None
     assert len(unknown) == 6 and unknown[-1] == "and 1995 more"
     assert all(len(words) < 100 for words in unknown)
 
 
-def test_each_browser_has_its_desk_and_two_pages_of_one_do_not_change_each_other():
+def test_each_browser_has_its_desk():
+    """Each browser has its desk and two pages of one do not change each other."""
     desks = Desks()
     desk = desks.of("one")
     desks.keep("one", desk)
@@ -404,7 +408,8 @@ def test_forks_stand_under_their_parent_whatever_summaries_say(tmp_path):
     assert sorted(line[-1] for line in shown) == sorted(parents)
 
 
-def test_what_a_command_prints_and_leaves_that_is_no_result_is_named(tmp_path, monkeypatch):
+def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
+    """What a command prints and leaves that is no result is named."""
     files = Files(tmp_path, "odd")
     deep = '{"study": {"none": ' + "[" * 100_000
     code = f"print({deep!r}); open({str(files.summary)!r}, 'w').write('{{\"answer\": NaN}}')"

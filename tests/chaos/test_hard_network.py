@@ -62,7 +62,8 @@ def test_a_disk_that_takes_half_of_a_write_changes_nothing():
     assert carried.left == []
 
 
-def test_physics_that_is_killed_while_it_writes_leaves_half_a_file_that_goes():
+def test_physics_killed_while_writing_leaves_half_a_file():
+    """Physics that is killed while it writes leaves half a file that goes."""
     half_writes = 0
     for tick in (20, 40, 60, 80):
         carried = Carried(plan(Fault("kill", PHYSICS, tick, 0.02), ticks=150), disk_seconds=1.0)
@@ -72,7 +73,8 @@ def test_physics_that_is_killed_while_it_writes_leaves_half_a_file_that_goes():
     assert half_writes > 0
 
 
-def test_a_large_payload_takes_longer_and_the_next_one_waits_for_it():
+def test_a_large_payload_takes_longer_and_the_next_one_waits():
+    """A large payload takes longer and the next one waits for it."""
     arrived = {}
     scheduler = Scheduler()
     network = Network(scheduler, "", Delays(1e-3, share=0.0, bytes_per_second=1e6))
@@ -92,8 +94,11 @@ def test_a_large_payload_takes_longer_and_the_next_one_waits_for_it():
     assert 0.2 <= arrived["large"] - begun <= arrived["after it"] - begun < 0.22
 
 
-def test_what_arrives_for_the_session_of_physics_comes_from_another_thread():
-    """So it may have done something else meanwhile. What it sends is at the router at once."""
+def test_arrivals_for_physics_come_from_another_thread():
+    """What arrives for the session of physics comes from another thread.
+
+    So it may have done something else meanwhile. What it sends is at the router at once.
+    """
     scheduler = Scheduler()
     network = Network(scheduler, "", Delays())
     task = scheduler.spawn("physics", lambda: None)
@@ -117,8 +122,11 @@ def test_schedules_draw_only_payloads_that_no_receiver_takes():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_run_whose_payloads_change_on_their_way_has_the_hash_of_local_mode(seed):
-    """What is no message any more is asked for again."""
+def test_changed_payloads_leave_the_hash_of_local_mode(seed):
+    """A run whose payloads change on their way has the hash of local mode.
+
+    What is no message any more is asked for again.
+    """
     carried = Carried(replace(plan(ticks=100, hosts=3), seed=seed), Tears(0.01, 0.01))
     assert carried.schedule.world.network.torn > 0
     assert carried.verdict.complaints == []

@@ -53,7 +53,8 @@ def test_the_stored_counts_of_bins_are_those_of_the_rows(scene):
     assert bins["coupled"] == bins["uncoupled"] == 2 * bins["bin full"]
 
 
-def test_a_harvest_that_is_wrong_in_each_mode_is_found_by_the_stored_counts():
+def test_stored_counts_find_a_harvest_wrong_in_each_mode():
+    """A harvest that is wrong in each mode is found by the stored counts."""
     expected = msgspec.structs.replace(stored_counts()[SCENE], ticks=500)
     with patch.object(Engine, "_deeds", lambda self, actions: []):
         _, counts = made(SCENE, expected)
@@ -106,7 +107,8 @@ def test_what_occurs_in_a_schedule_is_counted():
 
 
 @pytest.mark.parametrize("what", ["kill", "fork"])
-def test_a_run_that_is_resumed_or_forked_goes_on_as_in_local_mode(what):
+def test_a_resumed_or_forked_run_goes_on_as_in_local_mode(what):
+    """A run that is resumed or forked goes on as in local mode."""
     assert carry_out(shortly_before("uncoupled", Fault(what, RUN_PY, 20))).complaints == []
 
 
@@ -116,7 +118,8 @@ def test_a_run_that_is_reset_begins_again_and_lasts_as_long():
     assert verdict.summary["ticks"] < verdict.plan.begin
 
 
-def test_an_emergency_stop_is_that_of_local_mode_also_after_a_kill():
+def test_an_emergency_stop_is_that_of_local_mode():
+    """An emergency stop is that of local mode also after a kill."""
     faults = Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.1)
     verdict = carry_out(shortly_before("uncoupled", *faults, ticks=300))
     assert verdict.complaints == []
@@ -165,7 +168,8 @@ def test_deeds_that_are_lost_fail_nearly_all_schedules():
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
-def test_a_robot_that_asks_for_a_deed_in_vain_is_found_without_local_mode(mode):
+def test_a_deed_asked_for_in_vain_is_found_without_local_mode(mode):
+    """A robot that asks for a deed in vain is found without local mode."""
     with patch.object(Engine, "_deeds", lambda self, actions: []):
         complaints = carry_out(shortly_before("uncoupled", mode=mode)).complaints
     assert any("asks for deeds in vain" in complaint for complaint in complaints)

@@ -68,7 +68,8 @@ def test_a_run_without_faults_refuses_nothing(seed):
     assert carry_out(replace(draw(seed), faults=(), ticks=10)).summary["messages_refused"] == {}
 
 
-def test_a_mutation_is_found_and_shrinks_to_the_faults_that_it_needs():
+def test_a_mutation_is_found_and_shrinks_to_its_faults():
+    """A mutation is found and shrinks to the faults that it needs."""
     drawn = [draw(seed) for seed in range(40)]
     with cut_out("a host never doubts its mail"):
         found = next(plan for plan in drawn if carry_out(plan).complaints)
@@ -181,7 +182,8 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("what", FAULTS)
-def test_whatever_happens_to_processes_and_links_the_run_goes_on_to_the_same_hash(what):
+def test_whatever_happens_the_run_goes_on_to_the_same_hash(what):
+    """Whatever happens to processes and links the run goes on to the same hash."""
     assert carry_out(plan(*FAULTS[what], ticks=150, has_router="router" in what)).complaints == []
 
 
@@ -205,12 +207,14 @@ def test_in_realtime_too_a_run_goes_on_and_ends_well(fault):
 
 
 @pytest.mark.parametrize("delay", [0.1, 0.5, 0.8])
-def test_a_run_that_is_resumed_before_its_first_tick_waits_for_all_its_agents(delay):
+def test_a_run_resumed_before_its_first_tick_waits_for_agents(delay):
+    """A run that is resumed before its first tick waits for all its agents."""
     assert carry_out(plan(Fault("kill", RUN_PY, -1, delay))).complaints == []
 
 
 @pytest.mark.parametrize("tick", [58, 59, 60])
-def test_a_host_that_is_started_again_as_the_run_ends_does_not_wait_for_physics(tick):
+def test_a_host_started_as_the_run_ends_does_not_wait(tick):
+    """A host that is started again as the run ends does not wait for physics."""
     verdict = carry_out(plan(Fault("kill", OTHER, tick)))
     assert verdict.complaints == []
     assert verdict.seconds < 15.0
@@ -224,8 +228,10 @@ def test_physics_that_dies_after_the_end_keeps_nothing_waiting(delay):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.002, 0.006])
-def test_a_harvest_whose_physics_dies_just_when_it_has_ended_is_over(monkeypatch, delay):
-    """It writes no snapshot then: if it was started again, it would go back to an older tick,
+def test_a_harvest_whose_physics_dies_at_its_end_is_over(monkeypatch, delay):
+    """A harvest whose physics dies just when it has ended is over.
+
+    It writes no snapshot then: if it was started again, it would go back to an older tick,
     without the hosts that have left.
     """
     over = RunAccount.why_over
@@ -238,7 +244,8 @@ def test_a_harvest_whose_physics_dies_just_when_it_has_ended_is_over(monkeypatch
 
 
 @pytest.mark.parametrize("delay", [0.005, 0.01, 0.02, 0.05])
-def test_a_request_to_end_that_comes_while_the_run_is_reset_is_not_forgotten(delay):
+def test_a_request_to_end_during_a_reset_is_not_forgotten(delay):
+    """A request to end that comes while the run is reset is not forgotten."""
     verdict = carry_out(
         plan(
             Fault("silence", OTHER, 20, 0.0, 0.3),
@@ -267,8 +274,10 @@ def test_a_reset_that_the_death_of_physics_would_undo_is_refused():
     assert any("not kept: no snapshot can be written" in line for line in verdict.lines)
 
 
-def test_hosts_build_their_agents_again_if_physics_could_not_keep_a_reset():
-    """The disk is full just after that, so physics begins with the old seed again: agents of two
+def test_hosts_build_agents_again_if_a_reset_was_not_kept():
+    """Hosts build their agents again if physics could not keep a reset.
+
+    The disk is full just after that, so physics begins with the old seed again: agents of two
     scenarios would drive in one run.
     """
     faults = (
@@ -297,7 +306,8 @@ def test_a_host_that_starts_while_only_a_false_client_answers_waits_for_physics(
 
 
 @pytest.mark.parametrize("delay", [0.15, 0.25, 0.4])
-def test_a_run_that_ends_again_before_its_hosts_are_back_waits_for_them_when_it_goes_on(delay):
+def test_a_run_that_ends_again_early_waits_for_its_hosts(delay):
+    """A run that ends again before its hosts are back waits for them when it goes on."""
     faults = Fault("kill", PHYSICS, 150), Fault("kill", RUN_PY, 150, delay)
     assert carry_out(plan(*faults, ticks=200, delays=Delays(5e-3))).complaints == []
 

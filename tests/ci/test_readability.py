@@ -26,6 +26,10 @@ SEEN = {  # measure -> code that it counts once, code that it does not count
     "continued_comments": ("x = 1  # which nobody reads", "x = 1  # m, of the row\n# A sentence."),
     "vague_names": ("one = rows[0]", "first_row = rows[0]"),
     "bare_functions": ("def f():\n    pass", 'def f():\n    """Do it."""'),
+    "long_test_names": (
+        "def test_a_robot_that_has_worked_for_longer_than_was_drawn_goes_on(): ...",
+        "def test_an_overdue_failure_strikes_on_the_next_drive(): ...",
+    ),
     "double_classes": ("class Run:\n    pass\nclass Run:\n    pass", "class Run:\n    pass"),
 }
 

@@ -166,8 +166,11 @@ def test_the_first_lines_are_shown_and_the_rest_is_left_out():
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
-def test_an_agent_that_prints_much_and_leaves_a_thread_is_contained(mode, tmp_path):
-    """It neither floods the terminal nor holds the run."""
+def test_an_agent_that_prints_and_leaves_a_thread_is_contained(mode, tmp_path):
+    """An agent that prints much and leaves a thread is contained.
+
+    It neither floods the terminal nor holds the run.
+    """
     path = scenario_file(tmp_path, driven_by(picker_01="Noisy"))
     done = python(
         "run.py", path, "--mode", mode, "--duration", 1, "--record", "none", PYTHONPATH=PATH

@@ -195,7 +195,8 @@ def of_the_guard(action, mail=None):
 
 @given(actions)
 @settings(max_examples=300)
-def test_whatever_the_guard_passes_physics_accepts_and_hears_as_local_mode_does(wild):
+def test_physics_accepts_whatever_the_guard_passes(wild):
+    """Whatever the guard passes physics accepts and hears as local mode does."""
     guard, action = of_the_guard(wild)
     report = report_of(action, digest_of(Mail()), guard.packed)
     payload = pack(Velocities(RUN, 7, "host1", {"picker_01": report}))
@@ -266,9 +267,8 @@ TOO_MUCH = [
 
 
 @pytest.mark.parametrize(("slip", "said"), TOO_MUCH)
-def test_what_is_too_much_or_wrong_is_told_with_the_agent_the_limit_and_the_figure(
-    slip, said, caplog
-):
+def test_what_is_too_much_is_told_with_limit_and_figure(slip, said, caplog):
+    """What is too much or wrong is told with the agent the limit and the figure."""
     _, action = of_the_guard(slip and Action(**{"twist": Twist(x=1.0)} | slip))
     assert (action.state, action.twist.x, action.memory) == ("broken", 0.0, {"a": 1})
     assert len(caplog.text) < 3000, "not the whole of it"
@@ -311,7 +311,8 @@ def stop(number, frame):
 
 
 @pytest.mark.parametrize("handler", [signal.default_int_handler, stop])
-def test_a_real_ctrl_c_ends_the_program_whatever_agent_is_at_work(handler):
+def test_ctrl_c_ends_the_program_whatever_agent_works(handler):
+    """A real Ctrl-C ends the program whatever agent is at work."""
     old = signal.signal(
         signal.SIGINT, handler
     )  # a shell starts a program in the background with SIGINT ignored
@@ -334,8 +335,11 @@ HARVESTS = [
 
 
 @pytest.mark.parametrize("changes", HARVESTS)
-def test_what_built_in_agents_return_passes_the_guard_of_own_agents(changes, caplog):
-    """So their own guard may leave its checks out."""
+def test_built_in_agents_pass_the_guard_of_own_agents(changes, caplog):
+    """What built-in agents return passes the guard of own agents.
+
+    So their own guard may leave its checks out.
+    """
     scenario = Scenario(**{"rows": 3, "pickers": 2, "carriers": 2, "row_length": 20.0} | changes)
     layout = lay_out(scenario)
     agents = {
@@ -357,7 +361,8 @@ GOING_WRONG = [
 
 
 @pytest.mark.parametrize(("action", "said"), GOING_WRONG)
-def test_a_built_in_agent_that_goes_wrong_stands_and_keeps_its_memory(action, said, caplog):
+def test_a_built_in_agent_gone_wrong_stands_and_keeps_memory(action, said, caplog):
+    """A built-in agent that goes wrong stands and keeps its memory."""
     guard = Guard("picker_01", Doing(action), NAMES, trusted=True)
     action = guard.tick(without_body("picker_01", 7), Mail(), {"a": 1})
     assert (action.state, action.memory) == ("broken", {"a": 1})
@@ -381,10 +386,11 @@ TRUSTED = [
 
 
 @pytest.mark.parametrize(("changes", "class_", "is_trusted"), TRUSTED)
-def test_an_agent_is_trusted_if_it_and_the_policy_and_route_of_its_orchard_are_built_in(
-    changes, class_, is_trusted
-):
-    """A trusted agent may return what that of a user may not."""
+def test_an_agent_of_a_built_in_policy_and_route_is_trusted(changes, class_, is_trusted):
+    """An agent is trusted if it and the policy and route of its orchard are built-in.
+
+    A trusted agent may return what that of a user may not.
+    """
     layout = lay_out(SMALL.model_copy(update=changes))
     agent = class_(layout, "picker_01")
     agent.tick = Doing(Action(doing=5)).tick

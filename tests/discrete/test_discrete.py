@@ -184,16 +184,19 @@ def test_no_cell_is_far_from_the_simulator() -> None:
     "cell",
     ["10/5/5:one-way:predictive", "10/10/10:one-way:predictive", "10/5/5:two-way:predictive"],
 )
-def test_with_people_and_animals_the_mean_over_seeds_is_that_of_the_simulator(cell: str) -> None:
+def test_with_people_the_mean_is_that_of_the_simulator(cell: str) -> None:
+    """With people and animals the mean over seeds is that of the simulator."""
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
 
 
 @pytest.mark.parametrize(
     "dispatch", ["predictive", "predictive-farthest", "rolling", "longest-waiting"]
 )
-def test_a_policy_that_is_not_asked_while_nothing_is_due_decides_the_same(
+def test_a_policy_not_asked_while_nothing_is_due_decides_alike(
     dispatch: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A policy that is not asked while nothing is due decides the same."""
+
     class Always(Dispatched):
         """Asks at each question, as for a policy of the user's own."""
 
@@ -243,7 +246,8 @@ def seconds_with(workers: int, seed: int) -> float:
     return DiscreteHarvest(lay_out(orchard(rows=4, pickers=2, carriers=2, **values))).run().seconds
 
 
-def test_the_more_people_there_are_the_longer_a_harvest_takes_and_nobody_costs_nothing() -> None:
+def test_more_people_lengthen_a_harvest_and_nobody_is_free() -> None:
+    """The more people there are the longer a harvest takes and nobody costs nothing."""
     seeds = range(1, 5)
     means = [fmean(seconds_with(workers, seed) for seed in seeds) for workers in (0, 5, 50)]
     assert means == sorted(means)
@@ -263,8 +267,10 @@ def test_the_long_run_is_slower_with_people() -> None:
     )
 
 
-def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() -> None:
-    """Else they are done while the others go on, and the long run has fewer pickers than the
+def test_in_the_long_run_pickers_with_fewer_rows_keep_up() -> None:
+    """In the long run pickers with fewer rows pick as many as the others.
+
+    Else they are done while the others go on, and the long run has fewer pickers than the
     orchard.
     """
     layout = lay_out(orchard(rows=5, pickers=4, carriers=8, **ONE_WAY))
@@ -277,7 +283,8 @@ def test_in_the_long_run_pickers_with_fewer_rows_pick_as_many_as_the_others() ->
     )
 
 
-def test_the_long_run_of_slow_pickers_in_long_rows_is_not_taken_for_a_jam() -> None:
+def test_the_long_run_of_slow_pickers_is_no_jam() -> None:
+    """The long run of slow pickers in long rows is not taken for a jam."""
     layout = lay_out(orchard(rows=4, pickers=2, carriers=2, row_length=200.0, picking_speed=0.02))
     assert long_run(layout).bins_per_hour == pytest.approx(3600.0 * 2 / (200.0 / 0.02), rel=0.03)
 
@@ -324,9 +331,8 @@ def _trip_seconds(layout: Layout) -> float:
     return harvest.carrier_utilisation() * harvest.seconds / harvest.delivered
 
 
-def test_a_harvest_in_which_robots_wait_for_ever_ends_soon_and_is_not_over(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_harvest_that_waits_for_ever_ends_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A harvest in which robots wait for ever ends soon and is not over."""
     monkeypatch.setattr("orchard.discrete.places.grant", lambda table: None)
     monkeypatch.setattr("orchard.discrete.harvest.is_known", lambda layout: False)
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
@@ -371,7 +377,8 @@ def test_a_policy_that_leaves_a_picker_out_has_no_long_run(dispatch: str) -> Non
         long_run(lay_out(orchard(rows=12, pickers=6, carriers=2, dispatch=dispatch)))
 
 
-def test_a_harvest_whose_carrier_is_flat_before_it_is_home_is_not_over() -> None:
+def test_a_harvest_with_a_carrier_flat_before_home_is_not_over() -> None:
+    """A harvest whose carrier is flat before it is home is not over."""
     layout = lay_out(
         orchard(
             rows=3,

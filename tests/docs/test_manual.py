@@ -93,7 +93,8 @@ def test_only_by_the_manual_carriers_drive_around_the_bottom():
     assert max(course("manual").southmost.values()) < last - 3.0
 
 
-def test_bins_report_to_a_dispatcher_early_or_call_carriers_when_they_are_full():
+def test_bins_report_early_or_call_carriers_when_full():
+    """Bins report to a dispatcher early or call carriers when they are full."""
     tick, _, to, fetch = next(
         letter for letter in course("default").letters if isinstance(letter[3], Fetch)
     )
@@ -130,7 +131,9 @@ def test_a_picker_goes_on_before_its_full_bin_is_taken(name):
     assert empty != "bin_01" and took < fetched
 
 
-def test_every_second_picker_starts_at_the_other_end_unless_by_the_manual():
+def test_every_second_picker_starts_at_the_other_end():
+    """Every second picker starts at the other end unless by the manual."""
+
     def starts(scenario: Scenario) -> list[bool]:
         layout = lay_out(scenario)
         return [start.pose.x < layout.middle for start in layout.starts if start.kind == "picker"]
@@ -140,7 +143,8 @@ def test_every_second_picker_starts_at_the_other_end_unless_by_the_manual():
     assert starts(Scenario(pickers=4, rows_to_pickers="balanced")) == [True] * 4
 
 
-def test_rows_pickers_and_carriers_have_the_limits_that_the_page_names():
+def test_counts_have_the_limits_that_the_page_names():
+    """Rows pickers and carriers have the limits that the page names."""
     assert lay_out(Scenario(rows=100, pickers=60, carriers=1)).scenario.rows == 100
     for wrong in ({"rows": 101}, {"rows": 2}, {"rows": 5, "pickers": 6}, {"carriers": 121}):
         with pytest.raises(ScenarioError):

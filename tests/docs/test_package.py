@@ -44,8 +44,11 @@ def test_each_extra_of_a_user_is_in_the_table_of_extras():
     assert {*re.findall(r"^\| `([\w-]+)` \|", how_to, re.M)} >= {*OF_USERS}
 
 
-def test_what_the_programs_of_the_documents_import_comes_with_a_dependency_or_an_extra():
-    """Those of docs/ros2.md have the packages of ROS 2 besides, from its installation."""
+def test_imports_of_the_documents_come_with_a_dependency():
+    """What the programs of the documents import comes with a dependency or an extra.
+
+    Those of docs/ros2.md have the packages of ROS 2 besides, from its installation.
+    """
     lines = [line for name in OF_USERS for line in PROJECT["optional-dependencies"][name]]
     brought = {Requirement(line).name for line in [*PROJECT["dependencies"], *lines]}
     programs = [
@@ -178,9 +181,8 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
         ),
     ],
 )
-def test_that_nothing_is_known_of_packages_is_told_from_that_they_were_not_checked(
-    of_the_vulnerable, of_ours, code, words, tmp_path
-):
+def test_nothing_known_is_told_from_not_checked(of_the_vulnerable, of_ours, code, words, tmp_path):
+    """That nothing is known of packages is told from that they were not checked."""
     audit, packages = tmp_path / "pip-audit", tmp_path / "packages.txt"
     answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"
     audit.write_text(
@@ -230,8 +232,10 @@ def test_harvests_on_arm_that_cannot_be_run_are_told(programs, why, tmp_path):
 
 
 @pytest.mark.parametrize("uv_can", [True, False])
-def test_uv_is_told_where_pip_finds_packages_and_pip_does_what_uv_cannot(uv_can, tmp_path):
-    """In a folder whose pip and uv write down what they are told.
+def test_uv_is_told_of_pips_index_and_pip_does_the_rest(uv_can, tmp_path):
+    """Uv is told where pip finds packages and pip does what uv cannot.
+
+    In a folder whose pip and uv write down what they are told.
 
     What the environment says counts before a file.
     """

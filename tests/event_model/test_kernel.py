@@ -36,7 +36,8 @@ def figures(harvest: EventHarvest | GeneratorHarvest) -> tuple[Any, ...]:
     )
 
 
-def test_most_harvests_have_each_delivery_in_the_same_tick_in_both_models() -> None:
+def test_most_deliveries_have_the_same_tick_in_both_models() -> None:
+    """Most harvests have each delivery in the same tick in both models."""
     layouts = list(quiet_layouts(seed=2, count=40))
     differ = []
     for layout in layouts:
@@ -97,7 +98,8 @@ def test_what_the_model_does_not_know_is_refused(values: dict[str, Any]) -> None
         EventHarvest(layout)
 
 
-def test_each_module_whose_constants_are_compiled_counts_for_the_kept_code() -> None:
+def test_each_compiled_constant_counts_for_the_kept_code() -> None:
+    """Each module whose constants are compiled counts for the kept code."""
     counted = {module.__name__ for module in compiled.CONSTANTS_OF}
     for path in Path(machine.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -214,9 +214,8 @@ WHOLE_LINES = [
 
 
 @pytest.mark.parametrize(("text", "wanted"), WHOLE_LINES)
-def test_what_contradicts_itself_or_is_too_much_together_is_told_in_one_line(
-    text: str, wanted: str
-) -> None:
+def test_what_contradicts_itself_is_told_in_one_line(text: str, wanted: str) -> None:
+    """What contradicts itself or is too much together is told in one line."""
     assert refusal(text) == wanted
 
 

@@ -70,7 +70,6 @@ def test_a_value_is_decided_as_its_section_is(path: str, decision: Decision | No
         ("survey", [None], False),
     ],
 )
-def test_values_of_a_section_are_a_choice_if_all_that_they_change_is(
-    path: str, values: list, choice: bool
-):
+def test_a_section_is_a_choice_if_all_that_changes_is(path: str, values: list, choice: bool):
+    """Values of a section are a choice if all that they change is."""
     assert is_choice(Scenario, path, values) == choice

@@ -55,9 +55,10 @@ def told(file: Path, crs: str | None = None) -> str:
 
 @settings(max_examples=15)
 @given(drawn=rows(), yaw=st.floats(-1.57, 1.57), data=st.data())
-def test_any_survey_within_the_limits_is_imported_and_laid_out_without_overlaps(
+def test_any_legal_survey_is_laid_out_without_overlaps(
     file: Path, drawn: list[Row], yaw: float, data
 ):
+    """Any survey within the limits is imported and laid out without overlaps."""
     order = data.draw(st.permutations(list(lines_of(drawn).items())))
     scenario = import_rows(write_geojson(file, dict(order), yaw))
     layout, survey = lay_out(scenario), scenario.survey
@@ -107,7 +108,8 @@ def test_the_same_rows_come_from_any_coordinate_system(crs: str, file: Path):
     )
 
 
-def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
+def test_rows_from_south_to_north_turn_by_the_smaller_angle(file: Path):
+    """Rows from south to north are turned by the smaller angle."""
     scenario = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(80.0)))
     assert scenario.survey.origin.yaw == pytest.approx(math.radians(80.0), abs=1e-6)
     back = import_rows(write_geojson(file, lines_of(UNEQUAL), math.radians(100.0))).survey
@@ -116,8 +118,10 @@ def test_rows_from_south_to_north_are_turned_by_the_smaller_angle(file: Path):
 
 
 @pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2053"])
-def test_a_system_that_counts_to_the_south_does_not_mirror_or_turn_the_rows(crs: str, file: Path):
-    """EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the
+def test_a_system_that_counts_south_mirrors_no_rows(crs: str, file: Path):
+    """A system that counts to the south does not mirror or turn the rows.
+
+    EPSG:5513 counts to the south and the west, in this order, and 2053 to the west and the
     south.
     """
     utm = {"EPSG:5513": "EPSG:32633", "EPSG:2053": "EPSG:32735"}[crs]
@@ -161,9 +165,8 @@ def test_lines_that_go_there_and_back_are_rows(file: Path):
 @pytest.mark.parametrize(
     "name", ["1e3", "12E4", "1.5e3", "010", "on", "null", "0x1F", "2001-01-01", "a: b # c"]
 )
-def test_a_name_that_looks_like_something_else_stays_the_name_in_the_scenario_file(
-    name: str, file: Path
-):
+def test_an_odd_name_stays_the_name_in_the_scenario_file(name: str, file: Path):
+    """A name that looks like something else stays the name in the scenario file."""
     lines = lines_of(UNEQUAL)
     scenario = import_rows(
         write_geojson(file, {name if old == "r1" else old: points for old, points in lines.items()})

@@ -65,7 +65,8 @@ def test_into_a_frame_and_back_is_the_same_point(pose, x, y):
     assert from_frame(pose, *to_frame(pose, x, y)) == pytest.approx((x, y), abs=1e-12)
 
 
-def test_ahead_of_one_who_faces_north_lies_north_and_its_left_west():
+def test_north_is_ahead_and_west_left_of_one_who_faces_north():
+    """Ahead of one who faces north lies north and its left west."""
     assert from_frame(Pose(1.0, 2.0, NORTH), 3.0, 0.5) == pytest.approx((0.5, 5.0))
 
 
@@ -97,7 +98,8 @@ def test_a_rect_contains_its_edges():
 
 @settings(max_examples=300)
 @given(boxes, boxes)
-def test_boxes_overlap_just_where_a_point_of_one_edge_lies_in_the_other(a, b):
+def test_boxes_overlap_where_an_edge_lies_in_the_other(a, b):
+    """Boxes overlap just where a point of one edge lies in the other."""
     inside = min(depth(edge_points(*a), b).min(), depth(edge_points(*b), a).min())
     assume(inside < -1e-6 or gap(box_of(*a), box_of(*b)) > 1e-6 or inside > 0.2)
     assert overlap(box_of(*a), box_of(*b)) == (inside < 0.0)
@@ -179,7 +181,8 @@ def test_east_is_exact():
 
 @settings(max_examples=300)
 @given(angles)
-def test_wrapping_keeps_the_direction_and_what_is_wrapped_already(angle):
+def test_wrapping_keeps_the_direction(angle):
+    """Wrapping keeps the direction and what is wrapped already."""
     wrapped = repeatable.wrap(angle)
     assert -repeatable.PI < wrapped <= repeatable.PI
     assert math.cos(wrapped - angle) == pytest.approx(1.0, abs=1e-12)

@@ -193,8 +193,10 @@ def seconds_a_body(scenario: Scenario) -> float:
 
 
 @pytest.mark.parametrize("scenario", [BIGGEST, FULLEST], ids=["biggest", "fullest"])
-def test_a_body_costs_as_much_in_a_big_orchard_as_in_the_default_one(scenario: Scenario) -> None:
-    """Both times are of one run.
+def test_a_body_costs_no_more_in_a_big_orchard(scenario: Scenario) -> None:
+    """A body costs as much in a big orchard as in the default one.
+
+    Both times are of one run.
 
     If each body were compared with each other, it would be 18 times as much.
     """
@@ -220,9 +222,10 @@ def test_guests_stand_where_the_manual_puts_them() -> None:
     ("name", "given_place"),
     [("worker_02", (25.0, 25.0)), ("worker_03", (36.0, 18.0)), ("visitor_02", (-6.0, 22.0))],
 )
-def test_a_given_place_in_the_queue_gives_way_to_the_nearest_free_one(
+def test_a_given_queue_place_gives_way_to_the_nearest_free_one(
     name: str, given_place: tuple[float, float]
 ) -> None:
+    """A given place in the queue gives way to the nearest free one."""
     x, y = places(ONE_WAY)[name]
     assert places(Scenario())[name] == given_place or name == "worker_02", (
         "the lines that no carrier uses are not kept clear"

@@ -26,9 +26,10 @@ def blocks_of(rule: str, rows: int, pickers: int) -> list[Block]:
 
 @pytest.mark.parametrize("rule", RULES)
 @given(size=sizes)
-def test_each_row_goes_to_one_picker_and_its_rows_are_neighbours_from_north_to_south(
+def test_each_picker_has_neighbouring_rows_from_north_to_south(
     rule: str, size: tuple[int, int]
 ) -> None:
+    """Each row goes to one picker and its rows are neighbours from north to south."""
     rows = [block.rows for block in blocks_of(rule, *size)]
     assert all(rows)
     assert [row for block in rows for row in block] == list(range(1, size[0] + 1)), (
@@ -38,17 +39,15 @@ def test_each_row_goes_to_one_picker_and_its_rows_are_neighbours_from_north_to_s
 
 @pytest.mark.parametrize("rule", ["balanced", "balanced-ends"])
 @given(size=sizes)
-def test_no_picker_has_two_rows_more_than_another_if_they_are_balanced(
-    rule: str, size: tuple[int, int]
-) -> None:
+def test_balanced_pickers_differ_by_one_row_at_most(rule: str, size: tuple[int, int]) -> None:
+    """No picker has two rows more than another if they are balanced."""
     counts = [len(block.rows) for block in blocks_of(rule, *size)]
     assert max(counts) - min(counts) <= 1
 
 
 @given(size=sizes)
-def test_every_second_picker_starts_in_the_east_if_both_ends_are_used(
-    size: tuple[int, int],
-) -> None:
+def test_every_second_picker_starts_in_the_east_with_both_ends(size: tuple[int, int]) -> None:
+    """Every second picker starts in the east if both ends are used."""
     starts = [block.start for block in blocks_of("balanced-ends", *size)]
     assert starts == (["west", "east"] * 10)[: size[1]]
     assert {block.start for block in blocks_of("balanced", *size)} == {"west"}
@@ -111,9 +110,10 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
 @pytest.mark.parametrize(
     ("distribution", "cv"), [("lognormal", 0.3), ("gamma", None), ("uniform", 0.28)]
 )
-def test_picking_times_have_the_mean_the_spread_and_the_distribution_that_are_named(
+def test_picking_times_have_the_named_mean_and_distribution(
     distribution: str, cv: float | None, speed: float
 ) -> None:
+    """Picking times have the mean the spread and the distribution that are named."""
     cv = cv or (1.0 - speed) / 2.0  # a gamma distribution of shape 4
     drawn = times(distribution, cv, speed)
     assert fmean(drawn) == pytest.approx(1.0, abs=4 * cv / math.sqrt(N))
@@ -166,9 +166,10 @@ TOO_WIDE = [
 
 
 @pytest.mark.parametrize(("distribution", "cv", "speed", "wanted"), TOO_WIDE)
-def test_a_spread_for_which_a_picker_would_be_too_fast_is_refused(
+def test_a_spread_with_too_fast_a_picker_is_refused(
     distribution: str, cv: float, speed: float, wanted: str
 ) -> None:
+    """A spread for which a picker would be too fast is refused."""
     told = refusal(
         f"picking_speed: {speed}\npicking:\n  spread: {{distribution: {distribution}, cv: {cv}}}"
     )
@@ -237,9 +238,10 @@ NAMES = sorted(QUEUES)
     st.floats(0.0, 180.0),
     st.integers(1, MOST_CARRIERS),
 )
-def test_every_place_lies_behind_the_bay_and_before_the_delivery_road(
+def test_every_place_lies_between_bay_and_delivery_road(
     name: str, length: float, bay: float, carriers: int
 ) -> None:
+    """Every place lies behind the bay and before the delivery road."""
     queue = queue_of(name, length, bay, carriers)
     if queue is None:
         return
@@ -259,7 +261,8 @@ def test_a_usual_orchard_holds_all_carriers(name: str) -> None:
     assert all(queue_of(name, 70.0, 0.0, carriers) for carriers in range(1, MOST_CARRIERS + 1))
 
 
-def test_a_queue_that_is_too_short_is_refused_with_the_numbers_that_would_do() -> None:
+def test_a_short_queue_is_refused_with_numbers_that_would_do() -> None:
+    """A queue that is too short is refused with the numbers that would do."""
     with pytest.raises(ScenarioError) as caught:
         check({"row_length": 20.0, "rows": 12, "pickers": 12, "carriers": 10, "route": TWO_WAY})
     words = str(caught.value)
@@ -267,7 +270,8 @@ def test_a_queue_that_is_too_short_is_refused_with_the_numbers_that_would_do() -
     assert "carriers" in words
 
 
-def test_a_bay_further_east_leaves_room_for_fewer_and_the_error_says_where_it_may_lie() -> None:
+def test_a_bay_further_east_leaves_room_for_fewer() -> None:
+    """A bay further east leaves room for fewer and the error says where it may lie."""
     with pytest.raises(
         ScenarioError, match=r"10 need rows of at least \d+ m or the bay at most at \d+ m"
     ):

@@ -62,7 +62,8 @@ def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_
     assert -model.seconds <= total < 0.0  # the time before the first decision belongs to no action
 
 
-def test_an_episode_goes_on_while_all_carriers_charge_for_longer_than_a_jam_takes():
+def test_an_episode_goes_on_while_all_carriers_charge():
+    """An episode goes on while all carriers charge for longer than a jam takes."""
     scenario = empty_orchard(
         rows=4,
         pickers=2,
@@ -94,7 +95,9 @@ def test_rewards():
     )
 
 
-def test_random_actions_within_the_mask_finish_the_harvest_and_are_repeatable():
+def test_masked_random_actions_finish_and_are_repeatable():
+    """Random actions within the mask finish the harvest and are repeatable."""
+
     def deliveries():
         env, rng = dispatch_env(SMALL), np.random.default_rng(1)
         assert played(env, lambda info: rng.choice(np.flatnonzero(info["action_mask"])), seed=4)[1]
@@ -218,8 +221,10 @@ def test_what_has_learned_is_the_policy_of_the_simulator():
     assert VIEW.orders(choose, 120, [], CARRIERS) == []
 
 
-def test_what_the_learned_policy_of_the_example_can_choose_is_enough_for_a_good_harvest():
-    """It sends a carrier to the first bin that it sees as soon as that is due, which is about what
+def test_the_examples_choices_suffice_for_a_good_harvest():
+    """What the learned policy of the example can choose is enough for a good harvest.
+
+    It sends a carrier to the first bin that it sees as soon as that is due, which is about what
     `predictive` does.
     """
     env, ended = AnyOrchard(), False

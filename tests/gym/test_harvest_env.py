@@ -69,8 +69,11 @@ def test_observations_are_in_the_space_while_a_harvest_goes_on():
         observations, *_, infos = env.step({name: infos[name]["scripted"] for name in env.agents})
 
 
-def test_scripted_velocities_give_the_harvest_of_local_mode_to_its_hash():
-    """A whole harvest, and what it earns."""
+def test_scripted_velocities_give_the_hash_of_local_mode():
+    """Scripted velocities give the harvest of local mode to its hash.
+
+    A whole harvest, and what it earns.
+    """
     earned = []
     env = parallel_env(
         TINY,
@@ -133,8 +136,11 @@ def test_bodies_without_an_action_follow_their_agents():
 
 
 @pytest.mark.parametrize("name", ["carrier_01", "picker_02"])
-def test_other_velocities_give_the_motion_that_they_give_in_local_mode(name):
-    """In local mode an agent that is asked at every tick gives them."""
+def test_other_velocities_give_the_motion_of_local_mode(name):
+    """Other velocities give the motion that they give in local mode.
+
+    In local mode an agent that is asked at every tick gives them.
+    """
     env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
     _, info = env.reset()
     local.play(name, Driven(local.agents[name]))
@@ -186,7 +192,9 @@ class Driven:
         return replace(action, twist=Twist(forward, 0.0, turn))
 
 
-def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed():
+def test_unseeded_episodes_differ_and_follow_the_last_seed():
+    """Episodes without a seed differ and follow from the last seed."""
+
     def seeds(env):
         found = []
         for seed in (None, None, 7, None, None):
@@ -200,7 +208,9 @@ def test_episodes_without_a_seed_differ_and_follow_from_the_last_seed():
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_a_seed_that_cannot_be_changes_no_later_episode_and_numpys_numbers_are_numbers(make):
+def test_a_seed_that_cannot_be_changes_no_later_episode(make):
+    """A seed that cannot be changes no later episode and numpy's numbers are numbers."""
+
     def seed_of(env):
         return (
             env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout
@@ -228,7 +238,8 @@ def test_a_curriculum_changes_the_scenario_of_one_episode():
     assert env.local.engine.layout.scenario == with_changes(SMALL, seed=9)
 
 
-def test_an_episode_is_truncated_and_there_is_no_step_before_a_reset():
+def test_an_episode_is_truncated_and_needs_a_reset_first():
+    """An episode is truncated and there is no step before a reset."""
     with pytest.raises(ResetNeeded):
         single_env(SMALL, "carrier_01").step(np.zeros(2))
     env = parallel_env(SMALL, LEARNED, longest=3)
@@ -241,7 +252,8 @@ def test_an_episode_is_truncated_and_there_is_no_step_before_a_reset():
         env.step({})
 
 
-def test_a_bin_is_uncoupled_and_coupled_by_deeds_that_the_mask_allows_and_others_do_nothing():
+def test_masked_deeds_couple_and_others_do_nothing():
+    """A bin is uncoupled and coupled by deeds that the mask allows and others do nothing."""
     env = single_env(SMALL, "carrier_01", deeds=True)
     _, info = env.reset()
     assert all(
@@ -274,9 +286,8 @@ COUNTED = [  # reward -> what it counts, and the least that it comes to
 
 
 @pytest.mark.parametrize(("reward", "name", "ticks", "counted", "least"), COUNTED)
-def test_picking_counts_the_metres_in_the_own_bin_and_goal_those_on_the_way(
-    reward, name, ticks, counted, least
-):
+def test_picking_counts_own_metres_and_goal_those_on_the_way(reward, name, ticks, counted, least):
+    """Picking counts the metres in the own bin and goal those on the way."""
     rewards, world = follow(reward, name, ticks)
     assert sum(rewards) == pytest.approx(counted(world, world.index[name])) and sum(rewards) > least
 
@@ -426,7 +437,8 @@ IMPORTS = [
 
 
 @pytest.mark.parametrize(("program", "words"), IMPORTS)
-def test_the_import_says_what_to_install_and_loads_neither_zenoh_nor_rerun(program, words):
+def test_the_import_says_what_to_install(program, words):
+    """The import says what to install and loads neither Zenoh nor Rerun."""
     assert words in python("-c", f"import sys; {program}", code=1).stderr
 
 
@@ -440,7 +452,8 @@ def test_whatever_is_commanded_a_body_keeps_its_limits(velocities):
         assert env.observation_space.contains(observation) and np.isfinite(reward)
 
 
-def test_a_copy_goes_on_as_the_environment_does_and_neither_changes_the_other():
+def test_a_copy_goes_on_alike_and_apart():
+    """A copy goes on as the environment does and neither changes the other."""
     env = single_env(TINY, "carrier_01", is_hashed=True)
     env.reset(seed=3)
 

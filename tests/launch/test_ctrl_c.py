@@ -77,14 +77,18 @@ def interrupted_at(module: str, *command: str) -> tuple[int, str]:
         "zenoh",
     ],
 )
-def test_ctrl_c_while_run_py_is_still_importing_ends_it_without_a_word(module):
+def test_ctrl_c_during_the_imports_of_run_py_ends_it_silently(module):
+    """Ctrl-C while run.py is still importing ends it without a word."""
     code, said = interrupted_at(module, "run.py", *SHORT)
     assert code in (-signal.SIGINT, 130), "what a shell shows as 130"
     assert said.strip() == ""
 
 
-def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
-    """As the page does: Python loses one that comes while it starts."""
+def test_ctrl_c_held_back_before_the_start_is_heard():
+    """Ctrl-C that was held back from before the start is heard.
+
+    As the page does: Python loses one that comes while it starts.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         line = [sys.executable, "run.py", *SHORT]
@@ -103,7 +107,8 @@ def test_ctrl_c_that_was_held_back_from_before_the_start_is_heard():
 
 
 @pytest.mark.parametrize("command", [("run.py", "app"), ("-m", "orchard", "app")])
-def test_ctrl_c_while_the_page_is_still_importing_ends_it_without_a_word(command):
+def test_ctrl_c_during_the_imports_of_the_page_ends_it_silently(command):
+    """Ctrl-C while the page is still importing ends it without a word."""
     pytest.importorskip("nicegui")
     code, said = interrupted_at("nicegui.helpers", *command, "--quiet", "--port", "0")
     assert code in (-signal.SIGINT, 130)
@@ -159,9 +164,8 @@ def test_ctrl_c_stops_it_at_once(tmp_path, monkeypatch):
     assert max(naps) < 1.0
 
 
-def test_ctrl_c_ends_the_endless_tick_of_an_agent_and_the_result_is_that_of_the_ticks_before(
-    tmp_path, capsys
-):
+def test_ctrl_c_ends_an_endless_tick_with_the_result_so_far(tmp_path, capsys):
+    """Ctrl-C ends the endless tick of an agent and the result is that of the ticks before."""
     scenario = driven_by(picker_01="Endless")
     wish = RunRequest(HarvestOptions(mode="local"), scenario, None, tmp_path)
     summary, why = local_run.run(wish, None, lambda *figures: None)

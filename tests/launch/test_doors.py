@@ -30,9 +30,7 @@ finally:
 """
 
 
-def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need(
-    tmp_path,
-):
+def test_a_run_in_local_mode_loads_nothing_that_it_does_not_need(tmp_path):
     """It keeps its snapshots where it is told to."""
     done = python("-c", LOADS, cwd=tmp_path, ORCHARD_RUNS=str(tmp_path / "runs"))
     loaded = set(done.stdout.splitlines()[-1].split())
@@ -98,10 +96,10 @@ print(*(next(iter(place)) for place in places))
 @pytest.mark.parametrize(
     "words", [["run.py", "--mode", "local"], ["-m", "orchard", "--mode", "lockstep"]]
 )
-def test_each_door_of_a_clone_without_links_works_and_keeps_recordings_in_one_place(
-    words, tmp_path
-):
-    """In a copy, so that this clone keeps its own runs.
+def test_each_door_of_a_clone_works_without_links(words, tmp_path):
+    """Each door of a clone without links works and keeps recordings in one place.
+
+    In a copy, so that this clone keeps its own runs.
 
     It is no command of the environment in which it runs.
     """

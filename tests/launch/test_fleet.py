@@ -90,7 +90,8 @@ def fleet(clock):
     return fleet
 
 
-def test_who_dies_is_started_again_at_once_with_the_options_of_a_restart(fleet, clock):
+def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
+    """Who dies is started again at once with the options of a restart."""
     first, again = RunOptions(run="a"), RunOptions(run="a", resume=True)
     fleet.start(
         ProcessSpec(PHYSICS, "orchard.processes.physics", first, again=True, afterwards=again)
@@ -102,10 +103,11 @@ def test_who_dies_is_started_again_at_once_with_the_options_of_a_restart(fleet, 
     assert fleet.said == ["physics ended with code -9; starting it again"]
 
 
-def test_what_a_child_says_that_is_no_text_is_passed_on_and_does_not_block_it(
-    tmp_path, monkeypatch
-):
-    """It would block for ever once the pipe is full, that is after 64 kB."""
+def test_output_that_is_no_text_is_passed_on_and_blocks_nobody(tmp_path, monkeypatch):
+    """What a child says that is no text is passed on and does not block it.
+
+    It would block for ever once the pipe is full, that is after 64 kB.
+    """
     (tmp_path / "shouting.py").write_text(
         "import sys\nsys.stderr.buffer.write(b'\\xff\\n' + 20_000 * b'loud\\n' + b'shouting:"
         " over\\n')"
@@ -166,9 +168,8 @@ def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
     assert words in launched._why_over(True)
 
 
-def test_physics_that_never_listens_is_told_with_the_whole_time_that_it_had(
-    fleet, tmp_path, monkeypatch
-):
+def test_physics_that_never_listens_is_told_with_its_time(fleet, tmp_path, monkeypatch):
+    """Physics that never listens is told with the whole time that it had."""
     monkeypatch.setattr(distributed, "BEGIN_SECONDS", 0.5)
     fleet.clock = monotonic
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
@@ -188,7 +189,8 @@ def test_whose_run_is_over_or_who_need_not_live_is_left_alone(fleet):
     assert len(fleet.children) == 2
 
 
-def test_who_has_written_its_result_is_not_started_again_whatever_ends_it(fleet, tmp_path):
+def test_who_has_written_its_result_is_not_started_again(fleet, tmp_path):
+    """Who has written its result is not started again whatever ends it."""
     result = tmp_path / "result"
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, result=result))
     fleet.children[-1].die()
@@ -220,7 +222,8 @@ def waits(fleet, clock, code=-9):
         clock.now += 0.125
 
 
-def test_quick_deaths_are_followed_by_ever_longer_waits_and_by_giving_up_by_name(fleet, clock):
+def test_quick_deaths_wait_ever_longer_and_are_given_up(fleet, clock):
+    """Quick deaths are followed by ever longer waits and by giving up by name."""
     assert [waits(fleet, clock) for _ in range(DEATHS)] == [0.0, 0.25, 0.5, 1.0, 0.0]
     assert list(fleet.given_up) == ["agents 1"]
     assert (
@@ -238,7 +241,8 @@ def test_what_is_refused_may_pass_and_is_tried_for_half_a_minute(fleet, clock):
     assert list(fleet.given_up) == ["agents 1"]
 
 
-def test_whose_first_order_is_bad_is_not_started_again_but_it_is_later(fleet, clock):
+def test_who_fails_its_first_order_is_not_started_again(fleet, clock):
+    """Whose first order is bad is not started again but it is later."""
     fleet.start(
         ProcessSpec("physics", "orchard.processes.physics", [], again=True, may_refuse=False)
     )
@@ -269,7 +273,8 @@ def test_processes_take_turns():
     take_turns(child.pid)  # a process that has ended takes no turn, and that is no mistake
 
 
-def test_a_process_is_ended_when_its_token_is_gone_for_too_long_and_not_while_it_starts(clock):
+def test_a_process_is_ended_when_its_token_is_gone_too_long(clock):
+    """A process is ended when its token is gone for too long and not while it starts."""
     fleet: Any = SimpleNamespace(clock=clock, number=1, killed=[])
     fleet.pid = lambda name: fleet.number
     fleet.kill = lambda name: fleet.killed.append(fleet.number)

@@ -105,7 +105,8 @@ def test_carriers_are_taken_away_and_added_time_and_again(changes, route):
     run_out(run)
 
 
-def test_a_fork_without_changes_has_the_hash_of_its_parent_and_leaves_it_as_it_is():
+def test_a_fork_without_changes_has_the_hash_of_its_parent():
+    """A fork without changes has the hash of its parent and leaves it as it is."""
     parent = played(SMALL, 300)
     fork = played(parent.fork(), 500)
     assert parent.engine.tick == 300
@@ -124,7 +125,8 @@ def test_a_fork_leaves_agents_behind_that_were_given_to_play():
     run_out(played(parent, 200).fork())
 
 
-def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
+def test_a_carrier_that_is_taken_away_was_free():
+    """A carrier that is taken away was free and the others keep their jobs."""
     parent = played(TWO_WAY, 300)
     jobs = [
         memory.job.bin
@@ -143,14 +145,16 @@ def test_a_carrier_that_is_taken_away_was_free_and_the_others_keep_their_jobs():
         played(TWO_WAY, 1400).fork(carriers=1)
 
 
-def test_carriers_whose_own_class_remembers_a_list_can_be_taken_away():
+def test_carriers_whose_class_remembers_a_list_can_be_taken():
+    """Carriers whose own class remembers a list can be taken away."""
     run = played(
         SMALL.model_copy(update={"carriers": 2, "agents": {"carrier": "own_agents.Listing"}}), 20
     )
     assert run.fork(carriers=1).memories["carrier_01"] == ["waits"]
 
 
-def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
+def test_another_seed_changes_only_what_is_drawn_later():
+    """Another seed changes what is drawn from then on and nothing before."""
     varying = with_changes(
         SHORT,
         **{
@@ -167,7 +171,8 @@ def test_another_seed_changes_what_is_drawn_from_then_on_and_nothing_before():
     assert run_out(one).tick != run_out(other).tick
 
 
-def test_what_a_harvest_loses_is_not_told_if_a_user_stopped_a_robot_in_it():
+def test_losses_are_not_told_if_a_user_stopped_a_robot():
+    """What a harvest loses is not told if a user stopped a robot in it."""
     run = WatchedRun(played(SHORT, 100).snapshot())
     run.local.engine.stop(["picker_01"])
     run.go_on(150)
@@ -213,7 +218,8 @@ def test_what_cannot_change_is_named_with_the_reason(changes, why):
         played(SMALL, 20).fork(**changes)
 
 
-def test_a_run_that_goes_on_from_a_snapshot_without_figures_is_not_jammed_at_once():
+def test_a_run_without_figures_is_not_jammed_at_once():
+    """A run that goes on from a snapshot without figures is not jammed at once."""
     assert (
         WatchedRun(
             played(with_changes(SMALL, row_length=200.0, picking_speed=0.1), 6100).snapshot()
@@ -244,9 +250,8 @@ def harvest(tmp_path_factory):
     return recording, summary_of(summary)
 
 
-def test_keyframes_stay_after_a_harvest_and_a_fork_of_many_processes_without_changes_has_its_hash(
-    harvest, tmp_path
-):
+def test_keyframes_stay_and_an_unchanged_fork_has_the_hash(harvest, tmp_path):
+    """Keyframes stay after a harvest and a fork of many processes without changes has its hash."""
     recording, parent = harvest
     ticks = ticks_of(recording.with_suffix(".snapshots"))
     assert ticks == list(range(0, parent["ticks"], 200))
@@ -315,7 +320,8 @@ def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_goes_on_can_be_forked_and_one_that_was_stopped_or_killed_too(tmp_path, end):
+def test_resumed_stopped_and_killed_runs_can_be_forked(tmp_path, end):
+    """A run that goes on can be forked and one that was stopped or killed too."""
     file, path = scenario_file(tmp_path, SMALL), tmp_path / "fork.json"
     with running(
         file, "--mode", "local", "--speed", 20, "--keyframes", 5, "--record", "none"
@@ -390,7 +396,8 @@ def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
     assert "end well, %" in picture.read_text()
 
 
-def test_a_carrier_that_a_fork_adds_has_a_slow_error_of_its_receiver_from_the_first():
+def test_an_added_carrier_has_a_slow_error_from_the_first():
+    """A carrier that a fork adds has a slow error of its receiver from the first."""
     run = Local(with_changes(TWO_WAY, carriers=2, queue_room=3, **{"sensors.gnss.bias": 0.02}))
     for _ in range(20):
         run.tick()
@@ -400,21 +407,24 @@ def test_a_carrier_that_a_fork_adds_has_a_slow_error_of_its_receiver_from_the_fi
 
 
 @pytest.mark.parametrize("at", ["4:20", "4:27"])
-def test_the_last_of_many_moments_is_tried_too_also_where_nothing_was_kept(harvest, at):
+def test_the_last_of_many_moments_is_tried_too(harvest, at):
+    """The last of many moments is tried too also where nothing was kept."""
     told = orchard(
         "fork", harvest[0], "--bisect", "bins_per_hour<0.1", "--at", at, "--futures", 1
     ).stdout
     assert f"not decided: the future ends well from {at}, the last moment." in told
 
 
-def test_a_future_that_duration_cuts_off_tells_nothing_of_when_the_harvest_ends(harvest):
+def test_a_future_that_is_cut_off_tells_no_end(harvest):
+    """A future that duration cuts off tells nothing of when the harvest ends."""
     told = orchard(
         "fork", harvest[0], "--at", 60, "--futures", 1, "--stop", "picker_02", "--duration", 70
     ).stdout
     assert "With picker_02 stopped no pair of futures is harvested to its end." in told
 
 
-def test_carriers_are_never_busier_than_all_the_time_though_there_were_more_before():
+def test_carriers_are_never_busier_than_all_the_time():
+    """Carriers are never busier than all the time though there were more before."""
     run = WatchedRun(Local(TWO_WAY).snapshot())
     run.go_on(2200)  # two of three carriers are back in the queue
     fewer = WatchedRun(forked(run.snapshot(), {"carriers": 1}))
@@ -500,9 +510,8 @@ def test_a_fork_that_cannot_be_is_told_in_words(harvest, words, told):
     assert re.search(told, orchard("fork", harvest[0], *words, *quick, code=2).stderr)
 
 
-def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are_told(
-    harvest, tmp_path
-):
+def test_moments_that_cannot_be_are_told(harvest, tmp_path):
+    """Moments without a keyframe damaged ones and runs that are not there are told."""
     folder = tmp_path / "copy.snapshots"
     folder.mkdir()
     for file in harvest[0].with_suffix(".snapshots").iterdir():
@@ -531,7 +540,9 @@ def test_moments_without_a_keyframe_damaged_ones_and_runs_that_are_not_there_are
     )
 
 
-def test_a_run_in_which_a_robot_was_stopped_between_two_keyframes_is_told(tmp_path):
+def test_a_run_with_a_stop_between_keyframes_is_told(tmp_path):
+    """A run in which a robot was stopped between two keyframes is told."""
+
     def keep(run: Local) -> None:
         name, content = as_file(run.snapshot())
         store(name.replace(SNAPSHOT, KEYFRAME), content, tmp_path)
@@ -546,9 +557,8 @@ def test_a_run_in_which_a_robot_was_stopped_between_two_keyframes_is_told(tmp_pa
     assert "after 0:20 the run was not left to its own agents" in done.stderr
 
 
-def test_a_fork_says_which_agents_were_clients_elsewhere_and_lets_those_of_the_scenario_begin_anew(
-    tmp_path,
-):
+def test_a_fork_says_which_agents_were_clients_elsewhere(tmp_path):
+    """A fork says which agents were clients elsewhere and lets those of the scenario begin anew."""
     snapshot = played(SMALL, 200).snapshot()
     snapshot.elsewhere, snapshot.memories["picker_01"] = ["picker_01"], pack(["of another program"])
     name, content = as_file(snapshot)

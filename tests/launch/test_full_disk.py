@@ -56,9 +56,8 @@ def harvest(
 
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
-def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_result(
-    small_disk, tmp_path, mode
-):
+def test_a_full_disk_loses_recordings_but_not_the_result(small_disk, tmp_path, mode):
+    """A full disk loses recording and snapshots in a line each but not the result."""
     path = tmp_path / "summary.json"
     slow = "--speed", 10  # enough that snapshots follow after the recording has filled the disk
     done = harvest(small_disk, DURATION, "--mode", mode, "--summary", path, *slow)
@@ -79,7 +78,8 @@ def test_a_full_disk_loses_recording_and_snapshots_in_a_line_each_but_not_the_re
     assert left == []
 
 
-def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(small_disk, tmp_path):
+def test_a_log_that_fills_its_disk_ends_no_run(small_disk, tmp_path):
+    """A log that fills its disk ends no run and the table comes on stderr."""
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
         done = harvest(
@@ -92,7 +92,8 @@ def test_a_log_that_fills_its_disk_ends_no_run_and_the_table_comes_on_stderr(sma
     assert hash_ in done.stderr
 
 
-def test_where_nothing_can_be_printed_the_summary_is_still_written(small_disk, tmp_path):
+def test_the_summary_is_written_where_nothing_can_be_printed(small_disk, tmp_path):
+    """Where nothing can be printed the summary is still written."""
     path = tmp_path / "summary.json"
     with open("/dev/full", "w") as full:
         done = harvest(
@@ -125,8 +126,11 @@ def test_a_pipe_that_is_closed_early_ends_nothing():
     )
 
 
-def test_what_is_left_to_print_at_the_end_does_not_change_the_exit_code():
-    """Python itself would end with code 120."""
+def test_unprinted_output_does_not_change_the_exit_code():
+    """What is left to print at the end does not change the exit code.
+
+    Python itself would end with code 120.
+    """
     program = "from orchard.terminal.output import console; print('a line'); console.end()"
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:

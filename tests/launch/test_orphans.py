@@ -81,9 +81,8 @@ def ended(folder: Path, *arguments: object) -> tuple[int, str]:
         pytest.param(signal.SIGQUIT, marks=pytest.mark.soak),
     ],
 )
-def test_when_run_py_dies_its_processes_end_and_the_run_goes_on_to_the_same_hash(
-    tmp_path, monkeypatch, number
-):
+def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, number):
+    """When run.py dies its processes end and the run goes on to the same hash."""
     path, temporary = tmp_path / "summary.json", tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))

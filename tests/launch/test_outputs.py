@@ -31,7 +31,8 @@ SHORT = ("--rows", 3, "--mode", "local", "--duration", 1)
 
 
 @pytest.mark.parametrize("option", ["--record", "--summary"])
-def test_a_directory_in_place_of_a_file_is_told_before_the_harvest(option, tmp_path):
+def test_a_directory_in_place_of_a_file_is_told_at_once(option, tmp_path):
+    """A directory in place of a file is told before the harvest."""
     done = orchard(
         *SHORT, *(() if option == "--record" else ("--record", "none")), option, tmp_path, code=2
     )
@@ -54,9 +55,11 @@ READ_ONLY = [
 
 
 @pytest.mark.parametrize(("name", "fault", "told"), READ_ONLY)
-def test_a_folder_that_can_only_be_read_is_told_in_words_with_the_way_out(
+def test_a_read_only_folder_is_told_with_the_way_out(
     name, fault, told, tmp_path, monkeypatch, capsys
 ):
+    """A folder that can only be read is told in words with the way out."""
+
     def refuse(path, *_, **__):
         raise OSError(fault, os.strerror(fault), str(path))
 
@@ -85,7 +88,8 @@ def test_a_run_without_snapshots_is_not_the_last_one(tmp_path):
     assert RunFolder(tmp_path).snapshots("last") == tmp_path / "first.snapshots"
 
 
-def test_a_folder_to_resume_that_is_not_there_is_told_and_not_made(tmp_path):
+def test_a_missing_folder_to_resume_is_told_and_not_made(tmp_path):
+    """A folder to resume that is not there is told and not made."""
     with pytest.raises(
         SnapshotError, match="typo: no snapshots of such a run; expected the folder"
     ):
@@ -163,9 +167,8 @@ def test_a_logger_replaces_no_file_that_is_no_recording(tmp_path):
     assert "ends in .rrd" in said
 
 
-def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_may_go_to_stdout(
-    tmp_path,
-):
+def test_a_named_pipe_is_refused_and_stdout_is_taken(tmp_path):
+    """No file of a run is a named pipe for which it would wait and a summary may go to stdout."""
     os.mkfifo(pipe := tmp_path / "pipe.rrd")
     for option in ("--summary", "--record"):
         done = orchard(*SHORT, option, pipe, code=2)
@@ -175,7 +178,8 @@ def test_no_file_of_a_run_is_a_named_pipe_for_which_it_would_wait_and_a_summary_
     assert '  "rows_picked": 0,' in done.stdout.splitlines()
 
 
-def test_a_link_stays_a_link_and_one_that_leads_nowhere_is_no_recording(tmp_path):
+def test_a_link_stays_a_link_and_a_broken_one_is_no_recording(tmp_path):
+    """A link stays a link and one that leads nowhere is no recording."""
     (tmp_path / "gone.rrd").symlink_to("nowhere")
     assert newest_path(tmp_path.glob("*.rrd")) is None
     check_writable(tmp_path / "gone.rrd")
@@ -188,9 +192,8 @@ def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
     assert done.stderr == "/dev/full: not written: No space left on device\n"
 
 
-def test_the_summary_is_there_before_the_recording_is_packed_and_a_stop_leaves_no_half_of_it(
-    tmp_path, monkeypatch
-):
+def test_the_summary_is_there_before_the_recording_is_packed(tmp_path, monkeypatch):
+    """The summary is there before the recording is packed and a stop leaves no half of it."""
     packer, summary, runs = tmp_path / "packer", tmp_path / "summary.json", tmp_path / "runs"
     packer.write_text(
         f"#!/bin/sh\nfor last; do :; done\necho RRF2 and half of it > $last\nexec {sys.executable}"
@@ -232,7 +235,8 @@ def test_a_page_at_a_port_in_use_is_told_before_the_harvest(offset):
     assert f"tcp/127.0.0.1:{port}: cannot listen there; the port is in use" in done.stderr
 
 
-def test_the_help_names_the_other_commands_before_the_options_in_their_groups():
+def test_the_help_names_the_other_commands_first():
+    """The help names the other commands before the options in their groups."""
     shown = orchard("--help").stdout
     places = [
         shown.index(words)

@@ -96,7 +96,8 @@ def test_the_summary_tells_how_good_the_harvest_was(lockstep):
     assert summary["hash"] in printed
 
 
-def test_the_hash_is_last_and_before_it_the_command_that_opens_the_recording(lockstep):
+def test_the_hash_is_last_after_the_command_to_open_it(lockstep):
+    """The hash is last and before it the command that opens the recording."""
     summary, recording, printed = lockstep
     last, hash_line = printed.strip().splitlines()[-2:]
     assert hash_line == f"hash {summary['hash']}"

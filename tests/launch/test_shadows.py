@@ -60,7 +60,8 @@ def run(folder, *arguments: object) -> dict:
     return summary_of(summary)
 
 
-def test_a_run_of_many_processes_begins_beside_them_and_runs_none(folder):
+def test_a_run_of_many_processes_runs_no_shadowing_module(folder):
+    """A run of many processes begins beside them and runs none."""
     assert run(folder, *SHORT, "--record", folder / "run.rrd")["ticks"] == 10
     assert (folder / "run.rrd").stat().st_size > 0
 
@@ -76,7 +77,8 @@ def test_python_m_orchard_begins_beside_them_and_runs_none(folder):
     assert not (folder / "ran").exists()
 
 
-def test_a_users_package_that_imports_the_library_still_finds_its_own_modules(tmp_path):
+def test_a_users_package_still_finds_its_own_modules(tmp_path):
+    """A user's package that imports the library still finds its own modules."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "__init__.py").write_text("import orchard\n")
     (tmp_path / "mine" / "__main__.py").write_text("import mine.other\n")
@@ -85,7 +87,8 @@ def test_a_users_package_that_imports_the_library_still_finds_its_own_modules(tm
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "local"])
-def test_a_class_that_is_named_is_imported_and_gets_pythons_own_modules(mode, folder):
+def test_a_named_class_gets_pythons_own_modules(mode, folder):
+    """A class that is named is imported and gets Python's own modules."""
     (folder / "rester.py").write_text(OWN)
     (folder / "own.yaml").write_text("rows: 3\nagents: {picker: rester.Rester}\n")
     words = ("own.yaml", "--duration", 1, "--hosts", 1, "--record", "none", "--mode", mode)

@@ -33,7 +33,8 @@ def runs(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "mode", [("--mode", "realtime", "--speed", 5), ("--speed", 4)], ids=["realtime", "lockstep"]
 )
-def test_the_command_line_stops_a_robot_of_the_run_that_goes_on_here(tmp_path, runs, mode):
+def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
+    """The command line stops a robot of the run that goes on here."""
     path = tmp_path / "summary.json"
     order = (
         "--rows",
@@ -105,7 +106,8 @@ def assert_pauses_and_steps() -> None:
     assert "pause it first" in orchard("step", code=2).stderr
 
 
-def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(monkeypatch):
+def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
+    """Whom physics lets wait is told so and gets the answer that comes late."""
     monkeypatch.setattr(asking, "QUIET_SECONDS", 0.2)
     told, robots = SimpleQueue(), ["picker_01"]
     monkeypatch.setattr(asking, "print_error", told.put)
@@ -121,8 +123,11 @@ def test_whom_physics_lets_wait_is_told_so_and_gets_the_answer_that_comes_late(m
         assert asked.result(20.0).changed == robots
 
 
-def test_where_the_run_must_first_be_asked_for_the_stop_is_still_asked_once():
-    """What is left of the first question must not be taken for an end of the second."""
+def test_a_stop_is_asked_once_where_the_run_is_asked_for_first():
+    """Where the run must first be asked for the stop is still asked once.
+
+    What is left of the first question must not be taken for an end of the second.
+    """
     with router() as physics, ThreadPoolExecutor() as pool:
         for what in ("scenario", "stop"):
             physics.answer(f"orchard/{what}")
@@ -155,7 +160,8 @@ def two_runs(folder: Path):
         yield one, other
 
 
-def test_a_stop_stops_all_runs_here_whatever_becomes_of_one_of_them(runs, monkeypatch, capsys):
+def test_a_stop_stops_all_runs_here_whatever_one_does(runs, monkeypatch, capsys):
+    """A stop stops all runs here whatever becomes of one of them."""
     monkeypatch.setattr(asking, "LOOK_SECONDS", 0.5)
     gone = noted(runs, RunNote("c", "tcp/127.0.0.1:9", "run c"))
     with two_runs(runs) as going, gone, ThreadPoolExecutor() as pool:

@@ -48,7 +48,8 @@ def an_end(**summary):
     return Sample("orchard/end", pack(End("run1", 5, True, "harvested", "0" * 64, summary)))
 
 
-def test_an_end_that_says_nothing_of_the_run_is_refused_whoever_sends_it():
+def test_an_end_that_says_nothing_of_the_run_is_refused():
+    """An end that says nothing of the run is refused whoever sends it."""
     with pytest.raises(Refused, match="malformed"):
         distributed._hear(an_end(), "run1", PROGRESS)
     with pytest.raises(Refused, match="malformed"):
@@ -56,7 +57,8 @@ def test_an_end_that_says_nothing_of_the_run_is_refused_whoever_sends_it():
     assert distributed._hear(an_end(**SUMMARY), "run1", PROGRESS).why == "harvested"
 
 
-def test_an_end_is_believed_only_while_physics_goes_in_whichever_order_that_is_heard():
+def test_an_end_is_believed_only_while_physics_goes():
+    """An end is believed only while physics goes in whichever order that is heard."""
     now, end = [0.0], End("run1", 5, True, "harvested", "0" * 64, {})
     for first, second in (("hear", "track"), ("track", "hear")):
         ending = Ending(lambda: now[0])
@@ -136,9 +138,8 @@ def loading(connect=None):
 
 
 @pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
-def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_for(
-    monkeypatch, signals, ended
-):
+def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, ended):
+    """The summary of a run that is stopped before its first tick is waited for."""
     monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
     launched, keys, inbox = loading(), Keys(), Inbox()
     summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
@@ -153,7 +154,8 @@ def test_the_summary_of_a_run_that_is_stopped_before_its_first_tick_is_waited_fo
 
 
 @pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
-def test_a_run_that_is_stopped_before_physics_listens_is_stopped_when_it_does(signals, is_reached):
+def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
+    """A run that is stopped before physics listens is stopped when it does."""
     inbox, tries = Inbox(), []
 
     def connect(*_):

@@ -70,7 +70,8 @@ def printed(options: HarvestOptions, capsys, monkeypatch) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_three_lines_and_the_hash_are_shown_and_all_figures_if_asked_for(capsys, monkeypatch):
+def test_three_lines_and_the_hash_are_shown_unless_verbose(capsys, monkeypatch):
+    """Three lines and the hash are shown and all figures if asked for."""
     result, limit, try_next, hash_line = printed(
         HarvestOptions(scenario=Path("my.yaml")), capsys, monkeypatch
     )
@@ -121,7 +122,8 @@ def said(folder, **options) -> list[str]:
     return lines
 
 
-def test_a_run_says_how_to_stop_it_and_leaves_a_note_that_a_user_recognizes(tmp_path):
+def test_a_run_says_how_to_stop_it_and_leaves_a_note(tmp_path):
+    """A run says how to stop it and leaves a note that a user recognizes."""
     assert said(tmp_path) == [
         "Ctrl-C ends the run; emergency stop of the robots: .venv/bin/python run.py stop",
         "5 rows, 2 pickers, seed 1, since HH:MM:SS",

@@ -28,7 +28,8 @@ class LosesTheEnd(Net):
             self.alive(KEYS.of("alive", name, HOST), False)
 
 
-def test_a_host_that_is_cut_off_when_the_run_ends_is_told_the_end_again(undisturbed):
+def test_a_host_cut_off_at_the_end_is_told_it_again(undisturbed):
+    """A host that is cut off when the run ends is told the end again."""
     run = Run(SMALL, RUN, TICKS, LosesTheEnd(), cast)
     assert run.to_the_end().hash == undisturbed
     assert run.code == 0
@@ -81,9 +82,8 @@ LEAVINGS = [
 
 
 @pytest.mark.parametrize(("items", "until", "told"), LEAVINGS)
-def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_it_the_end_again(
-    items, until, told
-):
+def test_physics_waits_for_sessions_and_tells_the_end_again(items, until, told):
+    """Physics waits for a session that has not said that it leaves and tells it the end again."""
     bus = waited(items, LEAVE_SECONDS)
     assert bus.now == pytest.approx(until)
     assert bus.told == told or (told is None and len(bus.told) >= 8)
@@ -93,9 +93,8 @@ def test_physics_waits_for_a_session_that_has_not_said_that_it_leaves_and_tells_
     ("items", "until"),
     [([(0.01, GONE)], LEAVE_SECONDS), ([(0.01, LEFT)], 15.0), ([(0.01, LEFT), (7.0, GONE)], 7.0)],
 )
-def test_before_a_reset_physics_is_patient_with_tokens_but_with_a_dead_session_only_as_at_an_end(
-    items, until
-):
+def test_a_reset_is_patient_with_tokens_not_with_dead_sessions(items, until):
+    """Before a reset physics is patient with tokens but with a dead session only as at an end."""
     assert waited(items, seconds=15.0).now == pytest.approx(until, abs=1.1 * END_SECONDS)
 
 

@@ -136,7 +136,8 @@ def when(bus, is_so) -> None:
 
 
 @on_both
-def test_samples_of_one_session_arrive_in_order_and_no_session_hears_itself(net):
+def test_samples_of_one_session_arrive_in_order(net):
+    """Samples of one session arrive in order and no session hears itself."""
     one, other = net.client(), net.client()
     for bus in (one, other):
         bus.subscribe("a/*")
@@ -148,7 +149,8 @@ def test_samples_of_one_session_arrive_in_order_and_no_session_hears_itself(net)
 
 
 @on_both
-def test_a_large_payload_arrives_whole_and_before_a_small_one_that_follows_it(net):
+def test_a_large_payload_arrives_before_a_later_small_one(net):
+    """A large payload arrives whole and before a small one that follows it."""
     one, other = net.client(), net.client()
     net.router.subscribe("a")
     other.subscribe("a")
@@ -217,7 +219,8 @@ def test_a_publisher_knows_whether_another_session_subscribes(net):
 
 
 @on_both
-def test_who_watches_learns_of_tokens_from_before_and_of_each_change(net):
+def test_a_watcher_learns_of_earlier_tokens_and_changes(net):
+    """Who watches learns of tokens from before and of each change."""
     one, other = net.client(), net.client()
     one.declare_alive("alive/x/1")
     one.sleep(SHORT)
@@ -245,7 +248,8 @@ def test_tokens_of_two_sessions_with_one_key_are_one_token(net):
 
 
 @on_both
-def test_all_queryables_reply_as_often_as_they_like_and_then_it_is_final(net):
+def test_all_queryables_reply_and_then_it_is_final(net):
+    """All queryables reply as often as they like and then it is final."""
     asker, one, other = net.client(), net.client(), net.client()
     one.answer("a/one")
     other.answer("a/*")
@@ -318,14 +322,16 @@ def test_a_query_that_nobody_drops_ends_with_its_time(net):
 
 
 @on_both
-def test_a_query_is_final_when_the_session_that_should_answer_goes(net):
+def test_a_query_is_final_when_the_answerer_goes(net):
+    """A query is final when the session that should answer goes."""
     asker, other, _ = asked(net, seconds=100.0)
     net.close(other)
     assert heard(asker, 1, Replied | Final) == [Final(1)]
 
 
 @on_both
-def test_after_a_cut_all_tokens_are_gone_and_come_back_and_all_that_was_declared_counts_again(net):
+def test_after_a_cut_tokens_and_declarations_come_back(net):
+    """After a cut all tokens are gone and come back and all that was declared counts again."""
     bus = net.client()
     net.router.declare_alive("alive/physics/1")
     net.router.watch("alive/x/*")

@@ -326,7 +326,7 @@ def test_a_host_whose_joins_are_all_refused_ends_with_the_reason(fleet, monkeypa
     assert "pickar_01: there is no such agent" in err
 
 
-def test_a_host_that_waits_for_a_name_asks_again_after_a_changed_join(fleet, monkeypatch):
+def test_a_host_that_waits_asks_again_after_a_changed_join(fleet, monkeypatch):
     """It asks long for a name that is taken. One changed join among these is no reason to end."""
     fleet.physics(SMALL, "--duration", "100")
     fleet.host("--only", "picker_01", agents=TOY)
@@ -342,7 +342,8 @@ def test_a_host_that_waits_for_a_name_asks_again_after_a_changed_join(fleet, mon
     assert "picker_01: it is taken" in err
 
 
-def test_a_host_with_a_name_that_a_user_has_wrong_ends_with_words(fleet):
+def test_a_host_with_a_wrong_name_ends_with_words(fleet):
+    """A host with a name that a user has wrong ends with words."""
     fleet.physics(SMALL, "--duration", "1")
     code, _, err = fleet.host("--only", "pickar_01", agents=TOY).end()
     assert code == 2
@@ -365,7 +366,8 @@ def memory_in(velocities):
     return memory and msgpack.unpackb(memory)
 
 
-def test_the_robot_of_a_killed_host_stands_and_a_new_host_takes_it_over(fleet):
+def test_a_new_host_takes_over_the_robot_of_a_killed_one(fleet):
+    """The robot of a killed host stands and a new host takes it over."""
     fleet.physics(SMALL, "--patience", "0.5", "--speed", "10")
     someone = fleet.client()
     lost, poses, velocities = (
@@ -438,8 +440,11 @@ def test_a_get_that_nobody_answers_ends_without_a_reply():
             assert inbox.take(5.0) == bus.Final("ticket")
 
 
-def test_who_asks_does_something_meanwhile_although_nobody_answers():
-    """A host looks whether physics is gone."""
+def test_who_asks_does_something_while_nobody_answers():
+    """Who asks does something meanwhile although nobody answers.
+
+    A host looks whether physics is gone.
+    """
     looks = iter(("it is there", "it is there"))
 
     def look() -> None:
@@ -460,9 +465,8 @@ def test_agents_load_neither_the_compiler_nor_the_viewer():
     assert python("-c", code).stdout == "set()\n"
 
 
-def test_a_second_run_with_the_same_prefix_must_go_and_the_first_goes_on(
-    fleet, undisturbed, tmp_path
-):
+def test_a_second_run_with_the_same_prefix_must_go(fleet, undisturbed, tmp_path):
+    """A second run with the same prefix must go and the first goes on."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fleet.router(endpoint)
     fleet.physics(SMALL, "--duration", str(TICKS / 10), "--connect", endpoint)

@@ -33,7 +33,8 @@ DOWN = 5.0  # s, for which links are down
 
 
 @needs_machines
-def test_lockstep_over_three_machines_with_a_router_of_its_own_is_local_mode(fleet):
+def test_three_machines_with_a_router_have_the_local_hash(fleet):
+    """Lockstep over three machines with a router of its own is local mode."""
     with machines("a", "b") as (middle, one, other):
         routing = fleet.router(f"tcp/0.0.0.0:{PORT}", before=within(middle))
         first, second, _ = MIDDLE
@@ -93,8 +94,11 @@ FIRST_EXCHANGE = 600  # ticks, until both pickers have another bin
         *(pytest.param(UNLOADED, marks=pytest.mark.soak, id=f"harvest {n}") for n in range(10)),
     ],
 )
-def test_packets_that_are_lost_doubled_and_reordered_change_nothing(fleet, ticks):
-    """Half of the agents are on each of two machines. Each time other packets suffer."""
+def test_lost_doubled_and_reordered_packets_change_nothing(fleet, ticks):
+    """Packets that are lost doubled and reordered change nothing.
+
+    Half of the agents are on each of two machines. Each time other packets suffer.
+    """
     local = played(Local(BRIEF), ticks)
     with machines("a", "b") as (host, *guests):
         for guest in guests:
@@ -111,7 +115,8 @@ def test_packets_that_are_lost_doubled_and_reordered_change_nothing(fleet, ticks
 
 
 @needs_machines
-def test_the_two_commands_of_the_document_run_the_carriers_on_another_machine(tmp_path):
+def test_two_commands_run_the_carriers_on_another_machine(tmp_path):
+    """The two commands of the document run the carriers on another machine."""
     first, second = commands(block("docs/how-to.md", "two machines"))
     first += [
         "--rows",

@@ -34,7 +34,8 @@ def settled(tick):
 # -- rules 3, 5 and 7: the agent that is asked
 
 
-def test_a_request_is_received_at_once_heard_at_the_next_tick_and_answered_then():
+def test_a_request_is_heard_and_answered_at_the_next_tick():
+    """A request is received at once heard at the next tick and answered then."""
     box, query = mailbox(), Query(letter(tick=5))
     box.hear("picker_01", query)
     assert query.replies == [Received(RUN, 5)]
@@ -46,7 +47,8 @@ def test_a_request_is_received_at_once_heard_at_the_next_tick_and_answered_then(
     assert query.dropped
 
 
-def test_requests_are_heard_in_one_order_whatever_the_order_of_arrival():
+def test_requests_are_heard_in_one_order():
+    """Requests are heard in one order whatever the order of arrival."""
     box = mailbox()
     for sender, number in [("bin_02", 1), ("bin_03", 0), ("bin_02", 0), ("bin_01", 3)]:
         box.hear("picker_01", Query(letter(sender, 4, number)))
@@ -58,7 +60,8 @@ def test_requests_are_heard_in_one_order_whatever_the_order_of_arrival():
     ]
 
 
-def test_a_query_that_nobody_answers_is_told_so_in_the_tick_in_which_it_is_heard():
+def test_an_unanswered_query_is_told_in_its_tick():
+    """A query that nobody answers is told so in the tick in which it is heard."""
     box, query = mailbox(), Query(letter(tick=4))
     box.hear("picker_01", query)
     box.deliver(5)
@@ -68,7 +71,8 @@ def test_a_query_that_nobody_answers_is_told_so_in_the_tick_in_which_it_is_heard
 
 
 @pytest.mark.parametrize("tick", [0, 3, 5 + MOST_HOLD])
-def test_a_request_of_the_past_or_beyond_any_hold_is_dropped_at_once(tick):
+def test_a_request_of_the_past_or_far_future_is_dropped(tick):
+    """A request of the past or beyond any hold is dropped at once."""
     box, query = mailbox(5), Query(letter(tick=tick))
     with pytest.raises(Refused, match="tick"):
         box.hear("picker_01", query)
@@ -76,8 +80,10 @@ def test_a_request_of_the_past_or_beyond_any_hold_is_dropped_at_once(tick):
     assert not query.replies
 
 
-def test_a_request_that_comes_after_its_copy_was_heard_is_no_fault():
-    """A host that joins hears the requests of two ticks from the copies; the queries may come
+def test_a_request_after_its_heard_copy_is_no_fault():
+    """A request that comes after its copy was heard is no fault.
+
+    A host that joins hears the requests of two ticks from the copies; the queries may come
     later, in a run without any fault.
     """
     box, query = mailbox(5), Query(letter(tick=5))
@@ -127,7 +133,8 @@ def ask(box, tick=5):
     return asked
 
 
-def test_a_tick_waits_for_every_request_of_the_last_one_of_which_physics_tells():
+def test_a_tick_waits_for_every_request_physics_tells_of():
+    """A tick waits for every request of the last one of which physics tells."""
     box = settled(5)
     expected = [AskedOf("picker_01", "bin_01", 0), AskedOf("picker_01", "bin_02", 3)]
     assert box.is_settled(5, []) and not box.may_lack_mail(5, [])
@@ -269,7 +276,8 @@ def test_an_answer_that_comes_again_counts_once():
         answers.take("picker_01", *action(x=0.5))
 
 
-def test_an_equal_answer_counts_anew_for_who_has_taken_the_agent_again():
+def test_an_equal_answer_counts_anew_after_a_takeover():
+    """An equal answer counts anew for who has taken the agent again."""
     answers = LockstepBarrier(roster(("picker_01", "a")), Clock())
     answers.open(3)
     answers.take("picker_01", *action())
@@ -289,7 +297,8 @@ def test_nobody_answers_in_anothers_place():
         assert (reply.sender, reply.body) == ("bin_01", body)
 
 
-def test_each_that_comes_back_gives_all_some_time_but_once_in_a_tick():
+def test_each_that_comes_back_gives_all_time_once_a_tick():
+    """Each that comes back gives all some time but once in a tick."""
     clock = Clock()
     answers = LockstepBarrier(roster(("picker_01", "a"), ("bin_01", "b")), clock)
     answers.open(3)
@@ -321,7 +330,8 @@ def loose(ticks):
     return one, clock
 
 
-def test_what_is_older_than_half_a_second_or_than_the_last_is_past():
+def test_what_is_older_than_half_a_second_is_past():
+    """What is older than half a second or than the last is past."""
     one, clock = loose(20)
     one.take("picker_01", velocity(10))
     with pytest.raises(Refused, match="past tick"):

@@ -203,7 +203,8 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
     return float(solved.fun)
 
 
-def test_where_no_schedule_is_found_the_best_one_known_is_one_job_after_the_other():
+def test_without_a_schedule_jobs_come_one_after_the_other():
+    """Where no schedule is found the best one known is one job after the other."""
     found = optimum(lay_out(empty_orchard(rows=20, pickers=10, carriers=10)), work=1e-6)
     assert 0.0 < found.proven_seconds < found.best_seconds
 

@@ -55,9 +55,7 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
     token.undeclare()
 
 
-def test_a_logger_is_ready_before_it_shows_its_token(
-    monkeypatch,
-):
+def test_a_logger_is_ready_before_it_shows_its_token(monkeypatch):
     """It listens, and its recording is open. The first tick waits for the token."""
     done, run = [], (SimpleNamespace(run="run1"), lay_out(Scenario(rows=3)))
     executor = SimpleNamespace(submit=lambda *_: done.append("write"))
@@ -112,8 +110,11 @@ def test_a_logger_begins_with_a_whole_picture():
     assert queue.take().tick == 102
 
 
-def test_a_logger_records_however_long_its_recording_took_to_open(monkeypatch):
-    """That physics is there waits in the inbox: it counts, also if it came long before."""
+def test_a_logger_records_however_slowly_it_opened(monkeypatch):
+    """A logger records however long its recording took to open.
+
+    That physics is there waits in the inbox: it counts, also if it came long before.
+    """
     now = [0.0]
     bus = StandIn(Net(), "logger")
     monkeypatch.setattr(bus, "clock", lambda: now[0])
@@ -140,8 +141,10 @@ def test_a_logger_that_gives_up_says_so(monkeypatch, caplog):
     assert caplog.messages == ["physics is gone; waited for 20 s: nothing is recorded"]
 
 
-def test_the_changes_of_all_pictures_together_are_what_a_whole_one_says():
-    """Also while robots are stopped, reset and in each other's way, and after a tick without a
+def test_changes_of_all_pictures_together_are_a_whole_one():
+    """The changes of all pictures together are what a whole one says.
+
+    Also while robots are stopped, reset and in each other's way, and after a tick without a
     picture.
     """
     local, said = Local(Scenario(rows=10, pickers=10, seed=4)), dict[str, str]()
@@ -157,7 +160,8 @@ def test_the_changes_of_all_pictures_together_are_what_a_whole_one_says():
             assert said == FrameBuilder(local.engine).frame([]).doing
 
 
-def test_bundles_hold_each_picture_with_what_was_said_in_its_step_before_the_run_ends(monkeypatch):
+def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
+    """Bundles hold each picture with what was said in its step before the run ends."""
     monkeypatch.setattr("orchard.server.publisher.BUNDLE_SECONDS", math.inf)
     ticks, run = 725, Run(Scenario(rows=3), "run1", 725)
     run.to_the_end()
@@ -280,7 +284,8 @@ def rows(battered):
     return rows_of(battered[0])
 
 
-def test_a_run_whose_logger_is_battered_ends_well_with_the_same_hash(battered, unharmed):
+def test_a_run_with_a_battered_logger_has_the_same_hash(battered, unharmed):
+    """A run whose logger is battered ends well with the same hash."""
     _, summary, printed = battered
     assert summary["hash"] == unharmed[1]["hash"]
     assert len(re.findall(r"logger ended with code -9; starting it again", printed)) == 3
@@ -299,9 +304,8 @@ def test_its_parts_are_one_recording(battered):
     assert printed.strip().splitlines()[-2].endswith(f"view {file}")
 
 
-def test_the_gaps_are_named_in_the_summary_and_in_the_recording_and_are_where_nothing_is(
-    battered, rows
-):
+def test_gaps_are_named_in_the_summary_and_the_recording(battered, rows):
+    """The gaps are named in the summary and in the recording and are where nothing is."""
     _, summary, _ = battered
     gaps = summary["recording_gaps"]
     assert len(gaps) == 2
@@ -341,8 +345,10 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
         } == {}
 
 
-def test_refusals_pauses_and_steps_are_events_of_the_recording_at_their_ticks(fleet):
-    """Of what the logger passes to the writer.
+def test_refusals_pauses_and_steps_are_events_at_their_ticks(fleet):
+    """Refusals pauses and steps are events of the recording at their ticks.
+
+    Of what the logger passes to the writer.
 
     They come on keys of their own, ahead of the bundles.
     """
@@ -415,8 +421,11 @@ def written(pages: FrameQueue, last: int | None = 0) -> Notebook:
     return notebook
 
 
-def test_a_slow_recorder_leaves_out_pictures_but_nothing_that_was_said():
-    """It takes three ticks for a picture."""
+def test_a_slow_recorder_leaves_out_pictures_but_no_words():
+    """A slow recorder leaves out pictures but nothing that was said.
+
+    It takes three ticks for a picture.
+    """
     pages, taken = FrameQueue(most=10), []
     for tick in range(1, 1001):
         pages.put(picture(tick))
@@ -434,7 +443,8 @@ def test_a_slow_recorder_leaves_out_pictures_but_nothing_that_was_said():
     assert all(event.detail == f"of tick {event.tick}" for event in told)
 
 
-def test_a_recorder_that_never_comes_back_costs_no_more_than_so_many_pictures():
+def test_a_hanging_recorder_costs_only_so_many_pictures():
+    """A recorder that never comes back costs no more than so many pictures."""
     pages = FrameQueue(most=10)
     for tick in range(1, 5001):
         pages.put(Frame(tick, np.zeros((1, 3))))

@@ -97,12 +97,16 @@ def assert_within_limit(values) -> None:
     assert rate <= Bounds(layout).bins_per_hour
 
 
-def test_a_long_run_keeps_its_limit_where_carriers_need_longer_to_one_end():
+def test_a_long_run_keeps_its_limit_with_a_far_end():
+    """A long run keeps its limit where carriers need longer to one end."""
     assert_within_limit(EAST_AND_WEST)
 
 
-def test_a_long_run_keeps_its_limit_where_pickers_are_served_at_other_times():
-    """One of six pickers waits long in the first half, so its last rounds alone are too fast."""
+def test_a_long_run_keeps_its_limit_with_other_service_times():
+    """A long run keeps its limit where pickers are served at other times.
+
+    One of six pickers waits long in the first half, so its last rounds alone are too fast.
+    """
     assert_within_limit(
         {
             "pickers": 6,
@@ -120,8 +124,11 @@ def test_a_long_run_keeps_its_limit_where_pickers_are_served_at_other_times():
 
 
 @pytest.mark.parametrize("carriers", [1, 2])
-def test_a_long_run_keeps_its_limit_where_a_policy_prefers_near_bins(carriers):
-    """The near picker fills 1.4 times as many bins as the far one."""
+def test_a_long_run_keeps_its_limit_where_near_bins_come_first(carriers):
+    """A long run keeps its limit where a policy prefers near bins.
+
+    The near picker fills 1.4 times as many bins as the far one.
+    """
     assert_within_limit(
         {
             "pickers": 2,
@@ -155,8 +162,10 @@ def test_the_limit_is_that_of_the_means_where_rows_are_alike(bins_per_row):
     assert bounds.terms["carriers"] * bounds.cycle_seconds == pytest.approx(carriers)
 
 
-def test_the_rate_of_a_long_run_is_measured_and_not_cut_at_the_limit():
-    """If plans were twice too slow for carriers, the same run would exceed the limit that
+def test_the_rate_of_a_long_run_is_not_cut_at_the_limit():
+    """The rate of a long run is measured and not cut at the limit.
+
+    If plans were twice too slow for carriers, the same run would exceed the limit that
     follows.
     """
     layout = lay_out(empty_orchard(rows=4, pickers=3, carriers=1, picking_speed=0.5))

@@ -23,7 +23,8 @@ from orchard.report.summary import as_table
 from orchard.server.figures import RunFigures
 
 
-def test_a_run_in_which_nothing_goes_on_for_ten_minutes_is_jammed_and_names_who_waits_for_whom():
+def test_ten_minutes_of_nothing_are_a_jam_with_names():
+    """A run in which nothing goes on for ten minutes is jammed and names who waits for whom."""
     idle = {f"carrier_0{i}": Standing() for i in (1, 2)}
     stage = Stage(empty_orchard(), **idle)
     took = stage.run_until(lambda: bool(stage.account.jam), 900)
@@ -56,7 +57,8 @@ def test_a_run_in_which_somebody_works_is_not_jammed(soon_jammed):
 
 
 @pytest.mark.parametrize(("rows", "jams"), [(20, True), (100, False)])
-def test_where_a_drive_home_takes_longer_than_ten_minutes_it_is_no_jam(rows, jams):
+def test_a_drive_home_of_more_than_ten_minutes_is_no_jam(rows, jams):
+    """Where a drive home takes longer than ten minutes it is no jam."""
     world = Stage(empty_orchard(rows=rows)).world
     world.tick = 6000
     assert HarvestFigures().jammed(world) == jams
@@ -139,7 +141,8 @@ def test_only_drives_on_which_carriers_can_fail_cost_repairs():
     assert 0.5 * sound < (failing - sound) / 2.0 < sound - 54.0
 
 
-def test_a_carrier_that_nothing_holds_up_takes_as_long_as_the_closed_form_says():
+def test_an_unhindered_carrier_takes_its_closed_form_time():
+    """A carrier that nothing holds up takes as long as the closed form says."""
     stage = Stage(empty_orchard(rows=3, pickers=3, carriers=1, dispatch=NEAREST))
     called = stage.run_until(
         lambda: (
@@ -196,14 +199,16 @@ def test_the_schedule_is_no_longer_than_the_harvest_with_traffic(changes, traffi
         {"route": "examples.seams.signalled_route.SignalledRoute"},
     ],
 )
-def test_the_schedule_of_a_harvest_with_a_users_classes_is_that_of_the_built_in_ones(own):
+def test_the_schedule_with_own_classes_is_the_built_in_one(own):
+    """The schedule of a harvest with a user's classes is that of the built-in ones."""
     values = {"rows": 4, "pickers": 2, "carriers": 2}
     assert schedule_seconds(lay_out(empty_orchard(**values, **own))) == schedule_seconds(
         lay_out(empty_orchard(**values))
     )
 
 
-def test_an_early_policy_shortens_the_wait_of_pickers_and_with_it_the_schedule():
+def test_an_early_policy_shortens_waits_and_the_schedule():
+    """An early policy shortens the wait of pickers and with it the schedule."""
     nearest, early = (
         lay_out(empty_orchard(rows=4, pickers=2, carriers=2, dispatch=name))
         for name in ("nearest", "predictive")
@@ -259,7 +264,8 @@ def test_what_batteries_cost_is_not_a_loss_to_the_policy():
     )
 
 
-def test_without_a_solver_nothing_is_proven_and_the_parts_still_add_up(monkeypatch):
+def test_without_a_solver_the_parts_still_add_up(monkeypatch):
+    """Without a solver nothing is proven and the parts still add up."""
     layout = lay_out(empty_orchard(rows=5, pickers=2, carriers=2))
     with_solver = lost_seconds(layout, 700.0)
     monkeypatch.setattr(bounds, "_proven", bounds._proven.__wrapped__)
@@ -279,7 +285,8 @@ class NoTurns(TwoWay):
         return []
 
 
-def test_nothing_is_proven_of_a_users_route_on_which_robots_take_no_turns():
+def test_nothing_is_proven_of_a_users_route_without_turns():
+    """Nothing is proven of a user's route on which robots take no turns."""
     assert (
         proven_seconds(
             lay_out(empty_orchard(rows=5, pickers=2, carriers=2, route="test_metrics.NoTurns"))
@@ -315,7 +322,8 @@ def test_the_course_of_a_harvest_ends_with_its_figures():
     assert not {"history", "scenario"} & set(as_table(summary).columns[0].cells)
 
 
-def test_a_long_run_has_few_samples_and_a_resumed_one_continues_them(monkeypatch):
+def test_a_long_run_has_few_samples_also_when_resumed(monkeypatch):
+    """A long run has few samples and a resumed one continues them."""
     monkeypatch.setattr(metrics, "MOST_SAMPLES", 8)
     stage = Stage(empty_orchard(rows=4, pickers=2, carriers=2))
     stage.run(100.0)

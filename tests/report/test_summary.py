@@ -76,7 +76,8 @@ def test_every_robot_is_in_the_table_and_the_table_fits(pickers, carriers, width
 
 
 @pytest.mark.parametrize(("width", "height", "shown"), [(24, 24, 20), (48, 24, 40), (20, 5, 3)])
-def test_a_console_that_is_too_small_says_how_many_robots_it_leaves_out(width, height, shown):
+def test_a_small_console_says_how_many_robots_it_leaves_out(width, height, shown):
+    """A console that is too small says how many robots it leaves out."""
     *lines, last = printed(fleet(20, 39), {}, width, height)
     assert sum(line.count("picking") + line.count("waiting") for line in lines) == shown
     assert last.strip() == f"and {20 + 39 + 1 - shown} more"
@@ -106,7 +107,8 @@ def test_a_robot_that_is_stopped_or_lost_its_agent_stands_out():
     assert "P02 \x1b[0m\x1b[31mstopped" in shown
 
 
-def test_the_headline_tells_the_share_of_metres_and_the_time_left_in_eighty_columns():
+def test_the_headline_tells_share_and_time_in_eighty_columns():
+    """The headline tells the share of metres and the time left in eighty columns."""
     assert (
         headline_of(FIGURES).line()
         == "   61.5 s    30.0 x real time   37 % picked  1/20 bins  0:45 min left"
@@ -148,13 +150,13 @@ TIMES_LEFT = [
 
 
 @pytest.mark.parametrize(("changes", "until", "left"), TIMES_LEFT)
-def test_the_time_left_is_that_of_the_schedule_or_of_the_share_that_is_not_done(
-    changes, until, left
-):
+def test_the_time_left_is_that_of_the_schedule_or_the_rest(changes, until, left):
+    """The time left is that of the schedule or of the share that is not done."""
     assert headline_of(FIGURES | changes).seconds_left(until) == left
 
 
-def test_a_run_that_gets_ready_shows_that_it_goes_on_until_its_first_figures(monkeypatch):
+def test_a_run_that_gets_ready_shows_that_it_goes_on(monkeypatch):
+    """A run that gets ready shows that it goes on until its first figures."""
     monkeypatch.setattr("orchard.report.progress.STILL_SECONDS", 0.001)
     lines, told = io.StringIO(), threading.Event()
     with Progress(Console(file=lines)) as progress:
@@ -171,7 +173,8 @@ def test_a_run_that_gets_ready_shows_that_it_goes_on_until_its_first_figures(mon
     assert not progress.preparing.is_alive()
 
 
-def test_where_the_output_is_no_terminal_there_are_plain_lines_now_and_then():
+def test_output_to_no_terminal_is_plain_lines_now_and_then():
+    """Where the output is no terminal there are plain lines now and then."""
     shown = io.StringIO()
     console = Console(file=shown, width=100, force_terminal=False)
     with Progress(console) as progress:
@@ -236,7 +239,8 @@ def test_the_first_sentence_tells_how_the_run_ended(figures, told):
     assert sentence(harvested(**figures)) == told
 
 
-def test_a_run_that_is_stopped_before_its_first_tick_has_a_sentence():
+def test_a_run_stopped_before_its_first_tick_has_a_sentence():
+    """A run that is stopped before its first tick has a sentence."""
     nothing = harvested(**HALF | {"ended": "stopped", "sim_seconds": 0.0, "metres_picked": 0.0})
     assert sentence(nothing).startswith(
         "Stopped after 0:00 min, simulated, before the harvest was finished: 2 of 5 rows and 0 %"
@@ -269,9 +273,8 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("figures", "limited_by", "lost"), LIMITS)
-def test_the_second_sentence_tells_what_limits_the_harvest_and_what_most_was_lost_to(
-    figures, limited_by, lost
-):
+def test_the_second_sentence_tells_limit_and_main_loss(figures, limited_by, lost):
+    """The second sentence tells what limits the harvest and what most was lost to."""
     told = (
         f"What limits it: {limited_by}, to 24.9 bins an hour in a long harvest of these rows"
         f" without traffic{lost}."

@@ -212,7 +212,8 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
     assert pose.pose == start.pose
 
 
-def test_the_emergency_operator_stops_the_run_and_an_agent_cannot(farm):
+def test_the_emergency_operator_stops_and_an_agent_cannot(farm):
+    """The emergency operator stops the run and an agent cannot."""
     amy, operator = farm.come("amy"), farm.come("operator")
     end = wire.SetSimulationState(farm.run, "quitting")
     assert amy.asks("set_simulation_state", end) == []

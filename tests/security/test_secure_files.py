@@ -340,9 +340,8 @@ def test_a_secured_run_over_two_machines_is_local_mode(fleet, folder, tmp_path):
 
 
 @needs_machines
-def test_the_commands_of_the_document_run_one_after_the_other_the_last_ones_on_two_machines(
-    tmp_path,
-):
+def test_the_commands_of_the_document_run_in_order(tmp_path):
+    """The commands of the document run one after the other the last ones on two machines."""
     alone = commands(block("docs/security.md", "secured"))
     make_roles, first, second = commands(block("docs/security.md", "secured, two machines"))
     for command in (*alone, make_roles, first):  # what `second` runs follows from the run

@@ -31,7 +31,8 @@ def driving(tick: int, x: float = 0.0, deeds=()) -> Velocity:
     return Velocity(RUN, tick, Linear(x), Angular(0.0), deeds=list(deeds))
 
 
-def test_advice_counts_for_half_a_second_and_then_the_agent_again():
+def test_advice_counts_for_half_a_second():
+    """Advice counts for half a second and then the agent again."""
     advised = Advised()
     advised.take(NAME, advice(7), 7)
     counts = [NAME in advised.actions(tick, {}, {}) for tick in range(7, 7 + WATCHDOG_TICKS + 2)]
@@ -41,7 +42,8 @@ def test_advice_counts_for_half_a_second_and_then_the_agent_again():
 @pytest.mark.parametrize(
     ("tick", "reason"), [(7 - WATCHDOG_TICKS, "past tick"), (5, "past tick"), (8, "future tick")]
 )
-def test_advice_that_is_old_or_overtaken_or_of_the_future_is_refused(tick, reason):
+def test_old_overtaken_or_future_advice_is_refused(tick, reason):
+    """Advice that is old or overtaken or of the future is refused."""
     advised = Advised()
     advised.take(NAME, advice(6), 6)
     with pytest.raises(Refused, match=reason):
@@ -49,7 +51,8 @@ def test_advice_that_is_old_or_overtaken_or_of_the_future_is_refused(tick, reaso
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
-def test_all_of_the_agents_action_stays_but_its_velocity_and_its_hold(x, turn):
+def test_advice_replaces_only_velocity_and_hold(x, turn):
+    """All of the agent's action stays but its velocity and its hold."""
     action = Action(
         Twist(1.0),
         [Couple("bin_01")],
@@ -70,7 +73,8 @@ def test_all_of_the_agents_action_stays_but_its_velocity_and_its_hold(x, turn):
     )
 
 
-def test_the_deeds_of_an_agent_that_is_not_asked_are_not_done_again():
+def test_deeds_of_an_unasked_agent_are_not_done_again():
+    """The deeds of an agent that is not asked are not done again."""
     advised = Advised()
     advised.take(NAME, advice(3), 3)
     (got,) = advised.actions(
@@ -102,7 +106,8 @@ def speed(run) -> float:
     return float(world.twist[world.index[NAME], 0])
 
 
-def test_advice_drives_a_robot_that_holds_and_its_agent_is_asked_again(run):
+def test_advice_wakes_the_agent_of_a_robot_that_holds(run):
+    """Advice drives a robot that holds and its agent is asked again."""
     engine = run.physics.run.engine
     one_tick(run)
     engine.observe(), engine.due(())
@@ -165,7 +170,8 @@ class Outside:
             )
 
 
-def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():
+def test_a_harvest_with_outside_velocities_finishes():
+    """A harvest finishes while a picker's velocity comes from outside."""
     run = Run(SHORT, RUN, 20_000)
     outside = Outside(run)
     end = run.to_the_end()
@@ -185,7 +191,8 @@ def test_a_harvest_finishes_while_a_pickers_velocity_comes_from_outside():
     assert max(outside.speeds) == 1.0, "where it lets go, the agent drives"
 
 
-def test_a_deed_comes_with_the_velocity_of_a_robot_that_no_session_holds(run):
+def test_a_deed_comes_with_the_velocity_of_an_unheld_robot(run):
+    """A deed comes with the velocity of a robot that no session holds."""
     world = run.physics.run.engine.world
     one_tick(run)
     one_tick(run, (KEYS.of("velocity", NAME), pack(driving(1, deeds=[Uncouple()]))))
@@ -195,7 +202,8 @@ def test_a_deed_comes_with_the_velocity_of_a_robot_that_no_session_holds(run):
     assert world.coupled[world.index[NAME]] == world.index[bin_]
 
 
-def test_a_deed_is_done_once_though_a_bare_velocity_follows_in_the_same_tick():
+def test_a_deed_is_done_once_beside_a_bare_velocity():
+    """A deed is done once though a bare velocity follows in the same tick."""
     unowned = UnownedCommands(Clock())
     unowned.take(NAME, driving(0, deeds=[Uncouple()]))
     unowned.take(NAME, driving(0, 0.5))
@@ -215,7 +223,8 @@ def going(drivers, session, names):
         drivers.token(name, session, False)
 
 
-def test_nothing_is_kept_of_a_session_whose_last_agent_is_with_another(run):
+def test_nothing_is_kept_of_a_session_without_agents(run):
+    """Nothing is kept of a session whose last agent is with another."""
     drivers, retired = run.physics.run.drivers, run.physics.bus.retired
     one, other = drivers.roster.names[:2]
     coming(drivers, "first", [one, other])
@@ -236,7 +245,8 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for(run):
     assert retired == [KEYS.of("seen", session="first")]
 
 
-def test_a_session_that_is_silent_for_too_long_loses_also_its_agents_that_hold(run):
+def test_a_silent_session_loses_also_agents_that_hold(run):
+    """A session that is silent for too long loses also its agents that hold."""
     drivers = run.physics.run.drivers
     silent, other = ["worker_01", "traffic"], ["picker_01"]
     coming(drivers, "first", silent), coming(drivers, "second", other)
@@ -278,7 +288,8 @@ FAULTS += [
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault)[:60])
-def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
+def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch, caplog):
+    """A part that is refused stops this robot and delays no other."""
     run = Run(SMALL.model_copy(update={"rows_to_pickers": "balanced"}), "run1", FEW)
     run.physics.run.drivers.answers._patience = 4.0
     send = run.host.bus.publish
@@ -305,7 +316,8 @@ def test_a_part_that_is_refused_stops_this_robot_and_delays_no_other(fault, monk
     assert account["picker_02"][BROKEN] == 0
 
 
-def test_velocities_that_are_too_large_for_one_message_go_in_several(monkeypatch):
+def test_velocities_too_large_for_one_message_go_in_several(monkeypatch):
+    """Velocities that are too large for one message go in several."""
     monkeypatch.setattr(hosts, "MAX_PAYLOAD", 1000)
     run = Run(SMALL, "run1", TICKS)
     assert run.to_the_end().hash == local_hash(SMALL, TICKS)

@@ -106,8 +106,11 @@ def test_whatever_is_killed_the_same_run_goes_on(battered, undisturbed):
 
 
 @pytest.mark.soak
-def test_a_dispatcher_that_is_killed_and_then_resumed_elsewhere_plans_on_as_it_would_have(tmp_path):
-    """With `rolling`, which remembers what it has decided."""
+def test_a_dispatcher_resumed_elsewhere_plans_on_alike(tmp_path):
+    """A dispatcher that is killed and then resumed elsewhere plans on as it would have.
+
+    With `rolling`, which remembers what it has decided.
+    """
     roads = {
         "rows": 6,
         "pickers": 3,
@@ -178,8 +181,11 @@ def test_the_tables_of_a_run_that_is_killed_have_each_row_once(battered):
     assert rows["name"].to_pylist() == [*bodies] * round(SECONDS * 10)
 
 
-def test_a_signal_to_all_stops_the_run_and_it_goes_on_where_it_was(tmp_path, undisturbed):
-    """As when a machine is shut down. `tests/launch/test_run.py`: Ctrl-C."""
+def test_a_signal_to_all_stops_a_run_that_can_go_on(tmp_path, undisturbed):
+    """A signal to all stops the run and it goes on where it was.
+
+    As when a machine is shut down. `tests/launch/test_run.py`: Ctrl-C.
+    """
     path = tmp_path / "summary.json"
     with running(*PACE, "--speed", 5, "--record", "none", "--summary", path) as run:
         wait_until_simulated(run, 5.0)
@@ -244,7 +250,8 @@ def test_a_run_that_can_never_begin_ends_and_names_whom_it_lacks(tmp_path):
 
 
 @pytest.mark.soak
-def test_the_robots_of_a_process_that_dies_again_and_again_stand_and_the_run_goes_on(tmp_path):
+def test_robots_of_a_dying_process_stand_and_the_run_goes_on(tmp_path):
+    """The robots of a process that dies again and again stand and the run goes on."""
     arguments = ("--hosts", 2, "--record", "none", "--duration", 40, "--patience", 3)
     path = tmp_path / "summary.json"
     done = orchard(

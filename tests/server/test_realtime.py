@@ -58,7 +58,8 @@ def driven(one, clock, ticks):
     return speeds
 
 
-def test_a_velocity_drives_on_until_its_half_second_is_over_and_an_older_one_is_refused():
+def test_a_velocity_drives_on_for_half_a_second():
+    """A velocity drives on until its half second is over and an older one is refused."""
     one, clock = live()
     one.open(0)
     one.take("picker_01", *driving(0))
@@ -77,10 +78,10 @@ def test_a_velocity_drives_on_until_its_half_second_is_over_and_an_older_one_is_
         "one step more",
     ],
 )
-def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_step_more(
-    first, later, steps
-):
-    """The velocity for tick 0 comes 0.05 s after the pose.
+def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps):
+    """A robot that no session holds moves for half a second and at most one step more.
+
+    The velocity for tick 0 comes 0.05 s after the pose.
 
     `first` and `later`: s from a pose to its step; the answers of others decide.
     """
@@ -104,7 +105,8 @@ def test_a_robot_that_no_session_holds_moves_for_half_a_second_and_at_most_one_s
 
 
 @pytest.mark.parametrize("pause", [0.0001, 10.0], ids=["full speed", "a slow run"])
-def test_in_lockstep_a_robot_that_no_session_holds_moves_for_half_a_second_of_simulated_time(pause):
+def test_an_unheld_robot_moves_for_half_a_second_in_lockstep(pause):
+    """In lockstep a robot that no session holds moves for half a second of simulated time."""
     clock = Clock()
     unowned, moved = UnownedCommands(clock, LockstepBarrier.watchdog), 0
     unowned.take("picker_01", velocity(0))
@@ -137,7 +139,8 @@ def test_the_newest_velocity_counts_although_it_is_late():
         one.take("picker_01", *driving(2, owner="b"))
 
 
-def test_an_exact_velocity_drives_one_step_and_only_from_the_pose_that_it_answers():
+def test_an_exact_velocity_drives_one_step_from_its_pose():
+    """An exact velocity drives one step and only from the pose that it answers."""
     one, clock = live()
     one.open(0)
     one.take("picker_01", *driving(0, once=True))
@@ -162,7 +165,8 @@ def test_deeds_are_done_once_and_nothing_that_was_said_is_lost():
     assert one.reports == {}
 
 
-def test_letters_are_told_once_though_a_bare_velocity_follows_in_the_same_tick():
+def test_letters_are_told_once_beside_a_bare_velocity():
+    """Letters are told once though a bare velocity follows in the same tick."""
     one, clock = live()
     one.open(0)
     one.take("picker_01", *driving(0, requests=[("bin_01", StateRequest())]))
@@ -173,7 +177,8 @@ def test_letters_are_told_once_though_a_bare_velocity_follows_in_the_same_tick()
     assert len(one.reports["picker_01"].requests) == 1
 
 
-def test_who_answers_in_time_has_a_moment_longer_than_the_tick_and_who_was_late_has_less():
+def test_who_answers_in_time_has_longer_than_who_was_late():
+    """Who answers in time has a moment longer than the tick and who was late has less."""
     one, clock = live(("picker_01", "a"), ("bin_01", "b"))
     one.open(0)
     assert one.deadline == pytest.approx(clock.now + STEP + SLACK)
@@ -230,7 +235,8 @@ def test_answers_come_when_they_come_and_silence_ends():
         box.hear("bin_01", Query(letter(tick=1)))
 
 
-def test_the_newest_tick_is_what_is_seen_and_a_repetition_is_no_news():
+def test_the_newest_tick_is_seen_and_a_repetition_is_no_news():
+    """The newest tick is what is seen and a repetition is no news."""
     latest = LatestObservations(RUN, ["traffic"], [])
     for tick in (3, 5, 5):
         latest.seen(pack(nothing_at(tick)))
@@ -261,7 +267,8 @@ def nothing_at(tick):
     return Seen(RUN, tick, ["traffic"], [], b"", b"", {}, {}, [])
 
 
-def test_the_clock_goes_on_while_a_host_hangs_and_its_robot_stands(fleet):
+def test_the_clock_goes_on_while_a_host_hangs(fleet):
+    """The clock goes on while a host hangs and its robot stands."""
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     someone = fleet.client()
     clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")

@@ -46,9 +46,8 @@ def end(process):
         *(pytest.param(name, marks=pytest.mark.soak) for name in ("farthest-first", "nearest")),
     ],
 )
-def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_nothing(
-    fleet, dispatch
-):
+def test_hosts_killed_while_bins_call_change_nothing(fleet, dispatch):
+    """Hosts that are killed while bins call and carriers leave early change nothing."""
     scenario = empty_orchard(dispatch=dispatch)
     fleet.physics(scenario, "--speed", "30", "--duration", "90")
     fleet.share(2)
@@ -59,10 +58,10 @@ def test_hosts_that_are_killed_while_bins_call_and_carriers_leave_early_change_n
     assert fleet.end() == local_hash(scenario, 900)
 
 
-def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_it_wakes(
-    fleet, tmp_path
-):
-    """3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in
+def test_a_host_that_sleeps_too_long_joins_when_it_wakes(fleet, tmp_path):
+    """A host that sleeps for longer than patience and lease joins again when it wakes.
+
+    3 s: the agents that had letters for it learn within 2 s that it does not answer, and are in
     time.
     """
     fleet.physics(
@@ -89,7 +88,8 @@ def test_a_host_that_sleeps_for_longer_than_patience_and_lease_joins_again_when_
     )
 
 
-def test_what_one_says_late_who_was_given_up_is_refused_until_it_joins_again(fleet):
+def test_who_was_given_up_is_refused_until_it_joins(fleet):
+    """What one says late who was given up is refused until it joins again."""
     fleet.physics(SMALL, "--speed", "5", "--patience", "1")
     someone = fleet.client()
     lost, figures, clock = (someone.hear(f"orchard/{key}") for key in ("lost", "figures", "clock"))
@@ -152,9 +152,8 @@ def test_physics_goes_on_without_its_scenario_file(fleet, undisturbed, tmp_path)
         assert words in fleet.world.complaints
 
 
-def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(
-    fleet, undisturbed, tmp_path
-):
+def test_physics_with_a_torn_snapshot_begins_anew_and_says_so(fleet, undisturbed, tmp_path):
+    """Physics that has only a torn snapshot begins anew and says so."""
     keeping = killed_with_snapshots(fleet, tmp_path)
     for path in (tmp_path / "snapshots").glob("tick-*.snapshot"):
         path.write_bytes(path.read_bytes()[:1000])
@@ -164,9 +163,8 @@ def test_physics_that_has_only_a_torn_snapshot_begins_anew_and_says_so(
 
 
 @pytest.mark.parametrize(("seconds", "is_there"), [(10.0, True), (20.0, False)])
-def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(
-    fleet, tmp_path, seconds, is_there
-):
+def test_holders_of_agents_are_waited_for_while_they_come_back(fleet, tmp_path, seconds, is_there):
+    """Who held agents is waited for as long as one after another comes back."""
     keeping = killed_with_snapshots(fleet, tmp_path)
     for host in fleet.hosts:
         end(host)
@@ -181,7 +179,8 @@ def test_who_held_agents_is_waited_for_as_long_as_one_after_another_comes_back(
     )
 
 
-def test_what_was_refused_before_physics_was_killed_is_in_its_figures_afterwards(tmp_path):
+def test_earlier_refusals_survive_a_kill_of_physics(tmp_path):
+    """What was refused before physics was killed is in its figures afterwards."""
     options = RunOptions(run="run7", snapshots=str(tmp_path))
     before = RunLoop(StandIn(Net(), "physics1"), Keys(), Engine.begin(SMALL), options).run
     before.refusal_totals.note("a key", Refused("malformed"))

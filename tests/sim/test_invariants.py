@@ -212,7 +212,8 @@ def test_what_stays_wrong_is_told_once(checker, world):
     assert len([after(checker, world) for _ in range(30)][-1]) == 1
 
 
-def test_a_stopped_robot_that_moves_and_a_pair_that_is_stopped_by_half_are_named(checker, world):
+def test_a_stopped_robot_that_moves_is_named(checker, world):
+    """A stopped robot that moves and a pair that is stopped by half are named."""
     i = world.index["picker_01"]
     world.stopped[i], world.twist[i, 0] = True, 0.5
     checker.update(world, [])
@@ -253,9 +254,8 @@ SWITCHES = st.lists(st.tuples(st.integers(0, 1400), st.booleans(), WORDS), max_s
 
 @settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
 @given(SCENARIOS, SWITCHES, st.integers(0, 1400))
-def test_no_run_violates_anything_whoever_is_stopped_and_wherever_the_checker_begins(
-    scenario, switches, begins
-):
+def test_no_run_violates_anything_whoever_is_stopped(scenario, switches, begins):
+    """No run violates anything whoever is stopped and wherever the checker begins."""
     local = Local(scenario)
     for tick in range(1500):
         for _, stop, words in [switch for switch in switches if switch[0] == tick]:
@@ -296,7 +296,8 @@ orchard.sim.engine.step = step
 """
 
 
-def test_a_violation_in_local_mode_is_exit_code_1_and_in_the_summary(tmp_path):
+def test_a_violation_is_exit_code_1_and_in_the_summary(tmp_path):
+    """A violation in local mode is exit code 1 and in the summary."""
     arguments = [
         "--mode",
         "local",

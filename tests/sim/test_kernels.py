@@ -131,7 +131,8 @@ def test_a_folder_that_may_be_the_users_stays_as_it_is(changed, tmp_path):
     assert sorted({*tmp_path.rglob("*")} - {own, *own.iterdir()}) == before
 
 
-def test_torn_and_changed_kernels_are_compiled_anew_in_the_same_run_and_said_in_one_line(kept):
+def test_torn_kernels_are_compiled_anew_in_the_same_run(kept):
+    """Torn and changed kernels are compiled anew in the same run and said in one line."""
     for name, damage in zip(LOADED, (tear, flip, lambda path: path.write_bytes(b"")), strict=True):
         files = [
             *kept.glob(f"{name}-*.nbc")
@@ -197,7 +198,8 @@ def test_a_folder_that_cannot_be_made_is_no_reason_not_to_start(tmp_path, caplog
     assert [record.levelno for record in caplog.records] == [logging.WARNING] * 2
 
 
-def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, caplog):
+def test_a_reader_beside_a_writer_never_sees_a_part(tmp_path, caplog):
+    """Who reads while another process writes never sees a part."""
     program = (
         "import sys; from pathlib import Path; from orchard.sim.kernels.cache import KernelFiles\n"
     )
@@ -224,7 +226,8 @@ def test_who_reads_while_another_process_writes_never_sees_a_part(tmp_path, capl
 
 
 @pytest.mark.soak
-def test_two_that_start_at_once_without_kernels_both_reach_the_hash(tmp_path):
+def test_two_starts_without_kernels_both_reach_the_hash(tmp_path):
+    """Two that start at once without kernels both reach the hash."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": PATH}
     start = [sys.executable, "-c", PROGRAM]
     both = [
@@ -269,7 +272,8 @@ print(*[name for name, signatures in known().items() if signatures != rehearsed[
 """
 
 
-def test_after_a_rehearsal_a_whole_harvest_needs_no_further_kernel():
+def test_a_rehearsed_harvest_needs_no_further_kernel():
+    """After a rehearsal a whole harvest needs no further kernel."""
     done = python("-c", HARVEST)
     assert (done.stdout.split(), done.stderr) == ([], "")
 

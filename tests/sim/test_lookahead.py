@@ -88,12 +88,14 @@ def test_holds_change_no_result(scenario, ticks):
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_holds_change_no_result_of_a_whole_harvest_and_few_are_asked(dispatch):
+def test_holds_change_no_result_and_few_are_asked(dispatch):
+    """Holds change no result of a whole harvest and few are asked."""
     scenario = Scenario(rows=3, row_length=40.0, picking_speed=1.0, dispatch=dispatch)
     assert same_run(scenario, 1700) <= 0.15
 
 
-def test_holds_change_no_result_where_a_bin_keeps_the_speed_of_its_picker():
+def test_holds_change_no_result_of_a_bin_with_its_picker():
+    """Holds change no result where a bin keeps the speed of its picker."""
     same_run(
         empty_orchard(
             rows=3, carriers=3, row_length=30.0, metres_per_bin=27.1, dispatch="predictive"
@@ -104,7 +106,8 @@ def test_holds_change_no_result_where_a_bin_keeps_the_speed_of_its_picker():
 
 @given(SCENARIOS, st.data())
 @settings(max_examples=4)
-def test_a_run_that_is_stopped_reset_and_handed_over_is_the_same_with_holds(scenario, data):
+def test_holds_change_no_stopped_reset_and_handed_over_run(scenario, data):
+    """A run that is stopped reset and handed over is the same with holds."""
     at = sorted(data.draw(st.lists(st.integers(1, 200), min_size=4, max_size=4)))
     robot = data.draw(st.sampled_from(["picker", "carrier"]))
     hashes = set()
@@ -124,13 +127,15 @@ def test_a_run_that_is_stopped_reset_and_handed_over_is_the_same_with_holds(scen
     assert len(hashes) == 1
 
 
-def test_a_call_that_is_no_longer_repeated_is_forgotten_however_long_the_carrier_held():
+def test_a_call_no_longer_repeated_is_forgotten():
+    """A call that is no longer repeated is forgotten however long the carrier held."""
     calls = {"bin_01": HeardCall(since=10, tick=20, offered=15)}
     hear_calls(calls, Mail([Heard("bin_01", 200, 0, Call(1, "east", 10))]), 201)
     assert calls["bin_01"].offered == LAST_TICK
 
 
-def test_a_walker_that_turns_at_the_edge_of_the_place_where_it_lingers_holds_for_no_time():
+def test_a_walker_turning_at_the_edge_holds_for_no_time():
+    """A walker that turns at the edge of the place where it lingers holds for no time."""
     seen = Observation(
         "dog_01", 60, 6.0 - 1e-9, 0.0, (0.0, 1.0), STILL, np.full(180, np.inf, dtype=np.float32)
     )
@@ -144,11 +149,13 @@ class Silent(Holder):
         return Action(memory=memory)
 
 
-def test_an_agent_that_says_nothing_of_holds_is_asked_at_every_tick():
+def test_an_agent_without_holds_is_asked_at_every_tick():
+    """An agent that says nothing of holds is asked at every tick."""
     assert asked_in(4, Silent()) == [0, 1, 2, 3]
 
 
-def test_a_hold_ends_at_its_tick_and_its_velocity_is_applied_until_then():
+def test_a_hold_ends_at_its_tick():
+    """A hold ends at its tick and its velocity is applied until then."""
     stage = stage_of(
         visitor_01=(visitor := Holder(Twist(0.5), until=3)),
         scenario=empty_orchard(people=People(workers=0, visitors=1)),
@@ -201,7 +208,8 @@ def test_a_change_at_the_bar_ends_the_holds_of_both():
     assert picker.asked == bin_.asked == [0, 1]
 
 
-def test_another_velocity_at_the_other_end_of_the_bar_ends_a_hold():
+def test_another_velocity_at_the_bar_ends_a_hold():
+    """Another velocity at the other end of the bar ends a hold."""
     stage = Stage(empty_orchard())
     stage.local.agents["bin_01"] = bin_ = Holder()
     stage.give("picker_01", [DriveTo(x=-30.0, speed=0.1)])
@@ -233,7 +241,8 @@ def test_a_still_zone_ends_a_hold_at_each_change_in_it():
     assert watcher.asked[1:] == list(range(watcher.asked[1], watcher.asked[-1] + 1))
 
 
-def test_another_freer_side_ends_a_hold_a_change_on_one_side_does_not():
+def test_another_freer_side_ends_a_hold():
+    """Another freer side ends a hold a change on one side does not."""
     stage, watcher = passed_by(
         1.5, -32.5, freer_within=3.0
     )  # on its right, and on its way to the left
@@ -276,7 +285,8 @@ def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
     assert was[0] == is_left_freer(ranges, reach)
 
 
-def test_a_walker_that_steers_past_something_is_asked_only_when_that_changes():
+def test_a_steering_walker_is_asked_only_when_that_changes():
+    """A walker that steers past something is asked only when that changes."""
     stage = Stage(empty_orchard(people=People(workers=1, visitors=1)))
     stage.put("worker_01", 0.0, -30.0, "EAST"), stage.put("visitor_01", 3.9, -30.3)
     stage.local.agents["visitor_01"] = Holder()
@@ -308,7 +318,9 @@ class HoldingVisitor(Person):
     holds = True
 
 
-def test_a_class_derived_from_a_built_in_one_is_asked_at_every_tick_unless_it_says_that_it_holds():
+def test_a_derived_class_is_asked_unless_it_says_it_holds():
+    """A class derived from a built-in one is asked at every tick unless it says that it holds."""
+
     def asked(class_, name):
         local = Local(SMALL)
         local.play(name, class_(local.engine.layout, name))
@@ -347,7 +359,8 @@ class Impatient:
         )
 
 
-def test_a_wrong_hold_is_named_with_its_agent_tick_and_difference(caplog):
+def test_a_wrong_hold_is_named_with_its_difference(caplog):
+    """A wrong hold is named with its agent tick and difference."""
     with caplog.at_level(logging.ERROR):
         local = played(Local(SMALL, holds=CheckedHolds), 12, worker_01=Impatient())
     assert caplog.text.count("holds wrongly") == 1

@@ -29,7 +29,8 @@ def test_ten_ticks_at_1_m_per_s_are_1_m():
     assert moved.world.tick == 10
 
 
-def test_40_ticks_of_an_eighth_turn_per_second_are_exactly_90_degrees():
+def test_40_ticks_of_an_eighth_turn_a_second_are_90_degrees():
+    """Forty ticks of an eighth turn per second are exactly 90 degrees."""
     turned = yard(("picker", Pose(0, 0, EAST)))
     turned.drive(40, picker_01=TURN_LEFT)
     assert turned.pose("picker_01") == pytest.approx((0.0, 0.0, NORTH), abs=1e-14)
@@ -87,7 +88,8 @@ def test_a_bin_is_not_faster_askew_than_straight_on():
     assert math.dist(askew.pose("bin_02")[:2], (ROW_WEST - 2.25, LANE)) == pytest.approx(0.3)
 
 
-def test_only_a_coupled_bin_moves_sideways_and_one_by_itself_not_at_all():
+def test_only_a_coupled_bin_moves_sideways():
+    """Only a coupled bin moves sideways and one by itself not at all."""
     side = picker_with_bin()
     side.drive(1, picker_01=Twist(y=1.0), bin_02=Twist(y=1.0))
     assert side.pose("picker_01").y == LANE
@@ -205,7 +207,8 @@ def test_a_robot_cannot_leave_its_bin_behind():
     assert held.pose("picker_01").x == pytest.approx(ROW_WEST + 0.7)
 
 
-def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it():
+def test_a_touching_robot_may_only_turn_away():
+    """A robot that touches something may turn away from it but not towards it."""
     boxes = [sense._Part(Pose(0.0, 0.0, 0.0), 0.9, 0.75)]
     touched = np.array([[0.8, 0.76]])  # on its left, near its front
     assert not sense._swept(touched, boxes, -0.3)
@@ -213,7 +216,8 @@ def test_a_robot_that_touches_something_may_turn_away_from_it_but_not_towards_it
 
 
 @given(st.sampled_from(["picker", "carrier", "tractor"]), st.floats(-PI, PI), st.floats(-PI, PI))
-def test_a_turn_sweeps_nothing_beyond_its_reach_but_nearly_all_within(name, angle, turn):
+def test_a_turn_sweeps_only_what_is_within_its_reach(name, angle, turn):
+    """A turn sweeps nothing beyond its reach but nearly all within."""
     kind = KINDS[name]
     boxes = [
         sense._Part(Pose(0.0, 0.0, 0.0), kind.length / 2, kind.width / 2),

@@ -35,7 +35,8 @@ def test_a_row_is_picked_westward_as_well():
     assert row.world.row_ends[0, 1] == row.of("fill", "bin_02") == pytest.approx(29.95)
 
 
-def test_what_grows_in_the_row_goes_into_the_bin_and_driving_back_and_forth_adds_nothing():
+def test_what_grows_in_the_row_goes_into_the_bin_once():
+    """What grows in the row goes into the bin and driving back and forth adds nothing."""
     row = picker_with_bin()
     row.drive(100, **train(x=1.0))
     row.drive(50, **train(x=-1.0))
@@ -78,7 +79,8 @@ def test_nothing_is_picked(case):
     assert not row.world.row_ends.any()
 
 
-def test_a_second_bin_goes_on_where_the_first_one_ended_and_not_beyond_a_gap():
+def test_a_second_bin_goes_on_where_the_first_ended():
+    """A second bin goes on where the first one ended and not beyond a gap."""
     row = picker_with_bin(x=-20.0)
     row.world.row_ends[0, 0] = 10.0  # picked up to x = -25.5
     row.drive(10, **train(x=1.0))
@@ -89,7 +91,8 @@ def test_a_second_bin_goes_on_where_the_first_one_ended_and_not_beyond_a_gap():
     assert row.of("fill", "bin_02") == pytest.approx(1.5)
 
 
-def test_a_part_inside_a_row_is_picked_up_to_the_edge_where_the_picker_drives_out():
+def test_a_part_inside_a_row_is_picked_up_to_the_edge():
+    """A part inside a row is picked up to the edge where the picker drives out."""
     row = picker_with_bin(x=-36.0, picking_speed=0.5)
     row.drive(46, deeds=[("picker_01", PickFrom(-31.3))], **train(x=1.0))
     assert row.of("pose", "picker_01")[0] == pytest.approx(-31.4) and not row.world.row_ends.any()
@@ -114,7 +117,8 @@ def test_a_bin_takes_70_m_and_the_row_keeps_the_rest():
     assert [event.what for event in row.events] == ["bin full"]
 
 
-def test_a_picker_picks_at_the_picking_speed_and_drives_on_at_its_own():
+def test_a_picker_picks_at_one_speed_and_drives_at_another():
+    """A picker picks at the picking speed and drives on at its own."""
     row = picker_with_bin(picking_speed=0.25)
     row.drive(10, **train(x=0.25))
     row.drive(1, picker_01=AHEAD)
@@ -190,7 +194,8 @@ def test_the_bay_is_the_bins_place():
     assert outside.world.delivered == 0
 
 
-def test_a_bin_that_is_not_full_or_not_on_a_carrier_is_not_unloaded():
+def test_a_bin_not_full_or_not_on_a_carrier_stays_loaded():
+    """A bin that is not full or not on a carrier is not unloaded."""
     bay = carriers_in_bay(BAY_X)
     bay.world.fill[1] = 69.9
     bay.drive(60)
@@ -223,7 +228,8 @@ def finished() -> Yard:
     return end
 
 
-def test_the_harvest_is_over_when_all_is_picked_unloaded_and_back():
+def test_the_harvest_is_over_when_all_is_unloaded_and_back():
+    """The harvest is over when all is picked unloaded and back."""
     assert harvest_is_over(finished().world)
 
 

@@ -10,7 +10,8 @@ from reference_runs import RESULTS, RUNS, result_of
 KEPT = json.loads(RESULTS.read_text())
 
 
-def test_each_reference_run_has_a_kept_result_and_no_result_is_left_over() -> None:
+def test_each_reference_run_has_a_kept_result() -> None:
+    """Each reference run has a kept result and no result is left over."""
     assert list(KEPT) == list(RUNS)
 
 

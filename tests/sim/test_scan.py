@@ -60,11 +60,13 @@ def test_every_beam_is_exact_against_any_boxes(bodies, walls):
 
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.sampled_from(sorted(KINDS)), field_poses), min_size=1, max_size=6))
-def test_every_beam_is_exact_anywhere_in_an_orchard_and_just_outside(bodies):
+def test_every_beam_is_exact_anywhere(bodies):
+    """Every beam is exact anywhere in an orchard and just outside."""
     assert_agrees_with_raycaster(world_of(*bodies, walls=lay_out(Scenario()).walls.tolist()))
 
 
-def test_the_orchard_at_its_start_is_seen_as_the_raycaster_sees_it():
+def test_the_start_is_seen_as_the_raycaster_sees_it():
+    """The orchard at its start is seen as the raycaster sees it."""
     assert_agrees_with_raycaster(World(lay_out(Scenario(rows=6, pickers=3, carriers=14))))
 
 
@@ -75,7 +77,8 @@ def test_a_forward_laser_has_180_beams_and_a_bin_60():
     assert all(scan.dtype == np.float32 for scan in scans)
 
 
-def test_a_fence_3_m_before_the_front_edge_is_seen_at_3_m_and_askew_at_more():
+def test_a_fence_3_m_ahead_is_seen_at_3_m():
+    """A fence 3 m before the front edge is seen at 3 m and askew at more."""
     world = world_of(("picker", Pose(0, 0, 0)), walls=[(4.25 + 0.5, 0.0, 0.5, 20.0)])
     scan = scan_of(world)
     for beam in (30, 89, 90, 150):
@@ -112,7 +115,8 @@ def test_a_flattened_weed_sees_nothing():
     assert np.isinf(scan_of(world, 1)).all()
 
 
-def test_a_laser_that_touches_a_box_measures_0_and_inside_one_the_way_out():
+def test_a_laser_that_touches_a_box_measures_0():
+    """A laser that touches a box measures 0 and inside one the way out."""
     touching = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275 + 1.0, 0, 1.0, 1.0)])
     assert scan_of(touching)[AHEAD] == 0.0
     inside = world_of(("worker", Pose(0, 0, 0)), walls=[(0.275, 0, 1.0, 2.0)])
@@ -139,13 +143,15 @@ def noisy(seed: int = 1, noise: float = 0.02, tick: int = 0):
     return Scanner(world).scan(world)
 
 
-def test_noise_is_the_same_for_the_same_seed_name_and_tick_and_another_otherwise():
+def test_noise_follows_from_seed_name_and_tick():
+    """Noise is the same for the same seed name and tick and another otherwise."""
     assert np.array_equal(noisy()[0], noisy()[0])
     for other in (noisy(seed=2)[0], noisy(tick=1)[0], noisy()[1]):
         assert (other[60:120] != noisy()[0][60:120]).all()
 
 
-def test_noise_has_the_deviation_that_the_scenario_sets_and_no_bias():
+def test_noise_has_the_set_deviation_and_no_bias():
+    """Noise has the deviation that the scenario sets and no bias."""
     clean = noisy(noise=0.0)[0]
     sure = clean < 9.0  # not cut off at the range
     errors = np.concatenate([noisy(tick=tick)[0][sure] - clean[sure] for tick in range(40)])
@@ -157,7 +163,8 @@ def test_noise_has_the_deviation_that_the_scenario_sets_and_no_bias():
     )  # the normal distribution's share
 
 
-def test_noise_stays_within_the_range_and_off_beams_without_a_return():
+def test_noise_stays_within_the_range():
+    """Noise stays within the range and off beams without a return."""
     clean = noisy(noise=0.0)[0]
     for tick in range(20):
         scan = noisy(noise=0.02, tick=tick)[0]
@@ -166,7 +173,8 @@ def test_noise_stays_within_the_range_and_off_beams_without_a_return():
         assert (scan[np.isfinite(scan)] <= LASER_RANGE).all() and (scan >= 0.0).all()
 
 
-def test_a_range_that_noise_pushes_beyond_ten_metres_is_no_return():
+def test_a_range_beyond_ten_metres_is_no_return():
+    """A range that noise pushes beyond ten metres is no return."""
     scans = [
         scan_of(
             world_of(

@@ -66,7 +66,8 @@ def over_seeds(*ticks: int, **changes: float) -> np.ndarray:
 
 @given(st.integers(0, 2**31), st.floats(1.0, 86400.0))
 @settings(max_examples=3)
-def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_time):
+def test_sensors_without_errors_measure_the_truth(seed, bias_time):
+    """Sensors without errors measure the truth to the last bit."""
     plain = empty_orchard(seed=seed)
     exact = played(with_changes(plain, **{"sensors.gnss.bias_time": bias_time}), 60)
     assert exact.engine.hash == local_hash(plain, 60)
@@ -76,8 +77,11 @@ def test_sensors_without_errors_measure_the_truth_to_the_last_bit(seed, bias_tim
 
 
 @pytest.mark.parametrize(("white", "bias"), [(0.02, 0.0), (0.0, 0.03), (0.01, 0.02)])
-def test_errors_of_positions_have_the_deviation_that_the_scenario_sets(white, bias):
-    """480 independent numbers of one tick: their deviation is right to some 3 %."""
+def test_errors_of_positions_have_the_set_deviation(white, bias):
+    """Errors of positions have the deviation that the scenario sets.
+
+    480 independent numbers of one tick: their deviation is right to some 3 %.
+    """
     found, wanted = (
         over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}),
         math.hypot(white, bias),
@@ -91,7 +95,8 @@ def test_errors_of_positions_have_the_deviation_that_the_scenario_sets(white, bi
     )
 
 
-def test_the_white_error_is_new_at_each_tick_and_the_slow_one_forgets_itself_in_its_time():
+def test_white_errors_are_new_and_slow_ones_fade():
+    """The white error is new at each tick and the slow one forgets itself in its time."""
     slow = over_seeds(0, 5, 20, 40, **{"sensors.gnss.bias": 0.03, "sensors.gnss.bias_time": 2.0})
     white = over_seeds(0, 1, **{"sensors.gnss.white": 0.05})
     assert abs(correlation(white, 1)) < 0.15
@@ -136,8 +141,10 @@ def test_a_bar_measures_without_errors():
     assert seen.hitches[bin_.name] == truth.hitches[bin_.name]
 
 
-def test_odometry_drifts_by_its_constants_and_stands_while_the_robot_stands():
-    """A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends
+def test_odometry_drifts_by_its_constants():
+    """Odometry drifts by its constants and stands while the robot stands.
+
+    A robot that drives 50 m straight on: its odometry is longer or shorter by a share, and bends
     by an angle for each metre.
     """
     world, scans = world_of(
@@ -174,7 +181,8 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
     assert bend.std() == pytest.approx(0.01, rel=0.2)
 
 
-def test_the_same_errors_with_holds_without_them_and_after_a_resume(caplog):
+def test_errors_are_the_same_without_holds_and_after_a_resume(caplog):
+    """The same errors with holds without them and after a resume."""
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
     wanted, before = local_hash(scenario, 200), played(Local(scenario, holds=IgnoredHolds), 133)
     assert played(Local.resume(before.snapshot(), holds=IgnoredHolds), 200).engine.hash == wanted
@@ -182,8 +190,11 @@ def test_the_same_errors_with_holds_without_them_and_after_a_resume(caplog):
     assert local_hash(with_changes(scenario, seed=2), 200) != wanted
 
 
-def test_on_the_wire_pose_is_what_is_measured_and_truth_what_is_so():
-    """The same run in processes of its own, as `Local` has it; the picture is of the truth."""
+def test_the_wire_has_the_measured_pose_and_the_truth():
+    """On the wire pose is what is measured and truth what is so.
+
+    The same run in processes of its own, as `Local` has it; the picture is of the truth.
+    """
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
     local, run = played(scenario, 30), Run(scenario, "run1", 31)
     assert run.to_the_end().hash == local_hash(scenario, 31)
@@ -211,7 +222,8 @@ def test_on_the_wire_pose_is_what_is_measured_and_truth_what_is_so():
     )
 
 
-def test_a_robot_that_drives_filters_white_errors_and_follows_its_odometry():
+def test_a_driving_robot_filters_errors_by_odometry():
+    """A robot that drives filters white errors and follows its odometry."""
     chance, place, found = np.random.default_rng(1), None, []
     for tick in range(2000):
         x, y = 0.1 * tick + chance.normal(0.0, 0.05), chance.normal(0.0, 0.05)
@@ -242,7 +254,8 @@ def finishes(scenario: Scenario) -> None:
     assert collisions(local.engine.world) == 0
 
 
-def test_our_agents_finish_a_harvest_with_the_rtk_of_the_documents():
+def test_our_agents_finish_a_harvest_with_rtk():
+    """Our agents finish a harvest with the RTK of the documents."""
     finishes(with_changes(parse(block("docs/reference.md", "rtk")), route="two-way"))
 
 
@@ -285,13 +298,13 @@ def test_errors_that_robots_cannot_master_are_refused(what, most):
     ("route", "dispatch"),
     [("one-way", "predictive"), ("two-way", "nearest"), ("one-way", "longest-waiting")],
 )
-def test_our_agents_finish_harvests_with_rtk_on_each_route_with_many_policies_and_seeds(
-    route, dispatch, seed
-):
+def test_our_agents_finish_with_rtk_on_each_route(route, dispatch, seed):
+    """Our agents finish harvests with RTK on each route with many policies and seeds."""
     finishes(with_changes(Scenario(route=route, dispatch=dispatch, seed=seed), **RTK, **DRIFT))
 
 
-def test_a_picker_that_stops_short_of_the_end_of_a_row_drives_on_until_its_bin_is_full():
+def test_a_picker_short_of_the_end_drives_on_until_full():
+    """A picker that stops short of the end of a row drives on until its bin is full."""
     stage = Stage(with_changes(erring(**RTK), dispatch="nearest"))
     stage.put("picker_01", 33.0, 10.75)
     stage.world.row_ends[0, 0] = 68.5
@@ -316,7 +329,8 @@ def test_a_robot_searches_for_a_coupling_point_that_it_misses(x, y):
     assert stage.happened("deed refused", "carrier_01")
 
 
-def test_a_robot_that_has_tried_all_places_tries_the_first_one_again():
+def test_a_robot_that_has_tried_all_places_begins_again():
+    """A robot that has tried all places tries the first one again."""
     stage = Stage(erring(**{"sensors.gnss.white": 0.005}))
     name = stage.bin_of("carrier_01")
     stage.world.coupled[[stage.world.index["carrier_01"], stage.world.index[name]]] = NONE

@@ -72,8 +72,11 @@ def best(measure: Callable[[], float], good: float) -> float:
 
 
 @pytest.mark.parametrize("robots", [300, 1000])
-def test_a_robots_step_costs_as_much_in_a_crowd_as_in_a_small_field(robots):
-    """If every body is compared with every other, it costs 10 or 30 times as much."""
+def test_a_step_costs_no_more_in_a_crowd(robots):
+    """A robot's step costs as much in a crowd as in a small field.
+
+    If every body is compared with every other, it costs 10 or 30 times as much.
+    """
     assert best(lambda: robot_step(robots) / robot_step(30), 2.0) <= 2.0
 
 
@@ -89,8 +92,10 @@ def carriers_tick(rows: int) -> float:
     return seconds(lambda: [carrier.tick(seen, Mail(), memory) for _ in range(50)], 10)
 
 
-def test_a_drive_past_many_rows_costs_little_more_a_tick_than_one_past_few():
-    """It cost 6.5 times as much, not 2.7, when it asked for each gate by itself whether its places
+def test_a_drive_past_many_rows_costs_little_more():
+    """A drive past many rows costs little more a tick than one past few.
+
+    It cost 6.5 times as much, not 2.7, when it asked for each gate by itself whether its places
     are reserved.
     """
     assert best(lambda: carriers_tick(100) / carriers_tick(5), 4.0) <= 4.0

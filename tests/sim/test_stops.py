@@ -42,9 +42,8 @@ def driven() -> Stage:
     ("stopped", "reset"),
     [("picker_01", "picker_01"), ("picker_01", "bin_01"), ("bin_01", "picker_01")],
 )
-def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_reset(
-    driven, stopped, reset
-):
+def test_a_robot_and_its_bin_stand_until_they_are_reset(driven, stopped, reset):
+    """A robot and its bin stand though their agents drive until they are reset."""
     assert sorted(driven.local.engine.stop([stopped])) == ["bin_01", "picker_01"]
     where = driven.pose("picker_01"), driven.pose("bin_01")
     driven.run(5.0)
@@ -56,7 +55,8 @@ def test_a_robot_and_its_bin_stand_though_their_agents_drive_until_they_are_rese
     assert driven.pose("bin_01")[0] == pytest.approx(where[1][0] + 2.0)
 
 
-def test_a_robot_that_is_reset_after_any_time_goes_on_and_never_back():
+def test_a_reset_robot_goes_on_and_never_back():
+    """A robot that is reset after any time goes on and never back."""
     stage = Stage(empty_orchard())
     stage.run(5.0)
     for ticks in range(5, 45, 3):
@@ -86,15 +86,15 @@ def test_all_robots_stand_and_people_and_animals_walk_on():
 
 
 @pytest.mark.parametrize("word", ["picker_99", "worker", "worker_01", "traffic", ""])
-def test_a_word_that_means_no_robot_is_refused_and_nobody_is_stopped(driven, word):
+def test_a_word_that_means_no_robot_stops_nobody(driven, word):
+    """A word that means no robot is refused and nobody is stopped."""
     with pytest.raises(ValueError, match="no such agent or kind; there are bin, carrier, picker"):
         driven.local.engine.stop(["picker_01", word])
     assert not driven.world.stopped.any()
 
 
-def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_not_concern_it(
-    driven,
-):
+def test_who_is_stopped_is_not_stopped_again(driven):
+    """Who is stopped already is not stopped again and a reset of others does not concern it."""
     engine = driven.local.engine
     engine.stop(["picker"])
     assert engine.stop(["picker_01"]) == []
@@ -102,7 +102,8 @@ def test_who_is_stopped_already_is_not_stopped_again_and_a_reset_of_others_does_
     assert driven.world.stopped[driven.world.index["picker_01"]]
 
 
-def test_a_stop_in_the_middle_of_coupling_ends_well_when_it_is_reset():
+def test_a_stop_during_coupling_ends_well():
+    """A stop in the middle of coupling ends well when it is reset."""
     stage = Stage(empty_orchard(dispatch=NEAREST))
     stage.run_until(lambda: bool(stage.happened("uncoupled", "carrier_01")), 300)
     offered = stage.happened("uncoupled", "carrier_01")[0].whom
@@ -122,7 +123,8 @@ def test_a_stop_in_the_middle_of_coupling_ends_well_when_it_is_reset():
     assert stage.world.delivered == 3
 
 
-def test_an_orchard_that_is_stopped_for_long_is_not_jammed_and_one_that_was_is_again(soon_jammed):
+def test_a_long_stop_is_no_jam_and_a_jam_comes_back(soon_jammed):
+    """An orchard that is stopped for long is not jammed and one that was is again."""
     stage = Stage(empty_orchard(), **{name: Standing() for name in ("carrier_01", "carrier_02")})
     stage.run(100)
     stage.local.engine.stop()
@@ -150,7 +152,8 @@ def test_what_people_are_told_and_the_figures(driven):
     assert driven.account.figures()["state_seconds"]["picker"]["stopped"] == 2.0
 
 
-def test_a_robot_without_an_action_is_shown_to_stand_after_a_reset():
+def test_a_robot_without_an_action_stands_after_a_reset():
+    """A robot without an action is shown to stand after a reset."""
     engine = Engine.begin(empty_orchard())
     camera = FrameBuilder(engine)
 
@@ -187,7 +190,8 @@ def test_a_run_that_goes_on_from_a_snapshot_is_still_stopped():
     assert (resumed.engine.world.pose[0] == where).all()
 
 
-def test_a_stop_that_is_reset_before_the_next_step_changes_nothing():
+def test_a_stop_reset_before_the_next_step_changes_nothing():
+    """A stop that is reset before the next step changes nothing."""
     local = Local(Scenario(rows=3))
     for tick in range(HARVEST_TICKS):
         if tick % 100 == 7:
@@ -228,7 +232,8 @@ def test_a_foreign_clients_velocity_moves_no_stopped_robot(fleet):
     fleet.stop()
 
 
-def test_what_is_refused_is_answered_with_the_reason_and_stops_nobody(fleet):
+def test_what_is_refused_is_answered_and_stops_nobody(fleet):
+    """What is refused is answered with the reason and stops nobody."""
     fleet.physics(SMALL, "--absent", "picker_01")
     someone = fleet.client()
     assert (
@@ -300,9 +305,8 @@ def test_a_stop_that_was_taken_outlives_physics_killed_at_once(fleet, tmp_path):
     fleet.stop()
 
 
-def test_on_a_slow_disk_a_stop_is_answered_while_it_is_written_and_what_is_kept_outlives_physics(
-    fleet, tmp_path
-):
+def test_on_a_slow_disk_a_stop_is_answered_while_written(fleet, tmp_path):
+    """On a slow disk a stop is answered while it is written and what is kept outlives physics."""
     keep = kept_in(tmp_path)
     fleet.all.disk_seconds = 20.0
     fleet.physics(SMALL, *keep)

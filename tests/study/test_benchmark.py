@@ -43,7 +43,8 @@ def carried_out(command, folder, store):
     return orchard(*words, *small, "--workers", "1", "--out", store).stdout
 
 
-def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows():
+def test_the_twenty_orchards_say_their_roads_and_row_rules():
+    """The orchards are twenty and each says its roads and its rule for rows."""
     known = orchards()
     assert len(known) == 20
     wanted = {"route", "rows_to_pickers", "people", "animals", "carriers", "seed"}
@@ -52,9 +53,8 @@ def test_the_orchards_are_twenty_and_each_says_its_roads_and_its_rule_for_rows()
         assert len({getattr(one, key) for one in known.values()}) == 2
 
 
-def test_the_commands_of_the_document_set_a_policy_beside_the_built_in_ones_and_the_simulator(
-    tmp_path, store
-):
+def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
+    """The commands of the document set a policy beside the built-in ones and the simulator."""
     every, some, check = block("docs/bounds.md", "benchmark").splitlines()
     assert "of what is proven possible" in carried_out(every, tmp_path, store)
 

@@ -142,8 +142,11 @@ def test_the_whole_answer_is_written(folder, undisturbed):
     assert len((folder / "quiet.csv").read_text().splitlines()) == 7
 
 
-def test_two_sentences_come_first_and_the_table_fits_80_columns_and_python_says_the_same(folder):
-    """Of a study that is told nothing but the orchard: how many carriers, in the long run."""
+def test_two_sentences_come_first_and_the_table_fits(folder):
+    """Two sentences come first and the table fits 80 columns and Python says the same.
+
+    Of a study that is told nothing but the orchard: how many carriers, in the long run.
+    """
     (folder / "plain.yaml").write_text(SCENARIO.replace("gamma", "none") + "tractor: false\n")
     run = orchard(
         "study",
@@ -239,8 +242,10 @@ def mistakes(capfd, monkeypatch, tmp_path):
     return said
 
 
-def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes, tmp_path):
-    """Nothing is told that may follow from a fault of the file: here a price, and the number of
+def test_faults_of_file_options_and_ranges_are_told_at_once(mistakes, tmp_path):
+    """Faults of the file the options and the ranges are told at once.
+
+    Nothing is told that may follow from a fault of the file: here a price, and the number of
     rows.
     """
     (tmp_path / "bad.yaml").write_text("rows: 999\nprices: {per_bin: -1}\n")
@@ -263,7 +268,8 @@ def test_faults_of_the_file_the_options_and_the_ranges_are_told_at_once(mistakes
     ]
 
 
-def test_of_a_file_that_cannot_be_read_only_what_is_wrong_anyway_is_told(mistakes):
+def test_an_unreadable_file_hides_only_what_depends_on_it(mistakes):
+    """Of a file that cannot be read only what is wrong anyway is told."""
     said = mistakes(
         "no_such.yaml", "--vary", "seed=1,2", "--vary", "pickers=20", "--goal", "cost_per_bin"
     )

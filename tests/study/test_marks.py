@@ -6,7 +6,8 @@ from orchard.study.picture import _half_widths
 from orchard.study.table import legend
 
 
-def test_the_legend_explains_the_marks_of_settings_that_are_compared():
+def test_the_legend_explains_the_marks_of_settings():
+    """The legend explains the marks of settings that are compared."""
     rows = [a_row(10.0, setting=carriers(1)), a_row(20.0, setting=carriers(2))]
     text = legend(a_result(rows, carriers(2)))
     assert text.startswith("* the answer; = within 2 % of the best")

@@ -42,7 +42,8 @@ def test_the_page_shows_the_limit_of_the_first_look_of_a_study(carriers, monkeyp
     assert note.endswith("; mean over the seeds 3 to 7, with which a study begins")
 
 
-def test_the_limit_is_that_of_the_scenario_where_no_seed_changes_the_rows():
+def test_the_limit_is_the_scenarios_where_rows_are_fixed():
+    """The limit is that of the scenario where no seed changes the rows."""
     figures = pytest.importorskip("orchard.app.preview").figures
     layout = lay_out(empty_orchard(**SMALL, carriers=1))
     limit = limit_of_question(layout)
@@ -58,8 +59,11 @@ def test_after_the_last_seed_comes_the_first_one():
     assert limit.seeds == (2**63 - 1, 0, 1, 2, 3)
 
 
-def test_a_study_begins_with_the_carriers_that_the_limit_of_the_question_asks_for():
-    """By the rows of seed 3 alone one carrier keeps all busy, by those of five seeds two do."""
+def test_a_study_begins_with_the_carriers_of_the_limit():
+    """A study begins with the carriers that the limit of the question asks for.
+
+    By the rows of seed 3 alone one carrier keeps all busy, by those of five seeds two do.
+    """
     values = SMALL | {"pickers": 4, "picking_speed": 0.042}
     scenario = empty_orchard(**values, **DRAWN, carriers=1)
     layout = lay_out(scenario)

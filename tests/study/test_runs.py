@@ -48,7 +48,9 @@ def test_a_run_without_its_hash_is_the_same_run():
 
 
 @pytest.mark.parametrize("error", [LookupError("no such bin"), SystemExit(0)])
-def test_an_error_in_a_run_is_told_with_the_run_and_does_not_end_the_program(error, monkeypatch):
+def test_an_error_in_a_run_does_not_end_the_program(error, monkeypatch):
+    """An error in a run is told with the run and does not end the program."""
+
     def fail(*_):
         raise error
 
@@ -83,7 +85,8 @@ def test_what_is_wrong_with_a_policy_is_told_with_its_place(policy, words, horiz
         )
 
 
-def test_a_full_run_tells_what_failed_in_a_policy_of_the_users_own():
+def test_a_full_run_tells_what_failed_in_an_own_policy():
+    """A full run tells what failed in a policy of the user's own."""
     record = do(
         PlannedRun(with_changes(SCENARIO, dispatch="own_policies.Raising"), "full"),
         time.time() + 1000.0,

@@ -399,7 +399,8 @@ def test_the_table_fits_and_loses_nothing(width):
     assert "interval of 95 % confidence" in text
 
 
-def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
+def test_what_is_too_long_is_folded_and_not_cut():
+    """What is too long for a narrow table is folded and not cut."""
     rows = [
         replace(row, setting=row.setting | {"dispatch": "my_policies.TheOneThatIsBest"})
         for row in whole().table
@@ -408,7 +409,8 @@ def test_what_is_too_long_for_a_narrow_table_is_folded_and_not_cut():
     assert max(map(len, lines)) <= 80 and "…" not in "".join(lines)
 
 
-def test_a_column_without_a_figure_and_a_key_with_one_value_are_left_out():
+def test_columns_that_tell_nothing_are_left_out():
+    """A column without a figure and a key with one value are left out."""
     heads, lines = table.words(by_policies())
     assert {"a bin", "checked", "harvest, s", "optimum, s"}.isdisjoint(heads)
     assert [line[0] for line in lines][3:] == ["predictive *", "predictive-farthest ="]
@@ -434,7 +436,8 @@ def test_the_least_cost_of_one_harvest_has_its_time():
     assert "harvest, s" not in table.words(long_run)[0] and " s for" not in answer(long_run)
 
 
-def test_how_far_behind_one_run_is_has_a_figure_and_only_the_best_has_none():
+def test_how_far_behind_a_run_is_has_a_figure():
+    """How far behind one run is has a figure and only the best has none."""
     rows = [
         a_row(88.2, setting=carriers(3), lead=interval(0.0), behind=None),
         a_row(84.0, setting=carriers(2), lead=None, behind=0.05),
@@ -446,7 +449,8 @@ def test_how_far_behind_one_run_is_has_a_figure_and_only_the_best_has_none():
     assert [line[behind] for line in lines] == ["-", "5.0", "0.0 ±0.0", "10.0 ±2.0"]
 
 
-def test_what_looks_like_an_order_to_the_terminal_is_shown_as_it_is():
+def test_an_order_to_the_terminal_is_shown_as_it_is():
+    """What looks like an order to the terminal is shown as it is."""
     assert any(HOSTILE in line for line in printed(hostile(), 200))
 
 
@@ -520,7 +524,8 @@ def test_a_study_that_has_hardly_begun_has_a_picture(result):
     assert picture.inline_svg(result).startswith("<svg")
 
 
-def test_the_picture_is_the_same_each_time_and_its_words_are_text(tmp_path):
+def test_the_picture_is_the_same_each_time(tmp_path):
+    """The picture is the same each time and its words are text."""
     for name in ("a.svg", "b.svg", "a.png"):
         picture.save(whole(), tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
@@ -584,7 +589,8 @@ def test_the_report_holds_all_of_it_and_needs_nothing_else(tmp_path):
     assert parse(scenario) == Scenario(rows=20, pickers=10)
 
 
-def test_the_command_for_a_study_has_all_digits_and_names_the_model():
+def test_the_command_for_a_study_has_all_digits_and_the_model():
+    """The command for a study has all digits and names the model."""
     by_full = replace(
         a_result([replace(NINE, model="full")], None),
         varied={

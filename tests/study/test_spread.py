@@ -22,7 +22,8 @@ def test_the_ends_of_a_range_come_first(values: list, order: list) -> None:
     assert [values[i] for i in spread({"carriers": values}, settings)] == order
 
 
-def test_the_corners_of_two_ranges_come_first_and_then_the_middles() -> None:
+def test_corners_of_two_ranges_come_first_then_middles() -> None:
+    """The corners of two ranges come first and then the middles."""
     varied = {"pickers": [2, 3, 4, 5, 6, 7, 8], "carriers": [1, 2, 3, 4, 5]}
     settings = [dict(zip(varied, pair, strict=True)) for pair in product(*varied.values())]
     order = [tuple(settings[i].values()) for i in spread(varied, settings)]

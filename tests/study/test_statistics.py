@@ -71,8 +71,10 @@ def least(studies: int) -> int:
     return int(stats.binom.ppf(0.001, studies, 0.95))
 
 
-def test_what_is_told_of_settings_is_true_of_all_of_them_together(studies: list) -> None:
-    """Nothing is called worse that is worth as much as the best, and nothing equal that is not,
+def test_what_is_told_of_settings_is_true_of_all_together(studies: list) -> None:
+    """What is told of settings is true of all of them together.
+
+    Nothing is called worse that is worth as much as the best, and nothing equal that is not,
     though the best mean had luck.
     """
     right = []
@@ -92,7 +94,8 @@ def test_what_is_told_of_settings_is_true_of_all_of_them_together(studies: list)
     ) >= least(STUDIES // 4)
 
 
-def test_most_studies_end_with_the_setting_that_needs_fewest_robots(studies: list) -> None:
+def test_most_studies_end_with_the_fewest_robots(studies: list) -> None:
+    """Most studies end with the setting that needs fewest robots."""
     answers = {
         tuple(means): [found.best for one, found in studies if one == means and not found.undecided]
         for means in KINDS
@@ -184,8 +187,11 @@ def test_it_is_known_how_many_replications_would_decide() -> None:
     assert compare(wide, {0: 2, 1: 1}, True, 0.95, 0.02).replications_needed() is None
 
 
-def test_a_setting_on_the_edge_of_what_is_worth_it_does_not_take_runs_for_ever() -> None:
-    """It is undecided until it is known to half of that, and is never said to be equal or worse."""
+def test_a_setting_on_the_edge_does_not_run_for_ever() -> None:
+    """A setting on the edge of what is worth it does not take runs for ever.
+
+    It is undecided until it is known to half of that, and is never said to be equal or worse.
+    """
     five = {0: [61.2, 62.0, 60.6, 61.9, 60.3], 1: [60.0, 61.0, 59.0, 60.0, 60.0]}
     found = [
         compare({i: values * times for i, values in five.items()}, {0: 2, 1: 1}, True, 0.95, 0.02)
@@ -228,7 +234,8 @@ def shop(seed: int) -> tuple[float, float]:
     return len(waits) / (END - WARM_UP), fmean(waits)
 
 
-def test_intervals_over_replications_hold_the_published_figures_of_the_repairman() -> None:
+def test_intervals_hold_the_repairmans_published_figures() -> None:
+    """Intervals over replications hold the published figures of the repairman."""
     shops = [shop(seed) for seed in range(SHOPS * REPLICATIONS)]
     for truth, values in zip((REPAIRED, WAIT), zip(*shops, strict=True), strict=True):
         all_of_them = interval(values, 0.999)
@@ -249,7 +256,8 @@ MEANS, VARIANCES = (1.2, 2.1, 3.4, 4.87, 6.05), (3.3, 2.0, 4.5, 5.3, 6.9)
 ASKED = 100
 
 
-def test_a_comparison_finds_the_published_best_of_five_designs_as_surely_as_it_says() -> None:
+def test_a_comparison_finds_the_best_of_five_as_surely() -> None:
+    """A comparison finds the published best of five designs as surely as it says."""
     found = [
         compared(
             lambda i, seed, number=number: (

@@ -49,7 +49,8 @@ def test_many_keys_are_looked_up(path, record):
         assert list(many.known([*map(str, range(2000)), record.key])) == [record.key]
 
 
-def test_a_store_of_another_version_is_named_and_forgotten_only_if_asked(path, record, monkeypatch):
+def test_a_store_of_another_version_is_forgotten_if_asked(path, record, monkeypatch):
+    """A store of another version is named and forgotten only if asked."""
     monkeypatch.setattr(store, "software", lambda: "9.9.9+abc")
     with pytest.raises(
         StoreError,
@@ -133,8 +134,10 @@ def test_the_key_holds_the_source_of_a_policy_of_the_users_own(tmp_path, monkeyp
     assert PlannedRun(SCENARIO, "fast").own_source == ""
 
 
-def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_path, monkeypatch):
-    """However they are imported: with their package, by a relative path, one by the other, in a
+def test_the_key_holds_the_users_files_and_no_library(tmp_path, monkeypatch):
+    """The key holds the user's files that a policy imports and no library.
+
+    However they are imported: with their package, by a relative path, one by the other, in a
     function.
     """
     monkeypatch.syspath_prepend(tmp_path)
@@ -163,8 +166,10 @@ def test_the_key_holds_the_users_files_that_a_policy_imports_and_no_library(tmp_
     )
 
 
-def test_a_store_that_another_study_makes_at_the_same_time_is_used(tmp_path, record, monkeypatch):
-    """The other one makes it after this one has looked, and has kept a run before this one is
+def test_a_store_made_at_the_same_time_is_used(tmp_path, record, monkeypatch):
+    """A store that another study makes at the same time is used.
+
+    The other one makes it after this one has looked, and has kept a run before this one is
     ready.
     """
     path = tmp_path / "studies.db"

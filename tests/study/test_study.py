@@ -236,7 +236,8 @@ def result(folder, told) -> StudyResult:
     return study(CHANCE, VARIED, replace(AMPLE, store=folder / "first.db"), told.append)
 
 
-def test_the_best_is_told_with_its_interval_and_how_the_others_stand(result):
+def test_the_best_is_told_with_its_interval(result):
+    """The best is told with its interval and how the others stand."""
     rows = {row.setting["carriers"]: row for row in result.table if not row.jammed}
     assert result.best["dispatch"] == "nearest"
     best = rows[result.best["carriers"]]
@@ -357,7 +358,8 @@ def test_part_full_bins_of_one_harvest_are_told(tmp_path):
     ), told.notes
 
 
-def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_path):
+def test_the_long_run_says_that_it_misses_unequal_shares(tmp_path):
+    """The long run says that it does not see unequal shares of the rows."""
     options = replace(AMPLE, horizon="long", store=tmp_path / "s.db")
     shares = [
         study(Scenario(rows=rows, **QUIET), {"rows_to_pickers": ["balanced"]}, options).notes
@@ -369,8 +371,10 @@ def test_the_long_run_says_that_it_does_not_see_unequal_shares_of_the_rows(tmp_p
     ]
 
 
-def test_what_is_worse_by_little_is_as_good_and_an_end_of_the_range_is_told(tmp_path):
-    """The bay is farther by so little that the harvest hardly changes; nearer ones were not
+def test_a_little_worse_is_as_good_and_an_end_is_told(tmp_path):
+    """What is worse by little is as good and an end of the range is told.
+
+    The bay is farther by so little that the harvest hardly changes; nearer ones were not
     tried.
     """
     settled = study(
@@ -436,7 +440,8 @@ def test_what_can_be_chosen_has_a_best_for_each_of_what_cannot(tmp_path):
     assert "behind: the best mean for the same picking rate, which has -. " in legend(told)
 
 
-def test_an_open_number_of_carriers_is_tried_for_each_of_what_cannot_be_chosen(tmp_path):
+def test_open_carriers_are_tried_for_each_circumstance(tmp_path):
+    """An open number of carriers is tried for each of what cannot be chosen."""
     told = study(
         Scenario(rows=6, pickers=3, **QUIET),
         {"carriers": [], **RATES},
@@ -448,7 +453,8 @@ def test_an_open_number_of_carriers_is_tried_for_each_of_what_cannot_be_chosen(t
     assert all({number - 1, number + 1} - {0} <= tried for number in best)
 
 
-def test_in_the_long_run_a_policy_that_leaves_pickers_out_is_named_and_not_the_best(tmp_path):
+def test_a_policy_that_leaves_pickers_out_is_not_the_best(tmp_path):
+    """In the long run a policy that leaves pickers out is named and not the best."""
     varied: dict[str, list] = {
         "dispatch": ["assignment", "predictive"],
         "people": [{"workers": 0}, {"visitors": 0}],
@@ -496,8 +502,10 @@ def test_the_last_number_of_carriers_is_never_called_the_best(tmp_path):
 @pytest.mark.parametrize(
     "changes", [{}, {"prices": {"picker_per_hour": 15.0, "carrier_per_hour": 6.0}}]
 )
-def test_a_study_that_is_told_nothing_tries_as_many_carriers_as_it_takes(changes, tmp_path):
-    """The answer lies inside what was tried, with its neighbours, and is the same wherever the
+def test_a_study_without_values_tries_carriers_until_enough(changes, tmp_path):
+    """A study that is told nothing tries as many carriers as it takes.
+
+    The answer lies inside what was tried, with its neighbours, and is the same wherever the
     numbers begin.
     """
     scenario = Scenario(rows=6, pickers=3, picking_speed=0.3, **QUIET, **changes)
@@ -622,8 +630,11 @@ def test_a_budget_that_ends_early_has_seen_the_whole_range(runs, tried, monkeypa
     assert cut.beyond == {} and cut.seconds_needed > 0.0
 
 
-def test_a_budget_that_ends_early_names_what_it_has_not_seen_of_two_ranges(monkeypatch, tmp_path):
-    """Of pickers and carriers with prices the corners are known first."""
+def test_a_budget_that_ends_early_names_what_is_unseen(monkeypatch, tmp_path):
+    """A budget that ends early names what it has not seen of two ranges.
+
+    Of pickers and carriers with prices the corners are known first.
+    """
     prices = {"picker_per_hour": 28.0, "carrier_per_hour": 12.0, "overhead_per_hour": 35.0}
     cut, workers = short(
         monkeypatch,
@@ -647,8 +658,11 @@ def test_every_setting_has_a_run_before_one_has_two(monkeypatch, tmp_path):
     assert runs == [(1, 1), (1, 6), (1, 3), (1, 2), (1, 4), (2, 1), (2, 6)]
 
 
-def test_one_run_tells_that_a_setting_with_a_lower_limit_is_worse(monkeypatch, tmp_path):
-    """Its runs cannot exceed the limit, so no more are asked for. How far behind is shown."""
+def test_one_run_tells_that_a_lower_limit_is_worse(monkeypatch, tmp_path):
+    """One run tells that a setting with a lower limit is worse.
+
+    Its runs cannot exceed the limit, so no more are asked for. How far behind is shown.
+    """
     cut, _ = short(
         monkeypatch, 2, GANG, {"carriers": [1, 6]}, horizon="long", store=tmp_path / "s.db"
     )
@@ -697,9 +711,8 @@ def test_the_long_run_and_costs(tmp_path):
     assert "in the long run" in long.answer
 
 
-def test_a_budget_for_one_run_of_each_gives_an_answer_that_says_how_little_it_knows(
-    tmp_path, monkeypatch
-):
+def test_a_budget_for_one_run_says_how_little_it_knows(tmp_path, monkeypatch):
+    """A budget for one run of each gives an answer that says how little it knows."""
     monkeypatch.setattr(module, "LOOKS", ())
     one = study(CHANCE, {"carriers": [1, 2, 3]}, replace(AMPLE, store=tmp_path / "s.db"))
     assert {row.replications for row in one.table} == {1}
@@ -722,7 +735,8 @@ def test_the_simulator_confirms_the_best_two_on_the_same_seeds(tmp_path):
 
 
 @pytest.mark.soak
-def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_path):
+def test_farthest_first_is_better_than_nearest(tmp_path):
+    """Farthest first is better and longest waiting is as good as nearest."""
     scenario = Scenario(rows=20, pickers=10, carriers=10, picking_speed=0.8, **QUIET)
     scenario = with_changes(scenario, picking={"spread": {"distribution": "gamma", "cv": 0.15}})
     options = replace(AMPLE, within=0.02, workers=2, store=tmp_path / "s.db")
@@ -747,10 +761,11 @@ def test_farthest_first_is_better_and_longest_waiting_is_as_good_as_nearest(tmp_
     assert "worse" not in [row.standing for row in two.table]
 
 
-def test_the_estimate_of_what_is_missing_knows_how_long_the_runs_of_this_study_took(
-    tmp_path, monkeypatch
-):
-    """Workers start, and wait for a busy machine: a run that took no time by itself took 30 s."""
+def test_the_estimate_knows_how_long_runs_took(tmp_path, monkeypatch):
+    """The estimate of what is missing knows how long the runs of this study took.
+
+    Workers start, and wait for a busy machine: a run that took no time by itself took 30 s.
+    """
     now = [1000.0]
     monkeypatch.setattr("orchard.study.replications.time.time", lambda: now[0])
 

@@ -39,7 +39,8 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(tmp_path):
     assert all(result == 2 * item[0] for item, result in done)
 
 
-def test_a_worker_that_dies_between_two_rounds_of_work_is_replaced():
+def test_a_worker_that_dies_between_rounds_is_replaced():
+    """A worker that dies between two rounds of work is replaced."""
     with processes(1) as workers:
         list(workers.do(double, [(1, HERE)], always))
         executor: Any = workers.executor
@@ -129,9 +130,8 @@ def dask_process(module: str, *arguments: object, before: tuple[str, ...] = ()) 
     return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
 
 
-def test_a_scheduler_gives_the_same_table_though_a_worker_dies_and_refuses_a_wrong_clock(
-    tmp_path, monkeypatch
-):
+def test_a_scheduler_gives_the_same_table_after_a_death(tmp_path, monkeypatch):
+    """A scheduler gives the same table though a worker dies and refuses a wrong clock."""
     file = tmp_path / "scheduler.json"
     scenario = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}})
     varied, common = (

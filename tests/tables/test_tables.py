@@ -93,7 +93,8 @@ def whole(tmp_path_factory):
     return folder, local, figures, events, letters, np.array(poses), np.array(twists)
 
 
-def test_each_body_has_a_row_for_each_tick_with_the_same_bits_as_in_the_world(whole):
+def test_each_body_has_a_row_a_tick_with_the_worlds_bits(whole):
+    """Each body has a row for each tick with the same bits as in the world."""
     folder, local, _, _, _, poses, twists = whole
     table, names = pq.read_table(folder / "bodies.parquet"), local.engine.layout.names
     assert table["tick"].to_pylist() == [t for t in range(1, HARVEST_TICKS + 1) for _ in names]
@@ -108,7 +109,8 @@ def test_each_body_has_a_row_for_each_tick_with_the_same_bits_as_in_the_world(wh
         assert stored.tobytes() == known.tobytes()
 
 
-def test_the_measured_poses_have_the_same_bits_as_those_that_agents_observe(tmp_path):
+def test_measured_poses_have_the_bits_that_agents_observe(tmp_path):
+    """The measured poses have the same bits as those that agents observe."""
     local, measured, reckoned = Local(ERRING), [], []
     tables = Tables(tmp_path, local.engine)
     for _ in range(TICKS):
@@ -189,7 +191,8 @@ def test_the_events_and_the_messages_are_those_of_the_run(whole):
     assert msgspec.json.decode(fetch["content"], type=Fetch).lane in (1, 2, 3)
 
 
-def test_an_exchange_lasts_for_the_wait_in_the_summary_and_the_drive_before_it(whole):
+def test_an_exchange_lasts_for_the_wait_and_the_drive_before(whole):
+    """An exchange lasts for the wait in the summary and the drive before it."""
     folder, _, figures, *_ = whole
     found = rows_of(folder, "exchanges")
     supplied = sorted(
@@ -203,7 +206,8 @@ def test_an_exchange_lasts_for_the_wait_in_the_summary_and_the_drive_before_it(w
     assert first["full"] < first["left"] < first["brought"] < first["supplied"] < first["fetched"]
 
 
-def test_each_call_is_followed_from_its_first_message_to_the_carrier(whole):
+def test_each_call_is_followed_from_message_to_carrier(whole):
+    """Each call is followed from its first message to the carrier."""
     found = [row for row in rows_of(whole[0], "calls") if row["fetched"] is not None]
     assert found
     for row in found:
@@ -264,7 +268,8 @@ def test_a_run_that_is_resumed_leaves_each_row_once(
     )
 
 
-def test_a_file_that_a_kill_has_torn_is_no_part_of_the_table_and_goes(tmp_path, undisturbed):
+def test_a_file_torn_by_a_kill_goes(tmp_path, undisturbed):
+    """A file that a kill has torn is no part of the table and goes."""
     local = Local(ERRING)
     tables, torn = run(local, tmp_path, 40), tmp_path / "bodies.parquet" / ".000001.parquet.123.new"
     torn.write_text("half of it")
@@ -276,10 +281,10 @@ def test_a_file_that_a_kill_has_torn_is_no_part_of_the_table_and_goes(tmp_path, 
 
 @settings(max_examples=25)  # each waits for the disk
 @given(st.lists(st.integers(1, 4), max_size=12), st.integers(0, 12), st.integers(1, 9))
-def test_what_is_removed_from_a_growing_table_is_what_comes_again(
-    tmp_path_factory, steps, until, most
-):
-    """Steps of some ticks are written one after another; then all from a tick on are
+def test_what_is_removed_from_a_growing_table_comes_again(tmp_path_factory, steps, until, most):
+    """What is removed from a growing table is what comes again.
+
+    Steps of some ticks are written one after another; then all from a tick on are
     written again.
     """
     folder = tmp_path_factory.mktemp("growing") / "events.parquet"
@@ -302,7 +307,8 @@ def test_what_is_removed_from_a_growing_table_is_what_comes_again(
     assert [row["tick"] for row in pq.read_table(folder).to_pylist()] == [row[0] for row in rows]
 
 
-def test_a_run_that_ends_before_its_first_tick_leaves_empty_tables(tmp_path):
+def test_a_run_that_ends_before_its_first_tick_has_empty_tables(tmp_path):
+    """A run that ends before its first tick leaves empty tables."""
     run(Local(SMALL), tmp_path, 0).close()
     assert [len(table) for table in read(tmp_path).values()] == [0] * len(ALL)
     assert complete(tmp_path, {"ticks": 0, "scenario": {}}) == []
@@ -344,7 +350,8 @@ def test_files_of_a_user_beside_the_rows_of_a_table_stay(tmp_path):
     assert last_tick(tmp_path) == 30
 
 
-def test_physics_that_is_started_by_hand_does_not_replace_tables_either(tmp_path):
+def test_physics_started_by_hand_replaces_no_tables(tmp_path):
+    """Physics that is started by hand does not replace tables either."""
     run(Local(SMALL), tmp_path, 5).close()
     done = python("-m", "orchard.processes.physics", "--table", tmp_path, code=2)
     assert "tables of a run are there, and are not replaced" in done.stderr
@@ -375,7 +382,8 @@ def test_a_folder_that_can_only_be_read_is_told_in_words(tmp_path, monkeypatch, 
     assert capsys.readouterr().err == f"{tmp_path}/new: {why}\n"
 
 
-def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_resumed(tmp_path):
+def test_tables_that_do_not_fit_a_resumed_run_are_refused(tmp_path):
+    """Tables of another run or with missing rows are refused when a run is resumed."""
     run(Local(SMALL), tmp_path, 5).close()
     check_folder(tmp_path, SMALL, 5)
     with pytest.raises(
@@ -402,7 +410,8 @@ def test_tables_of_another_run_or_with_missing_rows_are_refused_when_a_run_is_re
         check_folder(tmp_path, SMALL, 5)
 
 
-def test_a_disk_that_becomes_full_is_logged_once_and_told_at_the_end(tmp_path, monkeypatch, caplog):
+def test_a_full_disk_is_logged_once_and_told_at_the_end(tmp_path, monkeypatch, caplog):
+    """A disk that becomes full is logged once and told at the end."""
     local, tables = Local(SMALL), None
     tables = run(local, tmp_path, 5)
     tables.flush()
@@ -498,7 +507,9 @@ def test_a_carrier_that_does_not_come_is_followed_by_the_next():
     assert tuple(open_.values()) == ("bin_01", None, 2, "west", 3, 2, "carrier_01", 25, None, None)
 
 
-def test_a_picker_that_couples_its_full_bin_anew_has_no_empty_one_yet():
+def test_a_picker_that_couples_its_full_bin_has_no_empty_one():
+    """A picker that couples its full bin anew has no empty one yet."""
+
     def event(tick, what, who, whom, detail=None):
         return {"tick": tick, "what": what, "who": who, "whom": whom, "detail": detail}
 
@@ -509,14 +520,14 @@ def test_a_picker_that_couples_its_full_bin_anew_has_no_empty_one_yet():
     assert (exchange["empty_bin"], exchange["supplied"]) == ("bin_02", 120)
 
 
-def test_tables_that_begin_in_the_middle_of_an_exchange_have_no_false_rows():
+def test_tables_from_the_middle_have_no_false_rows():
+    """Tables that begin in the middle of an exchange have no false rows."""
     coupled = {"tick": 90, "what": "coupled", "who": "picker_02", "whom": "bin_01", "detail": None}
     assert exchanges([coupled, {**coupled, "what": "unloaded", "who": "bin_09"}]) == []
 
 
-def test_a_stopped_robot_is_stopped_in_the_rows_and_says_again_what_it_said_after_the_reset(
-    tmp_path,
-):
+def test_a_stopped_robot_is_stopped_in_the_rows(tmp_path):
+    """A stopped robot is stopped in the rows and says again what it said after the reset."""
     local = Local(SMALL)
     tables = run(local, tmp_path, 3)
     local.engine.stop(["picker_01"])

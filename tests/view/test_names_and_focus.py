@@ -25,9 +25,8 @@ from orchard.view.talk import gathered, level_of, line_of
     ("size", "named"),
     [({"rows": 20, "pickers": 20}, 35), ({"rows": 100, "pickers": 50, "carriers": 100}, 65)],
 )
-def test_no_name_on_the_plan_covers_another_where_there_is_no_room_it_is_left_out(
-    size: dict, named: int, tmp_path: Path
-) -> None:
+def test_no_name_on_the_plan_covers_another(size: dict, named: int, tmp_path: Path) -> None:
+    """No name on the plan covers another where there is no room it is left out."""
     layout = lay_out(Scenario(**size))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
@@ -70,8 +69,11 @@ def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: P
 @pytest.mark.parametrize(
     ("robot", "glides"), [("picker_02", True), ("carrier_01", False)], ids=["near", "far"]
 )
-def test_the_camera_glides_to_an_exchange_or_cuts_to_one_that_is_far(robot, glides, layout) -> None:
-    """It stays with a robot for a while first."""
+def test_the_camera_glides_near_and_cuts_far(robot, glides, layout) -> None:
+    """The camera glides to an exchange or cuts to one that is far.
+
+    It stays with a robot for a while first.
+    """
     focus, poses = Focus(layout), starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
     assert focus.follow(Frame(0, poses, states=states))[:2] == pytest.approx(
@@ -102,7 +104,8 @@ def test_the_camera_is_near_a_robot_at_any_time(layout: Layout, recording: Path)
 
 
 @pytest.mark.parametrize("rows", [5, 20])
-def test_a_page_gets_the_spaces_and_the_plan_alone_the_work_first(rows: int) -> None:
+def test_a_page_gets_spaces_and_the_plan_alone_work_first(rows: int) -> None:
+    """A page gets the spaces and the plan alone the work first."""
     spaces, plan = for_page(lay_out(Scenario(rows=rows))).root_container.contents
     assert (spaces.contents[0].name, plan.name) == ("At work", "Plan")
 
@@ -119,7 +122,8 @@ def test_events_read_like_sentences() -> None:
     assert (level_of("claim"), level_of("call"), level_of("collision")) == ("DEBUG", "INFO", "WARN")
 
 
-def test_what_is_asked_of_many_and_answered_by_many_is_one_line_each() -> None:
+def test_many_questions_and_answers_are_one_line_each() -> None:
+    """What is asked of many and answered by many is one line each."""
     carriers = [f"carrier_{i:02d}" for i in range(1, 6)]
     calls = [Event(0, "Call", "bin_01", carrier, "who is free? row 1") for carrier in carriers]
     offers = [
@@ -180,7 +184,8 @@ def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_model_of_a_body_fills_its_size_and_no_more_and_has_its_colour(kind):
+def test_the_model_of_a_body_fills_its_size_in_its_colour(kind):
+    """The model of a body fills its size and no more and has its colour."""
     (places, colours), size = vertices(kind), KINDS[kind]
     assert places.min(axis=0) == pytest.approx([-size.length / 2, -size.width / 2, 0.0], abs=1e-4)
     assert places.max(axis=0) == pytest.approx(

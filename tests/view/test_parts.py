@@ -115,7 +115,8 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     assert ("/canopy/fruit/row_01", "Points3D:positions") in then.keys() - seen.keys()
 
 
-def test_a_recorder_for_which_frames_wait_records_the_same_in_fewer_pieces(tmp_path):
+def test_a_recorder_behind_records_the_same_in_fewer_pieces(tmp_path):
+    """A recorder for which frames wait records the same in fewer pieces."""
     frames_ = course(range(701))
     apart, together, torn = (
         recording_of(tmp_path / "apart.rrd", LAYOUT, frames_),

@@ -53,7 +53,8 @@ def test_without_the_variable_it_is_the_one_of_the_package(monkeypatch):
     assert "rerun" in done.stdout
 
 
-def test_a_recording_is_packed_by_the_one_that_the_variable_names(stand_in, tmp_path):
+def test_a_recording_is_packed_by_the_program_of_the_variable(stand_in, tmp_path):
+    """A recording is packed by the one that the variable names."""
     recording = tmp_path / "run.rrd"
     recording.write_text("loose")
     optimize(recording)
@@ -132,9 +133,8 @@ def test_a_variable_that_names_no_program_is_told_at_once(monkeypatch, tmp_path,
     [("view",), ("--mode", "local", "--duration", 1, "--view", "--record")],
     ids=["view", "a run"],
 )
-def test_without_a_screen_it_says_so_at_once_and_offers_a_browser(
-    stand_in, monkeypatch, tmp_path, words
-):
+def test_without_a_screen_a_browser_is_offered_at_once(stand_in, monkeypatch, tmp_path, words):
+    """Without a screen it says so at once and offers a browser."""
     monkeypatch.delenv("DISPLAY")
     recording = tmp_path / "run.rrd"
     recording.write_bytes(HEAD)
@@ -154,9 +154,8 @@ ASKED = [
 
 
 @pytest.mark.parametrize(("path", "headers", "answers"), ASKED)
-def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(
-    stand_in, tmp_path, path, headers, answers
-):
+def test_a_recording_is_read_on_this_machine_only(stand_in, tmp_path, path, headers, answers):
+    """A recording is read whole on this machine only and nothing beside it."""
     stand_in.write_text(f"#!{sys.executable}\nimport time\ntime.sleep({PATIENCE})\n")
     for name in ("a run.rrd", "a run.part2.rrd", "other.rrd"):
         (tmp_path / name).write_text(name)
@@ -172,9 +171,8 @@ def test_a_recording_is_read_whole_on_this_machine_only_and_nothing_beside_it(
         server.terminate()
 
 
-def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fails_is_named(
-    stand_in, monkeypatch, tmp_path
-):
+def test_a_recording_is_served_over_ssh_too(stand_in, monkeypatch, tmp_path):
+    """A recording beside the user is served over SSH too and a server that fails is named."""
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
     monkeypatch.delenv("DISPLAY")
     port = free_pair()
@@ -191,7 +189,8 @@ def test_a_recording_beside_the_user_is_served_over_ssh_too_and_a_server_that_fa
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 @pytest.mark.parametrize("how", ["--view", "--web"])
-def test_a_viewer_that_dies_during_a_run_is_named_with_its_exit_code(stand_in, mode, how):
+def test_a_viewer_that_dies_is_named_with_its_exit_code(stand_in, mode, how):
+    """A viewer that dies during a run is named with its exit code."""
     stand_in.write_text(f"#!{sys.executable}\nraise SystemExit(3)\n")
     port = [free_pair()] if how == "--web" else []
     done = orchard(

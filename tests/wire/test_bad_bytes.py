@@ -190,7 +190,8 @@ class Thrower:
         self.by_key["tokens and wildcards"] += 9
 
 
-def test_a_run_under_a_rain_of_bad_messages_is_the_same_to_the_last_bit(other, caplog):
+def test_a_rain_of_bad_messages_changes_no_bit(other, caplog):
+    """A run under a rain of bad messages is the same to the last bit."""
     caplog.set_level(logging.WARNING)
     run = Run(SMALL, RUN, TICKS)
     thrower = Thrower(run, other, 40_000)
@@ -322,10 +323,10 @@ def test_a_query_with_wildcards_moves_nothing(fleet):
     assert fleet.end() == local_hash(SMALL, 60)
 
 
-def test_a_payload_that_ends_with_other_messages_is_refused_unless_only_its_last_value_is_torn(
-    other,
-):
-    """Zenoh delivers such payloads when it closes a full link.
+def test_a_payload_that_ends_with_others_is_refused(other):
+    """A payload that ends with other messages is refused unless only its last value is torn.
+
+    Zenoh delivers such payloads when it closes a full link.
 
     What agents are shown, and what they answer, is never one of them.
     """

@@ -148,7 +148,8 @@ def test_arrays_that_do_not_fit_are_refused(change):
         codec.observations_of(msgspec.structs.replace(seen_message(), **change))
 
 
-def test_a_beam_too_many_of_the_one_does_not_make_up_for_one_too_few_of_the_other():
+def test_a_beam_too_many_does_not_make_up_for_one_too_few():
+    """A beam too many of the one does not make up for one too few of the other."""
     behind = {
         "picker_01": wire.OtherSeen("bin_01", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), bytes(4 * 61))
     }
@@ -212,7 +213,8 @@ def test_letters_arrive_as_they_were(body):
 GOOD = {"run": RUN, "tick": 1, "linear": {"x": 1}, "angular": {"z": 0}}
 
 
-def test_a_whole_number_is_a_velocity_and_what_is_optional_may_be_left_out():
+def test_a_whole_number_is_a_velocity():
+    """A whole number is a velocity and what is optional may be left out."""
     assert twist_of(read(msgpack.packb(GOOD), Velocity)) == Twist(1.0)
 
 
@@ -260,7 +262,8 @@ def test_what_is_too_big_is_not_even_read():
         read_message(bytes(MAX_PAYLOAD + 1), Velocity, RUN)
 
 
-def test_a_session_gets_the_memories_of_all_its_agents_however_many_there_are():
+def test_a_session_gets_the_memories_of_all_its_agents():
+    """A session gets the memories of all its agents however many there are."""
     joined = wire.Joined(RUN, 3, {f"bin_{i:03d}": bytes(LARGEST_MEMORY) for i in range(500)}, {})
     assert read_message(pack(joined), wire.Joined, RUN) == joined
 

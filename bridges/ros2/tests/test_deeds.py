@@ -51,7 +51,8 @@ def test_a_deed_waits_until_robot_and_bin_stand():
     assert uncouple.deeds(pose(hitch={"name": "bin_01", **pose()})) == [{"type": "uncouple"}]
 
 
-def test_it_is_done_when_the_bar_shows_it_and_given_up_in_the_end():
+def test_a_deed_is_done_when_the_bar_shows_it():
+    """It is done when the bar shows it and given up in the end."""
     couple, uncouple = (
         Handling("picker_01", COUPLE, "bin_01", 7),
         Handling("picker_01", UNCOUPLE, "", 7),

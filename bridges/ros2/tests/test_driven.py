@@ -65,7 +65,8 @@ def test_the_robot_drives_as_it_is_told(run):
     )
 
 
-def test_a_velocity_is_limited_to_what_the_robot_can_do_and_none_at_all_is_ignored(run):
+def test_a_velocity_is_limited_to_what_the_robot_can_do(run):
+    """A velocity is limited to what the robot can do and none at all is ignored."""
     message = TwistStamped()
 
     def told(forward, then):
@@ -206,7 +207,8 @@ def test_a_robot_leaves_its_bin_and_takes_it_again(run):
     assert (again.success, again.message) == (True, "picker_01: coupled bin_01")
 
 
-def test_a_bin_out_of_reach_is_not_coupled_and_the_reason_is_told(run):
+def test_a_bin_out_of_reach_is_refused_with_the_reason(run):
+    """A bin out of reach is not coupled and the reason is told."""
     assert run.user.call("picker_01/uncouple", Trigger).success
     begin = run.odom[-1].pose.pose.position.x
     run.user.until(lambda: run.odom[-1].pose.pose.position.x > begin + 0.5 or order(run, 0.5))

@@ -87,8 +87,11 @@ def test_odometry_is_smooth_and_drifts(run):
     assert scales[0] != 1.0 and scales == pytest.approx([scales[0]] * len(scales))
 
 
-def test_only_erring_scenarios_and_the_parameter_have_these_topics(run):
-    """The bins and carriers are not among the robots that ROS sees here."""
+def test_only_erring_scenarios_have_these_topics(run):
+    """Only erring scenarios and the parameter have these topics.
+
+    The bins and carriers are not among the robots that ROS sees here.
+    """
     names = {name for name, _ in run.user.node.get_topic_names_and_types()}
     assert {name for name in names if name.endswith(("/pose", "/ground_truth"))} == {
         "/picker_01/pose",

@@ -47,8 +47,11 @@ def test_the_commands_and_the_node_drive_the_robot(tmp_path):
     assert "m ahead" in (tmp_path / "node.log").read_text()
 
 
-def test_the_package_is_installed_with_its_command_its_launch_file_and_its_picture(tmp_path):
-    """As in the block `install`, but without the environment."""
+def test_the_package_installs_command_launch_file_and_picture(tmp_path):
+    """The package is installed with its command its launch file and its picture.
+
+    As in the block `install`, but without the environment.
+    """
     (command,) = [line for line in block("ros2 install").splitlines() if "pip install" in line]
     shutil.copytree(FOLDER, tmp_path / "bridges" / "ros2")
     words = [
@@ -69,8 +72,10 @@ def test_the_package_is_installed_with_its_command_its_launch_file_and_its_pictu
     ).exists()
 
 
-def test_the_launch_file_gives_the_bridge_parameters_that_it_takes(tmp_path):
-    """`launch` has no wheel, so the file is read and not run: the bridge is started with its
+def test_the_launch_file_gives_parameters_that_the_bridge_takes(tmp_path):
+    """The launch file gives the bridge parameters that it takes.
+
+    `launch` has no wheel, so the file is read and not run: the bridge is started with its
     defaults, as the file writes them.
     """
     text = (FOLDER / "launch" / "orchard.launch.py").read_text()

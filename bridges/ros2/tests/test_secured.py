@@ -85,8 +85,11 @@ def test_it_pauses_the_run_and_resets_it_and_drives_on(run):
     drives(run, 0.25)
 
 
-def test_one_that_claims_more_than_its_role_moves_nothing_and_controls_nothing(run):
-    """Its own files say that it may; the run's router says no."""
+def test_a_claim_beyond_its_role_moves_and_controls_nothing(run):
+    """One that claims more than its role moves nothing and controls nothing.
+
+    Its own files say that it may; the run's router says no.
+    """
     forged = shutil.copytree(run.roles / "looker", run.folder / "forged")
     claimed = json.loads((forged / "role.json").read_text()) | {
         "names": ["picker_01"],

@@ -35,7 +35,8 @@ def finishes(fleet):
     return True
 
 
-def test_a_vehicle_whose_line_is_cut_drives_to_the_end_of_its_base_and_goes_on_when_it_is_mended():
+def test_a_vehicle_cut_off_stops_at_its_base_and_then_goes_on():
+    """A vehicle whose line is cut drives to the end of its base and goes on when it is mended."""
     fleet, name = begun(patience=1000.0)
     base = [node["nodeId"] for node in fleet.state(name)["nodeStates"] if node["released"]]
     fleet.wires[name].is_up = False
@@ -58,7 +59,8 @@ def test_an_order_that_is_lost_is_sent_again():
     fleet.until(lambda: len(lost) == 3 and fleet.master.finished)
 
 
-def test_an_update_after_one_that_is_lost_is_rejected_and_the_vehicle_stays_within_its_base():
+def test_an_update_after_a_lost_one_is_rejected():
+    """An update after one that is lost is rejected and the vehicle stays within its base."""
     fleet, name = begun(released=2)
     fleet.has_master = False
     job = fleet.master.jobs[name]
@@ -74,8 +76,10 @@ def test_an_update_after_one_that_is_lost_is_rejected_and_the_vehicle_stays_with
 
 
 @pytest.mark.parametrize("after", ["out", "stop", "turn", "bay"])
-def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_others_finish(after):
-    """Its fleet control vanishes on the way out, at the picker, with a promise to take a full bin,
+def test_a_vehicle_left_alone_on_the_roads_goes_home(after):
+    """A vehicle that is left alone on the roads goes home by itself and the others finish.
+
+    Its fleet control vanishes on the way out, at the picker, with a promise to take a full bin,
     and with one on its bar.
     """
     fleet, name = begun(released=1)
@@ -103,8 +107,10 @@ def test_a_vehicle_that_is_left_alone_on_the_roads_goes_home_by_itself_and_the_o
 
 
 @pytest.mark.parametrize("patience", [60.0, 300.0])
-def test_a_vehicle_that_is_left_alone_beside_a_picker_hands_its_bin_over(patience):
-    """Its order is cancelled on the last metres, and then its fleet control vanishes.
+def test_a_vehicle_left_alone_beside_a_picker_hands_over(patience):
+    """A vehicle that is left alone beside a picker hands its bin over.
+
+    Its order is cancelled on the last metres, and then its fleet control vanishes.
 
     With the bin it could not turn beside the picker.
 
@@ -162,7 +168,8 @@ def test_a_picker_that_is_left_alone_clears_the_roads(where, has_bin):
     assert finishes(fleet)
 
 
-def test_a_picker_waits_for_its_empty_bin_and_says_what_it_cannot_do():
+def test_a_picker_waits_for_its_bin_and_says_what_it_cannot_do():
+    """A picker waits for its empty bin and says what it cannot do."""
     fleet, name = Fleet(SMALL, ["picker"]), "picker_01"
     fleet.has_master = False
     fleet.tick()
@@ -184,8 +191,10 @@ def test_a_picker_waits_for_its_empty_bin_and_says_what_it_cannot_do():
 
 
 @pytest.mark.parametrize("route", ["two-way", "one-way"])
-def test_a_vehicle_that_is_ordered_on_where_it_cannot_turn_serves_the_picker_beside_it(route):
-    """It was sent to the stop without an action.
+def test_a_vehicle_that_cannot_turn_there_serves_the_picker(route):
+    """A vehicle that is ordered on where it cannot turn serves the picker beside it.
+
+    It was sent to the stop without an action.
 
     The full bin has sent for the vehicle behind it.
     """
@@ -216,7 +225,8 @@ def all_done(fleet, name, node, job):
     return kind is None or actions.get(f"{job['order']} {kind[0]}") == "FINISHED"
 
 
-def test_a_vehicle_that_drives_home_by_itself_says_so_and_takes_no_order():
+def test_a_vehicle_that_drives_home_says_so_and_takes_no_order():
+    """A vehicle that drives home by itself says so and takes no order."""
     fleet, name = begun(released=1)
     fleet.has_master = False
     fleet.until(lambda: fleet.state(name)["operatingMode"] == "MANUAL")
@@ -232,7 +242,8 @@ def test_a_vehicle_that_drives_home_by_itself_says_so_and_takes_no_order():
     )
 
 
-def test_a_bin_that_another_carrier_fetches_fails_the_action_and_the_order_can_be_cancelled():
+def test_a_bin_that_another_carrier_fetches_fails_the_action():
+    """A bin that another carrier fetches fails the action and the order can be cancelled."""
     fleet, name = begun(released=99)
     other = next(one for one in fleet.wires if one != name)
     fleet.master.begin(other, fleet.master.jobs[name]["call"])

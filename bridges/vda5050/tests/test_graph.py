@@ -24,7 +24,8 @@ def graph(request):
     return graph_of(layout, Carrier(layout, "carrier_01").route)
 
 
-def test_every_node_has_a_way_to_the_bay_and_to_every_line_of_the_queue(graph):
+def test_every_node_has_a_way_to_the_bay_and_to_every_line(graph):
+    """Every node has a way to the bay and to every line of the queue."""
     for name in graph.nodes:
         assert (graph.way(name, [BAY]) or [name])[-1] == BAY
         for line in graph.lines:

@@ -49,7 +49,8 @@ def harvested(fleet):
     ],
     ids=str,
 )
-def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scenario, released):
+def test_a_fleet_control_drives_all_carriers_to_the_end(scenario, released):
+    """A fleet control drives all carriers until the harvest has finished."""
     fleet = checked(Fleet(scenario, released=released, timing=Timing(visualization=5.0)))
     assert harvested(fleet) == []
     done = [e for name in fleet.wires for e in fleet.state(name)["errors"]]
@@ -75,7 +76,8 @@ def test_a_fleet_control_drives_all_carriers_until_the_harvest_has_finished(scen
     ],
     ids=str,
 )
-def test_a_fleet_control_drives_pickers_until_the_harvest_has_finished(scenario, names):
+def test_a_fleet_control_drives_pickers_to_the_end(scenario, names):
+    """A fleet control drives pickers until the harvest has finished."""
     fleet = checked(Fleet(scenario, names))
     assert harvested(fleet) == []
     assert [error for name in fleet.wires for error in fleet.state(name)["errors"]] == []
@@ -86,7 +88,8 @@ def test_a_fleet_control_drives_pickers_until_the_harvest_has_finished(scenario,
     )
 
 
-def test_a_picker_picks_a_row_and_changes_bins_by_one_order_that_is_released_step_by_step():
+def test_a_picker_picks_a_row_by_one_order_released_in_steps():
+    """A picker picks a row and changes bins by one order that is released step by step."""
     fleet, name = checked(Fleet(SMALL, ["picker_01"], released=1)), "picker_01"
     fleet.has_master = False
     fleet.tick()
@@ -127,7 +130,8 @@ def test_a_picker_picks_a_row_and_changes_bins_by_one_order_that_is_released_ste
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_some_carriers_are_driven_by_a_fleet_control_and_the_others_by_their_own_agents(dispatch):
+def test_own_agents_drive_the_carriers_left_by_fleet_control(dispatch):
+    """Some carriers are driven by a fleet control and the others by their own agents."""
     fleet = Fleet(SMALL | {"carriers": 3, "dispatch": dispatch}, names=["carrier_01"])
     assert harvested(fleet) == []
     assert fleet.master.finished and len(fleet.master.finished) < fleet.run.engine.layout.bins

@@ -33,7 +33,8 @@ def test_a_vehicle_that_is_paused_stands_and_goes_on():
     fleet.until(lambda: status(fleet, name, resume) == "FINISHED" and fleet.state(name)["driving"])
 
 
-def test_a_cancelled_order_ends_at_the_next_node_and_a_new_one_begins_there():
+def test_a_cancelled_order_ends_at_the_next_node():
+    """A cancelled order ends at the next node and a new one begins there."""
     fleet, name = begun()
     fleet.has_master = False
     fleet.until(lambda: fleet.state(name)["distanceSinceLastNode"] > 1.0)
@@ -76,7 +77,8 @@ def test_what_a_vehicle_cannot_do_fails_and_is_said(kind, parameters, error):
     )
 
 
-def test_that_there_is_no_order_to_cancel_is_said_until_a_new_one_is_taken():
+def test_nothing_to_cancel_is_said_until_a_new_order_is_taken():
+    """That there is no order to cancel is said until a new one is taken."""
     fleet, name = Fleet(SMALL), "carrier_01"
     fleet.has_master = False
     fleet.tick()
@@ -93,7 +95,8 @@ def test_that_there_is_no_order_to_cancel_is_said_until_a_new_one_is_taken():
     assert fleet.state(name)["errors"] == []
 
 
-def test_a_cancelling_that_comes_twice_has_one_state_and_is_no_error():
+def test_a_repeated_cancelling_has_one_state_and_is_no_error():
+    """A cancelling that comes twice has one state and is no error."""
     fleet, name = begun()
     fleet.has_master = False
     cancel = {"actionType": "cancelOrder", "actionId": "a", "blockingType": "HARD"}
@@ -118,7 +121,8 @@ def test_each_instant_action_has_one_state():
     assert (state["actionType"], state["actionStatus"]) == ("startPause", "FINISHED")
 
 
-def test_a_factsheet_is_sent_on_request_and_finished_instant_actions_are_forgotten():
+def test_a_factsheet_is_sent_on_request():
+    """A factsheet is sent on request and finished instant actions are forgotten."""
     fleet, name = begun()
     request = fleet.master.instant(name, "factsheetRequest")
     fleet.until(lambda: status(fleet, name, request) == "FINISHED")
@@ -148,8 +152,11 @@ def test_what_is_no_instant_action_is_said(payload):
 
 
 @pytest.mark.parametrize("holds", [Lookahead, IgnoredHolds])
-def test_a_vehicle_to_which_nothing_happens_sends_a_state_each_second(holds):
-    """In real time it is asked at every tick."""
+def test_an_idle_vehicle_sends_a_state_each_second(holds):
+    """A vehicle to which nothing happens sends a state each second.
+
+    In real time it is asked at every tick.
+    """
     fleet = Fleet(SMALL, holds=holds)
     for _ in range(101):
         fleet.tick()
@@ -159,7 +166,8 @@ def test_a_vehicle_to_which_nothing_happens_sends_a_state_each_second(holds):
     ]
 
 
-def test_a_vehicle_to_which_nothing_happens_is_asked_once_a_second():
+def test_an_idle_vehicle_is_asked_once_a_second():
+    """A vehicle to which nothing happens is asked once a second."""
     fleet = Fleet(SMALL, names=["picker", "carrier"])
     fleet.has_master, asked = False, []
     for _ in range(100):
@@ -213,7 +221,8 @@ def noise(seed, length):
     ],
     ids=["order", "type", "id", "order of another", "actions of another"],
 )
-def test_what_a_vehicle_cannot_keep_or_is_for_another_one_is_rejected_in_few_words(topic, message):
+def test_an_impossible_or_foreign_action_is_rejected_briefly(topic, message):
+    """What a vehicle cannot keep or is for another one is rejected in few words."""
     fleet, name = Fleet(SMALL), "carrier_01"
     fleet.has_master = False
     fleet.tick()
@@ -224,7 +233,8 @@ def test_what_a_vehicle_cannot_keep_or_is_for_another_one_is_rejected_in_few_wor
     ) < 3000
 
 
-def test_the_names_of_many_instant_actions_are_kept_while_they_fit():
+def test_names_of_instant_actions_are_kept_while_they_fit():
+    """The names of many instant actions are kept while they fit."""
     fleet, name = Fleet(SMALL), "carrier_01"
     fleet.has_master = False
     fleet.tick()
@@ -297,8 +307,11 @@ def test_a_vehicle_drops_no_other_bin_than_the_one_that_is_named():
 
 
 @pytest.mark.parametrize("ticks", [1, 2])
-def test_an_order_that_is_cancelled_in_the_queue_leaves_the_vehicle_no_places_of_the_roads(ticks):
-    """Also those that traffic grants only then."""
+def test_an_order_cancelled_in_the_queue_frees_its_places(ticks):
+    """An order that is cancelled in the queue leaves the vehicle no places of the roads.
+
+    Also those that traffic grants only then.
+    """
     fleet, name = Fleet(SMALL | {"route": "one-way"}, holds=IgnoredHolds), "carrier_01"
     fleet.has_master = False
     sent(fleet, name, lambda order: None)

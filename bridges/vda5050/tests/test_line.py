@@ -26,8 +26,10 @@ FLEET = (*CARRIERS, "picker_01", "picker_02")
 KINDS = ("--robots", "carrier", "picker")
 
 
-def test_a_fleet_control_drives_a_harvest_though_the_broker_and_the_bridge_are_killed(tmp_path):
-    """The run is not as fast as it can be: without a broker nothing is done in it, and after 600 s
+def test_a_harvest_survives_kills_of_broker_and_bridge(tmp_path):
+    """A fleet control drives a harvest though the broker and the bridge are killed.
+
+    The run is not as fast as it can be: without a broker nothing is done in it, and after 600 s
     it would be jammed.
     """
     port = free_port()
@@ -117,9 +119,8 @@ def test_a_wrong_setting_is_told_in_words(words, told, capsys, monkeypatch):
         ("tls/127.0.0.1:7447", "tls needs certificates"),
     ],
 )
-def test_a_bridge_does_not_wait_at_an_endpoint_at_which_no_run_can_be(
-    endpoint, told, capsys, monkeypatch
-):
+def test_a_bridge_does_not_wait_where_no_run_can_be(endpoint, told, capsys, monkeypatch):
+    """A bridge does not wait at an endpoint at which no run can be."""
     monkeypatch.setattr("os.environ", dict(os.environ))
     monkeypatch.setattr(command.time, "sleep", lambda _: pytest.fail("it waits"))
     assert command.main(["drive", endpoint]) == 2
@@ -217,8 +218,11 @@ def test_a_broker_that_does_not_answer_is_told_of(told, monkeypatch):
         network.close()
 
 
-def test_what_is_no_broker_keeps_no_other_line_from_fleet_control(tmp_path, told):
-    """It lets the vehicle in, and sends an order whose topic is no text."""
+def test_a_false_broker_keeps_no_other_line_from_fleet_control(tmp_path, told):
+    """What is no broker keeps no other line from fleet control.
+
+    It lets the vehicle in, and sends an order whose topic is no text.
+    """
     port, network = free_port(), Network()
     with (
         server(b"\x20\x02\x00\x00" + b"\x30\x05\x00\x02\xff\xfe{") as address,
@@ -230,7 +234,8 @@ def test_what_is_no_broker_keeps_no_other_line_from_fleet_control(tmp_path, told
         network.close()
 
 
-def test_a_bridge_to_another_run_with_the_same_vehicles_is_told_of(tmp_path, told, monkeypatch):
+def test_a_bridge_to_another_run_with_the_same_vehicles_is_told(tmp_path, told, monkeypatch):
+    """A bridge to another run with the same vehicles is told of."""
     monkeypatch.setattr(lines_to_broker, "AGAIN_SECONDS", 0.1)
     port, networks = free_port(), [Network(), Network()]
     with broker(tmp_path, port):

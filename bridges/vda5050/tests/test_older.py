@@ -57,7 +57,8 @@ def test_a_state_of_2_0_has_no_maps_and_no_positions_of_nodes():
     assert words["agvPosition"] == older("state", state)["agvPosition"]
 
 
-def test_a_fleet_control_of_others_drives_a_vehicle_and_releases_more_of_the_way():
+def test_a_fleet_control_of_others_drives_a_vehicle():
+    """A fleet control of others drives a vehicle and releases more of the way."""
     assert asyncio.run(driven()) == "east/stop/1"
 
 

@@ -255,7 +255,8 @@ def test_an_update_extends_the_base_and_replaces_the_horizon():
     assert [one.action_id for one in updated.actions] == ["action 2"]
 
 
-def test_an_order_that_is_done_goes_on_with_an_update_at_its_last_node():
+def test_an_order_that_is_done_goes_on_with_an_update():
+    """An order that is done goes on with an update at its last node."""
     updated = taken(DONE, order(update=7, first=2))
     assert (updated.last_node, updated.last_sequence, len(updated.nodes)) == (
         WAY[2],
@@ -264,7 +265,8 @@ def test_an_order_that_is_done_goes_on_with_an_update_at_its_last_node():
     )
 
 
-def test_actions_can_be_added_at_the_decision_point_by_a_node_of_the_same_name():
+def test_actions_can_be_added_at_the_decision_point():
+    """Actions can be added at the decision point by a node of the same name."""
     begun = taken(
         OrderState(), changed(changed(order(), ["nodes"], [node(WAY[0], 0)]), ["edges"], [])
     )
@@ -275,7 +277,8 @@ def test_actions_can_be_added_at_the_decision_point_by_a_node_of_the_same_name()
     assert [one.sequence_id for one in taken(begun, again).nodes] == [2]
 
 
-def test_the_first_node_may_allow_a_vehicle_to_stand_further_away():
+def test_the_first_node_may_allow_a_vehicle_further_away():
+    """The first node may allow a vehicle to stand further away."""
     far = START.x - 3.0
     position = {
         "x": START.x,
@@ -290,8 +293,11 @@ def test_the_first_node_may_allow_a_vehicle_to_stand_further_away():
 
 
 @pytest.mark.parametrize(("x", "y"), [(-6.0, 0.0), (0.0, 1.0), (-1.0, 3.0)])
-def test_what_an_order_allows_lets_no_vehicle_drive_off_the_roads(x, y):
-    """It would drive straight on from where it stands, to the side of the edge or from far away."""
+def test_an_allowed_deviation_lets_no_vehicle_off_the_roads(x, y):
+    """What an order allows lets no vehicle drive off the roads.
+
+    It would drive straight on from where it stands, to the side of the edge or from far away.
+    """
     far = {
         "x": START.x,
         "y": START.y,
@@ -329,8 +335,11 @@ def test_a_field_that_must_be_there_may_not_be_null():
 
 
 @pytest.mark.parametrize("field", ["actions", "instantActions"])
-def test_instant_actions_are_read_under_both_names_and_with_nulls(field):
-    """Version 1.1, and software for 2.0 that keeps to it, say `instantActions`."""
+def test_instant_actions_are_read_under_both_names(field):
+    """Instant actions are read under both names and with nulls.
+
+    Version 1.1, and software for 2.0 that keeps to it, say `instantActions`.
+    """
     pause = {"actionType": "startPause", "actionId": "a", "blockingType": "HARD"}
     message = HEADER | {field: [pause | nulls(orders.ActionOrder)]}
     (read,) = orders.read_instant_actions(json.dumps(message).encode()).actions
@@ -366,7 +375,8 @@ TO_STOP = len(WAY) - 1
     ],
 )
 @pytest.mark.parametrize("is_there", [False, True])
-def test_an_update_cannot_change_what_is_done_at_the_last_node_of_the_base(actions, why, is_there):
+def test_an_update_cannot_change_the_last_node_of_the_base(actions, why, is_there):
+    """An update cannot change what is done at the last node of the base."""
     begun = with_actions_at(TO_STOP, [UNLOAD])
     while is_there and begun.nodes:
         orders.arrive(begun)
@@ -385,7 +395,8 @@ def test_an_update_cannot_change_what_is_done_at_the_last_node_of_the_base(actio
 
 @pytest.mark.parametrize("actions", [[], [UNLOAD]])
 @pytest.mark.parametrize("is_done", [False, True])
-def test_an_update_may_repeat_or_leave_out_the_actions_at_its_first_node(actions, is_done):
+def test_an_update_may_repeat_or_omit_actions_at_its_first_node(actions, is_done):
+    """An update may repeat or leave out the actions at its first node."""
     begun = with_actions_at(TO_STOP, [UNLOAD])
     while is_done and begun.nodes:
         orders.arrive(begun)
@@ -407,7 +418,8 @@ def test_an_update_leaves_the_error_with_which_a_vehicle_stands():
     assert [error.error_type for error in updated.errors] == ["ACTION_FAILED", "NODE_UNREACHABLE"]
 
 
-def test_a_cancelled_order_leaves_a_vehicle_that_drives_its_next_node():
+def test_a_cancelled_order_leaves_a_vehicle_its_next_node():
+    """A cancelled order leaves a vehicle that drives its next node."""
     begun = taken(OrderState(), order(released=2, actions=[action()]))
     orders.cancel(begun, is_driving=True)
     assert [one.node_id for one in begun.nodes] == WAY[1:2] and not begun.is_idle

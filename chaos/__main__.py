@@ -54,7 +54,8 @@ def chaos(
     if context.invoked_subcommand is not None:
         return
     is_full = only is None and seconds >= FULL_SECONDS
-    results, begun = Results(seed, date.today().isoformat()), time.monotonic()
+    results = Results(seed, date.today().isoformat())
+    begun = time.monotonic()
     with _progress(seconds + TICKS / 500 * is_full) as progress:
         results.verdicts = soak(
             seed, itertools.count() if only is None else [only], seconds, _shown(progress), _say

@@ -15,7 +15,8 @@ class Disk:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._filler = folder, folder / "filler"
+        self._folder = folder
+        self._filler = folder / "filler"
 
     @property
     def is_there(self) -> bool:

@@ -129,7 +129,8 @@ def _lockstep(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.P
         for tick in _ticks_at(endpoint, ticks):
             say(tick, "lockstep, 2 hosts")
             if tick >= WARM_UP:
-                (physics,), hosts = harvest.processes("physics"), harvest.processes("agents")
+                (physics,) = harvest.processes("physics")
+                hosts = harvest.processes("agents")
                 yield (
                     tick,
                     {"physics": physics} | {f"host {i + 1}": host for i, host in enumerate(hosts)},
@@ -155,7 +156,8 @@ def _ticks_at(endpoint: str, ticks: int) -> Iterator[int]:
 
 
 def _local(say: Say, ticks: int) -> Iterator[tuple[int, Mapping[str, psutil.Process]]]:
-    local, here = Local(LONG), psutil.Process()
+    local = Local(LONG)
+    here = psutil.Process()
     for tick in range(1, ticks + 1):
         local.tick()
         if tick % EVERY == 0:

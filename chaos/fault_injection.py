@@ -84,7 +84,9 @@ class FaultInjector:
 
     def __init__(self, trial: Trial, harvest: Harvest, network: Network, bus: Bus) -> None:
         """`bus`: a session that is connected without the relay and subscribed to the clock."""
-        self._harvest, self._network, self._bus = harvest, network, bus
+        self._harvest = harvest
+        self._network = network
+        self._bus = bus
         self._pending = list(trial.faults)
         self._ends: list[
             tuple[float, int, Callable[[], object]]

@@ -81,7 +81,8 @@ def invalid_message(random: Random, samples: list[Sample], run: str) -> tuple[st
 
 def _received(bus: Bus) -> list[Sample]:
     bus.subscribe(f"{Keys().prefix}/**")
-    deadline, samples = time.monotonic() + LISTENS, []
+    deadline = time.monotonic() + LISTENS
+    samples = []
     while (left := deadline - time.monotonic()) > 0.0:
         if isinstance(item := bus.inbox.take(left), Sample):
             samples.append(item)

@@ -40,12 +40,12 @@ class Harvest:
 
         `has_disk`: whether its folder shall be a disk of its own.
         """
-        self.log, self._summary, self._folder = (
-            FOLDER / f"{name}.log",
-            FOLDER / f"{name}.json",
-            FOLDER / name,
-        )
-        self._scenario, self._arguments, self._has_disk = scenario, arguments, has_disk
+        self.log = FOLDER / f"{name}.log"
+        self._summary = FOLDER / f"{name}.json"
+        self._folder = FOLDER / name
+        self._scenario = scenario
+        self._arguments = arguments
+        self._has_disk = has_disk
         self.disk = Disk(self._folder)
         self._kernels = self._folder / "kernels"
 

@@ -42,7 +42,8 @@ class Relay:
     """
 
     def __init__(self, target: int) -> None:
-        self.port, self._target = free_port(), target
+        self.port = free_port()
+        self._target = target
         self._loop = asyncio.new_event_loop()
         self._links: list[_Link] = []
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)

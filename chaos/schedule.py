@@ -9,12 +9,27 @@ from typing import NamedTuple
 
 from orchard.field.scenario import TIME_STEP
 
-PHYSICS, HOST, LOGGER, ROUTER, ALL = "physics", "agents", "logger", "router", "all processes"
-RUN_PY, NOTHING = "run.py", ""
-LINK, LINKS = "a link", "all links"
-KILL, TERMINATE, INTERRUPT, FREEZE = "kill", "terminate", "interrupt", "freeze"
-CUT, STALL, DELAY, BYTES = "cut", "stall", "delay", "bad bytes"
-FULL, TORN, PORT, MISTAKES = "disk full", "cache torn", "port taken", "own agent's mistakes"
+PHYSICS = "physics"
+HOST = "agents"
+LOGGER = "logger"
+ROUTER = "router"
+ALL = "all processes"
+RUN_PY = "run.py"
+NOTHING = ""
+LINK = "a link"
+LINKS = "all links"
+KILL = "kill"
+TERMINATE = "terminate"
+INTERRUPT = "interrupt"
+FREEZE = "freeze"
+CUT = "cut"
+STALL = "stall"
+DELAY = "delay"
+BYTES = "bad bytes"
+FULL = "disk full"
+TORN = "cache torn"
+PORT = "port taken"
+MISTAKES = "own agent's mistakes"
 MORTAL = (KILL, TERMINATE, INTERRUPT, FREEZE)  # kinds that may end a process
 DEATHS_OF_PHYSICS = {TORN: 1, PORT: 4}  # it dies, and then as often as its port is taken
 LASTS = {
@@ -28,10 +43,9 @@ ROUTER_AWAY = (0.2, 3.0)  # s, from the death of the router until it is started 
 # Of one process in a run; run.py gives up after five deaths in a row, and it may also kill a frozen
 # process.
 MOST_DEATHS = 4
-FIRST, LAST = (
-    0.05,
-    0.85,
-)  # shares of a run; no fault lies before or after, so that each recovery is seen
+# Shares of a run. No fault lies before the first or after the last, so that each recovery is seen.
+FIRST = 0.05
+LAST = 0.85
 WHOLE_HARVEST = 5000  # ticks; a harvest of 3 rows takes at least 5,500
 SECONDS = (60, 120, 180, 300)  # simulated s, of a run that is not a whole harvest
 SEEDS = 4  # scenario seeds; few, so that few local runs give all the hashes
@@ -155,13 +169,12 @@ def _faults(
             if is_simultaneous
             else random.randint(round(FIRST * ticks), round(LAST * ticks))
         )
-        seconds = (
-            random.uniform(*ROUTER_AWAY)
-            if target == ROUTER
-            else random.uniform(*LASTS[kind])
-            if kind in LASTS
-            else 0.0
-        )
+        if target == ROUTER:
+            seconds = random.uniform(*ROUTER_AWAY)
+        elif kind in LASTS:
+            seconds = random.uniform(*LASTS[kind])
+        else:
+            seconds = 0.0
         faults.append(Fault(tick, kind, target, round(seconds, 2), random.randrange(2**32)))
         if most_deaths(faults) > MOST_DEATHS:
             faults.pop()

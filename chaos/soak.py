@@ -24,7 +24,9 @@ def soak(
 
     `show` gets the elapsed seconds and the trial before each run; `say` gets a line after each run.
     """
-    baseline, begun, verdicts = Baseline(), time.monotonic(), []
+    baseline = Baseline()
+    begun = time.monotonic()
+    verdicts = []
     for number in numbers:
         if (elapsed := time.monotonic() - begun) >= seconds:
             break
@@ -46,10 +48,8 @@ def _expected(this: Trial, baseline: Baseline) -> Result | None:
 
 def _run(this: Trial, expected: Result | None, say: Say) -> Verdict:
     with Network(this.is_routed) as network:
-        name, has_disk = (
-            f"seed-{this.seed}-run-{this.number}",
-            any(fault.kind == FULL for fault in this.faults),
-        )
+        name = f"seed-{this.seed}-run-{this.number}"
+        has_disk = any(fault.kind == FULL for fault in this.faults)
         with Harvest(
             scenario(this.orchard, this.is_mistaken),
             [*_arguments(this), *network.arguments],

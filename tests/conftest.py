@@ -54,14 +54,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Let one worker begin with the tests of the page, and the next with those that wait for
     processes: the others compute meanwhile.
     """
-    of_page, waiting, others = list[pytest.Item](), list[pytest.Item](), list[pytest.Item]()
+    of_page = list[pytest.Item]()
+    waiting = list[pytest.Item]()
+    others = list[pytest.Item]()
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
         waits = "battered" in fixtures or item.get_closest_marker("processes")
-        (of_page if "chromium" in fixtures else waiting if waits else others).append(item)
-    share = (
-        len(items) // getattr(config, "workerinput", {"workercount": 1})["workercount"]
-    )  # of a worker; what is left is stolen
+        if "chromium" in fixtures:
+            of_page.append(item)
+        elif waits:
+            waiting.append(item)
+        else:
+            others.append(item)
+    # The share of a worker. What is left is stolen.
+    share = len(items) // getattr(config, "workerinput", {"workercount": 1})["workercount"]
     behind = max(0, share - len(of_page))
     items[:] = of_page + others[:behind] + waiting + others[behind:]
 

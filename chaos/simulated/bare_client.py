@@ -25,8 +25,10 @@ class BareClient:
     """The session of the client, in one run."""
 
     def __init__(self, bus: Bus, mode: str) -> None:
-        self._bus, self._ending = bus, Ending(bus.clock)
-        self._name, self._speed = NAMES[mode], SPEEDS[mode]
+        self._bus = bus
+        self._ending = Ending(bus.clock)
+        self._name = NAMES[mode]
+        self._speed = SPEEDS[mode]
         self._answered = -1  # the last tick
         self._answered_at = 0.0  # s, on the clock of the bus
         self._joins = 0  # how often it must join
@@ -48,16 +50,13 @@ class BareClient:
     def _join(self) -> None:
         number = self._joins
         request = pack(wire.Join(RUN, self._bus.id, [self._name]))
-        key, understand = (
-            KEYS.of("join", session=self._bus.id),
-            lambda reply: read_message(reply, wire.Joined, RUN),
-        )
+        key = KEYS.of("join", session=self._bus.id)
         try:
             joined = ask(
                 self._bus,
                 key,
                 request,
-                understand,
+                lambda reply: read_message(reply, wire.Joined, RUN),
                 seconds=ANSWER_SECONDS,
                 handle=self._handle,
                 meanwhile=self._check_gone,
@@ -69,7 +68,8 @@ class BareClient:
         if joined.refused:
             self._bus.sleep(AGAIN_SECONDS)
         else:
-            self._has_joined, self._answered = number, joined.tick - 1
+            self._has_joined = number
+            self._answered = joined.tick - 1
 
     def _handle(self, item: Item) -> None:
         if isinstance(item, Signal):

@@ -71,7 +71,8 @@ class Driving:
 
     def _may_act(self, name: str) -> bool:
         """Whether a robot is neither stopped nor flat."""
-        world, body = self._engine.world, self._engine.layout.index.get(name)
+        world = self._engine.world
+        body = self._engine.layout.index.get(name)
         if body is None:
             return False
         return not world.stopped[body] and bool(world.charge[body] > 0.0)

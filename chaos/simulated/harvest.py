@@ -130,7 +130,8 @@ class _Making:
 
     def go_on(self) -> bool:
         """Record the state at a tick, and do the step from it. Return whether there was a step."""
-        made, run = self.harvest, self._run
+        made = self.harvest
+        run = self._run
         made.ticks = run.tick
         made.hashes.append(run.local.engine.digest)
         made.figures.append(digest_of_figures(run.figures.figures()))

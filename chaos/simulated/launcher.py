@@ -35,7 +35,8 @@ class Launcher(SimulatedProcess):
     def kill(self) -> None:
         """Kill it. It ends none of its processes; but their lines close, and so they end."""
         if self.code is None:
-            running, self.supervisor.running = self.supervisor.running, {}
+            running = self.supervisor.running
+            self.supervisor.running = {}
             super().kill()
             for one in running.values():
                 one.line.let_go()
@@ -45,7 +46,8 @@ class FollowedRun(LaunchedRun):
     """What run.py does. The time at which the run was over is known."""
 
     def __init__(self, launcher: Launcher) -> None:
-        request, self._launcher = launcher.order, launcher
+        request = launcher.order
+        self._launcher = launcher
         shown = SimulatedProgress(launcher.world)
         super().__init__(
             request,

@@ -25,8 +25,12 @@ if TYPE_CHECKING:
 LEASE = LEASE_MS / 1000.0  # s
 FULL_SECONDS = FULL_QUEUE_US / 1e6  # s that a full link may stay full
 ROOM = 40  # messages that a silent link holds in each direction
-DATA, CONTROL = 0, 1  # lanes
-UP, DOWN = 0, 1  # directions: to the router, and from it
+# Lanes.
+DATA = 0
+CONTROL = 1
+# Directions: to the router, and from it.
+UP = 0
+DOWN = 1
 
 
 # The bytes of a payload from which on its size counts: a smaller one is sent together with others.
@@ -67,8 +71,11 @@ class Link:
     def __init__(
         self, session: "SimulatedBus", router: "Router", delays: Delays, random: Random
     ) -> None:
-        self.session, self.router = session, router
-        self._scheduler, self._delays, self._random = router.scheduler, delays, random
+        self.session = session
+        self.router = router
+        self._scheduler = router.scheduler
+        self._delays = delays
+        self._random = random
         self.is_open = [True, True]  # as the session sees it, as the router sees it
         self._last = [[0.0, 0.0], [0.0, 0.0]]  # direction -> lane -> s: the newest arrival
         self._free_at = [0.0, 0.0]  # direction -> s: when all that was sent has left
@@ -101,7 +108,8 @@ class Link:
             if may_drop:
                 return
             self._close_if_full()  # its sender waits until then
-        last, now = self._last[way], self._scheduler.now
+        last = self._last[way]
+        now = self._scheduler.now
         before = last[CONTROL] if lane == CONTROL else max(last)
         leaves_at = max(now, self._free_at[way]) + self._delays.to_send(size)
         self._free_at[way] = leaves_at
@@ -136,12 +144,10 @@ class Link:
         for way in ways:
             self._silent[way] -= 1
             if not self._silent[way]:
-                waiting, self._waiting[way], self._is_full, self._since[way] = (
-                    self._waiting[way],
-                    [],
-                    False,
-                    0,
-                )
+                waiting = self._waiting[way]
+                self._waiting[way] = []
+                self._is_full = False
+                self._since[way] = 0
                 for act in waiting:
                     if all(self.is_open):
                         act()

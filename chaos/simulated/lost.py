@@ -15,7 +15,8 @@ def faults_of_lost(loop: RunLoop) -> Iterator[str]:
     It holds in lockstep, between two ticks, if no client speaks for others or drives robots.
     """
     drivers = loop.run.drivers
-    roster, actions = drivers.roster, loop.run.engine.actions
+    roster = drivers.roster
+    actions = loop.run.engine.actions
     released = {
         name: owner for name, owner in roster._last_owners.items() if name not in roster.owners
     }

@@ -111,7 +111,8 @@ def _never_waits_for_mail(self: mailbox.Mailbox, tick: int, asked_of: Any) -> bo
 
 
 def _forgets_no_mail(self: mailbox.Mailbox, tick: int) -> None:
-    self.last, self._joined = tick - 1, tick
+    self.last = tick - 1
+    self._joined = tick
 
 
 def _first_in_folder(folder: Any, run: str = "") -> Any:
@@ -174,7 +175,8 @@ def _wakes_nobody(self: VirtualInbox, item: Any) -> None:
 
 
 def _keeps_before_it_reports(self: loop.RunLoop) -> None:
-    pending, self.run._pending = self.run._pending, None
+    pending = self.run._pending
+    self.run._pending = None
     self._drivers.begin(self._engine.observe(), self._pacer.begin())
     self._engine.account()
     if self.run.account.snapshot_writer.is_due(self._engine.tick):
@@ -213,9 +215,12 @@ def _goes_on_while_paused(self: RunClock) -> float:
     return self._clock()
 
 
-_take, _keep = barriers.LockstepBarrier.take, RecoveryLog.keep
-_actions, _expect = barriers.LockstepBarrier.actions, barriers.LockstepBarrier.expect
-_stop, _as_data = inbound.Queries._stop, Engine.as_data
+_take = barriers.LockstepBarrier.take
+_keep = RecoveryLog.keep
+_actions = barriers.LockstepBarrier.actions
+_expect = barriers.LockstepBarrier.expect
+_stop = inbound.Queries._stop
+_as_data = Engine.as_data
 _always: Callable[..., bool] = lambda *_, **__: True  # noqa: E731
 _never: Callable[..., bool] = lambda *_, **__: False  # noqa: E731
 

@@ -46,7 +46,10 @@ class Network:
         """`seed`: of all delays. `pauses`: the share of messages before which a sender takes some
         time.
         """
-        self.scheduler, self.seed, self.pauses, self._delays = scheduler, seed, pauses, delays
+        self.scheduler = scheduler
+        self.seed = seed
+        self.pauses = pauses
+        self._delays = delays
         self.router: Router | None = None
         self.sessions: list[SimulatedBus] = []
         self.late = 0.0  # s by which tokens come later than messages

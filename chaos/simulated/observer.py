@@ -15,13 +15,17 @@ class Observer:
     """Knows each step that physics reports, and what drivers asked for."""
 
     def __init__(self, scene: str, census: Census) -> None:
-        self.course, self._census = Course(scene), census
+        self.course = Course(scene)
+        self._census = census
         self.driving: list[Driving] = []  # of each physics that has begun
 
     def begin(self, loop: RunLoop, bus: SimulatedBus, is_reset: bool) -> None:
         """Follow a loop of physics, which is about to begin. `bus`: its session."""
-        account, drivers, engine = loop.run.account, loop.run.drivers, loop.run.engine
-        driving, update = Driving(engine), account.update
+        account = loop.run.account
+        drivers = loop.run.drivers
+        engine = loop.run.engine
+        driving = Driving(engine)
+        update = account.update
         self.driving.append(driving)
         self.course.begin(engine.layout.scenario.model_dump(), engine.tick, is_reset)
         bus.listener = driving.hear

@@ -17,7 +17,9 @@ from orchard.wire.keys import LOGGER, PHYSICS
 
 BACK_SECONDS = 3.0  # s that a host takes to be back, over a fast network
 SLOW_IN_TURN = 3  # slow messages that it may send and receive until then, one after the other
-CLIENT, RUN_PY, ROUTER = "client", "run.py", "router"
+CLIENT = "client"
+RUN_PY = "run.py"
+ROUTER = "router"
 WITH_WALKERS = "crowd"  # the scene in which the bare client walks, in realtime
 
 
@@ -229,7 +231,9 @@ BEFORE_AN_EVENT = 0.75
 # The share of faults that happen near an event of the harvest, of those that are not at the begin
 # or the end.
 NEAR_AN_EVENT = 0.85
-BEFORE, AFTER = 12, 6  # ticks: how near
+# How near, in ticks.
+BEFORE = 12
+AFTER = 6
 LEAST_LEAD = 5  # ticks between the begin of a schedule and what it begins before
 TRAIL = 25  # ticks that it lasts at least after that
 OF_DEEDS = ("coupled", "uncoupled", "picks from", "weed flattened")
@@ -258,7 +262,8 @@ WITH_TEARS = 0.2
 
 def draw(seed: int) -> Plan:
     """Return the plan of a seed."""
-    random, of_links = Random(f"plan {seed}"), Random(f"links {seed}")
+    random = Random(f"plan {seed}")
+    of_links = Random(f"links {seed}")
     scene = random.choice(list(SCENES))
     harvest = harvest_of(scene)
     begin, ticks = _span(random, harvest)
@@ -421,14 +426,16 @@ def _troubles(random: Random, plan: Plan, moments: Moments) -> list[Fault]:
     ends; the third one soon after that.
     """
     if random.random() < 0.1:  # a host is debugged in a run that is paused meanwhile
-        seconds, moment = random.uniform(12.0, 25.0), moments.draw(random)
+        seconds = random.uniform(12.0, 25.0)
+        moment = moments.draw(random)
         host = Fault(
             "think", _name(HOST, random, plan), *moment, seconds + random.uniform(4.0, 11.0)
         )
         return [host, Fault("pause", CLIENT, *moment, seconds)]
     first, *others = random.choice(TROUBLES + (AT_A_ROUTER,) * 4 * plan.has_router)
     one = _fault(random, plan, *first, *moments.draw(random))
-    faults, at = [one], one.delay
+    faults = [one]
+    at = one.delay
     if random.random() < 0.5:
         at += max(0.0, one.seconds + random.uniform(-1.0, 0.2))
     for other in others:
@@ -444,7 +451,9 @@ def _fault(random: Random, plan: Plan, what: str, who: str, tick: int, delay: fl
     if what in LONG and random.random() < 0.5:
         seconds = random.uniform(5.0, 25.0)
     is_between_messages = who in (HOST, PHYSICS) and random.random() < 0.3
-    message = random.randint(1, 30 if who == PHYSICS else 5) if is_between_messages else 0
+    message = 0
+    if is_between_messages:
+        message = random.randint(1, 30 if who == PHYSICS else 5)
     return Fault(what, _name(who, random, plan), tick, delay, seconds, message)
 
 

@@ -62,7 +62,8 @@ class SimulatedFuture(Future[Any]):
 
     def __init__(self, world: "World", task: Task) -> None:
         super().__init__()
-        self._world, self._task = world, task
+        self._world = world
+        self._task = task
 
     def result(self, timeout: float | None = None) -> Any:
         deadline = None if timeout is None else self._world.scheduler.now + timeout
@@ -77,13 +78,15 @@ class SimulatedDisk(Executor):
     """Does one job of a process after the other, each after some time."""
 
     def __init__(self, world: "World", process: "SimulatedProcess") -> None:
-        self._world, self._process = world, process
+        self._world = world
+        self._process = process
         self._free_at = 0.0  # s
         # The jobs that are not done, the oldest first.
         self._jobs: list[Callable[[], Any]] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future, now = SimulatedFuture(self._world, self._process.task), self._world.scheduler.now
+        future = SimulatedFuture(self._world, self._process.task)
+        now = self._world.scheduler.now
         self._free_at = (
             max(self._free_at, now) + self._world.random.random() * self._world.disk_seconds
         )
@@ -133,8 +136,12 @@ class SimulatedProcess:
         self, world: "World", spec: ProcessSpec, order: Any, pid: int, start_seconds: float = 1.0
     ) -> None:
         """`start_seconds`: that it takes at most to load its modules."""
-        self.world, self.spec, self.pid, self.code = world, spec, pid, None
-        self.order, self._start_seconds = order, start_seconds
+        self.world = world
+        self.spec = spec
+        self.pid = pid
+        self.code = None
+        self.order = order
+        self._start_seconds = start_seconds
         self.line = SimulatedLine(self)
         self.inbox = VirtualInbox(world.scheduler)
         self.task = world.scheduler.spawn(spec.name, self._run)
@@ -212,7 +219,8 @@ class SimulatedProcess:
 
         Return its exit code. Raises TimeoutExpired.
         """
-        scheduler, deadline = self.world.scheduler, self.world.scheduler.now + timeout
+        scheduler = self.world.scheduler
+        deadline = self.world.scheduler.now + timeout
         while self.code is None:
             if scheduler.now >= deadline or scheduler.current is None:
                 raise TimeoutExpired(self.spec.name, timeout)
@@ -325,7 +333,8 @@ class SimulatedSupervisor(Supervisor):
 
     def __init__(self, world: "World") -> None:
         super().__init__(world.say, RUN, clock=lambda: world.scheduler.now)
-        self._world, self._pids = world, 0
+        self._world = world
+        self._pids = 0
         self.restarted: list[str] = []  # the names of processes, once for each restart
 
     def _open(self, program: ProcessSpec, order: Any) -> Any:
@@ -399,10 +408,13 @@ class World:
     def begin(self, loop: RunLoop) -> None:
         """Know the loop of physics, which is about to begin."""
         engine = loop.run.engine
-        self.loop, self.engine, self.physics = loop, engine, self._running
+        self.loop = loop
+        self.engine = engine
+        self.physics = self._running
         self.begins += 1
         is_reset = self.resets != self.begun_after and engine.tick == 0
-        self.begun_at, self.begun_after = engine.tick, self.resets
+        self.begun_at = engine.tick
+        self.begun_after = self.resets
         if not is_reset and (fault := wrong_begin(engine.tick, self.found, self.torn)):
             self.wrong_begins.append(fault)
         if self.observer is not None and self.physics is not None:
@@ -446,8 +458,10 @@ class World:
     @contextmanager
     def entered(self) -> Iterator[None]:
         """Let the project's log, its printed lines and its writes come here."""
-        log, handler = logging.getLogger("orchard"), _Handler(self)
-        propagates, log.propagate = log.propagate, False
+        log = logging.getLogger("orchard")
+        handler = _Handler(self)
+        propagates = log.propagate
+        log.propagate = False
         log.addHandler(handler)
         try:
             folders = patch.object(distributed, "TemporaryDirectory", self._new_folder)

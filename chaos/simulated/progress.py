@@ -19,7 +19,8 @@ class Progress:
         self._is_disk_whole = not plan.has("full disk", "torn snapshot", "foreign snapshot")
         self._has_disk = not plan.has("full disk")
         self._engine: Engine | None = None
-        self._seed, self._resets = -1, 0
+        self._seed = -1
+        self._resets = 0
         self._ticks: list[int] = []  # at the last looks at which it had gone on
 
     def forget(self) -> None:
@@ -35,12 +36,17 @@ class Progress:
 
     def _begin(self, world: World, engine: Engine) -> None:
         """Follow another engine."""
-        before, self.process = self.process, world.physics
-        tick, seed = world.begun_at, engine.layout.scenario.seed
+        before = self.process
+        self.process = world.physics
+        tick = world.begun_at
+        seed = engine.layout.scenario.seed
         if self.process is not before and before is not None and world.begun_after == self._resets:
             is_long_ago = len(self._ticks) == LOOKS and tick < self._ticks[0]
             if self._is_disk_whole and is_long_ago:
                 self.complaints.append(f"physics went back from tick {self._ticks[-1]} to {tick}")
             if seed != self._seed and (tick > 0 or self._has_disk):
                 self.complaints.append("physics went back to before a reset")
-        self._engine, self._seed, self._resets, self._ticks = engine, seed, world.begun_after, []
+        self._engine = engine
+        self._seed = seed
+        self._resets = world.begun_after
+        self._ticks = []

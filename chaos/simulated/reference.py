@@ -64,7 +64,9 @@ class Replay:
         self, begin: Snapshot, commands: Commands | None = None, before: Reference | None = None
     ) -> None:
         """`before`: the same run up to the snapshot."""
-        self._begin, self._commands, self._before = begin, commands or {}, before
+        self._begin = begin
+        self._commands = commands or {}
+        self._before = before
         self._run = WatchedRun(begin)
         self._first = self._run.tick
         self._hashes: list[bytes] = []
@@ -99,7 +101,8 @@ class Replay:
             self._record()
 
     def _step(self) -> None:
-        run, tick = self._run, self._run.tick
+        run = self._run
+        tick = self._run.tick
         for what, commands in groupby(self._commands.get(tick, ()), lambda event: event.what):
             # A coupled bin is stopped with its robot, and no stop names it.
             robots = [event.who for event in commands if kind_of(event.who) in ROBOTS]

@@ -23,7 +23,9 @@ class Router:
         """`owner`: the name of the process that has it; '' for a router of its own. `late`: s by
         which it passes on tokens late.
         """
-        self.scheduler, self.owner, self._late = scheduler, owner, late
+        self.scheduler = scheduler
+        self.owner = owner
+        self._late = late
         self.links: dict[str, Link] = {}  # session id ->
         self._subscribers: dict[str, list[str]] = {}  # session id -> keys
         self._queryables: dict[str, list[str]] = {}
@@ -141,10 +143,8 @@ class Router:
     def _tell_subscribers(self) -> None:
         self._receivers = {}
         for session in sorted(self._interested & self.links.keys()):
-            link, known = (
-                self.links[session],
-                [keys for other, keys in self._subscribers.items() if other != session],
-            )
+            link = self.links[session]
+            known = [keys for other, keys in self._subscribers.items() if other != session]
             all_keys = [one for keys in known for one in keys]
             link.send(DOWN, partial(link.session.hear_subscribers, all_keys), CONTROL)
 
@@ -171,7 +171,8 @@ class Router:
                 to.send(DOWN, arrives, DATA, may_drop, len(payload))
 
     def ask(self, link: Link, number: int, key: str, payload: bytes) -> None:
-        asker, payload = link.session.id, link.carried(key, payload)
+        asker = link.session.id
+        payload = link.carried(key, payload)
         repliers = [
             session
             for session, keys in self._queryables.items()

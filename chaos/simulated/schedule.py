@@ -81,10 +81,12 @@ class Schedule:
         self.world = World(scheduler, network, Random(f"world {plan.seed}"), folder)
         self.observer = Observer(plan.scene, network.census)
         self.world.observer = self.observer
-        network.late, network.tears = plan.late, plan.tears
+        network.late = plan.late
+        network.tears = plan.tears
         self.elsewhere = SimulatedSupervisor(self.world)  # of another machine
         self.inflicted: list[Inflicted] = []
-        self.snapshots, self.tables = folder / "snapshots", folder / "tables"
+        self.snapshots = folder / "snapshots"
+        self.tables = folder / "tables"
         self.clients: list[Client] = []
         self.torn: set[int] = set()  # the ticks of all snapshots that were torn
         self.is_quit = False  # whether it was asked to end, because it was reset
@@ -119,9 +121,11 @@ class Schedule:
 
     def _start(self, resumed: Snapshot | None = None) -> None:
         """Start run.py, and what runs on another machine."""
-        plan, folder = self.plan, self.world.folder
+        plan = self.plan
+        folder = self.world.folder
         scenario = Scenario(**self._scenario)
-        names, left = agent_names(scenario), [NAMES[plan.mode]] * plan.has_bare_client
+        names = agent_names(scenario)
+        left = [NAMES[plan.mode]] * plan.has_bare_client
         options = HarvestOptions(
             mode=plan.mode,  # type: ignore[arg-type]
             speed=SPEED if plan.mode == "realtime" else None,
@@ -141,7 +145,8 @@ class Schedule:
         if plan.has_bare_client:
             self.elsewhere.start(spec_of_bare_client(plan.mode))
         if plan.is_elsewhere:
-            credentials, names = Credentials(options), [name for name in names if name not in left]
+            credentials = Credentials(options)
+            names = [name for name in names if name not in left]
             start_hosts(
                 self.elsewhere, Network.ENDPOINT, credentials.shares(names, names), credentials
             )
@@ -157,7 +162,8 @@ class Schedule:
         begin.run = RUN
         name, content = as_file(begin)
         self.world.stamp(store(name, content, self.snapshots, RUN))
-        self.world.kept, self.world.torn = [begin.tick], set()
+        self.world.kept = [begin.tick]
+        self.world.torn = set()
 
     def _look(self) -> None:
         """Start again what has died elsewhere, and look how far the run is."""
@@ -188,14 +194,16 @@ class Schedule:
         """No session is lost by half, and no robot drives without one, for two looks of different
         ticks.
         """
-        loop, plan = self.world.loop, self.plan
+        loop = self.world.loop
+        plan = self.plan
         if loop is None or plan.mode != "lockstep" or plan.has(*MAY_DRIVE) or self.complaints:
             return
         found = set(faults_of_lost(loop)) if loop.run.has_begun else set()
         tick = loop.run.engine.tick
         if tick > self._lost_at + 1:
             self.complaints += sorted(found & self._lost)
-            self._lost, self._lost_at = found, tick
+            self._lost = found
+            self._lost_at = tick
         else:
             self._lost &= found
 
@@ -467,7 +475,8 @@ def shrink(plan: Plan) -> Plan:
         shorter = [replace(plan, ticks=plan.ticks // 2)] if plan.ticks > 10 else []
         for smaller in [*fewer, *shorter]:
             if _kind_of(carry_out(smaller)) == what:
-                plan, is_smaller = smaller, True
+                plan = smaller
+                is_smaller = True
                 break
     return plan
 

@@ -73,7 +73,9 @@ class Task:
     ) -> None:
         self.name = name
         self.error: Exception | None = None
-        self._scheduler, self._hub, self._greenlet = scheduler, hub, greenlet(self._run, hub)
+        self._scheduler = scheduler
+        self._hub = hub
+        self._greenlet = greenlet(self._run, hub)
         self._body: Callable[[], None] = body
         self._waits = 0  # the number of this wait: an alarm of an earlier one does not count
         self._is_frozen = self._is_due = False
@@ -149,7 +151,8 @@ class VirtualInbox(Inbox):
             self._reader.wake()
 
     def take(self, seconds: float = inf, enough: int = 1, look: float = Inbox.LOOK) -> Item | None:
-        self._enough, deadline = enough, self._scheduler.in_future(max(seconds, LOOK_SECONDS))
+        self._enough = enough
+        deadline = self._scheduler.in_future(max(seconds, LOOK_SECONDS))
         while not self._items:
             left = deadline - self._scheduler.now
             if left <= 0.0:

@@ -28,8 +28,12 @@ class SimulatedQuery(Query):
         drop: Callable[[], None],
         census: Census,
     ) -> None:
-        self.key, self.payload, self._census = key, payload, census
-        self._reply, self._drop, self._is_dropped = reply, drop, False
+        self.key = key
+        self.payload = payload
+        self._census = census
+        self._reply = reply
+        self._drop = drop
+        self._is_dropped = False
 
     def reply(self, payload: bytes) -> None:
         if not self._is_dropped:
@@ -67,11 +71,18 @@ class SimulatedBus(Bus):
         inbox: VirtualInbox,
         executor: Executor | None,
     ) -> None:
-        self._network, self._scheduler, self._task = network, network.scheduler, task
-        self.inbox, self.endpoint, self.id = inbox, network.ENDPOINT, network.new_id(name)
+        self._network = network
+        self._scheduler = network.scheduler
+        self._task = task
+        self.inbox = inbox
+        self.endpoint = network.ENDPOINT
+        self.id = network.new_id(name)
         if executor is not None:
             self.executor = executor
-        self.name, self.is_dead, self.link, self.fuse = name, False, None, None
+        self.name = name
+        self.is_dead = False
+        self.link = None
+        self.fuse = None
         self._random = Random(f"{network.seed} {self.id}")
         self._declared: list[tuple[str, str]] = []  # (what, key), in their order
         self._quiet: set[str] = set()  # subscriptions that do not wake the reader

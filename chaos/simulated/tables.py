@@ -16,7 +16,9 @@ OWNERS = (
     "orchard.net",
 )  # packages whose objects are looked into, but for Refusals: its limit is fixed
 CACHES = ("_heard",)  # that are emptied every RECHECK_SECONDS
-FOR_EACH_AGENT, MORE = 3, 10  # entries; and what sessions and kept ticks need
+FOR_EACH_AGENT = 3  # entries
+# Entries that sessions and kept ticks need beside those of agents.
+MORE = 10
 
 
 def grown(owner: Any, agents: int, mode: str) -> Iterator[str]:
@@ -24,7 +26,8 @@ def grown(owner: Any, agents: int, mode: str) -> Iterator[str]:
     so many agents need.
     """
     most = FOR_EACH_AGENT * agents + MORE + (STALE_TICKS if mode == "realtime" else 0)
-    left, known = [owner], {id(owner)}
+    left = [owner]
+    known = {id(owner)}
     while left:
         one = left.pop()
         for name, value in getattr(one, "__dict__", {}).items():

@@ -38,7 +38,9 @@ class Tearer:
 
     def __init__(self, tears: Tears, random: Random, count: Callable[[], None]) -> None:
         """`count`: called for each payload that has changed."""
-        self._tears, self._random, self._count = tears, random, count
+        self._tears = tears
+        self._random = random
+        self._count = count
         self._before = b"\0"  # the payload before
 
     def carry(self, key: str, payload: bytes, is_reply: bool) -> bytes:
@@ -46,7 +48,8 @@ class Tearer:
 
         `key`: of its message, or of the query that it replies to.
         """
-        before, self._before = self._before, payload or self._before
+        before = self._before
+        self._before = payload or self._before
         chance = self._random.random()
         if not payload or chance >= self._tears.torn + self._tears.changed:
             return payload

@@ -70,7 +70,8 @@ class Outcome(NamedTuple):
 
 def judge(schedule: "Schedule") -> Verdict:
     """Judge a schedule that is over."""
-    world, plan = schedule.world, schedule.plan
+    world = schedule.world
+    plan = schedule.plan
     summary, why = schedule.run_py.result
     verdict = Verdict(plan, summary or {}, world.scheduler.now, lines=world.network.lines)
     verdict.complaints += [f"crash: {crash}" for crash in world.crashes]
@@ -162,7 +163,8 @@ def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
     """Complain about a run in lockstep without faults that is slow: something waits, though it need
     not.
     """
-    plan, over_at = schedule.plan, schedule.over_at
+    plan = schedule.plan
+    over_at = schedule.over_at
     if plan.mode != "lockstep" or plan.faults or plan.tears or over_at is None:
         return
     a_tick = TICK + MESSAGES_OF_A_TICK * plan.delays.there_and_back
@@ -175,7 +177,8 @@ def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Itera
     """Complain about lost agents, if no host was away for long, and about sessions that are not
     back.
     """
-    plan, world = schedule.plan, schedule.world
+    plan = schedule.plan
+    world = schedule.world
     lost = [line for line in world.lines if "no longer waited for" in line]
     if plan.mode == "lockstep" and lost and not plan.may_lose:
         yield f"lost: {lost[0]}"
@@ -195,10 +198,13 @@ def _of_course(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
     """Complain about a run that is not that of local mode: its hash, figures, events and
     messages.
     """
-    plan, world, course = schedule.plan, schedule.world, schedule.observer.course
+    plan = schedule.plan
+    world = schedule.world
+    course = schedule.observer.course
     if not plan.has_hash or world.loop is None:
         return
-    reference, tick = course.parts[-1].reference, summary["ticks"]
+    reference = course.parts[-1].reference
+    tick = summary["ticks"]
     if course.is_whole:
         if summary["hash"] != reference.hash_at(tick).hex():
             yield "another hash than local mode"
@@ -234,9 +240,12 @@ def _of_processes(schedule: "Schedule") -> Iterator[str]:
     """Complain about how the processes have ended: all that were started, also those that were
     started again.
     """
-    plan, lines, supervisor = schedule.plan, schedule.world.lines, schedule.run_py.supervisor
+    plan = schedule.plan
+    lines = schedule.world.lines
+    supervisor = schedule.run_py.supervisor
     for process in schedule.world.processes.values():
-        name, why = process.spec.name, process.complaints[-1] if process.complaints else ""
+        name = process.spec.name
+        why = process.complaints[-1] if process.complaints else ""
         is_lost = (
             any(words in why for words in NOBODY_THERE)
             or name == LOGGER

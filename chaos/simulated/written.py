@@ -23,7 +23,8 @@ def faults_of_tables(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[
         return
     ticks, rows = _tables(schedule.tables)
     bodies = len(schedule.world.loop.run.engine.layout.names) if schedule.world.loop else 0
-    first, last = min(part.steps), summary["ticks"]
+    first = min(part.steps)
+    last = summary["ticks"]
     wanted = [tick for tick in range(first + 1, last + 1) for _ in range(bodies)]
     if ticks != wanted:
         yield f"tables: {len(ticks)} rows of bodies, not {len(wanted)}: {_first_odd(ticks, wanted)}"
@@ -53,7 +54,8 @@ def said(events: Sequence[Event]) -> list[Said]:
 
 def faults_of_recording(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
     """Yield what is wrong with what the loggers of a run passed on to be written."""
-    plan, world = schedule.plan, schedule.world
+    plan = schedule.plan
+    world = schedule.world
     course = schedule.observer.course
     if len(course.parts) > 1:
         return

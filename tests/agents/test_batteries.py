@@ -36,14 +36,14 @@ def charging(battery: dict | None = None, **changes) -> Scenario:
 def test_carriers_charge_after_their_job_and_share_the_charger(route, dispatch):
     """Carriers charge when their job is done and share the charger."""
     stage = Stage(charging(route=route, dispatch=dispatch))
-    carriers, most, least = stage.world.fixed.carriers, 0, 1.0
+    carriers = stage.world.fixed.carriers
+    most = 0
+    least = 1.0
     while not stage.local.engine.over:
         assert stage.world.tick < 40_000, stage.who_is_where()
         stage.tick()
-        most, least = (
-            max(most, int(stage.world.plugged.sum())),
-            min(least, stage.world.charge[carriers].min()),
-        )
+        most = max(most, int(stage.world.plugged.sum()))
+        least = min(least, stage.world.charge[carriers].min())
         going = [
             name
             for name in ("carrier_01", "carrier_02")
@@ -235,7 +235,8 @@ def test_each_line_has_a_charging_line_with_as_many_places():
     for route in ("one-way", "two-way"):
         for carriers in (1, 2, 5, 12, 13, 40):
             layout = lay_out(charging(route=route, carriers=carriers, row_length=100.0))
-            own, first = layout.queue.used(carriers), layout.first_charging
+            own = layout.queue.used(carriers)
+            first = layout.first_charging
             places = [layout.queue.place(first + number).y for number in range(carriers)]
             assert set(places) == set(layout.charging_lines)
             assert not {*own} & {*layout.charging_lines}

@@ -21,7 +21,10 @@ class HardOfHearing:
     """A carrier that does not hear some requests before a certain tick."""
 
     def __init__(self, agent, deaf_to, until: int) -> None:
-        self.agent, self.Memory, self.deaf_to, self.until = agent, agent.Memory, deaf_to, until
+        self.agent = agent
+        self.Memory = agent.Memory
+        self.deaf_to = deaf_to
+        self.until = until
 
     def tick(self, seen, mail, memory):
         if seen.tick < self.until:
@@ -38,7 +41,9 @@ class LateAnswerer:
     """
 
     def __init__(self, agent, until: int) -> None:
-        self.agent, self.Memory, self.until = agent, agent.Memory, until
+        self.agent = agent
+        self.Memory = agent.Memory
+        self.until = until
 
     def tick(self, seen, mail, memory):
         action = self.agent.tick(seen, mail, memory)
@@ -55,11 +60,14 @@ class Forgetful:
     """A carrier that forgets its job at one tick, as if its memory was lost."""
 
     def __init__(self, agent, at: int) -> None:
-        self.agent, self.Memory, self.at = agent, agent.Memory, at
+        self.agent = agent
+        self.Memory = agent.Memory
+        self.at = at
 
     def tick(self, seen, mail, memory):
         if seen.tick == self.at:
-            memory.job, memory.plan = None, []
+            memory.job = None
+            memory.plan = []
         return self.agent.tick(seen, mail, memory)
 
 

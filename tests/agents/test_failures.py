@@ -181,7 +181,8 @@ def test_a_picker_that_fails_before_the_roads_asks_for_no_place():
 
 
 def test_with_spread_and_failures_the_seed_matters():
-    one, other = harvest(1), harvest(2)
+    one = harvest(1)
+    other = harvest(2)
     assert abs(one.seconds - other.seconds) > 1.0
     assert all(
         stage.world.delivered == 3 and stage.account.figures()["collisions"] == 0
@@ -208,7 +209,8 @@ def test_holds_change_nothing_when_robots_fail_and_rows_differ(caplog):
 
 def test_an_agent_made_anew_during_a_failure_changes_nothing():
     """An agent that is made anew in the middle of a failure changes nothing."""
-    run, restarts = Local(varied()), 0
+    run = Local(varied())
+    restarts = 0
     for tick in range(SHORT):
         run.tick()
         if tick % 10 == 0 and any(action.state == "failed" for action in run.actions.values()):

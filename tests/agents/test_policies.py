@@ -137,7 +137,10 @@ def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
     Of full bins the farthest first would leave the near one out for ever.
     """
     made = policy("predictive")
-    memory, now, waits, served = made.Memory(), 1000, replace(NEAR, since=1000), ""
+    memory = made.Memory()
+    now = 1000
+    waits = replace(NEAR, since=1000)
+    served = ""
     while served != NEAR.name:
         assert now < 2000, "the near bin is left out"
         [(served, _)] = made.assign(now, [waits, replace(FAR, since=now)], [HEAD], memory)
@@ -147,11 +150,9 @@ def test_predictive_serves_a_near_bin_beside_a_busy_far_one():
 def test_predictive_knows_since_when_a_bin_is_full():
     """Predictive knows since when a bin is full that it was told of before."""
     made = policy("predictive")
-    memory, soon, later = (
-        made.Memory(),
-        replace(FILLING, seconds_to_full=20.0),
-        replace(FILLING, name="bin_05", seconds_to_full=40.0),
-    )
+    memory = made.Memory()
+    soon = replace(FILLING, seconds_to_full=20.0)
+    later = replace(FILLING, name="bin_05", seconds_to_full=40.0)
     assert made.assign(1000, [soon, later], [], memory) == []
     full = [replace(later, seconds_to_full=0.0), replace(soon, seconds_to_full=0.0)]
     assert [order.bin for order in made.assign(1500, full, [HEAD], memory)] == [soon.name]
@@ -310,9 +311,11 @@ def test_a_forecast_comes_true():
     first row and in the next one.
     """
     stage = Stage(small("predictive", picking_speed=0.5))
-    forecast, rows = Forecast(stage.world.layout), []
+    forecast = Forecast(stage.world.layout)
+    rows = []
     while len(rows) < 2:
-        foretold, fruit = [], ""
+        foretold = []
+        fruit = ""
         while not (fruit and stage.is_full(fruit)):
             stage.tick()
             fruit = stage.bin_of("picker_01")

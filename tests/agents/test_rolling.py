@@ -67,7 +67,8 @@ def test_the_first_of_several_lines_leaves_first():
 
 def test_it_decides_as_predictive_where_it_cannot_look_ahead():
     """With many pickers, in the long run, and on roads that it does not know."""
-    many, most = orchard(rows=30, pickers=21, carriers=4), orchard(rows=30, pickers=20, carriers=4)
+    many = orchard(rows=30, pickers=21, carriers=4)
+    most = orchard(rows=30, pickers=20, carriers=4)
     unknown = orchard(
         rows=4, pickers=2, carriers=2, route="examples.seams.signalled_route.SignalledRoute"
     )
@@ -87,11 +88,9 @@ def test_no_picker_is_left_out_while_others_go_on():
             ahead.append(max(served.values()) - min(served[picker] for picker in layout.blocks))
             super().start(call, carrier)
 
-    layout, served, ahead = (
-        orchard(rows=36, pickers=3, carriers=1, row_length=30.0),
-        Counter[str](),
-        list[int](),
-    )
+    layout = orchard(rows=36, pickers=3, carriers=1, row_length=30.0)
+    served = Counter[str]()
+    ahead = list[int]()
     GeneratorHarvest(layout, calls=Counted).run()
     assert set(served.values()) == {12}
     assert max(ahead) <= AHEAD
@@ -100,10 +99,8 @@ def test_no_picker_is_left_out_while_others_go_on():
 def test_a_bin_whose_carrier_does_not_come_gets_another():
     """A bin that reports again because its carrier does not come gets another one."""
     policy = Rolling(orchard(rows=4, pickers=2, carriers=2))
-    memory, report = (
-        policy.Memory(),
-        BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0),
-    )
+    memory = policy.Memory()
+    report = BinReport("bin_01", 1, "east", "picker_01", since=900, metres=30.0)
     assert policy.assign(900, [report], [HEAD], memory) == [Assignment("bin_01", "carrier_01")]
     memory = unpack(pack(memory), policy.Memory)
     assert policy.assign(1200, [report], [CarrierReport("carrier_02", "", True, 0.0)], memory) == [

@@ -110,7 +110,8 @@ def test_rows_follow_the_rule_that_is_named():
 
 
 def test_bounds_and_drawings_follow_the_route_that_is_named():
-    ours, theirs = lay_out(scenario()), lay_out(scenario(route="test_seams.WiderLoop"))
+    ours = lay_out(scenario())
+    theirs = lay_out(scenario(route="test_seams.WiderLoop"))
     assert Bounds(theirs).cycle_seconds > Bounds(ours).cycle_seconds + 1.0
     assert orchard_plan(theirs) != orchard_plan(ours)
 
@@ -127,7 +128,8 @@ def from_the_middle(first, last, metres):
 
 
 class WiderLoop(OneWay):
-    F_BOTTOM, D_BOTTOM = 5.5, 7.6
+    F_BOTTOM = 5.5
+    D_BOTTOM = 7.6
 
 
 class Raising:

@@ -58,7 +58,8 @@ def test_each_metre_is_picked_once_and_bins_are_full(rows, metres_per_bin, start
 
 @st.composite
 def orchards(draw: st.DrawFn) -> dict[str, Any]:
-    rows, length = draw(st.integers(3, 12)), draw(st.sampled_from([30.0, 40.0, 70.0, 100.0]))
+    rows = draw(st.integers(3, 12))
+    length = draw(st.sampled_from([30.0, 40.0, 70.0, 100.0]))
     return {
         "rows": rows,
         "pickers": draw(st.integers(2, min(rows, 8))),
@@ -93,7 +94,9 @@ def harvested(scenario: Scenario, holds: type[Lookahead] = Lookahead, kill_every
 
 def assert_all_is_picked_into_bins_and_delivered(stage: Stage) -> None:
     stage.assert_no_collisions()
-    world, layout, scenario = stage.world, stage.world.layout, stage.world.layout.scenario
+    world = stage.world
+    layout = stage.world.layout
+    scenario = stage.world.layout.scenario
     of_each = [
         sum(layout.lane(row).length for row in block.rows) for block in layout.blocks.values()
     ]
@@ -162,7 +165,8 @@ def harvest_of(name: str) -> Scenario:
 @cache
 def snapshots_of(name: str) -> tuple[Stage, list[Snapshot]]:
     """A whole harvest, and snapshots on its way and at its end."""
-    stage, kept = Stage(harvest_of(name), is_hashed=True), []
+    stage = Stage(harvest_of(name), is_hashed=True)
+    kept = []
     while not stage.local.engine.over and stage.world.tick < 2_000_000:
         stage.tick()
         if stage.world.tick % 1500 == 700:

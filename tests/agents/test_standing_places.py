@@ -40,22 +40,22 @@ from orchard.plans.steps import (
     Unload,
 )
 
-COUPLING, D_ROAD, F_ROAD, FULL_BIN, STOP, WAITING = (
-    OneWay.COUPLING,
-    OneWay.D_ROAD,
-    OneWay.F_ROAD,
-    OneWay.FULL_BIN,
-    OneWay.STOP,
-    OneWay.WAITING,
-)
+COUPLING = OneWay.COUPLING
+D_ROAD = OneWay.D_ROAD
+F_ROAD = OneWay.F_ROAD
+FULL_BIN = OneWay.FULL_BIN
+STOP = OneWay.STOP
+WAITING = OneWay.WAITING
 PITCH = 5.5  # m, at the narrowest rows
 QUARTER = np.pi / 2
 
 
 @cache
 def outline(kind: str, x: float = 0.0) -> np.ndarray:
-    length, width = KINDS[kind].length / 2, KINDS[kind].width / 2
-    along, across = np.arange(-length, length + 0.01, 0.02), np.arange(-width, width + 0.01, 0.02)
+    length = KINDS[kind].length / 2
+    width = KINDS[kind].width / 2
+    along = np.arange(-length, length + 0.01, 0.02)
+    across = np.arange(-width, width + 0.01, 0.02)
     sides = [np.stack([along, np.full(len(along), y)], axis=1) for y in (-width, width)]
     ends = [np.stack([np.full(len(across), end), across], axis=1) for end in (-length, length)]
     return np.concatenate([*sides, *ends]) + np.array([x, 0.0])
@@ -167,9 +167,15 @@ class Walk:
     def __init__(
         self, robot: str, picker: str, x: float, y: float, stage: int = 0, heading: str = "EAST"
     ) -> None:
-        self.robot, self.picker, self.x, self.y, self.stage = robot, picker, x, y, stage
+        self.robot = robot
+        self.picker = picker
+        self.x = x
+        self.y = y
+        self.stage = stage
         self.kind = KINDS["picker" if robot == picker else "carrier"]
-        self.heading, self.tows, self.places = heading, True, frozenset[str]()
+        self.heading = heading
+        self.tows = True
+        self.places = frozenset[str]()
         self.stands: list[Area] = []
         self.drives: list[Area] = []
         self.turns: list[Turn] = []
@@ -222,7 +228,8 @@ class Walk:
                     self.tows = False
                     self.stands.append(self.bin_behind(""))
                 case FetchEmpty():
-                    self.tows, self.places = True, self.places | {step.place}
+                    self.tows = True
+                    self.places = self.places | {step.place}
                 case TakeBin():
                     self.tows = True
         self.stand()
@@ -231,7 +238,8 @@ class Walk:
         """Drive from gate to gate: before a gate the robot may stand, while it does not hold the
         places.
         """
-        ahead, target = sum(UNIT[self.heading]), self.along(step)
+        ahead = sum(UNIT[self.heading])
+        target = self.along(step)
         needs = {
             gate.at: [
                 place for other in step.needs if other.at == gate.at for place in other.places
@@ -261,10 +269,8 @@ class Walk:
         self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()
     ) -> None:
         here = self.y if step.x is None else self.x
-        length, middle = (
-            abs(to - here) + STOP_DISTANCE,
-            (here + to + ahead * (STOP_DISTANCE + self.kind.length)) / 2,
-        )
+        length = abs(to - here) + STOP_DISTANCE
+        middle = (here + to + ahead * (STOP_DISTANCE + self.kind.length)) / 2
         at = (self.x, middle) if step.x is None else (middle, self.y)
         self.x, self.y = (self.x, to) if step.x is None else (to, self.y)
         if to != here:
@@ -280,7 +286,8 @@ def walks_of(layout: Layout) -> Iterator[Walk]:
     """The work of every picker, a job for every row and from every line of the queue, and the other
     carriers in the queue.
     """
-    route, carriers = route_of(layout), range(1, layout.scenario.carrier_count + 1)
+    route = route_of(layout)
+    carriers = range(1, layout.scenario.carrier_count + 1)
     heads = carriers[:: layout.queue.places]
     yield from (
         Walk(
@@ -299,7 +306,8 @@ def walks_of(layout: Layout) -> Iterator[Walk]:
         walk.follow(route.come_in(block))
         passes = layout.passes(block)
         for count, (one, after) in enumerate(zip_longest(passes, passes[1:])):
-            row, side = one.row, route.sides[one.end]
+            row = one.row
+            side = route.sides[one.end]
             walk.stage = 2 * row
             walk.follow(route.pick(one, came_over=count > 0 or block.start == "east"))
             walk.stage = 2 * row + 1
@@ -347,10 +355,8 @@ def follows(drive: Area, stand: Area) -> bool:
 
 def too_near(layout: Layout) -> list[tuple[Area, Area]]:
     walks = list(walks_of(layout))
-    drives, stands = (
-        [area for walk in walks for area in walk.drives],
-        [area for walk in walks for area in walk.stands],
-    )
+    drives = [area for walk in walks for area in walk.drives]
+    stands = [area for walk in walks for area in walk.stands]
     a, b = (
         np.array([area[:4] for area in drives]).T[..., None],
         np.array([area[:4] for area in stands]).T[:, None],
@@ -385,10 +391,8 @@ def is_on_its_road(turn: Area, heading: str, stand: Area) -> bool:
 def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
     """The turns that would sweep over a robot or a bin that may stand there."""
     walks = list(walks_of(layout))
-    turns, stands = (
-        [turn for walk in walks for turn in walk.turns],
-        [area for walk in walks for area in walk.stands],
-    )
+    turns = [turn for walk in walks for turn in walk.turns]
+    stands = [area for walk in walks for area in walk.stands]
     boxes = np.array([area[:4] for area in stands])
     found = []
     for at, shape, heading in turns:
@@ -422,19 +426,20 @@ def in_a_turn(layout: Layout) -> list[tuple[Area, Area]]:
 
 @st.composite
 def surveyed(draw: st.DrawFn) -> Scenario:
-    drawn, route = draw(rows(most=5)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
+    drawn = draw(rows(most=5))
+    route = draw(st.sampled_from([ONE_WAY, TWO_WAY]))
     ends = draw(st.sampled_from([*RULES, FROM_THE_EAST]))
-    pickers, carriers = draw(st.integers(2, len(drawn))), draw(st.integers(1, 8))
+    pickers = draw(st.integers(2, len(drawn)))
+    carriers = draw(st.integers(1, 8))
     return orchard_of(drawn, pickers=pickers, carriers=carriers, route=route, rows_to_pickers=ends)
 
 
 @st.composite
 def orchards(draw: st.DrawFn) -> Scenario:
-    rows, route = draw(st.integers(3, 20)), draw(st.sampled_from([ONE_WAY, TWO_WAY]))
-    length, bay = (
-        draw(st.just(70.0) | st.floats(20.0, 200.0)),
-        draw(st.just(0.0) | st.floats(0.0, 100.0)),
-    )
+    rows = draw(st.integers(3, 20))
+    route = draw(st.sampled_from([ONE_WAY, TWO_WAY]))
+    length = draw(st.just(70.0) | st.floats(20.0, 200.0))
+    bay = draw(st.just(0.0) | st.floats(0.0, 100.0))
     most = [
         number for number in range(1, MOST_CARRIERS + 1) if queue_of(route, length, bay, number)
     ]
@@ -519,7 +524,9 @@ def from_the_tractor(points: np.ndarray) -> float:
     m.
     """
     shape = outline("tractor")
-    x, aside, radius = points[:, 0], np.abs(points[:, 1] - 29.0), np.hypot(*shape.T).max()
+    x = points[:, 0]
+    aside = np.abs(points[:, 1] - 29.0)
+    radius = np.hypot(*shape.T).max()
     beyond = np.maximum(np.maximum(WEST_END - radius - x, x - EAST_END - radius), 0.0)
     drive = np.hypot(beyond, np.maximum(aside - shape[:, 1].max(), 0.0))
     turns = np.minimum(np.hypot(x - WEST_END, aside), np.hypot(x - EAST_END, aside)) - radius

@@ -184,7 +184,8 @@ def test_a_drive_after_a_turn_of_the_same_tick_looks_ahead():
 
 def test_a_robot_with_nothing_near_is_asked_at_its_turns_end():
     """A robot without a bin that turns where nothing is near is asked at the end of its turn."""
-    stage, asked = turning(), []
+    stage = turning()
+    asked = []
     for tick in range(80):  # a half turn takes 8 s
         stage.tick()
         asked += [tick] if "tractor_01" in stage.local.answers else []

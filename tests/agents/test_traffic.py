@@ -183,11 +183,10 @@ def random_scenario(number: int) -> Scenario:
     Its picking speed is high enough that a run does not take hours.
     """
     chance = random.Random(f"{RANDOM_SEED}/{number}")
-    rows, route = chance.randint(3, 20), chance.choice([ONE_WAY, TWO_WAY])
-    length, bay = (
-        chance.choice([70.0, round(chance.uniform(20.0, 200.0), 1)]),
-        chance.choice([0.0, round(chance.uniform(0.0, 60.0), 1)]),
-    )
+    rows = chance.randint(3, 20)
+    route = chance.choice([ONE_WAY, TWO_WAY])
+    length = chance.choice([70.0, round(chance.uniform(20.0, 200.0), 1)])
+    bay = chance.choice([0.0, round(chance.uniform(0.0, 60.0), 1)])
     most = [carriers for carriers in range(1, 41) if queue_of(route, length, bay, carriers)]
     if not most:
         return random_scenario(number + 1000)
@@ -217,11 +216,9 @@ def large_scenario(number: int) -> Scenario:
     Pickers are fast, so that a run takes minutes at most.
     """
     chance = random.Random(f"{RANDOM_SEED}/large/{number}")
-    rows, route, length = (
-        chance.randint(21, chance.choice([30, 45, 100])),
-        chance.choice([ONE_WAY, TWO_WAY]),
-        chance.randint(30, 110),
-    )
+    rows = chance.randint(21, chance.choice([30, 45, 100]))
+    route = chance.choice([ONE_WAY, TWO_WAY])
+    length = chance.randint(30, 110)
     most = [
         carriers
         for carriers in range(1, MOST_CARRIERS + 1)
@@ -284,7 +281,8 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
     it drives along the road.
     """
     x, y, facing = stage.pose(carrier)
-    route, touched = route_of(stage.world.layout), []
+    route = route_of(stage.world.layout)
+    touched = []
     # Road -> metres before and past a lane, along the road, in which others turn, cross and deliver
     # at that lane.
     reach = {
@@ -302,7 +300,8 @@ def lanes_touched(stage: Stage, carrier: str) -> list[tuple[str, str, int]]:
                 or y > stage.world.layout.tree_lines[0]
             ):
                 continue
-            front, tail = 0.9, -2.4 if stage.bin_of(carrier) else -0.9
+            front = 0.9
+            tail = -2.4 if stage.bin_of(carrier) else -0.9
             before, past = reach[road]
             for lane in stage.world.layout.lanes:
                 here = along * (y - lane.y)  # metres past the lane
@@ -337,7 +336,8 @@ def test_a_two_way_carrier_asks_for_one_place_after_the_other():
     docs/traffic.md rests on it.
     """
     layout = lay_out(empty_orchard(rows=6, pickers=3, carriers=40, route=TWO_WAY))
-    route, claims = route_of(layout), []
+    route = route_of(layout)
+    claims = []
     for one in layout.passes(Block(tuple(range(1, 6)))):
         for carrier in (1, 11, 21, 31):
             claims += places_asked(

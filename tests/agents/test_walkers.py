@@ -63,10 +63,9 @@ def test_people_walk_straight_on_where_nothing_is_in_their_path(kind):
     stage.assert_at(f"{kind}_01", 0.0, 20.0, "EAST")
 
 
-AT_A_FENCE, IN_A_CORNER = (
-    (42.0, 8.0, 60, 40),
-    (47.0, 31.0, 120, 30),
-)  # x, y, s, and the least metres in that time
+# Where, m, for how many seconds, and the least metres that it walks in that time.
+AT_A_FENCE = (42.0, 8.0, 60, 40)
+IN_A_CORNER = (47.0, 31.0, 120, 30)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +139,8 @@ def test_animals_change_their_mind_without_seeing_every_tick():
     seen = one_guest("dog", 0.0, 20.0).local.engine.observe()["dog_01"]
     dog = Animal(Local(Scenario()).engine.layout, "dog_01")
     memory = dog.tick(seen, Mail(), None).memory
-    minds, start = [], 60 - dog.phase
+    minds = []
+    start = 60 - dog.phase
     for tick in (start - 1, start + 1, start + 29, start + 31):
         memory = dog.tick(replace(seen, tick=tick), Mail(), memory).memory
         minds.append(memory.speed)

@@ -99,7 +99,8 @@ def test_no_other_site_may_frame_the_page(server):
 def test_the_page_answers_its_own_address_only(server, what):
     address = server[0]
     port = address.rpartition(":")[2]
-    well, local = answer(address, what), f"localhost:{port}"
+    well = answer(address, what)
+    local = f"localhost:{port}"
     assert (
         well
         == answer(address, what, origin=address)
@@ -150,7 +151,9 @@ class Waiting:
     """A page as NiceGUI gives it, whose browser can come."""
 
     def __init__(self, number):
-        self.id, self.is_deleted, self._then = str(number), False, []
+        self.id = str(number)
+        self.is_deleted = False
+        self._then = []
 
     def on_connect(self, act):
         self._then.append(act)
@@ -167,7 +170,8 @@ class Waiting:
 
 
 def test_only_some_pages_wait_for_their_browsers():
-    unseen, pages = UnseenPages(), [Waiting(number) for number in range(3 * MOST_UNSEEN)]
+    unseen = UnseenPages()
+    pages = [Waiting(number) for number in range(3 * MOST_UNSEEN)]
     seen = Waiting("seen")
     unseen.add(seen)
     seen.come()

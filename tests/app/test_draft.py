@@ -427,7 +427,9 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
 )
 def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
     run = Run.__new__(Run)
-    run.files, run.said, run.summary = Files(tmp_path, "odd"), (0, ()), None
+    run.files = Files(tmp_path, "odd")
+    run.said = (0, ())
+    run.summary = None
     run.files.summary.write_text(json.dumps(SUMMARY | change))
     run.finish()
     assert run.summary is None and "odd.json is passed over" in run.said[1][0]

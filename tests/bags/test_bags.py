@@ -51,13 +51,16 @@ def record(file, ticks=range(1, TICKS + 1), gap=None):
     """Record these ticks of a run, and a gap before them; return (pose, twist, wanted) of each
     tick.
     """
-    local, recorder = Local(SMALL), Recorder(lay_out(SMALL), "one", file)
-    frames, was = FrameBuilder(local.engine), {}
+    local = Local(SMALL)
+    recorder = Recorder(lay_out(SMALL), "one", file)
+    frames = FrameBuilder(local.engine)
+    was = {}
     if gap is not None:
         recorder.gap(*gap)
     while local.engine.tick < max(ticks):
         events = local.tick()
-        world, wanted = local.engine.world, local.engine.lookahead.wanted
+        world = local.engine.world
+        wanted = local.engine.lookahead.wanted
         if world.tick in ticks:
             recorder.tick(frames.frame(events))
             was[world.tick] = world.pose.copy(), world.twist.copy(), wanted.copy()
@@ -93,10 +96,12 @@ def exported(recorded, tmp_path_factory):
 def test_the_velocities_in_a_bag_have_the_bits_of_the_run(recorded, exported):
     index = lay_out(SMALL).index
     for name in ROBOTS:
-        odometry, commands = dict(exported[f"/{name}/odom"]), dict(exported[f"/{name}/cmd_vel"])
+        odometry = dict(exported[f"/{name}/odom"])
+        commands = dict(exported[f"/{name}/cmd_vel"])
         assert [*odometry] == [*range(TICKS + 1)] and [*commands] == [*range(TICKS)]
         for tick, (poses, twists, wanted) in recorded[1].items():
-            twist, told = odometry[tick].twist.twist, commands[tick - 1].twist
+            twist = odometry[tick].twist.twist
+            told = commands[tick - 1].twist
             assert (twist.linear.x, twist.linear.y, twist.angular.z) == tuple(twists[index[name]])
             assert (told.linear.x, told.linear.y, told.angular.z) == tuple(wanted[index[name]])
             pose = odometry[tick].pose.pose
@@ -146,7 +151,8 @@ def test_the_scans_in_a_bag_are_those_of_the_recording(exported):
 )
 def test_ranges_come_back_from_the_points_of_a_recording(ranges):
     """From 2 m on the beams lie further apart than the grid on which points are recorded."""
-    laser, sweep = KINDS["picker"].laser, np.array(ranges, dtype=np.float32)
+    laser = KINDS["picker"].laser
+    sweep = np.array(ranges, dtype=np.float32)
     points, _ = hits(sweep[None], laser, SCAN_BEAMS)
     found = ranges_of(points[:, :2].astype(float), laser, SCAN_BEAMS)
     assert (np.isinf(found) == np.isinf(sweep[::SCAN_BEAMS])).all()
@@ -535,10 +541,8 @@ def test_code_named_in_a_bag_is_imported_only_if_asked(tmp_path, key, value, nam
     """Code that the scenario in a bag names is imported only if the user asks."""
     path = written(tmp_path / "one.mcap", scenario(json.dumps({"rows": 3, key: value})), MOVES)
     replay = ("replay", path, "--mode", "local", "--record", "none", "--duration", "1")
-    refused, asked = (
-        orchard(*replay, code=2),
-        orchard(*replay, "--own-code", code=1 if key == "agents" else 2),
-    )
+    refused = orchard(*replay, code=2)
+    asked = orchard(*replay, "--own-code", code=1 if key == "agents" else 2)
     assert refused.stdout == ""
     wanted = (
         f"{path}: its scenario names code, which can do whatever you can: {named}: nowhere.Mine;"
@@ -551,7 +555,8 @@ def test_code_named_in_a_bag_is_imported_only_if_asked(tmp_path, key, value, nam
 
 
 def test_a_replay_that_has_ended_cannot_go_on_without_its_bag(tmp_path):
-    path, record = written(tmp_path / "run.mcap", MOVES), tmp_path / "replayed.rrd"
+    path = written(tmp_path / "run.mcap", MOVES)
+    record = tmp_path / "replayed.rrd"
     done = orchard(
         "replay", path, "--rows", 3, "--mode", "local", "--record", record, "--duration", "1"
     )

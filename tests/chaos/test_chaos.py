@@ -145,7 +145,8 @@ def test_a_relay_whose_router_is_away_hangs_up():
 
 
 def test_no_nonsense_is_of_the_run():
-    said, chance = pack(Clock(RUN, 12, Stamp(1, 2))), Random(1)
+    said = pack(Clock(RUN, 12, Stamp(1, 2)))
+    chance = Random(1)
     for _ in range(2000):
         with pytest.raises(Refused):
             read_message(mutated(chance, said, RUN), Clock, RUN)
@@ -264,7 +265,8 @@ def test_an_agent_that_makes_mistakes_is_broken_and_no_other(wanted):
 
 
 def test_each_mistake_is_refused_but_that_in_a_text():
-    local, states = Local(scenario(1, True)), []
+    local = Local(scenario(1, True))
+    states = []
     for _ in range(EVERY * len(MISTAKES)):
         local.tick()
         states.append(local.actions["cat_01"].state)

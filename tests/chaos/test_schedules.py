@@ -80,7 +80,8 @@ def test_a_mutation_is_found_and_shrinks_to_its_faults():
     assert carry_out(small).complaints == []
 
 
-ONE, OTHER = "agents 1", "agents 2"
+ONE = "agents 1"
+OTHER = "agents 2"
 AGAIN_AND_AGAIN = [
     Fault("kill", PHYSICS, 10, delay) for delay in (0.05, 0.5, 1.0)
 ]  # until the host has asked

@@ -30,7 +30,8 @@ def running(fleet, tmp_path):
     )
     assert logger.line().startswith("recording")
     someone = fleet.client()
-    ends, clock = someone.hear("orchard/end"), someone.hear("orchard/clock")
+    ends = someone.hear("orchard/end")
+    clock = someone.hear("orchard/clock")
     fleet.share(2, TOY)
     until(clock, lambda message: True)
     return (

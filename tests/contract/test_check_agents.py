@@ -97,7 +97,9 @@ class Keeper:
     """Returns these memories in turn, the last one for ever, and notes those that it gets."""
 
     def __init__(self, *memories, type_=dict):
-        self.memories, self.Memory, self.got = memories, type_, []
+        self.memories = memories
+        self.Memory = type_
+        self.got = []
 
     def tick(self, observation, mail, memory):
         self.got.append(memory)

@@ -26,11 +26,10 @@ from orchard.field.rows import balanced, rows_to_pickers
 from orchard.launch.supervisor import MOST_LINES as UNNAMED
 from orchard.processes.agents import made
 
-MXCSR, FLUSH_TO_ZERO, UPWARD = (
-    7,
-    0x8040,
-    0x800,
-)  # place of the control word in an environment, its bits, and a way to round; of x86
+# Of an x86: the place of the control word in an environment, its bits, and a way to round.
+MXCSR = 7
+FLUSH_TO_ZERO = 0x8040
+UPWARD = 0x800
 
 
 def flush_to_zero():
@@ -126,7 +125,8 @@ def test_what_an_own_class_sets_is_as_before_afterwards(set_it, place, tmp_path,
     importlib.invalidate_caches()
     asked = []
     monkeypatch.setattr(sys.modules[__name__], "setting", lambda: asked.append(set_it()))
-    before, flags = state(), (ctypes.c_uint32 * 8)()
+    before = state()
+    flags = (ctypes.c_uint32 * 8)()
     ctypes.CDLL(None).fegetenv(flags)
     try:
         PLACES[place]()

@@ -126,7 +126,8 @@ def test_an_agent_given_to_local_mode_drives_as_a_named_class():
 
 def test_an_agent_that_takes_over_gets_no_foreign_memory():
     """An agent that takes over gets no memory of another class."""
-    local, heard = Local(SMALL), []
+    local = Local(SMALL)
+    heard = []
 
     class Counter:
         Memory = list[int]
@@ -158,7 +159,8 @@ def test_a_class_of_the_scenario_drives_alike_in_every_mode(fleet):
 
 def test_a_mistake_of_one_agent_changes_no_other_in_any_mode(fleet):
     """No mistake of one agent changes what the others do in any mode."""
-    own, ticks = driven_by(picker_01="Mischief"), 2 * len(own_agents.MISCHIEF)
+    own = driven_by(picker_01="Mischief")
+    ticks = 2 * len(own_agents.MISCHIEF)
     local = played(own, ticks)
     broken = local.engine.states.counts.ticks["picker_01"][STATES.index("broken")]
     assert broken == len(own_agents.MISCHIEF) - 1, "all but the text are refused"

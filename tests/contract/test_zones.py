@@ -21,17 +21,21 @@ def exact(laser, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
     """The ranges between which each beam is in a zone, float64: along each axis by itself, where
     the beam is not across it.
     """
-    enter, leave = np.zeros(laser.beams), np.full(laser.beams, np.inf)
+    enter = np.zeros(laser.beams)
+    leave = np.full(laser.beams, np.inf)
     for direction, least, most in zip(
         beams(laser), (zone.x_min, zone.y_min), (zone.x_max, zone.y_max), strict=True
     ):
         for k, slope in enumerate(direction.tolist()):
-            ends = (
-                sorted((least / slope, most / slope))
-                if abs(slope) >= 1e-12
-                else (-np.inf, np.inf if least <= 0.0 <= most else -np.inf)
-            )
-            enter[k], leave[k] = max(enter[k], ends[0]), min(leave[k], ends[1])
+            if abs(slope) >= 1e-12:
+                first, last = sorted((least / slope, most / slope))
+            elif least <= 0.0 <= most:
+                first = -np.inf
+                last = np.inf
+            else:
+                first = last = -np.inf
+            enter[k] = max(enter[k], first)
+            leave[k] = min(leave[k], last)
     return enter, leave
 
 

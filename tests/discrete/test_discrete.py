@@ -164,7 +164,8 @@ HARVESTS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", HARVESTS)
 def test_a_harvest_takes_as_long_as_in_the_simulator(name: str) -> None:
     scenario = orchard(**HARVESTS[name])
-    told, expected = fast(scenario), full(scenario)
+    told = fast(scenario)
+    expected = full(scenario)
     assert told["seconds"] == pytest.approx(expected["seconds"], rel=0.005)
     assert told["wait"] == pytest.approx(expected["wait"], rel=0.01)
     assert told["busy"] == pytest.approx(expected["busy"], abs=0.01)
@@ -214,7 +215,8 @@ def test_a_policy_not_asked_while_nothing_is_due_decides_alike(
         "picking": often,
     }
     layout = lay_out(orchard(**slow, dispatch=dispatch))
-    always, seldom = GeneratorHarvest(layout, calls=Always).run(), GeneratorHarvest(layout)
+    always = GeneratorHarvest(layout, calls=Always).run()
+    seldom = GeneratorHarvest(layout)
     asked: list[int] = []
     orders = Dispatched.orders
     monkeypatch.setattr(
@@ -229,10 +231,8 @@ def test_a_policy_not_asked_while_nothing_is_due_decides_alike(
 
 
 def test_robots_that_wait_for_places_cost_few_events() -> None:
-    harvest, events = (
-        GeneratorHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY))),
-        0,
-    )
+    harvest = GeneratorHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY)))
+    events = 0
     while not harvest.is_over:
         harvest.env.step()
         events += 1
@@ -294,7 +294,8 @@ def test_waits_and_shares_are_of_the_same_time_as_the_rate() -> None:
     the mean time of each.
     """
     layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
-    found, bounds = long_run(layout), Bounds(layout)
+    found = long_run(layout)
+    bounds = Bounds(layout)
     each_picker = 3600.0 * 2 / found.bins_per_hour  # s from one bin to the next
     own_time = bounds.picking_seconds + bounds.crossing_seconds + _own_drive(layout)
     assert found.picker_waiting_seconds == pytest.approx(each_picker - own_time, rel=0.05)

@@ -183,7 +183,8 @@ SOUND = '{"dependencies": [{"name": "numpy", "vulns": []}]}'
 )
 def test_nothing_known_is_told_from_not_checked(of_the_vulnerable, of_ours, code, words, tmp_path):
     """That nothing is known of packages is told from that they were not checked."""
-    audit, packages = tmp_path / "pip-audit", tmp_path / "packages.txt"
+    audit = tmp_path / "pip-audit"
+    packages = tmp_path / "packages.txt"
     answers = f"{of_the_vulnerable!r} if 'pycrypto' in open(sys.argv[-1]).read() else {of_ours!r}"
     audit.write_text(
         f"#!{sys.executable}\nimport sys\nprint({answers})\nprint('no route to the registry',"
@@ -239,7 +240,8 @@ def test_uv_is_told_of_pips_index_and_pip_does_the_rest(uv_can, tmp_path):
 
     What the environment says counts before a file.
     """
-    told, file = tmp_path / "told", tmp_path / "pip.conf"
+    told = tmp_path / "told"
+    file = tmp_path / "pip.conf"
     file.write_text(
         "[global]\nfind-links = /other\nextra-index-url =\n    file:///b\n    file:///c\n"
     )

@@ -41,7 +41,8 @@ def test_most_deliveries_have_the_same_tick_in_both_models() -> None:
     layouts = list(quiet_layouts(seed=2, count=40))
     differ = []
     for layout in layouts:
-        told, expected = EventHarvest(layout).run(), GeneratorHarvest(layout).run()
+        told = EventHarvest(layout).run()
+        expected = GeneratorHarvest(layout).run()
         assert told.delivered == expected.delivered == layout.bins
         assert told.seconds == pytest.approx(expected.seconds, rel=0.04)
         if told.deliveries != expected.deliveries:
@@ -68,7 +69,8 @@ def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:
 
 def test_a_harvest_that_is_done_in_parts_is_the_same() -> None:
     layout = small("predictive")
-    whole, parts = EventHarvest(layout).run(), EventHarvest(layout)
+    whole = EventHarvest(layout).run()
+    parts = EventHarvest(layout)
     for tick in range(0, 20_000, 37):
         parts._run(tick)
     assert figures(parts) == figures(whole)

@@ -61,7 +61,8 @@ def test_any_legal_survey_is_laid_out_without_overlaps(
     """Any survey within the limits is imported and laid out without overlaps."""
     order = data.draw(st.permutations(list(lines_of(drawn).items())))
     scenario = import_rows(write_geojson(file, dict(order), yaw))
-    layout, survey = lay_out(scenario), scenario.survey
+    layout = lay_out(scenario)
+    survey = scenario.survey
     assert [row.id for row in survey.rows] == list(lines_of(drawn))
     for row, wanted in zip(survey.rows, drawn, strict=True):
         assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.002)
@@ -213,7 +214,8 @@ BROKEN = {
 def test_a_line_outside_the_limits_is_refused_with_its_id(
     file: Path, drawn: list[Row], what: str, yaw: float, data
 ):
-    lines, broken = lines_of(drawn), data.draw(st.sampled_from(sorted(lines_of(drawn))))
+    lines = lines_of(drawn)
+    broken = data.draw(st.sampled_from(sorted(lines_of(drawn))))
     breaks, words = BROKEN[what]
     lines[broken] = breaks(lines[broken])
     problems = told(write_geojson(file, lines, yaw)).splitlines()
@@ -228,7 +230,8 @@ def test_a_line_outside_the_limits_is_refused_with_its_id(
 def test_rows_too_near_or_too_far_are_refused_with_the_id(
     file: Path, drawn: list[Row], by: float, yaw: float, data
 ):
-    number, sign = data.draw(st.integers(2, len(drawn))), data.draw(st.sampled_from([-1, 1]))
+    number = data.draw(st.integers(2, len(drawn)))
+    sign = data.draw(st.sampled_from([-1, 1]))
     gap = drawn[number - 1].south - drawn[number - 2].south
     off = (
         (gap - 5.3 + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j

@@ -35,7 +35,8 @@ FULLEST = BIGGEST.model_copy(
 @st.composite
 def scenarios(draw: st.DrawFn) -> Scenario:
     rows = draw(st.integers(3, 20) | st.just(100))
-    workers, dogs = draw(st.integers(0, 50)), draw(st.integers(0, 50))
+    workers = draw(st.integers(0, 50))
+    dogs = draw(st.integers(0, 50))
     return Scenario(
         rows=rows,
         pickers=draw(st.integers(2, min(rows, 60))),
@@ -52,7 +53,8 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 
 def box(start: Start) -> np.ndarray:
-    ahead, left = KINDS[start.kind].length / 2, KINDS[start.kind].width / 2
+    ahead = KINDS[start.kind].length / 2
+    left = KINDS[start.kind].width / 2
     return np.array(
         [
             from_frame(start.pose, i * ahead, j * left)
@@ -94,7 +96,8 @@ def test_every_legal_scenario_lays_out(scenario: Scenario) -> None:
 
 
 def inside_the_fences(layout: Layout, start: Start) -> bool:
-    low, high = box(start).min(axis=0), box(start).max(axis=0)
+    low = box(start).min(axis=0)
+    high = box(start).max(axis=0)
     return bool(
         np.all(low >= (-49.5, layout.bottom + 0.5)) and np.all(high <= (49.5, layout.top - 0.5))
     )
@@ -138,7 +141,8 @@ def assert_people_keep_off(layout: Layout) -> None:
 
 
 def assert_weeds_in_their_strips(layout: Layout) -> None:
-    first, last = layout.tree_lines[0], layout.tree_lines[-1]
+    first = layout.tree_lines[0]
+    last = layout.tree_lines[-1]
     above = [weed for weed in of(layout, "weed") if weed.pose.y >= first]
     below = [weed for weed in of(layout, "weed") if weed.pose.y <= last]
     assert len(above) + len(below) == layout.scenario.weeds
@@ -165,13 +169,15 @@ def test_guests_are_clear_of_walls_and_machines_at_any_yaw(scenario: Scenario) -
 @settings(max_examples=10)
 @given(scenarios())
 def test_the_same_scenario_gives_the_same_layout(scenario: Scenario) -> None:
-    one, other = lay_out(scenario), lay_out(scenario.model_copy())
+    one = lay_out(scenario)
+    other = lay_out(scenario.model_copy())
     assert one.starts == other.starts
     assert np.array_equal(one.walls, other.walls)
 
 
 def test_another_seed_moves_the_weeds_and_not_the_given_places() -> None:
-    one, other = lay_out(Scenario(seed=1)), lay_out(Scenario(seed=2))
+    one = lay_out(Scenario(seed=1))
+    other = lay_out(Scenario(seed=2))
     assert not {s.pose for s in of(one, "weed")} & {s.pose for s in of(other, "weed")}
     assert [s.pose[:2] for s in of(one, *PEOPLE, *ANIMALS)] == [
         s.pose[:2] for s in of(other, *PEOPLE, *ANIMALS)
@@ -259,7 +265,8 @@ def test_animals_may_stand_in_rows_but_not_in_trees() -> None:
 
 def test_the_given_places_are_kept_for_those_they_are_given_to() -> None:
     crowded = Scenario(people=People(workers=40, visitors=10), animals=Animals(dogs=40, cats=10))
-    few, many = places(Scenario()), places(crowded)
+    few = places(Scenario())
+    many = places(crowded)
     assert {name: many[name] for name in few if kind_of(name) in (*PEOPLE, *ANIMALS)} == {
         name: place for name, place in few.items() if kind_of(name) in (*PEOPLE, *ANIMALS)
     }

@@ -91,7 +91,8 @@ def share_below(distribution: str, time: float, cv: float, least: float) -> floa
     """Return the probability that a row takes less than `time`, by the distribution's closed form;
     `least`: the time to drive along it.
     """
-    share, cv = (time - least) / (1.0 - least), cv / (1.0 - least)
+    share = (time - least) / (1.0 - least)
+    cv = cv / (1.0 - least)
     if distribution == "uniform":
         return 0.5 + (share - 1.0) / (2.0 * math.sqrt(3.0) * cv)
     if distribution == "lognormal":

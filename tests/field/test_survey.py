@@ -28,7 +28,8 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
     first = layout.lane(1).y
     for row, lane in zip(drawn, layout.lanes, strict=True):
         assert (first - lane.y, lane.west - ROW_WEST, lane.length) == pytest.approx(row, abs=1e-9)
-        north, south = layout.lines[lane.number - 1], layout.lines[lane.number]
+        north = layout.lines[lane.number - 1]
+        south = layout.lines[lane.number]
         assert (
             south.y + 0.25 + lane.width / 2
             <= lane.y + 1e-9
@@ -45,10 +46,8 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
 def test_equal_rows_by_survey_are_those_without_one():
     alike = Scenario(rows=4, row_length=42.5, seed=3)
     surveyed = [{"id": str(i), "south": 5.5 * i, "start": 0.0, "length": 42.5} for i in range(4)]
-    one, other = (
-        lay_out(alike),
-        lay_out(check({"rows": 4, "row_length": 42.5, "seed": 3, "survey": {"rows": surveyed}})),
-    )
+    one = lay_out(alike)
+    other = lay_out(check({"rows": 4, "row_length": 42.5, "seed": 3, "survey": {"rows": surveyed}}))
     assert other.lanes == one.lanes and other.lines == one.lines
     assert other.starts == one.starts and (other.walls == one.walls).all()
 
@@ -64,10 +63,8 @@ def test_surveyed_rows_are_harvested_to_the_end(route: str, ends: str):
     stage.assert_no_collisions()
     assert stage.world.row_picked.tolist() == [row.length for row in UNEQUAL]
     assert stage.world.delivered == len(UNEQUAL)
-    schedule, fast = (
-        schedule_seconds(stage.world.layout),
-        DiscreteHarvest(stage.world.layout).run().seconds,
-    )
+    schedule = schedule_seconds(stage.world.layout)
+    fast = DiscreteHarvest(stage.world.layout).run().seconds
     assert schedule == pytest.approx(stage.seconds, rel=0.1)
     assert fast == pytest.approx(stage.seconds, rel=0.01)
 

@@ -27,7 +27,8 @@ BIN = BinReport("bin_02", 3, "east", "picker_02", 20, 50.0, 4.0, 60.0)
 
 def played(env, choose, seed=None):
     _, info = env.reset(seed=seed)
-    total, ended = 0.0, (False, False)
+    total = 0.0
+    ended = (False, False)
     while not any(ended):
         _, reward, *ended, info = env.step(choose(info))
         total += reward
@@ -52,7 +53,8 @@ def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_
         metres_per_bin=metres_per_bin,
         picking={"failure": {"mean_between": 300.0}},
     )
-    model, env = DiscreteHarvest(lay_out(scenario)).run(), dispatch_env(scenario)
+    model = DiscreteHarvest(lay_out(scenario)).run()
+    env = dispatch_env(scenario)
     total, terminated = played(env, scripted)
     assert (
         terminated
@@ -99,7 +101,8 @@ def test_masked_random_actions_finish_and_are_repeatable():
     """Random actions within the mask finish the harvest and are repeatable."""
 
     def deliveries():
-        env, rng = dispatch_env(SMALL), np.random.default_rng(1)
+        env = dispatch_env(SMALL)
+        rng = np.random.default_rng(1)
         assert played(env, lambda info: rng.choice(np.flatnonzero(info["action_mask"])), seed=4)[1]
         return env.harvest.deliveries
 
@@ -227,7 +230,8 @@ def test_the_examples_choices_suffice_for_a_good_harvest():
     It sends a carrier to the first bin that it sees as soon as that is due, which is about what
     `predictive` does.
     """
-    env, ended = AnyOrchard(), False
+    env = AnyOrchard()
+    ended = False
     seen, _ = env.reset(seed=1)
     while not ended:
         seen, _, *ends, _ = env.step(int(env.action_masks()[1] and seen[1] * SCALE[1] <= 5.0))

@@ -81,7 +81,8 @@ def test_scripted_velocities_give_the_hash_of_local_mode():
         reward=lambda moment: earned.append(moment) or 0.0,
         is_hashed=True,
     )
-    local, (_, infos) = Local(TINY), env.reset()
+    local = Local(TINY)
+    (_, infos) = env.reset()
     while env.agents:
         assert not local.engine.over
         *_, terminated, truncated, infos = env.step(
@@ -105,7 +106,8 @@ def test_where_a_picker_begins_to_pick_is_no_deed_of_an_action():
     many = with_changes(
         TINY, pickers=2, carriers=3, bins_per_row=2, order_in_row="outward", picking_speed=0.3
     )
-    env, local = parallel_env(many, ["picker_01"], deeds=True), Local(many)
+    env = parallel_env(many, ["picker_01"], deeds=True)
+    local = Local(many)
     env.reset()
     while env.agents:
         action = env._looks["picker_01"].action
@@ -127,7 +129,8 @@ def test_where_a_picker_begins_to_pick_is_no_deed_of_an_action():
 
 
 def test_bodies_without_an_action_follow_their_agents():
-    env, local = parallel_env(SMALL, LEARNED, is_hashed=True), Local(SMALL)
+    env = parallel_env(SMALL, LEARNED, is_hashed=True)
+    local = Local(SMALL)
     env.reset()
     for _ in range(100):
         env.step({})
@@ -141,7 +144,8 @@ def test_other_velocities_give_the_motion_of_local_mode(name):
 
     In local mode an agent that is asked at every tick gives them.
     """
-    env, local = single_env(TINY, name, is_hashed=True), Local(TINY)
+    env = single_env(TINY, name, is_hashed=True)
+    local = Local(TINY)
     _, info = env.reset()
     local.play(name, Driven(local.agents[name]))
     for tick in range(600):
@@ -168,22 +172,21 @@ def command(tick, forward, turn):
     part = tick % 60
     if part < 30 or turn:
         return forward, turn
-    return (
-        (0.0, 0.0)
-        if part < 36
-        else (forward / 2, 0.0)
-        if part < 46
-        else (0.02, 0.0)
-        if part < 49
-        else (forward, 0.01 * (part == 50))
-    )
+    if part < 36:
+        return 0.0, 0.0
+    if part < 46:
+        return forward / 2, 0.0
+    if part < 49:
+        return 0.02, 0.0
+    return forward, 0.01 * (part == 50)
 
 
 class Driven:
     """An agent that keeps its plan, its mail and its deeds, but moves as it is told."""
 
     def __init__(self, agent):
-        self.agent, self.Memory = agent, agent.Memory
+        self.agent = agent
+        self.Memory = agent.Memory
 
     def tick(self, seen, mail, memory):
         action = self.agent.tick(seen, mail, memory)
@@ -216,7 +219,8 @@ def test_a_seed_that_cannot_be_changes_no_later_episode(make):
             env.harvest.layout if isinstance(env, DispatchEnv) else env.local.engine.layout
         ).scenario.seed
 
-    env, other = make(), make()
+    env = make()
+    other = make()
     for wrong in (-1, 2**70, 2.5, "7"):
         with pytest.raises((ScenarioError, gymnasium.error.Error)):
             env.reset(seed=wrong)
@@ -259,7 +263,8 @@ def test_masked_deeds_couple_and_others_do_nothing():
     assert all(
         env.action_space.sample(mask=info["action_mask"])["deed"] in (0, 2) for _ in range(20)
     )
-    bars, masks = [], []
+    bars = []
+    masks = []
     for deed in (1, 2, 0, 1, 0):  # the first one is not allowed
         observation, *_, after = env.step({"velocity": np.zeros(2), "deed": deed})
         bars.append(float(observation["bar"][0]))

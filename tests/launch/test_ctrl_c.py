@@ -117,7 +117,8 @@ def test_ctrl_c_during_the_imports_of_the_page_ends_it_silently(command):
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_ctrl_c_ends_the_viewer_that_the_run_has_opened(mode, tmp_path):
-    viewer, pids = tmp_path / "viewer", tmp_path / "pids"
+    viewer = tmp_path / "viewer"
+    pids = tmp_path / "pids"
     viewer.write_text(STAND_IN)
     viewer.chmod(0o755)
     pids.touch()

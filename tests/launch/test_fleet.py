@@ -45,7 +45,9 @@ pytestmark = pytest.mark.processes
 
 class Child:
     def __init__(self, order):
-        self.order, self.returncode, self.code = order, None, None
+        self.order = order
+        self.returncode = None
+        self.code = None
 
     def poll(self):
         return self.returncode
@@ -68,7 +70,8 @@ def clock():
 class Watched(Supervisor):
     def __init__(self, clock):
         super().__init__(say=self._keep, clock=clock)
-        self.said, self.children = [], []
+        self.said = []
+        self.children = []
 
     def _keep(self, line):
         self.said.append(line)
@@ -92,7 +95,8 @@ def fleet(clock):
 
 def test_who_dies_is_started_again_with_options_of_a_restart(fleet, clock):
     """Who dies is started again at once with the options of a restart."""
-    first, again = RunOptions(run="a"), RunOptions(run="a", resume=True)
+    first = RunOptions(run="a")
+    again = RunOptions(run="a", resume=True)
     fleet.start(
         ProcessSpec(PHYSICS, "orchard.processes.physics", first, again=True, afterwards=again)
     )
@@ -214,7 +218,8 @@ def test_an_end_that_nobody_has_announced_is_a_death(fleet, code):
 def waits(fleet, clock, code=-9):
     """For how long the fleet waits before it starts the last one again, which dies at once."""
     fleet.children[-1].die(code)
-    begun, count = clock.now, len(fleet.children)
+    begun = clock.now
+    count = len(fleet.children)
     while True:
         fleet.watch()
         if len(fleet.children) > count or fleet.given_up:

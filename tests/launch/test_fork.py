@@ -164,7 +164,8 @@ def test_another_seed_changes_only_what_is_drawn_later():
         },
     )
     parent = played(varying, 200)
-    one, other = parent.fork(seed=5), parent.fork(seed=6)
+    one = parent.fork(seed=5)
+    other = parent.fork(seed=6)
     assert one.engine.digest == other.engine.digest == parent.engine.digest
     speeds = [run.memories["picker_01"].plan for run in (one, other)]
     assert speeds[0] != speeds[1]
@@ -235,7 +236,8 @@ def test_a_run_without_figures_is_not_jammed_at_once():
 def harvest(tmp_path_factory):
     """A harvest of many processes with a keyframe every 20 s: its recording, and its summary."""
     folder = tmp_path_factory.mktemp("harvest")
-    recording, summary = runs_folder() / "parent.rrd", folder / "parent.json"
+    recording = runs_folder() / "parent.rrd"
+    summary = folder / "parent.json"
     orchard(
         scenario_file(folder, SHORT),
         "--hosts",
@@ -255,7 +257,8 @@ def test_keyframes_stay_and_an_unchanged_fork_has_the_hash(harvest, tmp_path):
     recording, parent = harvest
     ticks = ticks_of(recording.with_suffix(".snapshots"))
     assert ticks == list(range(0, parent["ticks"], 200))
-    path, table = tmp_path / "fork.json", tmp_path / "tables"
+    path = tmp_path / "fork.json"
+    table = tmp_path / "tables"
     done = orchard(
         "fork",
         recording,
@@ -322,7 +325,8 @@ def test_a_fork_is_a_run_of_its_own_that_can_be_forked_again(harvest, tmp_path):
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_resumed_stopped_and_killed_runs_can_be_forked(tmp_path, end):
     """A run that goes on can be forked and one that was stopped or killed too."""
-    file, path = scenario_file(tmp_path, SMALL), tmp_path / "fork.json"
+    file = scenario_file(tmp_path, SMALL)
+    path = tmp_path / "fork.json"
     with running(
         file, "--mode", "local", "--speed", 20, "--keyframes", 5, "--record", "none"
     ) as run:
@@ -367,7 +371,8 @@ def test_the_commands_of_the_documents_about_forks_work(harvest, tmp_path):
     one, compared, bisected = (
         shlex.split(line)[3:] for line in block("docs/how-to.md", "fork a run").splitlines()
     )
-    path, picture = tmp_path / "found.json", tmp_path / "futures.svg"
+    path = tmp_path / "found.json"
+    picture = tmp_path / "futures.svg"
     orchard("fork", harvest[0], *one, "--mode", "local", "--record", "none", "--summary", path)
     gained = harvest[1]["sim_seconds"] - summary_of(path)["sim_seconds"]
     assert gained > 0.0
@@ -401,7 +406,8 @@ def test_an_added_carrier_has_a_slow_error_from_the_first():
     run = Local(with_changes(TWO_WAY, carriers=2, queue_room=3, **{"sensors.gnss.bias": 0.02}))
     for _ in range(20):
         run.tick()
-    before, after = run.engine.world, run.fork(carriers=3).engine.world
+    before = run.engine.world
+    after = run.fork(carriers=3).engine.world
     assert after.bias[after.index["carrier_03"]].any()
     assert (after.bias[after.index["carrier_02"]] == before.bias[before.index["carrier_02"]]).all()
 
@@ -560,13 +566,12 @@ def test_a_run_with_a_stop_between_keyframes_is_told(tmp_path):
 def test_a_fork_says_which_agents_were_clients_elsewhere(tmp_path):
     """A fork says which agents were clients elsewhere and lets those of the scenario begin anew."""
     snapshot = played(SMALL, 200).snapshot()
-    snapshot.elsewhere, snapshot.memories["picker_01"] = ["picker_01"], pack(["of another program"])
+    snapshot.elsewhere = ["picker_01"]
+    snapshot.memories["picker_01"] = pack(["of another program"])
     name, content = as_file(snapshot)
     store(name.replace(SNAPSHOT, KEYFRAME), content, tmp_path)
-    path, words = (
-        tmp_path / "fork.json",
-        ("fork", tmp_path, "--at", 22, "--mode", "local", "--record", "none", "--duration", 40),
-    )
+    path = tmp_path / "fork.json"
+    words = ("fork", tmp_path, "--at", 22, "--mode", "local", "--record", "none", "--duration", 40)
     told = orchard(*words, "--summary", path).stderr
     assert (
         "clients elsewhere drove picker_01: here the agents of the scenario do; --without leaves"

@@ -134,10 +134,8 @@ def test_unprinted_output_does_not_change_the_exit_code():
     program = "from orchard.terminal.output import console; print('a line'); console.end()"
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:
-        command, streams = (
-            [sys.executable, "-c", program],
-            {"stdout": full, "stderr": subprocess.PIPE},
-        )
+        command = [sys.executable, "-c", program]
+        streams = {"stdout": full, "stderr": subprocess.PIPE}
         done = subprocess.run(
             command, cwd=ROOT, **streams, text=True, timeout=PATIENCE, env=buffered
         )

@@ -41,20 +41,18 @@ def run_py(folder: Path, *arguments: object) -> subprocess.Popen:
 
 @contextmanager
 def begun(folder: Path, *arguments: object):
-    run, processes = (
-        run_py(
-            folder,
-            scenario_file(folder, SMALL),
-            "--speed",
-            5,
-            "--duration",
-            DURATION,
-            "--hosts",
-            2,
-            *arguments,
-        ),
-        [],
+    run = run_py(
+        folder,
+        scenario_file(folder, SMALL),
+        "--speed",
+        5,
+        "--duration",
+        DURATION,
+        "--hosts",
+        2,
+        *arguments,
     )
+    processes = []
     try:
         line_with("real time", run)
         processes = psutil.Process(run.pid).children(recursive=True)
@@ -83,7 +81,8 @@ def ended(folder: Path, *arguments: object) -> tuple[int, str]:
 )
 def test_processes_end_with_run_py_and_the_run_can_go_on(tmp_path, monkeypatch, number):
     """When run.py dies its processes end and the run goes on to the same hash."""
-    path, temporary = tmp_path / "summary.json", tmp_path / "temporary"
+    path = tmp_path / "summary.json"
+    temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
     with begun(tmp_path, "--record", tmp_path / "run.rrd") as (run, processes):

@@ -194,7 +194,9 @@ def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
 
 def test_the_summary_is_there_before_the_recording_is_packed(tmp_path, monkeypatch):
     """The summary is there before the recording is packed and a stop leaves no half of it."""
-    packer, summary, runs = tmp_path / "packer", tmp_path / "summary.json", tmp_path / "runs"
+    packer = tmp_path / "packer"
+    summary = tmp_path / "summary.json"
+    runs = tmp_path / "runs"
     packer.write_text(
         f"#!/bin/sh\nfor last; do :; done\necho RRF2 and half of it > $last\nexec {sys.executable}"
         " -c 'import time; time.sleep(600)'\n"

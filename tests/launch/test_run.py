@@ -203,10 +203,8 @@ def test_ctrl_c_stops_everything_and_closes_the_recording(tmp_path):
 
 @pytest.mark.parametrize("mode", ["local", "lockstep"])
 def test_a_run_whose_pickers_are_all_broken_ends_at_once(tmp_path, mode):
-    scenario, path = (
-        scenario_file(tmp_path, driven_by(picker="Unmakeable")),
-        tmp_path / "summary.json",
-    )
+    scenario = scenario_file(tmp_path, driven_by(picker="Unmakeable"))
+    path = tmp_path / "summary.json"
     done = orchard(
         scenario, "--mode", mode, "--record", "none", "--summary", path, "--duration", 60, code=1
     )

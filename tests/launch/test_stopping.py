@@ -52,10 +52,8 @@ def test_the_command_line_stops_a_robot_of_a_run_here(tmp_path, runs, mode):
     with running(*order) as run, ExitStack() as stack:
         (going,) = running_here(runs)
         someone = stack.enter_context(Client.open(going.endpoint, going.run))
-        poses, velocities = (
-            someone.hear("orchard/picker_01/pose"),
-            someone.hear("orchard/picker_01/velocity"),
-        )
+        poses = someone.hear("orchard/picker_01/pose")
+        velocities = someone.hear("orchard/picker_01/velocity")
         done = orchard("stop", "picker_01")
         assert done.stdout == "stopped: bin_01, picker_01\n"
         stands = assert_stands(poses)
@@ -109,7 +107,8 @@ def assert_pauses_and_steps() -> None:
 def test_a_late_answer_of_physics_is_told_and_taken(monkeypatch):
     """Whom physics lets wait is told so and gets the answer that comes late."""
     monkeypatch.setattr(asking, "QUIET_SECONDS", 0.2)
-    told, robots = SimpleQueue(), ["picker_01"]
+    told = SimpleQueue()
+    robots = ["picker_01"]
     monkeypatch.setattr(asking, "print_error", told.put)
     with router() as physics, ThreadPoolExecutor() as pool:
         physics.answer("orchard/stop")

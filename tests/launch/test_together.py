@@ -59,7 +59,8 @@ def test_an_end_that_says_nothing_of_the_run_is_refused():
 
 def test_an_end_is_believed_only_while_physics_goes():
     """An end is believed only while physics goes in whichever order that is heard."""
-    now, end = [0.0], End("run1", 5, True, "harvested", "0" * 64, {})
+    now = [0.0]
+    end = End("run1", 5, True, "harvested", "0" * 64, {})
     for first, second in (("hear", "track"), ("track", "hear")):
         ending = Ending(lambda: now[0])
         heard = {
@@ -81,7 +82,8 @@ def test_an_end_is_believed_only_while_physics_goes():
 def deaf(tmp_path, monkeypatch):
     (tmp_path / "deaf.py").write_text(DEAF)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    said, begun = [], []
+    said = []
+    begun = []
     with Supervisor(lambda line: (begun if line.endswith("deaf") else said).append(line)) as fleet:
         fleet.start(ProcessSpec("agents 1", "deaf", []))
         while not begun:
@@ -112,7 +114,8 @@ class Loading:
     """The supervisor of a physics process that still loads its modules."""
 
     given_up: ClassVar[dict] = {}
-    run, clock = "run1", staticmethod(monotonic)
+    run = "run1"
+    clock = staticmethod(monotonic)
 
     def __init__(self):
         self.asked_to_end = []
@@ -141,7 +144,9 @@ def loading(connect=None):
 def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, ended):
     """The summary of a run that is stopped before its first tick is waited for."""
     monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
-    launched, keys, inbox = loading(), Keys(), Inbox()
+    launched = loading()
+    keys = Keys()
+    inbox = Inbox()
     summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
     end = Sample("orchard/end", pack(End("run1", 0, False, "stopped: tick 0", "0" * 64, summary)))
     for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(TOKEN, False)]:
@@ -156,7 +161,8 @@ def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, 
 @pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
 def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
     """A run that is stopped before physics listens is stopped when it does."""
-    inbox, tries = Inbox(), []
+    inbox = Inbox()
+    tries = []
 
     def connect(*_):
         tries.append(len(tries))

@@ -40,7 +40,10 @@ class Leaving(StandIn):
 
     def __init__(self) -> None:
         super().__init__(Net(), "physics1")
-        self.inbox, self.now, self.told, self.items = self, 0.0, [], []
+        self.inbox = self
+        self.now = 0.0
+        self.told = []
+        self.items = []
 
     def take(self, seconds):
         if self.items and self.items[0][0] <= self.now + seconds:
@@ -58,11 +61,9 @@ class Leaving(StandIn):
 
 
 TOKEN = KEYS.of("alive", "picker_01", "a")
-GONE, BACK, LEFT = (
-    Alive(TOKEN, False),
-    Alive(TOKEN, True),
-    Sample(KEYS.of("left", session="a"), pack(Left(RUN))),
-)
+GONE = Alive(TOKEN, False)
+BACK = Alive(TOKEN, True)
+LEFT = Sample(KEYS.of("left", session="a"), pack(Left(RUN)))
 ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody replies
 
 

@@ -47,12 +47,10 @@ class OverZenoh:
 
 class Simulated:
     def __init__(self, stack: ExitStack, network: Network, task) -> None:
-        self._stack, self._network, self._task, self._names = (
-            stack,
-            network,
-            task,
-            itertools.count(),
-        )
+        self._stack = stack
+        self._network = network
+        self._task = task
+        self._names = itertools.count()
         self.router = self.start_router()
 
     def start_router(self):
@@ -138,7 +136,8 @@ def when(bus, is_so) -> None:
 @on_both
 def test_samples_of_one_session_arrive_in_order(net):
     """Samples of one session arrive in order and no session hears itself."""
-    one, other = net.client(), net.client()
+    one = net.client()
+    other = net.client()
     for bus in (one, other):
         bus.subscribe("a/*")
     when(one, lambda: one.is_heard("a/b"))
@@ -151,7 +150,8 @@ def test_samples_of_one_session_arrive_in_order(net):
 @on_both
 def test_a_large_payload_arrives_before_a_later_small_one(net):
     """A large payload arrives whole and before a small one that follows it."""
-    one, other = net.client(), net.client()
+    one = net.client()
+    other = net.client()
     net.router.subscribe("a")
     other.subscribe("a")
     when(one, lambda: one.is_heard("a"))
@@ -197,7 +197,8 @@ def test_a_router_is_alone_at_its_endpoint(net):
 
 @on_both
 def test_two_subscriptions_that_meet_a_key_give_the_sample_twice(net):
-    one, other = net.client(), net.client()
+    one = net.client()
+    other = net.client()
     other.subscribe("a/*")
     other.subscribe("a/b", quietly=True)
     when(one, lambda: one.is_heard("a/b"))
@@ -208,7 +209,8 @@ def test_two_subscriptions_that_meet_a_key_give_the_sample_twice(net):
 
 @on_both
 def test_a_publisher_knows_whether_another_session_subscribes(net):
-    one, other = net.client(), net.client()
+    one = net.client()
+    other = net.client()
     one.subscribe("a/b")
     assert not one.is_heard("a/b")
     other.subscribe("a/**")
@@ -221,7 +223,8 @@ def test_a_publisher_knows_whether_another_session_subscribes(net):
 @on_both
 def test_a_watcher_learns_of_earlier_tokens_and_changes(net):
     """Who watches learns of tokens from before and of each change."""
-    one, other = net.client(), net.client()
+    one = net.client()
+    other = net.client()
     one.declare_alive("alive/x/1")
     one.sleep(SHORT)
     other.watch("alive/*/*")
@@ -235,7 +238,9 @@ def test_a_watcher_learns_of_earlier_tokens_and_changes(net):
 
 @on_both
 def test_tokens_of_two_sessions_with_one_key_are_one_token(net):
-    watcher, one, other = net.client(), net.client(), net.client()
+    watcher = net.client()
+    one = net.client()
+    other = net.client()
     watcher.watch("alive/*/*")
     for bus in (one, other):
         bus.declare_alive("alive/x/1")
@@ -250,7 +255,9 @@ def test_tokens_of_two_sessions_with_one_key_are_one_token(net):
 @on_both
 def test_all_queryables_reply_and_then_it_is_final(net):
     """All queryables reply as often as they like and then it is final."""
-    asker, one, other = net.client(), net.client(), net.client()
+    asker = net.client()
+    one = net.client()
+    other = net.client()
     one.answer("a/one")
     other.answer("a/*")
     asker.sleep(SHORT)
@@ -268,7 +275,8 @@ def test_all_queryables_reply_and_then_it_is_final(net):
 
 def asked(net, key="a", seconds=LONG):
     """A session that asks another one, the other one, and the query that it has heard."""
-    asker, other = net.client(), net.client()
+    asker = net.client()
+    other = net.client()
     other.answer("a")
     asker.sleep(SHORT)
     asker.ask(key, b"", 1, seconds)
@@ -389,7 +397,8 @@ def test_a_short_wait_ends_although_it_was_rung_before():
 
 
 def test_whoever_rings_while_others_do_is_heard():
-    inbox, heard = Inbox(), []
+    inbox = Inbox()
+    heard = []
     putters = 4
 
     def take() -> None:

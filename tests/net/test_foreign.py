@@ -105,7 +105,10 @@ def test_it_reads_nothing_of_this_program():
 
 def test_it_ignores_a_field_that_it_does_not_know():
     carrier = foreign_carrier.Carrier({"scenario": SMALL.model_dump(), "agents": []}, "carrier_01")
-    carrier.tick, carrier.x, carrier.y, carrier.twist = 7, 35.4, 24.5, (0.0, 0.0, 0.0)
+    carrier.tick = 7
+    carrier.x = 35.4
+    carrier.y = 24.5
+    carrier.twist = (0.0, 0.0, 0.0)
     call = {"type": "call", "lane": 1, "side": "east", "since": 7, "more": [7]}
     carrier.hear_calls([("bin_01", 7, 0, call)])
     assert carrier.reply_to("bin_01", call)["type"] == "offer"
@@ -142,7 +145,8 @@ def test_its_field_is_ours(number):
     carrier too.
     """
     scenario = Scenario(rows=6, row_width=7.0, pickers=4, carriers=number, **ONE_WAY)
-    layout, route = lay_out(scenario), OneWay(lay_out(scenario))
+    layout = lay_out(scenario)
+    route = OneWay(lay_out(scenario))
     field = foreign_carrier.Field(scenario.model_dump(), f"carrier_{number:02d}")
     assert (field.D, field.F, field.FULL, field.PICKER) == (
         route.D_ROAD,
@@ -168,7 +172,8 @@ def test_its_field_is_ours(number):
 
 
 def test_its_bodies_are_ours():
-    own, others = KINDS["carrier"], {name: KINDS[name] for name in PEOPLE + ANIMALS}
+    own = KINDS["carrier"]
+    others = {name: KINDS[name] for name in PEOPLE + ANIMALS}
     assert {
         name: (kind.length, kind.width, kind.speed) for name, kind in others.items()
     } == foreign_carrier.BYSTANDERS
@@ -187,7 +192,8 @@ AHEAD = Zone(*foreign_holder.ZONE)
 
 
 class Walker:
-    Memory, holds = dict, True
+    Memory = dict
+    holds = True
 
     def __init__(self):
         self.asked = 0

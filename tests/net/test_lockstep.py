@@ -40,7 +40,8 @@ def test_agents_that_call_each_other_do_as_in_local_mode(fleet, undisturbed, hos
 @pytest.mark.processes
 def test_someone_who_hears_everything_changes_nothing(fleet, undisturbed):
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
-    client, heard = fleet.client(), queue.Queue()
+    client = fleet.client()
+    heard = queue.Queue()
     client.session.declare_subscriber("**", lambda sample: heard.put(str(sample.key_expr)))
     fleet.share(2, TOY)
     assert fleet.end() == undisturbed
@@ -132,7 +133,8 @@ def test_a_bare_client_is_waited_for_in_lockstep(fleet):
     fleet.physics(SMALL, "--duration", "3")
     fleet.host("--without", "worker_01", agents=TOY)
     someone = fleet.client()
-    poses, clock = someone.hear("orchard/worker_01/pose"), someone.hear("orchard/clock")
+    poses = someone.hear("orchard/worker_01/pose")
+    clock = someone.hear("orchard/clock")
     token = someone.declare("orchard/alive/worker_01/me")
     assert someone.join("worker_01")["memories"] == {"worker_01": None}
     places = []
@@ -164,7 +166,8 @@ def changing_joins(monkeypatch, change, times: float = 1) -> list[bytes]:
 
     Return a list that gets all of them, as they were sent.
     """
-    ask, joins = Router.ask, []
+    ask = Router.ask
+    joins = []
 
     def ask_with_change(router, link, number, key, payload):
         if key.endswith("/join"):

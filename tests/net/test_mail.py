@@ -36,7 +36,8 @@ def settled(tick):
 
 def test_a_request_is_heard_and_answered_at_the_next_tick():
     """A request is received at once heard at the next tick and answered then."""
-    box, query = mailbox(), Query(letter(tick=5))
+    box = mailbox()
+    query = Query(letter(tick=5))
     box.hear("picker_01", query)
     assert query.replies == [Received(RUN, 5)]
     assert heard_at(box, 5) == []
@@ -62,7 +63,8 @@ def test_requests_are_heard_in_one_order():
 
 def test_an_unanswered_query_is_told_in_its_tick():
     """A query that nobody answers is told so in the tick in which it is heard."""
-    box, query = mailbox(), Query(letter(tick=4))
+    box = mailbox()
+    query = Query(letter(tick=4))
     box.hear("picker_01", query)
     box.deliver(5)
     box.close()
@@ -73,7 +75,8 @@ def test_an_unanswered_query_is_told_in_its_tick():
 @pytest.mark.parametrize("tick", [0, 3, 5 + MOST_HOLD])
 def test_a_request_of_the_past_or_far_future_is_dropped(tick):
     """A request of the past or beyond any hold is dropped at once."""
-    box, query = mailbox(5), Query(letter(tick=tick))
+    box = mailbox(5)
+    query = Query(letter(tick=tick))
     with pytest.raises(Refused, match="tick"):
         box.hear("picker_01", query)
     assert query.dropped
@@ -86,7 +89,8 @@ def test_a_request_after_its_heard_copy_is_no_fault():
     A host that joins hears the requests of two ticks from the copies; the queries may come
     later, in a run without any fault.
     """
-    box, query = mailbox(5), Query(letter(tick=5))
+    box = mailbox(5)
+    query = Query(letter(tick=5))
     for tick in (5, 6, 7):
         box.deliver(tick)
         if tick < 7:
@@ -97,7 +101,9 @@ def test_a_request_after_its_heard_copy_is_no_fault():
 
 
 def test_a_repeat_takes_the_place_of_what_it_repeats():
-    box, first, second = mailbox(), Query(letter()), Query(letter())
+    box = mailbox()
+    first = Query(letter())
+    second = Query(letter())
     box.hear("picker_01", first)
     box.hear("picker_01", second)
     assert first.dropped
@@ -112,7 +118,8 @@ def test_nonsense_gets_an_error_reply():
 
 
 def test_an_answer_to_what_was_heard_earlier_goes_nowhere():
-    box, query = mailbox(), Query(letter(tick=4))
+    box = mailbox()
+    query = Query(letter(tick=4))
     box.hear("picker_01", query)
     (heard,) = heard_at(box, 5)
     box.close()
@@ -202,7 +209,8 @@ def test_an_answer_of_another_tick_is_refused(tick):
 
 
 def test_who_joins_again_forgets_all_mail():
-    box, query = mailbox(), Query(letter())
+    box = mailbox()
+    query = Query(letter())
     box.hear("picker_01", query)
     ask(box)
     box.join(7)
@@ -288,7 +296,8 @@ def test_an_equal_answer_counts_anew_after_a_takeover():
 
 def test_nobody_answers_in_anothers_place():
     """Of the copies of a tick's letters only the answer of the one that was asked counts."""
-    asked, given = Written([("bin_01", StateRequest())], []), [Given("picker_01", 3, 0, Yes())]
+    asked = Written([("bin_01", StateRequest())], [])
+    given = [Given("picker_01", 3, 0, Yes())]
     for answers, body in (
         ({"bin_02": Written([], given)}, None),
         ({"bin_01": Written([], given)}, Yes()),

@@ -22,11 +22,9 @@ from orchard.wire.messages import Answered, Joined, Recalled, Received, Simulati
 
 
 def test_replies_to_requests_are_refused_unless_they_are_answers(other):
-    host, asked, thrown = (
-        Run(SMALL, RUN, 1).host,
-        SentRequest("bin_01", 7, 0, "picker_01", StateRequest()),
-        0,
-    )
+    host = Run(SMALL, RUN, 1).host
+    asked = SentRequest("bin_01", 7, 0, "picker_01", StateRequest())
+    thrown = 0
     for _, payload in bad(other, "mail", 4000, 3):
         host.handle(Replied(asked, payload, ""))
         thrown += 1
@@ -71,7 +69,8 @@ class Crowd(StandIn):
 )
 def test_who_asks_takes_the_reply_that_makes_sense(other, what, type_):
     example = next(p for _, p in reversed(other[what]) if not refusal_of(p, type_, "other"))
-    good, refusals = rewritten(example, run=RUN), Refusals()
+    good = rewritten(example, run=RUN)
+    refusals = Refusals()
     bads = [payload for _, payload in bad(other, what, 500, 4)]
     crowd = Crowd([*bads, good])
     reply = ask(

@@ -113,7 +113,8 @@ def test_no_random_harvest_beats_what_is_proven(
 
 def test_roads_that_robots_share_make_the_bound_longer():
     layout = lay_out(empty_orchard(rows=5, pickers=5, carriers=5, route="two-way"))
-    free, shared = optimum(layout, 1.0, free_roads=True), optimum(layout, 1.0)
+    free = optimum(layout, 1.0, free_roads=True)
+    shared = optimum(layout, 1.0)
     assert free.gap == shared.gap == 0.0
     assert (
         1.02 * free.proven_seconds < shared.proven_seconds <= DiscreteHarvest(layout).run().seconds
@@ -153,12 +154,11 @@ def shortest(jobs: list[TimedJob], carriers: int) -> float:
     """The end of the best schedule on free roads, in ticks, as a mixed-integer program: for each
     job its stop and its carrier, for each pair which of them comes first, if one carrier does both.
     """
-    count, pairs = len(jobs), list(combinations(range(len(jobs)), 2))
+    count = len(jobs)
+    pairs = list(combinations(range(len(jobs)), 2))
     late = float(sum(job.ready + job.approach + job.to_bay + job.to_head for job in jobs))
-    end, carrier = (
-        count,
-        np.arange(count + 1, count + 1 + count * carriers).reshape(count, carriers),
-    )
+    end = count
+    carrier = np.arange(count + 1, count + 1 + count * carriers).reshape(count, carriers)
     first = range(carrier.max() + 1, carrier.max() + 1 + len(pairs))
     rows: list[np.ndarray] = []
     least: list[float] = []

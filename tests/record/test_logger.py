@@ -57,7 +57,8 @@ def test_physics_sends_a_whole_picture_when_a_logger_comes(fleet):
 
 def test_a_logger_is_ready_before_it_shows_its_token(monkeypatch):
     """It listens, and its recording is open. The first tick waits for the token."""
-    done, run = [], (SimpleNamespace(run="run1"), lay_out(Scenario(rows=3)))
+    done = []
+    run = (SimpleNamespace(run="run1"), lay_out(Scenario(rows=3)))
     executor = SimpleNamespace(submit=lambda *_: done.append("write"))
     bus = SimpleNamespace(clock=lambda: 0.0, declare_alive=done.append, executor=executor)
     monkeypatch.setattr(recording, "fetch_layout", lambda *_: run)
@@ -74,7 +75,9 @@ def test_a_logger_begins_with_a_whole_picture():
     """
     local = Local(Scenario(rows=3))
     local.tick()
-    world, bus, queue = local.engine.world, StandIn(Net(), "logger"), FrameQueue()
+    world = local.engine.world
+    bus = StandIn(Net(), "logger")
+    queue = FrameQueue()
     builder = FrameBuilder(local.engine)
 
     def shown(tick):
@@ -147,7 +150,8 @@ def test_changes_of_all_pictures_together_are_a_whole_one():
     Also while robots are stopped, reset and in each other's way, and after a tick without a
     picture.
     """
-    local, said = Local(Scenario(rows=10, pickers=10, seed=4)), dict[str, str]()
+    local = Local(Scenario(rows=10, pickers=10, seed=4))
+    said = dict[str, str]()
     builder = FrameBuilder(local.engine)
     for tick in range(1500):
         if tick % 150 == 40:
@@ -163,7 +167,8 @@ def test_changes_of_all_pictures_together_are_a_whole_one():
 def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
     """Bundles hold each picture with what was said in its step before the run ends."""
     monkeypatch.setattr("orchard.server.publisher.BUNDLE_SECONDS", math.inf)
-    ticks, run = 725, Run(Scenario(rows=3), "run1", 725)
+    ticks = 725
+    run = Run(Scenario(rows=3), "run1", 725)
     run.to_the_end()
     sent = [(key.removeprefix("orchard/"), payload) for key, payload in run.net.sent]
     bundles = [read(payload, Bundle) for key, payload in sent if key == "bundle"]
@@ -179,7 +184,8 @@ def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
     assert len(told["picture"]) == ticks and told["events"] and told["letters"]
     assert all(len(bundle.pictures) <= 10 for bundle in bundles)
     assert [key for key, _ in sent if key in ("bundle", "end")][-2:] == ["bundle", "end"]
-    bus, queue = StandIn(Net(), "logger"), FrameQueue()
+    bus = StandIn(Net(), "logger")
+    queue = FrameQueue()
     logger = Logger(bus, KEYS, "run1", run.engine.layout, queue)
     for bundle in bundles:
         logger._handle(Sample(KEYS.of("bundle"), pack(bundle)))
@@ -196,7 +202,8 @@ def test_bundles_hold_each_picture_with_what_was_said(monkeypatch):
 
 @pytest.mark.processes
 def test_a_slow_recorder_holds_physics_up_no_more_than_none(fleet, tmp_path):
-    file, ticks = tmp_path / "slow.rrd", 600
+    file = tmp_path / "slow.rrd"
+    ticks = 600
     fleet.physics(Scenario(rows=3), "--duration", str(ticks / 10))
     slow = Process("slow_logger", "--connect", fleet.endpoint, "--record", str(file))
     fleet._stack.callback(slow.kill)
@@ -326,7 +333,8 @@ def test_gaps_are_named_in_the_summary_and_the_recording(battered, rows):
 
 
 def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, unharmed):
-    (_, summary, _), (whole, _) = battered, unharmed
+    (_, summary, _) = battered
+    (whole, _) = unharmed
     changed = [
         key
         for key, course in whole.items()
@@ -337,7 +345,8 @@ def test_after_the_gaps_everything_is_as_if_there_had_been_none(battered, rows, 
         "a row was picked meanwhile"
     )
     for seconds in [until_ for _, until_ in summary["recording_gaps"]] + [TICKS / 10]:
-        seen, meant = seen_at(rows, seconds), seen_at(whole, seconds)
+        seen = seen_at(rows, seconds)
+        meant = seen_at(whole, seconds)
         assert {
             key: (seen.get(key), meant.get(key))
             for key in seen.keys() | meant.keys()
@@ -426,7 +435,8 @@ def test_a_slow_recorder_leaves_out_pictures_but_no_words():
 
     It takes three ticks for a picture.
     """
-    pages, taken = FrameQueue(most=10), []
+    pages = FrameQueue(most=10)
+    taken = []
     for tick in range(1, 1001):
         pages.put(picture(tick))
         assert len(pages) <= 10
@@ -454,10 +464,8 @@ def test_a_hanging_recorder_costs_only_so_many_pictures():
 
 def test_what_is_left_out_leaves_its_news_to_the_next():
     pages = FrameQueue(most=1)
-    doing, picked = (
-        {"picker_01": "picking row 1", "bin_01": "empty"},
-        np.array([[1.0, 0.0, 0.0, 0.0]]),
-    )
+    doing = {"picker_01": "picking row 1", "bin_01": "empty"}
+    picked = np.array([[1.0, 0.0, 0.0, 0.0]])
     pages.put(picture(1, doing=doing, row_ends=picked, alive=np.array([True])))
     pages.put(
         picture(2, charges={"carrier_01": 0.5}, doing={"bin_01": "full"}, alive=np.array([False]))

@@ -231,7 +231,8 @@ RTK = {"sensors": {"gnss": {"white": 0.01, "bias": 0.02}}}
     ],
 )
 def test_what_a_harvest_lost_adds_up_to_its_length(changes):
-    scenario, seconds = empty_orchard(rows=4, pickers=2, carriers=2, **changes), 700.0
+    scenario = empty_orchard(rows=4, pickers=2, carriers=2, **changes)
+    seconds = 700.0
     lost = lost_seconds(lay_out(scenario), seconds)
     assert sum(lost.values()) == pytest.approx(seconds, abs=0.3)
     assert (lost["people_and_animals"] > 0.0) == bool(
@@ -304,7 +305,8 @@ def test_what_a_harvest_with_a_users_agent_lost_is_not_told():
 
 def test_the_course_of_a_harvest_ends_with_its_figures():
     summary = harvested(2, 1).account.summary()
-    course, seconds = summary["history"], summary["sim_seconds"]
+    course = summary["history"]
+    seconds = summary["sim_seconds"]
     assert course["bins_delivered"][-1] == 4 and course["bins_delivered"] == sorted(
         course["bins_delivered"]
     )

@@ -158,7 +158,8 @@ def test_the_time_left_is_that_of_the_schedule_or_the_rest(changes, until, left)
 def test_a_run_that_gets_ready_shows_that_it_goes_on(monkeypatch):
     """A run that gets ready shows that it goes on until its first figures."""
     monkeypatch.setattr("orchard.report.progress.STILL_SECONDS", 0.001)
-    lines, told = io.StringIO(), threading.Event()
+    lines = io.StringIO()
+    told = threading.Event()
     with Progress(Console(file=lines)) as progress:
         monkeypatch.setattr(
             progress,
@@ -309,8 +310,10 @@ def drawn(svg):
 
 
 def test_the_plan_shows_where_the_bodies_are_and_what_is_picked():
-    before, run = local_at(0), local_at(400)
-    begin, now = drawn(before._repr_svg_()), drawn(run._repr_svg_())
+    before = local_at(0)
+    run = local_at(400)
+    begin = drawn(before._repr_svg_())
+    now = drawn(run._repr_svg_())
     pose = run.engine.observe()["picker_01"].pose
     shift = float(now["picker_01"].get("x")) - float(begin["picker_01"].get("x"))
     assert abs(shift / PIXELS - (pose.x - before.engine.observe()["picker_01"].pose.x)) < 0.01

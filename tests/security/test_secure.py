@@ -53,7 +53,9 @@ def meeting(folder):
 
 
 def test_an_agent_moves_its_own_robot_and_no_other(farm):
-    amy, ben, witness = farm.come("amy"), farm.come("ben"), farm.come("logger")
+    amy = farm.come("amy")
+    ben = farm.come("ben")
+    witness = farm.come("logger")
     for name in (MINE, HERS):
         witness.bus.subscribe(KEYS.of("pose", name))
     start = witness.pose(HERS)
@@ -74,7 +76,8 @@ def test_an_agent_moves_its_own_robot_and_no_other(farm):
 
 def test_an_agent_does_not_move_what_another_holds(farm):
     """Physics waits for ben's answer; that of amy, in ben's name, is none."""
-    amy, ben = farm.come("amy"), farm.come("ben")
+    amy = farm.come("amy")
+    ben = farm.come("ben")
     ben.bus.subscribe(KEYS.of("pose", HERS))
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     start = ben.pose(HERS)
@@ -93,7 +96,8 @@ def test_an_agent_does_not_move_what_another_holds(farm):
 
 
 def test_an_agent_is_alive_under_its_own_name_only(farm):
-    amy, ben = farm.come("amy"), farm.come("ben")
+    amy = farm.come("amy")
+    ben = farm.come("ben")
     amy.bus.declare_alive(KEYS.of("alive", HERS, amy.bus.id))
     amy.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     amy.bus.declare_alive(KEYS.of("alive", MINE, amy.bus.id))
@@ -107,7 +111,8 @@ def test_an_agent_is_alive_under_its_own_name_only(farm):
 
 def test_nobody_joins_in_anothers_name(farm):
     """Ben's token stands, and physics knows what its agent remembers: it tells ben alone."""
-    amy, ben = farm.come("amy"), farm.come("ben")
+    amy = farm.come("amy")
+    ben = farm.come("ben")
     ben.bus.subscribe(KEYS.of("pose", HERS))
     ben.bus.declare_alive(KEYS.of("alive", HERS, ben.bus.id))
     assert ben.join(HERS) == ""
@@ -134,7 +139,9 @@ def test_nobody_joins_in_anothers_name(farm):
 
 
 def test_an_agent_hears_its_own_mail_and_no_other(meeting):
-    amy, ben, asker = meeting.come("amy"), meeting.come("ben"), meeting.come("shed")
+    amy = meeting.come("amy")
+    ben = meeting.come("ben")
+    asker = meeting.come("shed")
     amy.bus.answer(KEYS.of("mail", HERS))
     for name, somebody in (
         (MINE, amy),
@@ -149,7 +156,8 @@ def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Some
 
     It is asked again until there is one.
     """
-    deadline, heard = time.monotonic() + PATIENCE, []
+    deadline = time.monotonic() + PATIENCE
+    heard = []
     while not heard:
         assert time.monotonic() < deadline, f"no session answers for {name}"
         asker.bus.ask(KEYS.of("mail", name), b"", name, PATIENCE)
@@ -163,13 +171,15 @@ def who_answers(asker: Somebody, name: str, others: list[Somebody]) -> list[Some
 
 
 def test_an_agent_sees_its_own_robot_and_no_other(farm):
-    amy, ben = farm.come("amy"), farm.come("ben")
+    amy = farm.come("amy")
+    ben = farm.come("ben")
     for what in ("pose", "scan", "velocity"):
         amy.bus.subscribe(KEYS.of(what, HERS))
     amy.bus.subscribe(KEYS.of("picture"))
     amy.bus.subscribe(KEYS.of("pose", MINE))
     ben.bus.subscribe(KEYS.of("pose", HERS))
-    tick, newest = ben.pose(HERS).tick, -1
+    tick = ben.pose(HERS).tick
+    newest = -1
     while newest <= tick:
         heard = amy.wait(Sample)
         assert heard.key == KEYS.of("pose", MINE)
@@ -190,7 +200,8 @@ def test_another_session_with_a_roles_certificate_may_nothing(meeting):
 
 def test_the_logger_moves_nothing_and_stops_nothing(farm):
     """What it may put is how much it refused: that is counted, and is what comes last here."""
-    logger, operator = farm.come("logger"), farm.come("operator")
+    logger = farm.come("logger")
+    operator = farm.come("operator")
     logger.bus.subscribe(KEYS.of("pose", MINE))
     operator.bus.subscribe(KEYS.of("figures"))
     start = logger.pose(MINE)
@@ -214,7 +225,8 @@ def test_the_logger_moves_nothing_and_stops_nothing(farm):
 
 def test_the_emergency_operator_stops_and_an_agent_cannot(farm):
     """The emergency operator stops the run and an agent cannot."""
-    amy, operator = farm.come("amy"), farm.come("operator")
+    amy = farm.come("amy")
+    operator = farm.come("operator")
     end = wire.SetSimulationState(farm.run, "quitting")
     assert amy.asks("set_simulation_state", end) == []
     assert len(operator.asks("set_simulation_state", end)) == 1
@@ -224,7 +236,9 @@ def test_the_emergency_operator_stops_and_an_agent_cannot(farm):
 
 
 def test_the_warden_stops_a_robot_and_an_agent_cannot(farm):
-    amy, operator, witness = farm.come("amy"), farm.come("emergency-operator"), farm.come("logger")
+    amy = farm.come("amy")
+    operator = farm.come("emergency-operator")
+    witness = farm.come("logger")
     stop = wire.Stop(farm.run, True, [MINE])
     assert amy.asks("stop", stop) == []
     assert len(operator.asks("stop", stop)) == 1
@@ -294,7 +308,8 @@ def test_a_certificate_holds_for_its_addresses_only(folder):
 
 def test_a_connection_ends_with_its_certificate(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "roles")
-    authority, keyring = Authority.begin(1), Keyring.load(tmp_path / "roles")
+    authority = Authority.begin(1)
+    keyring = Keyring.load(tmp_path / "roles")
     authority.vouch(keyring.of("physics").role, keyring.roles["physics"], ["127.0.0.1"])
     authority.vouch(
         keyring.of("amy").role, keyring.roles["amy"], until=datetime.now(UTC) + timedelta(seconds=3)

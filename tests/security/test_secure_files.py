@@ -239,7 +239,8 @@ HOSTS = ("amy", "ben", "shed", "agents_1", "agents_2")  # roles of the small sce
 
 
 def test_a_secured_run_is_local_mode(folder, tmp_path):
-    summary, recording = tmp_path / "summary.json", tmp_path / "run.rrd"
+    summary = tmp_path / "summary.json"
+    recording = tmp_path / "run.rrd"
     orchard(
         scenario_file(tmp_path, SMALL),
         "--secure",
@@ -348,7 +349,8 @@ def test_the_commands_of_the_document_run_in_order(tmp_path):
         command += ["--rows", "3"]
     alone[-1] += ["--duration", "5", "--record", "none"]
     first += ["--duration", "30", "--record", "none", "--summary", str(tmp_path / "summary.json")]
-    here, there = tmp_path / "here", tmp_path / "there"
+    here = tmp_path / "here"
+    there = tmp_path / "there"
     for folder in (here, there):
         folder.mkdir()
     for command in (*alone, make_roles):

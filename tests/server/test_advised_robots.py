@@ -150,7 +150,9 @@ class Outside:
     """
 
     def __init__(self, run: Run) -> None:
-        self._net, self._speed, self.speeds = run.net, 0.0, []
+        self._net = run.net
+        self._speed = 0.0
+        self.speeds = []
         heard = ("orchard/*/*", KEYS.of("velocity", NAME), KEYS.of("pose", NAME))
         run.physics.bus.is_heard = lambda keys: keys in heard
         run.net.on_put = self.hear
@@ -225,7 +227,8 @@ def going(drivers, session, names):
 
 def test_nothing_is_kept_of_a_session_without_agents(run):
     """Nothing is kept of a session whose last agent is with another."""
-    drivers, retired = run.physics.run.drivers, run.physics.bus.retired
+    drivers = run.physics.run.drivers
+    retired = run.physics.bus.retired
     one, other = drivers.roster.names[:2]
     coming(drivers, "first", [one, other])
     going(drivers, "first", [one, other])
@@ -236,7 +239,8 @@ def test_nothing_is_kept_of_a_session_without_agents(run):
 
 
 def test_nothing_is_kept_of_a_session_that_is_not_waited_for(run):
-    drivers, retired = run.physics.run.drivers, run.physics.bus.retired
+    drivers = run.physics.run.drivers
+    retired = run.physics.bus.retired
     names = drivers.roster.names[:2]
     coming(drivers, "first", names)
     drivers.release({names[0]})
@@ -248,7 +252,8 @@ def test_nothing_is_kept_of_a_session_that_is_not_waited_for(run):
 def test_a_silent_session_loses_also_agents_that_hold(run):
     """A session that is silent for too long loses also its agents that hold."""
     drivers = run.physics.run.drivers
-    silent, other = ["worker_01", "traffic"], ["picker_01"]
+    silent = ["worker_01", "traffic"]
+    other = ["picker_01"]
     coming(drivers, "first", silent), coming(drivers, "second", other)
     engine = run.physics.run.engine
     engine.observe(), engine.due(())
@@ -262,7 +267,8 @@ def test_a_silent_session_loses_also_agents_that_hold(run):
     assert sorted(drivers.lost) == ["traffic", "worker_01"]
 
 
-TICKS, FEW = 30, 8
+TICKS = 30
+FEW = 8
 BROKEN = STATES.index("broken")
 
 
@@ -307,7 +313,8 @@ def test_a_refused_part_stops_this_robot_and_delays_no_other(fault, monkeypatch,
     assert not any(key.endswith("/lost") for key, _ in run.net.sent), (
         "physics never waited for it in vain"
     )
-    world, account = run.engine.world, run.engine.states.counts.ticks
+    world = run.engine.world
+    account = run.engine.states.counts.ticks
     assert run.physics.run.refusal_totals.counts.total() >= FEW
     assert "picker_01: " in caplog.text
     assert world.distance[world.index["picker_01"]] == 0.0

@@ -58,7 +58,8 @@ def test_it_stands_again_after_so_many_steps():
 def test_a_pause_makes_no_agent_late_and_no_tick():
     wall = Clock()
     clock = RunClock(wall)
-    barrier, pacer = LockstepBarrier(roster(("picker_01", "a")), clock), Pacer(1.0, clock)
+    barrier = LockstepBarrier(roster(("picker_01", "a")), clock)
+    pacer = Pacer(1.0, clock)
     barrier.open(0)
     pacer.begin()
     clock.pause()
@@ -76,7 +77,9 @@ class Late(Inbox):
 
     def __init__(self, engine: Engine, tick: int, clock: Clock) -> None:
         super().__init__()
-        self._engine, self._from, self._clock = engine, tick, clock
+        self._engine = engine
+        self._from = tick
+        self._clock = clock
         self.at = -1
 
     def take(self, seconds: float = 0.0, enough: int = 1):
@@ -95,13 +98,15 @@ class Late(Inbox):
 def test_a_velocity_before_the_next_due_tick_counts_in_this(mode):
     """A velocity that arrives before the next tick is due counts in this one."""
     run = Run(SMALL, RUN, 20)
-    bus, engine = run.physics.bus, Engine.begin(SMALL)
+    bus = run.physics.bus
+    engine = Engine.begin(SMALL)
     bus.clock = Clock()
     names = list(engine.layout.agents)
     physics = RunLoop(
         bus, KEYS, engine, RunOptions(run=RUN, mode=mode, speed=4.0, duration=2.0, absent=names)
     )
-    bus.inbox, poses = Late(engine, 3, bus.clock), {}
+    bus.inbox = Late(engine, 3, bus.clock)
+    poses = {}
 
     def see(key: str, payload: bytes) -> None:
         if key == KEYS.of("pose", "picker_01"):
@@ -159,7 +164,8 @@ def test_a_run_that_plays_does_no_single_steps(fleet):
 def test_quitting_ends_a_run_also_while_it_is_paused(fleet, state):
     fleet.physics(SMALL)
     someone = fleet.client()
-    ends, clock = someone.hear("orchard/end"), someone.hear("orchard/clock")
+    ends = someone.hear("orchard/end")
+    clock = someone.hear("orchard/clock")
     fleet.share(1)
     until(clock, lambda message: message["tick"] >= 4)
     tick, now = asked(someone, "set_simulation_state", state=state)

@@ -119,11 +119,9 @@ def test_a_dispatcher_resumed_elsewhere_plans_on_alike(tmp_path):
         "route": "two-way",
         "rows_to_pickers": "balanced-ends",
     }
-    scenario, path, seconds = (
-        empty_orchard(**roads, dispatch="rolling"),
-        tmp_path / "summary.json",
-        200.0,
-    )
+    scenario = empty_orchard(**roads, dispatch="rolling")
+    path = tmp_path / "summary.json"
+    seconds = 200.0
     command = (
         scenario_file(tmp_path, scenario),
         "--hosts",
@@ -171,10 +169,8 @@ def test_a_signal_that_run_py_has_not_sent_is_a_death_too(battered):
 
 
 def test_the_tables_of_a_run_that_is_killed_have_each_row_once(battered):
-    rows, bodies = (
-        pq.read_table(battered[0] / "tables" / "bodies.parquet"),
-        lay_out(Scenario(rows=3)).names,
-    )
+    rows = pq.read_table(battered[0] / "tables" / "bodies.parquet")
+    bodies = lay_out(Scenario(rows=3)).names
     assert rows["tick"].to_pylist() == [
         tick for tick in range(1, round(SECONDS * 10) + 1) for _ in bodies
     ]
@@ -193,10 +189,8 @@ def test_a_signal_to_all_stops_a_run_that_can_go_on(tmp_path, undisturbed):
             process.terminate()
         printed = end(run)
     assert "again" not in printed
-    folder, ticks = (
-        re.search(r"To go on: .* --resume (\S+)", printed).group(1),
-        summary_of(path)["ticks"],
-    )
+    folder = re.search(r"To go on: .* --resume (\S+)", printed).group(1)
+    ticks = summary_of(path)["ticks"]
     assert (
         max(int(path.stem.removeprefix("tick-")) for path in (ROOT / folder).glob("tick-*"))
         == ticks

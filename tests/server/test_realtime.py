@@ -86,13 +86,15 @@ def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps
     `first` and `later`: s from a pose to its step; the answers of others decide.
     """
     clock = Clock()
-    unowned, moved = UnownedCommands(clock), 0
+    unowned = UnownedCommands(clock)
+    moved = 0
     moments = [
         (0.05, "comes"),
         (first, "step"),
         *((0.1 * tick + later, "step") for tick in range(1, 10)),
     ]
-    begun, tick = clock.now, 0
+    begun = clock.now
+    tick = 0
     for moment, what in sorted(moments):
         clock.now = begun + moment
         if what == "comes":
@@ -108,7 +110,8 @@ def test_an_unheld_robot_moves_for_half_a_second_in_realtime(first, later, steps
 def test_an_unheld_robot_moves_for_half_a_second_in_lockstep(pause):
     """In lockstep a robot that no session holds moves for half a second of simulated time."""
     clock = Clock()
-    unowned, moved = UnownedCommands(clock, LockstepBarrier.watchdog), 0
+    unowned = UnownedCommands(clock, LockstepBarrier.watchdog)
+    moved = 0
     unowned.take("picker_01", velocity(0))
     for tick in range(20):
         moved += "picker_01" in unowned.actions(tick)
@@ -206,7 +209,8 @@ def test_the_robot_of_one_who_is_gone_stands_at_once():
 
 
 def test_mail_is_heard_at_the_next_tick_whichever_that_is():
-    box, query = RealtimeMailbox(RUN), Query(letter(tick=7))
+    box = RealtimeMailbox(RUN)
+    query = Query(letter(tick=7))
     box.join(5)
     box.hear("picker_01", query)
     (heard,) = heard_at(box, 9)
@@ -271,12 +275,14 @@ def test_the_clock_goes_on_while_a_host_hangs(fleet):
     """The clock goes on while a host hangs and its robot stands."""
     fleet.physics(SMALL, "--mode", "realtime", "--speed", "2")
     someone = fleet.client()
-    clock, poses = someone.hear("orchard/clock"), someone.hear("orchard/worker_01/pose")
+    clock = someone.hear("orchard/clock")
+    poses = someone.hear("orchard/worker_01/pose")
     fleet.host("--without", "worker_01", agents="calling_agents:cast")
     hung = fleet.host("--only", "worker_01", agents="calling_agents:steady")
     until(poses, lambda pose: pose["twist"]["linear"]["x"] == 0.5)
     hung.signal(signal.SIGSTOP)
-    begun, first = fleet.scheduler.now, until(clock, lambda message: clock.empty())["tick"]
+    begun = fleet.scheduler.now
+    first = until(clock, lambda message: clock.empty())["tick"]
     last = until(clock, lambda message: message["tick"] >= first + 25)["tick"]
     assert (last - first) / 20 == pytest.approx(fleet.scheduler.now - begun, abs=0.3)
     until(poses, lambda pose: pose["tick"] >= last - 5 and pose["twist"]["linear"]["x"] == 0.0)

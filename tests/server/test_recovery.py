@@ -130,11 +130,9 @@ def test_who_is_waited_for_is_named_long_before_the_wait_is_over(fleet):
 
 def test_physics_goes_on_without_its_scenario_file(fleet, undisturbed, tmp_path):
     """It goes on from the newest snapshot that is its own and whole."""
-    keeping, folder, gone = (
-        killed_with_snapshots(fleet, tmp_path),
-        tmp_path / "snapshots",
-        tmp_path / "scenario.yaml",
-    )
+    keeping = killed_with_snapshots(fleet, tmp_path)
+    folder = tmp_path / "snapshots"
+    gone = tmp_path / "scenario.yaml"
     gone.unlink()
     torn = max(folder.glob("tick-*.snapshot"))
     torn.write_bytes(torn.read_bytes()[:1000])

@@ -45,10 +45,8 @@ def happens(what: str, who: str, whom: str = "", detail: str = "") -> Event:
 
 
 def couple(world: World, robot: str, bin_: str) -> None:
-    world.coupled[world.index[robot]], world.coupled[world.index[bin_]] = (
-        world.index[bin_],
-        world.index[robot],
-    )
+    world.coupled[world.index[robot]] = world.index[bin_]
+    world.coupled[world.index[bin_]] = world.index[robot]
 
 
 def test_an_orchard_in_order_violates_nothing(checker, world):
@@ -215,7 +213,8 @@ def test_what_stays_wrong_is_told_once(checker, world):
 def test_a_stopped_robot_that_moves_is_named(checker, world):
     """A stopped robot that moves and a pair that is stopped by half are named."""
     i = world.index["picker_01"]
-    world.stopped[i], world.twist[i, 0] = True, 0.5
+    world.stopped[i] = True
+    world.twist[i, 0] = 0.5
     checker.update(world, [])
     assert "tick 0: picker_01 moves, but is stopped" in checker.violations
     assert (
@@ -262,7 +261,8 @@ def test_no_run_violates_anything_whoever_is_stopped(scenario, switches, begins)
             (local.engine.stop if stop else local.engine.reset)(words)
         if tick == begins:
             local = Local.resume(unpack(pack(local.snapshot()), Snapshot))
-            late, states = Invariants(local.engine.world), StateTimes(local.engine.world)
+            late = Invariants(local.engine.world)
+            states = StateTimes(local.engine.world)
         events = local.tick()
         if tick >= begins:
             late.update(local.engine.world, events)

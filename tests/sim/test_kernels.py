@@ -207,7 +207,8 @@ def test_a_reader_beside_a_writer_never_sees_a_part(tmp_path, caplog):
         "for i in range(100): KernelFiles(Path(sys.argv[1])).keep('a.nbc', bytes([i % 2]) *"
         " 200_000)"
     )
-    files, codes = KernelFiles(tmp_path), (None, bytes(200_000), bytes([1]) * 200_000)
+    files = KernelFiles(tmp_path)
+    codes = (None, bytes(200_000), bytes([1]) * 200_000)
     writers = [
         subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], cwd=ROOT) for _ in range(2)
     ]
@@ -279,7 +280,8 @@ def test_a_rehearsed_harvest_needs_no_further_kernel():
 
 
 def test_a_rehearsal_changes_nothing():
-    engine, other = Engine.begin(Scenario()), Engine.begin(Scenario())
+    engine = Engine.begin(Scenario())
+    other = Engine.begin(Scenario())
     engine.rehearse()
     for one in (engine, other):
         one.observe()

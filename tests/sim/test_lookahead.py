@@ -36,13 +36,11 @@ class Holder:
     holds = True
 
     def __init__(self, twist=STILL, until=10**9, acts=None, **zones):
-        self.twist, self.until, self.zones, self.acts, self.asked = (
-            twist,
-            until,
-            zones,
-            acts or {},
-            [],
-        )
+        self.twist = twist
+        self.until = until
+        self.zones = zones
+        self.acts = acts or {}
+        self.asked = []
 
     def tick(self, seen, mail, memory):
         self.asked.append(seen.tick)
@@ -74,7 +72,8 @@ def same_run(scenario, ticks):
     }
     for run in runs.values():
         run.run(ticks / 10)
-    on, ignored = runs[Lookahead], runs[IgnoredHolds]
+    on = runs[Lookahead]
+    ignored = runs[IgnoredHolds]
     assert on.local.engine.hash == ignored.local.engine.hash
     assert on.local.engine.states.figures() == ignored.local.engine.states.figures()
     assert ignored.local.engine.asked_share == 1.0
@@ -218,7 +217,8 @@ def test_another_velocity_at_the_bar_ends_a_hold():
 
 
 def passed_by(x, y, **zones):
-    scenario, watcher = empty_orchard(people=People(workers=1, visitors=1)), Holder(**zones)
+    scenario = empty_orchard(people=People(workers=1, visitors=1))
+    watcher = Holder(**zones)
     stage = stage_of(scenario, worker_01=watcher, visitor_01=Holder(Twist(0.5)))
     stage.put("worker_01", 0.0, -30.0), stage.put("visitor_01", x, y, "NORTH")
     return stage, watcher
@@ -265,7 +265,8 @@ scans = arrays(
 @given(scans, st.floats(0.1, 10.0))
 def test_agents_and_physics_see_the_same_freer_side(ranges, reach):
     was = np.zeros(1, dtype=bool)
-    one, none = np.zeros(1, dtype=np.int64), np.full((1, 1), -1)
+    one = np.zeros(1, dtype=np.int64)
+    none = np.full((1, 1), -1)
     begin_holds(
         ranges,
         one,
@@ -290,7 +291,8 @@ def test_a_steering_walker_is_asked_only_when_that_changes():
     stage = Stage(empty_orchard(people=People(workers=1, visitors=1)))
     stage.put("worker_01", 0.0, -30.0, "EAST"), stage.put("visitor_01", 3.9, -30.3)
     stage.local.agents["visitor_01"] = Holder()
-    asked, does = [], []
+    asked = []
+    does = []
     for _ in range(12):
         stage.tick()
         asked.append("worker_01" in stage.local.answers)
@@ -300,7 +302,8 @@ def test_a_steering_walker_is_asked_only_when_that_changes():
 
 
 def test_who_takes_over_is_asked_at_once():
-    first, second = Holder(), Holder()
+    first = Holder()
+    second = Holder()
     played(played(SMALL, 2, worker_01=first), 4, worker_01=second)
     assert (first.asked, second.asked) == ([0], [2])
 
@@ -340,7 +343,8 @@ def test_a_derived_class_is_asked_unless_it_says_it_holds():
 )
 def test_a_hold_that_is_none_breaks_the_agent(hold, caplog):
     class Wrong:
-        Memory, holds = dict, True
+        Memory = dict
+        holds = True
 
         def tick(self, seen, mail, memory):
             return Action(memory=memory, hold=hold)
@@ -351,7 +355,8 @@ def test_a_hold_that_is_none_breaks_the_agent(hold, caplog):
 
 
 class Impatient:
-    Memory, holds = dict, True
+    Memory = dict
+    holds = True
 
     def tick(self, seen, mail, memory):
         return Action(

@@ -52,10 +52,8 @@ def test_a_step_follows_its_arc(forward, left, turn, yaw):
     """
     x, y, end = move.arc(2.0, -1.0, yaw, forward, left, turn, 0.1)
     if abs(turn) > 1e-3:
-        north, east = (
-            math.sin(yaw + turn * 0.1) - math.sin(yaw),
-            math.cos(yaw + turn * 0.1) - math.cos(yaw),
-        )
+        north = math.sin(yaw + turn * 0.1) - math.sin(yaw)
+        east = math.cos(yaw + turn * 0.1) - math.cos(yaw)
         expected = (
             2.0 + (forward * north + left * east) / turn,
             -1.0 + (left * north - forward * east) / turn,

@@ -148,7 +148,8 @@ def test_the_fruit_is_kept(course):
     assert last <= max(row.of("distance", "picker_01"), 0.0) + 0.2
 
 
-BAY_X, BAY_Y = (BAY.west + BAY.east) / 2, (BAY.south + BAY.north) / 2
+BAY_X = (BAY.west + BAY.east) / 2
+BAY_Y = (BAY.south + BAY.north) / 2
 
 
 def carriers_in_bay(*x: float) -> Yard:

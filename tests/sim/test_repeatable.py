@@ -37,7 +37,9 @@ def test_a_velocity_that_is_off_by_a_trillionth_changes_the_hash():
         """
 
         def __init__(self, agent, more) -> None:
-            self.agent, self.Memory, self.more = agent, agent.Memory, more
+            self.agent = agent
+            self.Memory = agent.Memory
+            self.more = more
 
         def tick(self, seen, mail, memory):
             action = self.agent.tick(seen, mail, memory)
@@ -64,7 +66,8 @@ ASKED = {
 
 @pytest.mark.parametrize("asked", ASKED)
 def test_a_step_that_is_accounted_for_later_counts_the_same(asked):
-    at_once, later = Local(Scenario(rows=3)), Local(Scenario(rows=3))
+    at_once = Local(Scenario(rows=3))
+    later = Local(Scenario(rows=3))
     later.engine.advance = later.engine.step
     for tick in range(200):
         for local in (at_once, later):
@@ -119,19 +122,19 @@ def hash_of(world: World, ranges: np.ndarray, mail: dict[str, bytes]) -> str:
 
 def _nudge(array: np.ndarray) -> None:
     flat = array.reshape(-1)
-    flat[0] = (
-        ~flat[0]
-        if array.dtype == bool
-        else flat[0] + 1
-        if array.dtype.kind == "i"
-        else np.nextafter(flat[0], np.inf)
-    )
+    if array.dtype == bool:
+        flat[0] = ~flat[0]
+    elif array.dtype.kind == "i":
+        flat[0] += 1
+    else:
+        flat[0] = np.nextafter(flat[0], np.inf)
 
 
 @pytest.mark.parametrize("part", ["pose", "coupled", "fill", "row_ends", "alive"])
 def test_the_last_bit_of_every_part_counts(part):
     world = World(lay_out(Scenario()))
-    ranges, other = Scanner(world).scan(world).ranges, copy.deepcopy(world)
+    ranges = Scanner(world).scan(world).ranges
+    other = copy.deepcopy(world)
     _nudge(getattr(other, part))
     assert hash_of(other, ranges, {}) != hash_of(world, ranges, {})
 

@@ -197,7 +197,8 @@ def test_everybody_is_told_its_place_and_its_hitch():
     told.drive(1, picker_01=Twist(0.3))
     scans = Scanner(told.world).scan(told.world)
     seen = observe(told.world, scans)
-    picker, bin_ = seen["picker_01"], seen["bin_02"]
+    picker = seen["picker_01"]
+    bin_ = seen["bin_02"]
     assert picker.pose == pytest.approx(told.pose("picker_01"), abs=1e-15)
     assert (picker.tick, picker.twist, picker.full) == (1, (0.3, 0.0, 0.0), False)
     assert picker.hitch.name == "bin_02" and picker.hitch.scan.tobytes() == scans[1].tobytes()

@@ -49,7 +49,9 @@ def world_of(scenario: Scenario) -> tuple[World, Scans]:
 def errors(scenario: Scenario, ticks: Sequence[int]) -> np.ndarray:
     """The errors of the robots' x and y at these ticks, while they stand, m: (ticks, robots, 2)."""
     world, scans = world_of(scenario)
-    sensors, robots, found = Sensors(world), list(robots_of(world.layout).values()), []
+    sensors = Sensors(world)
+    robots = list(robots_of(world.layout).values())
+    found = []
     while len(found) < len(ticks):
         if world.tick in ticks:
             truth = observe(world, scans)
@@ -71,7 +73,9 @@ def test_sensors_without_errors_measure_the_truth(seed, bias_time):
     plain = empty_orchard(seed=seed)
     exact = played(with_changes(plain, **{"sensors.gnss.bias_time": bias_time}), 60)
     assert exact.engine.hash == local_hash(plain, 60)
-    seen, truth, reckoned = exact.engine.observe(), exact.engine.truth(), exact.engine.odometry()
+    seen = exact.engine.observe()
+    truth = exact.engine.truth()
+    reckoned = exact.engine.odometry()
     assert seen.states.tobytes() == truth.states.tobytes() == reckoned.states.tobytes()
     assert seen["picker_01"].accuracy == 0.0
 
@@ -82,13 +86,12 @@ def test_errors_of_positions_have_the_set_deviation(white, bias):
 
     480 independent numbers of one tick: their deviation is right to some 3 %.
     """
-    found, wanted = (
-        over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias}),
-        math.hypot(white, bias),
-    )
+    found = over_seeds(0, **{"sensors.gnss.white": white, "sensors.gnss.bias": bias})
+    wanted = math.hypot(white, bias)
     assert found.std() == pytest.approx(wanted, rel=0.1)
     assert abs(found.mean()) < 3 * wanted / math.sqrt(found.size)
-    east, north = found[..., 0].ravel(), found[..., 1].ravel()
+    east = found[..., 0].ravel()
+    north = found[..., 1].ravel()
     assert abs(np.corrcoef(east, north)[0, 1]) < 0.2, "x and y have errors of their own"
     assert abs(np.corrcoef(found[:, 0, 0].ravel(), found[:, 0, 1].ravel())[0, 1]) < 0.3, (
         "so has each robot"
@@ -136,7 +139,8 @@ def test_a_bar_measures_without_errors():
     truth = observe(world, scans)
     seen = Sensors(world).measured(truth)
     error = seen.states[seen.names["carrier_01"], :2] - truth.states[seen.names["carrier_01"], :2]
-    bin_, true_bin = seen.hitches["carrier_01"], truth.hitches["carrier_01"]
+    bin_ = seen.hitches["carrier_01"]
+    true_bin = truth.hitches["carrier_01"]
     assert (bin_.x - true_bin.x, bin_.y - true_bin.y) == pytest.approx(tuple(error), abs=1e-12)
     assert seen.hitches[bin_.name] == truth.hitches[bin_.name]
 
@@ -150,7 +154,8 @@ def test_odometry_drifts_by_its_constants():
     world, scans = world_of(
         erring(**{"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.001})
     )
-    sensors, i = Sensors(world), world.index["picker_01"]
+    sensors = Sensors(world)
+    i = world.index["picker_01"]
     start = world.pose[i].copy()
     world.twist[i] = 1.0, 0.0, 0.0
     ahead, _, bend = sensors.measured(observe(world, scans)).states[i, 4:].tolist()
@@ -184,7 +189,8 @@ def test_odometry_has_the_deviation_that_the_scenario_sets():
 def test_errors_are_the_same_without_holds_and_after_a_resume(caplog):
     """The same errors with holds without them and after a resume."""
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
-    wanted, before = local_hash(scenario, 200), played(Local(scenario, holds=IgnoredHolds), 133)
+    wanted = local_hash(scenario, 200)
+    before = played(Local(scenario, holds=IgnoredHolds), 133)
     assert played(Local.resume(before.snapshot(), holds=IgnoredHolds), 200).engine.hash == wanted
     assert local_hash(scenario, 200, holds=CheckedHolds) == wanted and not caplog.records
     assert local_hash(with_changes(scenario, seed=2), 200) != wanted
@@ -196,7 +202,8 @@ def test_the_wire_has_the_measured_pose_and_the_truth():
     The same run in processes of its own, as `Local` has it; the picture is of the truth.
     """
     scenario = with_changes(Scenario(rows=3), **RTK, **DRIFT)
-    local, run = played(scenario, 30), Run(scenario, "run1", 31)
+    local = played(scenario, 30)
+    run = Run(scenario, "run1", 31)
     assert run.to_the_end().hash == local_hash(scenario, 31)
     views = {
         "pose": local.engine.observe(),
@@ -224,7 +231,9 @@ def test_the_wire_has_the_measured_pose_and_the_truth():
 
 def test_a_driving_robot_filters_errors_by_odometry():
     """A robot that drives filters white errors and follows its odometry."""
-    chance, place, found = np.random.default_rng(1), None, []
+    chance = np.random.default_rng(1)
+    place = None
+    found = []
     for tick in range(2000):
         x, y = 0.1 * tick + chance.normal(0.0, 0.05), chance.normal(0.0, 0.05)
         place = place_of(
@@ -236,7 +245,8 @@ def test_a_driving_robot_filters_errors_by_odometry():
 
 def test_a_robot_learns_by_which_share_its_odometry_is_wrong():
     """Else its estimate would be 0.27 m wrong at 1 m/s, and it would pass gates."""
-    chance, place = np.random.default_rng(1), None
+    chance = np.random.default_rng(1)
+    place = None
     for tick in range(200):
         x = 0.1 * tick + chance.normal(0.0, 0.02)
         place = place_of(

@@ -58,7 +58,8 @@ def test_a_run_resumed_at_any_ticks_has_the_same_hash(ticks):
 
 def test_two_forks_of_one_snapshot_go_their_own_ways():
     snapshot = local_at(100).snapshot()
-    one, other = Local.resume(snapshot), Local.resume(snapshot)
+    one = Local.resume(snapshot)
+    other = Local.resume(snapshot)
     del other.agents["picker_01"]
     played(one, 150), played(other, 150)
     assert one.engine.world.row_picked[0] > 14.9
@@ -107,8 +108,10 @@ def test_files_of_a_user_beside_snapshots_stay(written):
 
 def test_snapshots_of_another_run_are_passed_over_and_named(tmp_path):
     """Snapshots of another run are passed over and named even if they are most and newest."""
-    own, other = local_at(10).snapshot(), local_at(12).snapshot()
-    own.run, other.run = "own", "other"
+    own = local_at(10).snapshot()
+    other = local_at(12).snapshot()
+    own.run = "own"
+    other.run = "other"
     store(*as_file(own), tmp_path, own.run)
     name, content = as_file(other)
     copies = [tmp_path / name.replace("12", tick) for tick in ("12", "13")]
@@ -330,7 +333,8 @@ def test_letters_to_nobody_go_nowhere(tmp_path, snapshot):
 
 
 def test_a_damaged_snapshot_goes_on_or_is_refused(tmp_path, snapshot):
-    path, chance = tmp_path / "damaged.snapshot", random.Random(6)
+    path = tmp_path / "damaged.snapshot"
+    chance = random.Random(6)
     assert_usable_or_refused(path, b"")
     good = 0
     for payload in itertools.islice(mutants(msgpack.packb(snapshot), chance), 150):

@@ -43,7 +43,8 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 
 def robot_step(robots: int) -> float:
     world = world_of(growing(robots))
-    scanner, steps = Scanner(world), 6000 // robots
+    scanner = Scanner(world)
+    steps = 6000 // robots
     return seconds(lambda: drive(world, scanner, steps), 5) / steps / robots
 
 
@@ -51,10 +52,8 @@ def plain_ranges(world: World, i: int) -> np.ndarray:
     laser = KINDS[world.layout.starts[i].kind].laser
     x, y, yaw = world.pose[i].tolist()
     x, y = x + laser.ahead * np.cos(yaw), y + laser.ahead * np.sin(yaw)
-    angles, ranges = (
-        yaw + laser.first + laser.increment * np.arange(laser.beams),
-        np.full(laser.beams, np.inf),
-    )
+    angles = yaw + laser.first + laser.increment * np.arange(laser.beams)
+    ranges = np.full(laser.beams, np.inf)
     for wall in world.layout.walls.tolist():
         if np.hypot(wall[0] - x, wall[1] - y) <= LASER_RANGE + np.hypot(wall[2], wall[3]):
             ranges = np.minimum(ranges, distance_to_box(x, y, angles, (*wall, 0.0)))
@@ -83,7 +82,8 @@ def test_a_step_costs_no_more_in_a_crowd(robots):
 def carriers_tick(rows: int) -> float:
     """The time of a tick of a carrier that drives south past all rows."""
     local = Local(Scenario(rows=rows, carriers=1))
-    carrier, route = local.agents["carrier_01"], route_of(local.engine.layout)
+    carrier = local.agents["carrier_01"]
+    route = route_of(local.engine.layout)
     seen = local.engine.observe().of(["carrier_01"])["carrier_01"]
     seen = msgspec.structs.replace(
         seen, x=route.D_ROAD, y=20.0, orientation=(-math.sqrt(0.5), math.sqrt(0.5))

@@ -256,10 +256,8 @@ def test_what_is_refused_is_answered_and_stops_nobody(fleet):
 def test_the_latch_outlives_the_agent_and_its_host(fleet):
     fleet.physics(SMALL, "--speed", "10")
     someone = fleet.client()
-    poses, velocities = (
-        someone.hear("orchard/picker_01/pose"),
-        someone.hear("orchard/picker_01/velocity"),
-    )
+    poses = someone.hear("orchard/picker_01/pose")
+    velocities = someone.hear("orchard/picker_01/velocity")
     fleet.host("--without", "picker_01")
     killed = fleet.host("--only", "picker_01")
     old = until(velocities, lambda velocity: velocity["linear"]["x"] > 0.0)["owner"]

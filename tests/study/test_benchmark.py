@@ -69,7 +69,8 @@ def test_the_commands_of_the_document_compare_a_policy(tmp_path, store):
         for one in found["harvests"]
         for proven, took in zip(one["proven"], one["seconds"], strict=True)
     )
-    score, (best, *_) = f"{100.0 * found['scores'][POLICY]:.1f}", found["scores"]
+    score = f"{100.0 * found['scores'][POLICY]:.1f}"
+    (best, *_) = found["scores"]
     assert re.search(
         rf"{POLICY} has {score} % of what is proven possible; the best is {best}", said
     )

@@ -173,7 +173,8 @@ def test_two_sentences_come_first_and_the_table_fits(folder):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_study_that_ends_early_goes_on_to_the_same_table(folder, undisturbed, number):
-    store, summary = f"{number}.db", folder / f"{number}.json"
+    store = f"{number}.db"
+    summary = folder / f"{number}.json"
     with starting(*words(folder, store)) as first:
         wait_for_runs(folder / store)
         children = psutil.Process(first.pid).children(recursive=True)

@@ -40,7 +40,8 @@ def test_a_full_run_that_takes_too_long_is_given_up():
 
 
 def test_a_run_without_its_hash_is_the_same_run():
-    hashed, bare = Local(SCENARIO), Local(SCENARIO, is_hashed=False)
+    hashed = Local(SCENARIO)
+    bare = Local(SCENARIO, is_hashed=False)
     for _ in range(200):
         assert hashed.tick() == bare.tick()
     assert hashed.engine.world.pose.tolist() == bare.engine.world.pose.tolist()

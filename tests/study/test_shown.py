@@ -461,7 +461,8 @@ def test_the_csv_has_every_figure_with_its_unit(tmp_path):
         for line in csv.DictReader(io.StringIO((tmp_path / "study.csv").read_text()))
     }
     assert list(lines) == [str(row.setting["carriers"]) for row in whole().table]
-    ten, twenty = lines["10"], lines["20"]
+    ten = lines["10"]
+    twenty = lines["20"]
     assert float(ten["bins_per_hour_mean"]) == 72.8
     assert [float(ten[f"cost_per_bin_{end}"]) for end in ("low", "high")] == pytest.approx(
         [2.8547, 2.9147], abs=1e-4
@@ -548,7 +549,9 @@ class Structure(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.tags, self.words = [], [], []
+        self.open = []
+        self.tags = []
+        self.words = []
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):

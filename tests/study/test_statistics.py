@@ -36,7 +36,8 @@ def test_of_one_value_or_equal_values_low_and_high_are_the_mean() -> None:
         assert (interval(values, 0.95).low, interval(values, 0.95).high) == (5.0, 5.0)
 
 
-STUDIES, DEVIATION = 200, 0.8
+STUDIES = 200
+DEVIATION = 0.8
 ALIKE = [60.0] * 12  # true means of settings of which the best is a matter of luck
 WITHIN = 0.02
 KINDS = [ALIKE, [60.0, 60.0, 60.0, 60.4], [54.0, 57.0, 60.0, 60.5], [60.0, 64.0]]
@@ -206,15 +207,22 @@ def test_a_setting_on_the_edge_does_not_run_for_ever() -> None:
 # Six machines and one repairman, M/M/1//6: each fails after 20 on average, and a repair takes 2. As
 # published: P0 0.4845, waiting 0.3297, down 0.8451, wait for the repairman 1.279. So 0.3297 / 1.279
 # are repaired in a unit of time (Little), and all run for 0.4845 of it.
-MACHINES, RUNS, REPAIR = 6, 20.0, 2.0
-REPAIRED, WAIT = 0.3297 / 1.279, 1.279
-SHOPS, REPLICATIONS, WARM_UP, END = 50, 5, 50.0, 250.0
+MACHINES = 6
+RUNS = 20.0
+REPAIR = 2.0
+REPAIRED = 0.3297 / 1.279
+WAIT = 1.279
+SHOPS = 50
+REPLICATIONS = 5
+WARM_UP = 50.0
+END = 250.0
 
 
 def shop(seed: int) -> tuple[float, float]:
     """Return what was repaired in a unit of time, and the mean wait for the repairman."""
     env = simpy.Environment()
-    repairman, waits = simpy.Resource(env), list[float]()
+    repairman = simpy.Resource(env)
+    waits = list[float]()
 
     def machine(name: str) -> Generator[simpy.Event, Any, None]:
         for number in count():
@@ -252,7 +260,8 @@ def test_intervals_hold_the_repairmans_published_figures() -> None:
 
 # Five designs, of which the first is best: it has the least mean (Chen and Lee, Stochastic
 # Simulation Optimization, 2011).
-MEANS, VARIANCES = (1.2, 2.1, 3.4, 4.87, 6.05), (3.3, 2.0, 4.5, 5.3, 6.9)
+MEANS = (1.2, 2.1, 3.4, 4.87, 6.05)
+VARIANCES = (3.3, 2.0, 4.5, 5.3, 6.9)
 ASKED = 100
 
 

@@ -296,7 +296,8 @@ def test_what_is_known_is_not_run_again(result, folder, monkeypatch):
 class Watched:
     """No workers: it counts the runs that it is asked for."""
 
-    count, runs = 2, 0
+    count = 2
+    runs = 0
 
     def __enter__(self):
         return self
@@ -512,7 +513,8 @@ def test_a_study_without_values_tries_carriers_until_enough(changes, tmp_path):
     found = study(
         scenario, options=replace(AMPLE, horizon="long", within=0.02, store=tmp_path / "s.db")
     )
-    tried, best = found.varied["carriers"], found.best["carriers"]
+    tried = found.varied["carriers"]
+    best = found.best["carriers"]
     assert (
         {best - 1, best + 1} - {0} <= set(tried) and max(tried) >= 1.5 * best and found.beyond == {}
     )

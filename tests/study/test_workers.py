@@ -134,10 +134,8 @@ def test_a_scheduler_gives_the_same_table_after_a_death(tmp_path, monkeypatch):
     """A scheduler gives the same table though a worker dies and refuses a wrong clock."""
     file = tmp_path / "scheduler.json"
     scenario = Scenario(rows=3, picking_speed=0.5, picking={"spread": {"distribution": "gamma"}})
-    varied, common = (
-        {"carriers": [1, 2]},
-        {"model": "fast", "budget_seconds": 10_000.0, "within": 0.2},
-    )
+    varied = {"carriers": [1, 2]}
+    common = {"model": "fast", "budget_seconds": 10_000.0, "within": 0.2}
     with ExitStack() as stack:
 
         def started(*words: object) -> None:

@@ -33,10 +33,12 @@ class Yard:
 
         All other bodies stand. Return the events.
         """
-        index, wanted = self.world.index, np.zeros_like(self.world.pose)
+        index = self.world.index
+        wanted = np.zeros_like(self.world.pose)
         for name, twist in twists.items():
             wanted[index[name]] = twist
-        due, events = [(index[name], deed) for name, deed in deeds], []
+        due = [(index[name], deed) for name, deed in deeds]
+        events = []
         for _ in range(ticks):
             events += step(self.world, wanted, due)
             due = []
@@ -54,7 +56,8 @@ class Yard:
 
     def couple(self, robot: str, bin_: str) -> None:
         i, j = self.world.index[robot], self.world.index[bin_]
-        self.world.coupled[i], self.world.coupled[j] = j, i
+        self.world.coupled[i] = j
+        self.world.coupled[j] = i
 
     def coupled(self, name: str) -> str:
         other = int(self.world.coupled[self.world.index[name]])
@@ -91,10 +94,8 @@ def overlapping(world: World) -> list[tuple[str, str]]:
     """Return the pairs of things that overlap; the name of a wall is its number."""
     boxes = world.fixed.shapes.copy()
     place(world.pose, boxes)
-    things, names = (
-        np.vstack([boxes, world.fixed.walls]),
-        [*world.layout.names, *map(str, range(len(world.fixed.walls)))],
-    )
+    things = np.vstack([boxes, world.fixed.walls])
+    names = [*world.layout.names, *map(str, range(len(world.fixed.walls)))]
     apart = np.hypot(*(boxes[:, None, :2] - things[None, :, :2]).T)
     near = np.argwhere(boxes[:, None, RADIUS] + things[None, :, RADIUS] > apart.T)
     return [(names[i], names[j]) for i, j in near if i < j and overlap(boxes[i], things[j])]

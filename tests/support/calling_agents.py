@@ -34,7 +34,8 @@ class Caller:
     Memory = Counted
 
     def __init__(self, name: str, names: list[str]) -> None:
-        self.name, self.names = name, names
+        self.name = name
+        self.names = names
 
     def tick(self, seen: Observation, mail: Mail, memory: Counted | None) -> Action:
         memory = memory or Counted()
@@ -74,7 +75,8 @@ def cast(layout: Layout, names: object = None) -> dict[str, Caller]:
 
 class Slow:
     def __init__(self, agent, seconds: float) -> None:
-        self._agent, self._seconds = agent, seconds
+        self._agent = agent
+        self._seconds = seconds
         self.Memory = agent.Memory
 
     def tick(self, seen: Observation, mail: Mail, memory: object) -> Action:

@@ -94,7 +94,8 @@ class Process:
 
 class Fleet:
     def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder, self._stack = folder, stack
+        self._folder = folder
+        self._stack = stack
         self.hosts: list[Process] = []
 
     def physics(self, scenario: Scenario, *arguments: str, before: Sequence[str] = ()) -> None:
@@ -193,7 +194,8 @@ class AnyClient:
 
 class Client(AnyClient):
     def __init__(self, session: zenoh.Session, run: str) -> None:
-        self.session, self.run = session, run
+        self.session = session
+        self.run = run
 
     @classmethod
     @contextmanager

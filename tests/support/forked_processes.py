@@ -63,11 +63,10 @@ class Forked:
         stdin: int = 0,
         folder: Path = ROOT,
     ) -> None:
-        self._module, ends = module, [os.pipe() for _ in range(1 if leads else 2)]
-        self.stdout, self.stderr = (
-            os.fdopen(ends[0][0]),
-            io.StringIO() if leads else os.fdopen(ends[1][0], errors="backslashreplace"),
-        )
+        self._module = module
+        ends = [os.pipe() for _ in range(1 if leads else 2)]
+        self.stdout = os.fdopen(ends[0][0])
+        self.stderr = io.StringIO() if leads else os.fdopen(ends[1][0], errors="backslashreplace")
         self.returncode: int | None = None
         request = {
             "module": module,
@@ -217,10 +216,8 @@ def become(files: Sequence[int]) -> None:
     for file, number in zip(files, (1, 2, 0), strict=True):
         os.dup2(file, number)
     os.closerange(3, 1024)
-    sys.stdout, sys.stderr = (
-        os.fdopen(1, "w", buffering=1, closefd=False),
-        os.fdopen(2, "w", buffering=1, closefd=False),
-    )
+    sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)
+    sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)
 
 
 def preload() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from orchard.field.scenario import Scenario
 from orchard.study.comparing import LOOKS, Comparison, compare
-from orchard.study.result import Check, Interval, Row, StudyResult
+from orchard.study.result import Check, Interval, Row, Standing, StudyResult
 from orchard.study.words import orchard_words
 
 
@@ -14,7 +14,9 @@ def interval(mean: float, half: float = 0.0) -> Interval:
     return Interval(mean=mean, low=mean - half, high=mean + half)
 
 
-FAR, NEAR = interval(0.05, 0.01), interval(0.005, 0.01)  # behind the best mean
+# How far a setting is behind the best mean.
+FAR = interval(0.05, 0.01)
+NEAR = interval(0.005, 0.01)
 
 
 def a_row(rate: float | None, half: float = 0.0, **changes: Any) -> Row:
@@ -57,21 +59,21 @@ def a_result(
         for key, value in row.setting.items():
             varied[key] = [*dict.fromkeys([*varied.get(key, []), value])]
     undecided = changes.get("undecided", [])
-    stands = {
-        id(row): "best"
-        if row.setting == best
-        else "equal"
-        if row.setting in ties
-        else "unknown"
-        if row.setting in undecided
-        else row.standing
-        for row in table
-    }
+
+    def standing(row: Row) -> Standing:
+        if row.setting == best:
+            return "best"
+        if row.setting in ties:
+            return "equal"
+        if row.setting in undecided:
+            return "unknown"
+        return row.standing
+
     scenario = Scenario(rows=20, pickers=10)
     shown = [
         replace(
             row,
-            standing=stands[id(row)],
+            standing=standing(row),
             lead=NEAR if row.setting == best and row.lead == FAR else row.lead,
             behind=NEAR.mean if row.setting == best and row.lead == FAR else row.behind,
         )

@@ -13,10 +13,9 @@ from stage import empty_orchard
 from orchard.field.scenario import Scenario
 from orchard.field.survey import CLOSEST, FURTHEST
 
-CIRCUIT, THERE = (
-    "EPSG:2107",
-    complex(400_000.0, 800_000.0),
-)  # Bay of Plenty 2000, and its middle: there its metres are those on the ground
+# Bay of Plenty 2000, and its middle: there its metres are those on the ground.
+CIRCUIT = "EPSG:2107"
+THERE = complex(400_000.0, 800_000.0)
 
 
 class Row(NamedTuple):

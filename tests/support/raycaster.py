@@ -62,17 +62,16 @@ def bounds_of(world: World, me: int, slack: float) -> tuple[np.ndarray, np.ndarr
     kind = KINDS[world.layout.starts[me].kind]
     x, y, yaw = world.pose[me].tolist()
     x, y = x + kind.laser.ahead * np.cos(yaw), y + kind.laser.ahead * np.sin(yaw)
-    angles, boxes = (
-        yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams),
-        np.array(boxes_seen_by(world, me)),
-    )
+    angles = yaw + kind.laser.first + kind.laser.increment * np.arange(kind.laser.beams)
+    boxes = np.array(boxes_seen_by(world, me))
     distances = np.array(
         [
             distance_to_box(x, y, angles, boxes.T[..., None], inflate)
             for inflate in (-slack, 0.0, slack)
         ]
     )
-    least, most = distances.min(axis=(0, 1)), distances.max(axis=0).min(axis=0)
+    least = distances.min(axis=(0, 1))
+    most = distances.max(axis=0).min(axis=0)
     return np.where(least <= LASER_RANGE + slack, least - slack, np.inf), np.where(
         most <= LASER_RANGE - slack, most + slack, np.inf
     )
@@ -87,17 +86,21 @@ def distance_to_box(
     The numbers of the box may be columns of those of many boxes: then there is a row for each box.
     """
     box_x, box_y, half_length, half_width, yaw = box
-    half_length, half_width = half_length + inflate, half_width + inflate
+    half_length = half_length + inflate
+    half_width = half_width + inflate
     c, s = np.cos(yaw), np.sin(yaw)
-    along, across = c * (x - box_x) + s * (y - box_y), c * (y - box_y) - s * (x - box_x)
+    along = c * (x - box_x) + s * (y - box_y)
+    across = c * (y - box_y) - s * (x - box_x)
     outside = np.maximum(abs(along) - half_length, abs(across) - half_width)
-    enter, leave = -np.inf, np.inf
+    enter = -np.inf
+    leave = np.inf
     for at, towards, half in (
         (along, np.cos(angles - yaw), half_length),
         (across, np.sin(angles - yaw), half_width),
     ):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            one, other = (-half - at) / towards, (half - at) / towards
+            one = (-half - at) / towards
+            other = (half - at) / towards
         parallel_outside = (towards == 0.0) & (abs(at) > half)
         enter = np.fmax(enter, np.where(parallel_outside, np.inf, np.fmin(one, other)))
         leave = np.fmin(leave, np.where(parallel_outside, -np.inf, np.fmax(one, other)))

@@ -40,9 +40,13 @@ class Query(AnyQuery):
         replied: Callable[[Replied], None] = lambda reply: None,
         ticket: object = None,
     ) -> None:
-        self.key, self.payload = key, payload
-        self.replies, self.errors, self.dropped = [], [], False
-        self._replied, self._ticket = replied, ticket
+        self.key = key
+        self.payload = payload
+        self.replies = []
+        self.errors = []
+        self.dropped = False
+        self._replied = replied
+        self._ticket = ticket
 
     def reply(self, payload: bytes) -> None:
         self.replies.append(payload)
@@ -85,9 +89,15 @@ class StandIn:
     """What the program needs of a bus.Bus."""
 
     def __init__(self, net: Net, session: str) -> None:
-        self.inbox, self.id, self.endpoint = Inbox(), session, "nowhere"
+        self.inbox = Inbox()
+        self.id = session
+        self.endpoint = "nowhere"
         self.executor = ThreadPoolExecutor(max_workers=1)
-        self.keys, self.tokens, self.answers, self.retired, self._net = [], [], [], [], net
+        self.keys = []
+        self.tokens = []
+        self.answers = []
+        self.retired = []
+        self._net = net
         net.buses.append(self)
 
     def clock(self) -> float:
@@ -143,7 +153,8 @@ class Run:
         cast: Callable[..., dict] = make_agents,
     ) -> None:
         """`cast`: returns the agents of a layout."""
-        self.net, self.engine = net or Net(), Engine.begin(scenario)
+        self.net = net or Net()
+        self.engine = Engine.begin(scenario)
         self.physics = RunLoop(
             StandIn(self.net, "physics1"),
             KEYS,
@@ -161,11 +172,9 @@ class Run:
 
     def to_the_end(self):
         """The end that physics tells."""
-        ends, run = (
-            [],
-            threading.Thread(
-                target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True
-            ),
+        ends = []
+        run = threading.Thread(
+            target=lambda: ends.append(self.physics.play(self.engine.rehearse)), daemon=True
         )
         self.physics.arrivals.listen()
         self.host.listen()
@@ -273,7 +282,8 @@ BAD_ARRAYS = [struct.pack("<f", number) for number in (math.nan, -math.inf, -1.0
 
 def of_bytes(payload: bytes, chance: random.Random) -> bytes:
     """Bits flipped, cut off, put in, doubled; or nothing of it at all."""
-    at, some = chance.randrange(len(payload)), chance.randbytes(chance.randrange(1, 9))
+    at = chance.randrange(len(payload))
+    some = chance.randbytes(chance.randrange(1, 9))
     return chance.choice(
         [
             lambda: (
@@ -313,7 +323,8 @@ def of_fields(value, chance: random.Random):
             + value[at + 1 :]
         )
     if isinstance(value, bytes) and value and chance.random() < 0.8:
-        at, bad = 8 * chance.randrange(1 + len(value) // 8), chance.choice(BAD_ARRAYS)
+        at = 8 * chance.randrange(1 + len(value) // 8)
+        bad = chance.choice(BAD_ARRAYS)
         return value[:at] + bad + value[at + len(bad) * chance.randrange(2) :]
     return chance.choice(JUNK) if chance.random() < 0.99 else HUGE
 

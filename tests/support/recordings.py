@@ -28,7 +28,8 @@ def starts(layout: Layout) -> np.ndarray:
 
 def frames(layout: Layout, seconds: float) -> Iterator[Frame]:
     local = Local(layout.scenario)
-    builder, engine = FrameBuilder(local.engine), local.engine
+    builder = FrameBuilder(local.engine)
+    engine = local.engine
     while engine.tick < round(seconds * 10):
         events = local.tick()
         events += talk_of(engine.tick - 1, local.post.written.get(engine.tick - 1, {}))
@@ -91,10 +92,8 @@ def poses_at(path: Path, seconds: float) -> dict[str, tuple[float, float, float]
     seen = {}
     for t, row in Rows(path, "/tf").rows:
         if t <= seconds + 1e-9:
-            (x, y, _), (_, _, z, w) = (
-                row["Transform3D:translation"][0],
-                row["Transform3D:quaternion"][0],
-            )
+            (x, y, _) = row["Transform3D:translation"][0]
+            (_, _, z, w) = row["Transform3D:quaternion"][0]
             seen[row["Transform3D:child_frame"][0]] = (x, y, 2 * np.arctan2(z, w))
     return seen
 

@@ -30,7 +30,8 @@ from orchard.wire.messages import (
 )
 
 KEYS = Keys()
-MINE, HERS = "picker_01", "picker_02"
+MINE = "picker_01"
+HERS = "picker_02"
 WISHES = [f"amy={MINE}", f"ben={HERS},bin_01", "shed=carrier"]
 
 
@@ -49,7 +50,8 @@ def make_roles(path: Path, *addresses: str) -> Path:
 
 class Somebody:
     def __init__(self, bus: Bus, run: str) -> None:
-        self.bus, self.run = bus, run
+        self.bus = bus
+        self.run = run
 
     def drive(self, name: str, tick: int) -> None:
         self.bus.publish(
@@ -89,7 +91,8 @@ class Somebody:
 
     def sees_it_move(self, name: str, driving) -> Odometry:
         """The first pose of a robot that is not the next one, while a session drives it."""
-        deadline, first = time.monotonic() + PATIENCE, self.pose(name)
+        deadline = time.monotonic() + PATIENCE
+        first = self.pose(name)
         while (pose := self.pose(name)).pose == first.pose:
             assert time.monotonic() < deadline, f"{name} does not move"
             driving(pose.tick)
@@ -101,12 +104,10 @@ class Farm:
     bus: Any
 
     def __init__(self, folder: Path, endpoint: str, run: str, stack: ExitStack) -> None:
-        self.keyring, self.endpoint, self.run, self._stack = (
-            Keyring.load(folder),
-            endpoint,
-            run,
-            stack,
-        )
+        self.keyring = Keyring.load(folder)
+        self.endpoint = endpoint
+        self.run = run
+        self._stack = stack
 
     def come(self, role: str) -> Somebody:
         return Somebody(

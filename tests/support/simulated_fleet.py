@@ -79,7 +79,9 @@ class SimulatedFleet(Fleet):
 
 class Process:
     def __init__(self, fleet: SimulatedFleet, process: SimulatedProcess) -> None:
-        self._fleet, self._process, self.name = fleet, process, process.spec.name
+        self._fleet = fleet
+        self._process = process
+        self.name = process.spec.name
 
     def line(self) -> str:
         return self._next(self._process.printed)
@@ -125,7 +127,8 @@ class Heard:
     """What a client has heard and not yet taken: what `queue.Queue` is for a real one."""
 
     def __init__(self, fleet: SimulatedFleet) -> None:
-        self._fleet, self._messages = fleet, deque()
+        self._fleet = fleet
+        self._messages = deque()
 
     def put(self, message) -> None:
         self._messages.append(message)
@@ -144,7 +147,8 @@ class Heard:
 
 class Token:
     def __init__(self, bus: SimulatedBus, key: str) -> None:
-        self._bus, self._key = bus, key
+        self._bus = bus
+        self._key = key
         bus.declare_alive(key)
 
     def undeclare(self) -> None:
@@ -153,7 +157,8 @@ class Token:
 
 class Client(AnyClient):
     def __init__(self, fleet: SimulatedFleet) -> None:
-        self._fleet, self.run = fleet, fleet.run
+        self._fleet = fleet
+        self.run = fleet.run
         self.bus = self._session(self._hear_reply)
         self._replies: list[Replied] = []
         self._is_final = False
@@ -191,7 +196,8 @@ class Client(AnyClient):
         self.bus.publish(key, self._of_run(**message))
 
     def ask(self, key: str, payload: bytes = b"") -> list:
-        self._replies, self._is_final = [], False
+        self._replies = []
+        self._is_final = False
         self.bus.ask(key, payload, None, 20.0)
         assert self._fleet.wait(lambda: self._is_final)
         return [reply.error or msgpack.unpackb(reply.payload) for reply in self._replies]

@@ -19,7 +19,8 @@ class Driver:
     Memory = dict
 
     def __init__(self, layout, name):
-        self.layout, self.count = layout, 0
+        self.layout = layout
+        self.count = 0
 
     def tick(self, observation, mail, memory):
         return Action(Twist(x=self.speed(observation)), memory={"n": (memory or {"n": 0})["n"] + 1})

@@ -73,9 +73,14 @@ def rows_of(folder, name: str, body: str = "") -> list[dict]:
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The tables of a run of some exchanges, its agents' view of it, and its figures."""
-    local, folder = Local(Scenario(rows=3)), tmp_path_factory.mktemp("tables")
-    tables, figures, events, letters = Tables(folder, local.engine), HarvestFigures(), [], []
-    poses, twists = [], []
+    local = Local(Scenario(rows=3))
+    folder = tmp_path_factory.mktemp("tables")
+    tables = Tables(folder, local.engine)
+    figures = HarvestFigures()
+    events = []
+    letters = []
+    poses = []
+    twists = []
     while local.engine.tick < HARVEST_TICKS:
         happened = local.tick()
         written = local.post.written.get(local.engine.tick - 1, {})
@@ -96,7 +101,8 @@ def whole(tmp_path_factory):
 def test_each_body_has_a_row_a_tick_with_the_worlds_bits(whole):
     """Each body has a row for each tick with the same bits as in the world."""
     folder, local, _, _, _, poses, twists = whole
-    table, names = pq.read_table(folder / "bodies.parquet"), local.engine.layout.names
+    table = pq.read_table(folder / "bodies.parquet")
+    names = local.engine.layout.names
     assert table["tick"].to_pylist() == [t for t in range(1, HARVEST_TICKS + 1) for _ in names]
     assert table["name"].to_pylist() == [*names] * HARVEST_TICKS
     for columns, known in (
@@ -111,7 +117,9 @@ def test_each_body_has_a_row_a_tick_with_the_worlds_bits(whole):
 
 def test_measured_poses_have_the_bits_that_agents_observe(tmp_path):
     """The measured poses have the same bits as those that agents observe."""
-    local, measured, reckoned = Local(ERRING), [], []
+    local = Local(ERRING)
+    measured = []
+    reckoned = []
     tables = Tables(tmp_path, local.engine)
     for _ in range(TICKS):
         tick(local, tables)
@@ -271,7 +279,8 @@ def test_a_run_that_is_resumed_leaves_each_row_once(
 def test_a_file_torn_by_a_kill_goes(tmp_path, undisturbed):
     """A file that a kill has torn is no part of the table and goes."""
     local = Local(ERRING)
-    tables, torn = run(local, tmp_path, 40), tmp_path / "bodies.parquet" / ".000001.parquet.123.new"
+    tables = run(local, tmp_path, 40)
+    torn = tmp_path / "bodies.parquet" / ".000001.parquet.123.new"
     torn.write_text("half of it")
     tables.flush()
     assert len(pq.read_table(tmp_path / "bodies.parquet")) == 40 * len(local.engine.layout.names)
@@ -292,12 +301,11 @@ def test_what_is_removed_from_a_growing_table_comes_again(tmp_path_factory, step
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(folders, "MOST_ROWS", most)
         for begin in (0, until):
-            table, left = (
-                GrowingTable(folder, EVENTS, begin),
-                [row for row in rows if row[0] >= begin],
-            )
+            table = GrowingTable(folder, EVENTS, begin)
+            left = [row for row in rows if row[0] >= begin]
             for step in steps:
-                part, left = left[:step], left[step:]
+                part = left[:step]
+                left = left[step:]
                 table.add(
                     EVENTS.empty_table().from_pylist(
                         [dict(zip(EVENTS.names, row, strict=True)) for row in part], EVENTS
@@ -412,7 +420,8 @@ def test_tables_that_do_not_fit_a_resumed_run_are_refused(tmp_path):
 
 def test_a_full_disk_is_logged_once_and_told_at_the_end(tmp_path, monkeypatch, caplog):
     """A disk that becomes full is logged once and told at the end."""
-    local, tables = Local(SMALL), None
+    local = Local(SMALL)
+    tables = None
     tables = run(local, tmp_path, 5)
     tables.flush()
 

@@ -30,13 +30,13 @@ def test_no_name_on_the_plan_covers_another(size: dict, named: int, tmp_path: Pa
     layout = lay_out(Scenario(**size))
     path = recording_of(tmp_path / "large.rrd", layout, [Frame(0, starts(layout))])
     ((_, points),) = Rows(path, "/plan/names").values("Points3D:positions")
-    ((_, labels),), scale = (
-        Rows(path, "/plan/names").values("Points3D:labels"),
-        points_to_metres(layout),
-    )
+    ((_, labels),) = Rows(path, "/plan/names").values("Points3D:labels")
+    scale = points_to_metres(layout)
     assert len(labels) == len(points) == named
     middles = np.array(points)[:, :2] - (0.0, DROP * scale)
-    wide, high = 28.0 * scale, 22.0 * scale  # of a name such as P01, as Rerun writes it
+    # The size of a name such as P01, as Rerun writes it.
+    wide = 28.0 * scale
+    high = 22.0 * scale
     apart = np.abs(middles[:, None] - middles[None])
     covered = [
         (labels[a], labels[b])
@@ -58,7 +58,8 @@ def test_no_number_of_a_row_covers_another(rows: int, numbered: int, tmp_path: P
 
 
 def test_a_name_stands_below_its_pin_and_stays_there(layout: Layout, tmp_path: Path) -> None:
-    poses, i = starts(layout), layout.index["picker_01"]
+    poses = starts(layout)
+    i = layout.index["picker_01"]
     poses[i, :2] = 0.0, layout.bottom + 10.0
     path = recording_of(tmp_path / "alone.rrd", layout, [Frame(0, poses)])
     ((_, names),) = Rows(path, "/plan/names").rows
@@ -74,7 +75,8 @@ def test_the_camera_glides_near_and_cuts_far(robot, glides, layout) -> None:
 
     It stays with a robot for a while first.
     """
-    focus, poses = Focus(layout), starts(layout)
+    focus = Focus(layout)
+    poses = starts(layout)
     states = {"picker_01": "picking", "picker_02": "waiting", "carrier_01": "waiting"}
     assert focus.follow(Frame(0, poses, states=states))[:2] == pytest.approx(
         poses[layout.index["picker_01"], :2]
@@ -130,10 +132,8 @@ def test_many_questions_and_answers_are_one_line_each() -> None:
         Event(0, "Offer", carrier, "bin_01", f"I am, {10 * i} m away")
         for i, carrier in enumerate(carriers)
     ]
-    come, full = (
-        Event(0, "Come", "bin_01", "carrier_02", "come, row 1"),
-        Event(0, "bin full", "bin_02", "picker_02", "row 2"),
-    )
+    come = Event(0, "Come", "bin_01", "carrier_02", "come, row 1")
+    full = Event(0, "bin full", "bin_02", "picker_02", "row 2")
     assert [line_of(event) for event in gathered([full, *calls, *offers, come])] == [
         "bin_02 > picker_02: bin full, row 2",
         "bin_01 > 5 carriers: Call, who is free? row 1",
@@ -161,7 +161,9 @@ def test_questions_of_safety_do_not_crowd_out_the_harvest() -> None:
 
 
 HATS = {"worker": 0.2}  # m above the height of the kind
-FLOAT, BYTE = 5126, 5121  # glTF's numbers of types
+# The numbers of types in glTF.
+FLOAT = 5126
+BYTE = 5121
 
 
 def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -186,7 +188,8 @@ def vertices(name: str) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_model_of_a_body_fills_its_size_in_its_colour(kind):
     """The model of a body fills its size and no more and has its colour."""
-    (places, colours), size = vertices(kind), KINDS[kind]
+    (places, colours) = vertices(kind)
+    size = KINDS[kind]
     assert places.min(axis=0) == pytest.approx([-size.length / 2, -size.width / 2, 0.0], abs=1e-4)
     assert places.max(axis=0) == pytest.approx(
         [size.length / 2, size.width / 2, size.height + HATS.get(kind, 0.0)], abs=1e-4

@@ -78,9 +78,12 @@ def test_every_tick_counts_when_pictures_are_left_out(tmp_path):
 
 def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     """A weed, a bar, the fruit of a row: the part before says that they are there."""
-    path, poses = tmp_path / "run.rrd", starts(LAYOUT)
-    weed, picker = LAYOUT.index["weed_01"], LAYOUT.index["picker_01"]
-    alive, coupled = np.ones(len(poses), bool), np.full(len(poses), -1)
+    path = tmp_path / "run.rrd"
+    poses = starts(LAYOUT)
+    weed = LAYOUT.index["weed_01"]
+    picker = LAYOUT.index["picker_01"]
+    alive = np.ones(len(poses), bool)
+    coupled = np.full(len(poses), -1)
     coupled[picker] = LAYOUT.index["bin_01"]
     begun = {"doing": {"picker_01": "picking row 1"}, "states": {"picker_01": "picking"}}
     early = Frame(
@@ -92,7 +95,8 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
         row_ends=np.zeros((3, 4)),
         **begun,
     )
-    alive[weed], coupled[picker] = False, -1
+    alive[weed] = False
+    coupled[picker] = -1
     late = Frame(
         60,
         poses,
@@ -107,7 +111,8 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
     further.tick(late)
     further.close()
     rows = rows_of(path)
-    seen, then = seen_at(rows, 6.0), seen_at(rows, 1.0)
+    seen = seen_at(rows, 6.0)
+    then = seen_at(rows, 1.0)
     r, g, b = STATES["picking"]
     assert then["/pins/picker_01", "Points3D:colors"] == [r << 24 | g << 16 | b << 8 | 255]
     assert ("/world/weeds/weed_01", "Asset3D:blob") in then.keys() - seen.keys()
@@ -118,11 +123,9 @@ def test_a_further_part_shows_what_has_gone_in_the_gap(tmp_path):
 def test_a_recorder_behind_records_the_same_in_fewer_pieces(tmp_path):
     """A recorder for which frames wait records the same in fewer pieces."""
     frames_ = course(range(701))
-    apart, together, torn = (
-        recording_of(tmp_path / "apart.rrd", LAYOUT, frames_),
-        tmp_path / "together.rrd",
-        tmp_path / "torn.rrd",
-    )
+    apart = recording_of(tmp_path / "apart.rrd", LAYOUT, frames_)
+    together = tmp_path / "together.rrd"
+    torn = tmp_path / "torn.rrd"
     recorder = Recorder(LAYOUT, "a", together)
     recorder.waiting = lambda: 1
     for frame in frames_:
@@ -135,7 +138,8 @@ def test_a_recorder_behind_records_the_same_in_fewer_pieces(tmp_path):
         [chunk for chunk in chunks(path) if not chunk.is_static] for path in (apart, together)
     ]
     assert len(pieces[1]) < len(pieces[0]) / 4
-    known, seen = rows_of(apart), rows_of(together)
+    known = rows_of(apart)
+    seen = rows_of(together)
     assert known.keys() == seen.keys()
     assert [key for key in known if key[0] != "/tf" and known[key] != seen[key]] == []
     assert all(

@@ -70,14 +70,16 @@ class TestInTheViewer:
         ] == []
 
     def test_the_picture_is_not_blank_and_moves(self, viewer: ViewerClient) -> None:
-        early, late = picture(viewer, 5.0, "At work"), picture(viewer, 60.0, "At work")
+        early = picture(viewer, 5.0, "At work")
+        late = picture(viewer, 60.0, "At work")
         assert early.std() > 20
         assert np.abs(early - late).max(axis=2).mean() > 0.3
 
     def test_robots_are_where_the_plan_says(
         self, viewer: ViewerClient, layout: Layout, harvested: list[Frame]
     ) -> None:
-        plan, frame = picture(viewer, 85.0, "Plan"), harvested[849]
+        plan = picture(viewer, 85.0, "Plan")
+        frame = harvested[849]
         for name in ("picker_01", "picker_02"):
             column, row = on_the_plan(plan, layout, *frame.poses[layout.index[name]][:2])
             around = plan[row - 6 : row + 7, column - 6 : column + 7].reshape(-1, 3)

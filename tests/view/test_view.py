@@ -58,7 +58,8 @@ def same_pose(seen: tuple[float, float, float], meant: np.ndarray) -> bool:
 def test_every_body_is_drawn_where_the_frame_says(
     layout: Layout, harvested: list[Frame], recording: Path, seconds: float
 ) -> None:
-    seen, meant = poses_at(recording, seconds), harvested[round(seconds * 10) - 1].poses
+    seen = poses_at(recording, seconds)
+    meant = harvested[round(seconds * 10) - 1].poses
     assert set(seen) == {*layout.names, FOCUS}
     assert [
         name for i, name in enumerate(layout.names) if not same_pose(seen[name], meant[i])
@@ -200,10 +201,8 @@ def test_a_bin_fills_and_its_bar_comes_and_goes(layout: Layout, tmp_path: Path) 
 
 @pytest.fixture
 def surveyed(tmp_path: Path) -> tuple[Layout, Path]:
-    layout, picked = (
-        lay_out(orchard_of(UNEQUAL)),
-        np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]),
-    )
+    layout = lay_out(orchard_of(UNEQUAL))
+    picked = np.outer([29.0, 10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
     return layout, recording_of(
         tmp_path / "surveyed.rrd", layout, [Frame(0, starts(layout), row_ends=picked)]
     )
@@ -290,7 +289,8 @@ def test_each_letter_is_recorded_with_its_fields(
 def test_charges_of_batteries_are_recorded_each_second(tmp_path: Path) -> None:
     battery = {"hours": 0.5, "hours_to_charge": 0.2}
     scenario = Scenario(rows=3, carriers=2, carrying={"battery": battery})
-    local, meant = Local(scenario), []
+    local = Local(scenario)
+    meant = []
     builder = FrameBuilder(local.engine)
     carrier = local.engine.layout.index["carrier_01"]
 
@@ -382,7 +382,8 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_recording_opens_after_a_kill(tmp_path: Path) -> None:
-    path, root = tmp_path / "killed.rrd", Path(__file__).parents[2]
+    path = tmp_path / "killed.rrd"
+    root = Path(__file__).parents[2]
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(root / "tests" / "support"), str(root)])
     }

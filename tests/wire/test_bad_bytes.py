@@ -55,10 +55,11 @@ ASKED = ("scenario", "join", "recall", "stop", "mail", "state", "layout", *CONTR
 def impossible(what: str, tick: int, host: str = HOST):
     """(payload, how many refusals): well-formed messages of this run that cannot be."""
     drive = {"linear": {"x": 0.7}, "angular": {"z": 0.1}}
-    one, many = (
-        {"run": RUN, **drive},
-        {"run": RUN, "velocities": {name: drive for name in ("picker_01", "bin_02", "worker_01")}},
-    )
+    one = {"run": RUN, **drive}
+    many = {
+        "run": RUN,
+        "velocities": {name: drive for name in ("picker_01", "bin_02", "worker_01")},
+    }
     return {
         "velocity": [
             (one | {"tick": tick + 5000, "owner": host}, 1),
@@ -121,11 +122,14 @@ class Thrower:
     """
 
     def __init__(self, run: Run, messages, count: int) -> None:
-        self.run, self.expected, self.memory = run, Counter(), []
+        self.run = run
+        self.expected = Counter()
+        self.memory = []
         self.asked = 0
         self.replies: list[Replied] = []  # a list, for both threads append to it
         self.by_key = Counter()
-        self._messages, self._each = messages, count // ((TICKS - 8) * len(TO_PHYSICS + TO_HOST))
+        self._messages = messages
+        self._each = count // ((TICKS - 8) * len(TO_PHYSICS + TO_HOST))
         run.net.on_put = self.at_clock
 
     def at_clock(self, key: str, payload: bytes) -> None:
@@ -330,7 +334,8 @@ def test_a_payload_that_ends_with_others_is_refused(other):
 
     What agents are shown, and what they answer, is never one of them.
     """
-    chance, least = Random(1), {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}
+    chance = Random(1)
+    least = {"seen": 1, "velocities": 1, "velocity": 1, "scan": 241}
     payloads = [payload for sent in other.values() for _, payload in sent]
     for what in sorted(other.keys() - {"scenario", "layout"}):
         for _ in range(300 if other[what] else 0):

@@ -72,7 +72,8 @@ def test_each_message_of_a_recorded_run_is_valid_by_the_contract(other, what):
 
 
 def maps_in(type_):
-    found, waiting = {}, [type_]
+    found = {}
+    waiting = [type_]
     while waiting:
         part = waiting.pop()
         if isinstance(part, inspect.StructType) and part.cls not in found:

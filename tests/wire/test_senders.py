@@ -26,7 +26,10 @@ WORDS = {
     "logger": ("logger", "session"),
     "client": ("client", "session"),
 }
-PUT, GET, TOKEN, ANSWER = "put", "get", "token", "answer"
+PUT = "put"
+GET = "get"
+TOKEN = "token"
+ANSWER = "answer"
 MEANS = {"publish": PUT, "ask": GET, "declare_alive": TOKEN, "answer": ANSWER}
 LAYOUT = lay_out(SMALL)
 PLACEHOLDERS = {

@@ -163,7 +163,8 @@ def test_a_beam_too_many_does_not_make_up_for_one_too_few():
 def test_pose_and_scan_of_one_robot_say_the_same(observation):
     pose = msgpack.unpackb(pack(odometry_of(RUN, observation)))
     scan = msgpack.unpackb(pack(scan_of(RUN, observation, KINDS["picker"].laser, AROUND)))
-    position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
+    position = pose["pose"]["position"]
+    orientation = pose["pose"]["orientation"]
     assert (position["x"], position["y"], position["z"]) == (observation.x, observation.y, 0.0)
     assert (orientation["z"], orientation["w"]) == observation.orientation
     assert (pose["twist"]["linear"]["x"], pose["accuracy"]) == (
@@ -305,7 +306,8 @@ def test_the_layout_arrives_as_it_is(scenario):
         (start.name, start.kind, start.bin) for start in layout.starts
     ]
     for body, start in zip(told.bodies, layout.starts, strict=True):
-        at, turned = body.pose.position, body.pose.orientation
+        at = body.pose.position
+        turned = body.pose.orientation
         assert (at.x, at.y) == start.pose[:2]
         assert abs(angle_between(yaw_of(turned.z, turned.w), start.pose.yaw)) < 1e-9
     assert (

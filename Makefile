@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 SECONDS := 600
 COUNT := 1000
-QUICK := tests/field tests/wire tests/agents/test_steps.py tests/net/test_lockstep.py tests/docs/test_package.py \
+QUICK := tests/field tests/wire tests/plans/test_steps.py tests/net/test_lockstep.py tests/docs/test_package.py \
  $(patsubst %,tests/contract/test_%.py,read_only zones) \
  $(patsubst %,tests/sim/test_%.py,deeds invariants movement picking repeatable scan snapshot)
 RUN := $(VENV)/bin/python

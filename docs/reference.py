@@ -218,7 +218,7 @@ def _towing() -> str:
 bin's agent does that: it observes the robot's pose and velocity, and chooses the velocity that
 brings the bin to its place at the end of the step if the robot keeps its velocity. When the robot
 changes its velocity, the bin is for a moment up to 0.15 m off its place
-(`tests/agents/test_steps.py`); at rest it is exact. A bin that is more than {move.BAR:g} m off its
+(`tests/plans/test_steps.py`); at rest it is exact. A bin that is more than {move.BAR:g} m off its
 place holds its robot.
 
 A robot couples a bin only while both stand still, with the bin's centre within
@@ -332,7 +332,7 @@ def _behaviours() -> str:
             "lingering (people, animals)",
             f"""one that got no farther than {walker.LINGER:g} m in
             {_seconds(walker.LINGER_TICKS)} walks off in a free direction. None stays within a
-            circle of 3 m for 60 s (`tests/agents/test_walkers.py`)""",
+            circle of 3 m for 60 s (`tests/behaviour/test_walkers.py`)""",
         ),
         (
             "tractor",

@@ -115,7 +115,7 @@ A_MESSAGE = [
         '    Here: "here is {0.bin}",\n    Hurry: "{0.seconds:.0f} s already",\n',
     ),
     Edit("orchard/contract/events.py", "    Here,\n", "    Here,\n    Hurry,\n"),
-    Edit("tests/agents/test_hurry.py", "", HURRY_TEST),
+    Edit("tests/behaviour/test_hurry.py", "", HURRY_TEST),
 ]
 
 WIND = """    wind: Annotated[
@@ -163,7 +163,7 @@ A_VALUE = [
         "agents: {}           #",
         "wind: 0.0            # slows people, m/s, 0 to 20\n\nagents: {}           #",
     ),
-    Edit("tests/agents/test_wind.py", "", WIND_TEST),
+    Edit("tests/behaviour/test_wind.py", "", WIND_TEST),
 ]
 
 ENERGY = """        "weeds_flattened": figures.weeds_flattened,
@@ -274,7 +274,7 @@ A_ROBOT = [
         '    "tractor": Tractor,\n    "drone": Drone,\n',
     ),
     Copy("orchard/view/models/drone.glb", "orchard/view/models/carrier.glb"),
-    Edit("tests/agents/test_drone.py", "", DRONE_TEST),
+    Edit("tests/behaviour/test_drone.py", "", DRONE_TEST),
 ]
 
 NEW_POLICY = '''class ByName(Ranking):
@@ -305,7 +305,7 @@ A_POLICY = [
         "| `by-name` | the bin whose name is first | an example |\n| `nearest` | the bin that",
     ),
     Edit(
-        "tests/agents/test_policies.py",
+        "tests/dispatch/test_policies.py",
         "DECISIONS = {\n",
         'DECISIONS = {\n    "by-name": ["bin_01", "bin_02"],\n',
     ),

@@ -7,8 +7,8 @@ from nicegui import ui
 from orchard.app.elements import heading, tiles
 from orchard.field.kinds import KINDS
 from orchard.field.layout import X_WEST, Layout
-from orchard.report.bounds import schedule_seconds
-from orchard.report.limits import QuestionLimit, limit_of_question
+from orchard.report.bounds import Bounds, schedule_seconds
+from orchard.report.limits import limit_of_question
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
 
@@ -16,7 +16,7 @@ CARRIERS = "7 for every 10 pickers; the study tells how many are worth it"  # by
 DEEP = 2.0  # from this many times its width on, a plan is shown as wide as the page
 
 
-def figures(layout: Layout, limit: QuestionLimit) -> list[tuple[str, str, str]]:
+def figures(layout: Layout, limit: Bounds) -> list[tuple[str, str, str]]:
     """Return the derived figures of an orchard: name, value with its unit, and a note on its
     meaning.
     """
@@ -27,7 +27,7 @@ def figures(layout: Layout, limit: QuestionLimit) -> list[tuple[str, str, str]]:
         (
             "Limit",
             f"{limit.bins_per_hour:.1f} bins/h",
-            "what this policy allows in a long harvest without traffic" + _mean_over(limit.seeds),
+            "what this policy allows in a long harvest without traffic" + _in_which_rows(layout),
         ),
         ("Bottleneck", limit.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
@@ -42,18 +42,17 @@ def figures(layout: Layout, limit: QuestionLimit) -> list[tuple[str, str, str]]:
     ]
 
 
-def _mean_over(seeds: tuple[int, ...]) -> str:
-    """Return in words which seeds a limit is the mean of, if each seed draws other rows."""
-    if len(seeds) == 1:
-        return ""
-    return f"; mean over the seeds {seeds[0]} to {seeds[-1]}, with which a study begins"
+def _in_which_rows(layout: Layout) -> str:
+    """Return in words which rows a limit is of, if each seed draws other rows."""
+    is_drawn = layout.scenario.picking.spread.distribution != "none"
+    return ", in rows that take their mean times" if is_drawn else ""
 
 
 def derive(layout: Layout) -> tuple[list[tuple[str, str, str]], dict[str, float]]:
     """Return the derived figures of an orchard, and what each part of its harvest allows,
     bins/s.
     """
-    limit = limit_of_question(layout)
+    limit = limit_of_question(layout.scenario)
     return figures(layout, limit), limit.terms
 
 

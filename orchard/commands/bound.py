@@ -8,6 +8,8 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import ROW_RULES, Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
+from orchard.report.bounds import Bounds
+from orchard.report.limits import limit_of_question
 from orchard.report.summary import clock, write_summary
 from orchard.terminal.exits import exit_on_errors, needs_extra
 from orchard.terminal.files import check_writable
@@ -69,8 +71,19 @@ def print_bound(chosen: BoundOptions) -> None:
     best = min(bound_of_rule.best_seconds for bound_of_rule in bounds.values())
     if chosen.all_rules:
         print_line(f"With any of these rules no harvest is shorter than {clock(proven)}.")
+    limit = limit_of_question(scenario)
+    print_line(_limit_words(limit))
     if chosen.summary is not None:
-        write_summary(chosen.summary, _summary(scenario, bounds, proven, best))
+        write_summary(chosen.summary, _summary(scenario, bounds, proven, best, limit))
+
+
+def _limit_words(limit: Bounds) -> str:
+    """Return the limit of the long run, as the page and a study show it."""
+    limited_by = limit.bottleneck if limit.bottleneck == "unloading" else f"the {limit.bottleneck}"
+    return (
+        f"In a long harvest without traffic {limited_by} would allow "
+        f"{limit.bins_per_hour:.1f} bins an hour, by the policy of the scenario."
+    )
 
 
 def _words(bound_of_rule: "Optimum") -> str:
@@ -93,13 +106,22 @@ def _words(bound_of_rule: "Optimum") -> str:
 
 
 def _summary(
-    scenario: Scenario, bounds: dict[str, "Optimum"], proven: float, best: float
+    scenario: Scenario,
+    bounds: dict[str, "Optimum"],
+    proven: float,
+    best: float,
+    limit: Bounds,
 ) -> dict[str, Any]:
-    """Return the summary of a bound. `bounds`: rule -> bound; `proven`, `best`: s, of all rules."""
+    """Return the summary of a bound.
+
+    `bounds`: rule -> bound; `proven`, `best`: s, of all rules; `limit`: that of the long run.
+    """
     return {
         "proven_seconds": proven,
         "best_seconds": best,
         "gap": best / proven - 1.0,
+        "limit_bins_per_hour": limit.bins_per_hour,
+        "bottleneck": limit.bottleneck,
         "rows_to_pickers": {rule: asdict(of_rule) for rule, of_rule in bounds.items()},
         "scenario": scenario.model_dump(),
     }

@@ -1,31 +1,29 @@
-"""The limit of a question: a mean over seeds, where each seed draws how fast rows are picked.
+"""The limit of a question: what an orchard allows without traffic, whatever the seed.
 
-One run has the rows of its own seed, and its summary the limit of those rows. The page and a study
-ask about any such orchard. So they show the mean over seeds, from that of the scenario on.
+A seed may draw how fast each row is picked. Then one run has the rows of its own seed, and its
+summary has the limit of those rows. The page, `orchard bound` and a study ask about any such
+orchard. So they show one limit: that of rows which are all picked in their mean time. It depends on
+no seed, and on no number of runs.
+
+Robots that pick fast rows by chance may exceed this limit, though not that of their own rows. So a
+study shows what its runs tell of rows of the mean speed. A long run is asked for shares of its own
+plan, and has the rate that follows from them and this limit (`orchard.report.long_run`). One
+harvest has its own share of the limit of its own rows, times this limit (`rate_in_mean_rows`).
+
+The limit counts full bins. The last bin of each picker in one harvest may be part full. So the rate
+of a harvest, beside the limit, counts the full bins that its fruit would fill (`full_bins`).
 """
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import fmean
+from functools import lru_cache
 
-from orchard.field.layout import Layout, lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
+from orchard.field.scenario import Scenario, Spread
 from orchard.report.bounds import Bounds
 
-# The seeds of the first look of a study. With more runs, a study shows the mean over more seeds.
-FIRST_SEEDS = 5
 SEEDS = 2**63
-
-
-@dataclass(frozen=True)
-class QuestionLimit:
-    """What an orchard allows without traffic, by the mean over the first seeds."""
-
-    bins_per_hour: float
-    terms: dict[str, float]  #: what each part allows, bins/s
-    bottleneck: str  #: the part that allows least on most seeds
-    seeds: tuple[int, ...]  #: only one where no seed changes the rows
+# A seed that the limit uses whatever the scenario's is. With built-in classes any other gives the
+# same limit.
+LIMIT_SEED = 1
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
@@ -33,25 +31,32 @@ def with_seed(scenario: Scenario, seed: int) -> Scenario:
     return scenario.model_copy(update={"seed": seed % SEEDS})
 
 
-def common_bottleneck(bottlenecks: Sequence[str]) -> str:
-    """Return the part that allows least on most seeds; of several the one on the earliest seed."""
-    return Counter(bottlenecks).most_common(1)[0][0]
+def limit_of_question(scenario: Scenario) -> Bounds:
+    """Return the limit of a scenario without traffic, in rows that are picked in their mean time.
+
+    Raises ScenarioError if it names own classes that cannot be used.
+    """
+    picking = scenario.picking.model_copy(update={"spread": Spread()})
+    of_no_seed = with_seed(scenario, LIMIT_SEED).model_copy(update={"picking": picking})
+    return _bounds(lay_out(of_no_seed))
 
 
-def limit_of_question(layout: Layout) -> QuestionLimit:
-    """Return the limit that a study of this scenario shows after its first look."""
-    scenario = layout.scenario
-    layouts = [layout]
-    if scenario.picking.spread.distribution != "none":
-        later = [scenario.seed + number for number in range(1, FIRST_SEEDS)]
-        layouts += [lay_out(with_seed(scenario, seed)) for seed in later]
-    bounds = [Bounds(with_drawn_rows) for with_drawn_rows in layouts]
-    terms = {}
-    for name in bounds[0].terms:
-        terms[name] = fmean(bound.terms[name] for bound in bounds)
-    return QuestionLimit(
-        bins_per_hour=fmean(bound.bins_per_hour for bound in bounds),
-        terms=terms,
-        bottleneck=common_bottleneck([bound.bottleneck for bound in bounds]),
-        seeds=tuple(with_drawn_rows.scenario.seed for with_drawn_rows in layouts),
-    )
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _bounds(layout: Layout) -> Bounds:
+    return Bounds(layout)
+
+
+def rate_in_mean_rows(rate: float, own_limit: float, limit: Bounds) -> float:
+    """Return the rate that a run would have in rows of the mean speed, bins/h.
+
+    It is as far below the limit as the run was below that of its own rows. `rate`: of the run,
+    `own_limit`: of its rows, both in bins/h; `limit`: that of rows of the mean speed.
+    """
+    return rate * (limit.bins_per_hour / own_limit)
+
+
+def full_bins(layout: Layout) -> float:
+    """Return how many full bins the fruit of a harvest fills; all of them if a row fills one."""
+    if layout.scenario.bin_metres is None:
+        return layout.bins
+    return sum(lane.length for lane in layout.lanes) / layout.scenario.bin_metres

@@ -7,7 +7,8 @@ therefore asked for two shares only, and the limit's own means, which `Bounds` h
 1. How fast was each picker, as a share of its plan? Between two exchanges no picker needs less time
    than its plan takes for them on free roads. So over any exchanges the time by the plan is at most
    the time that passed. Their ratio, at most 1, times the picker's rate in the limit is its rate x.
-   So the sum of all x is at most the limit of the pickers.
+   So the sum of all x is at most the limit of the pickers. Where the seed draws how fast rows are
+   picked, the plan is that of its own rows, and the limit that of rows which take their mean times.
 2. How long was a carrier busy for a bin, as a multiple of its plan? No job takes less than its
    plan. That ratio, at least 1, times the mean time C of the picker's bins in the limit is the time
    d that a carrier needs for one. All carriers together have the time of c carriers, so the sum of
@@ -59,23 +60,28 @@ BEGINNING = 0.4
 
 
 def long_run(
-    layout: Layout, rows_each: int | None = None, bounds: Bounds | None = None
+    layout: Layout,
+    rows_each: int | None = None,
+    bounds: Bounds | None = None,
+    limit: Bounds | None = None,
 ) -> DiscreteFigures:
     """Let all pickers pick their rows again and again, and measure.
 
     `rows_each`: how many rows each picker picks at least; None: as many as a good figure needs.
-    `bounds`: those of the layout, if they are known already.
+    `bounds`: those of the layout, if they are known already. `limit`: that of the same orchard, for
+    which the rate is told, such as one whose rows take their mean times; None: `bounds`.
     Raises ValueError as `DiscreteHarvest` does, and Jam. It raises Jam too if a policy leaves a
     picker out: the rate would be that of the others' rows.
     """
     bounds = bounds or Bounds(layout)
+    limit = limit or bounds
     bin_metres = layout.scenario.bin_metres
     most_rows = max(len(block.rows) for block in layout.blocks.values())
     bins_a_row = layout.mean_length / bin_metres if bin_metres else 1.0
     least = rows_each or max(
         ceil(LEAST_BINS / bins_a_row), ceil(LEAST_ROUNDS / max(1.0, bins_a_row)) * most_rows
     )
-    run = _LongRun(layout, bounds, least)
+    run = _LongRun(layout, bounds, limit, least)
     figures = run.figures()
     battery = run.battery
     if rows_each or not battery.hours:
@@ -86,7 +92,7 @@ def long_run(
         3600.0 * (1.0 - battery.reserve) * (battery.hours / busy + battery.hours_to_charge)
     )
     needed = ceil(least * CHARGES * charge_seconds * (1.0 - BEGINNING) / figures.sim_seconds)
-    return figures if needed <= least else _LongRun(layout, bounds, needed).figures()
+    return figures if needed <= least else _LongRun(layout, bounds, limit, needed).figures()
 
 
 @dataclass(frozen=True)
@@ -103,10 +109,13 @@ class _LongRun:
     rounds.
     """
 
-    def __init__(self, layout: Layout, bounds: Bounds, least_rows: int) -> None:
-        """`least_rows`: that the fastest picker picks at least."""
+    def __init__(self, layout: Layout, bounds: Bounds, limit: Bounds, least_rows: int) -> None:
+        """`bounds`: those of the layout; `limit`: that for which the rate is told. `least_rows`:
+        that the fastest picker picks at least.
+        """
         self.layout = layout
         self.bounds = bounds
+        self.limit = limit
         self.rounds = {name: round_of(layout, block) for name, block in layout.blocks.items()}
         self.least_rows = least_rows
         longest = max(whole.least_rows for whole in self.rounds.values())
@@ -203,7 +212,7 @@ class _LongRun:
             busy = (exchange.carrier_ticks or 0.0) * TIME_STEP
             run.add(0.0, busy + charging, charging)
             run.exchange(exchange.tick * TIME_STEP)
-        picking, crossing, wait, cycle, _, charging = self.bounds.of_pickers[name]
+        picking, crossing, wait, cycle, _, charging = self.limit.of_pickers[name]
         share = _ratio(whole, plan.exchanged, run.exchanged)
         carriers = _ratio(whole, run.carriers, plan.carriers)
         chargers = _ratio(whole, run.chargers, plan.chargers) if charging else 0.0

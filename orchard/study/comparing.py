@@ -19,11 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special  # not stats, which takes a second to load
 
-from orchard.report.limits import FIRST_SEEDS
 from orchard.study.result import Interval, Standing
 
 # Replications of each setting, after which a study asks whether it can answer.
-LOOKS = (FIRST_SEEDS, 10, 20, 40, 80)
+LOOKS = (5, 10, 20, 40, 80)
 
 
 def interval(values: Sequence[float], confidence: float) -> Interval:

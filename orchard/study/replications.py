@@ -10,6 +10,7 @@ from functools import partial
 from itertools import takewhile
 from statistics import fmean
 
+from orchard.report.limits import rate_in_mean_rows
 from orchard.study.comparing import interval
 from orchard.study.result import Check, Goal, Horizon, Interval, Model
 from orchard.study.runs import PlannedRun, RunRecord, do, software
@@ -114,14 +115,18 @@ class Replications:
         """Return what a run says of the goal."""
         if self.goal == "cost_per_bin":
             return self.settings[i].cost_per_bin(record.bins_per_hour) or 0.0
-        return record.sim_seconds if self.goal == "harvest_seconds" else record.bins_per_hour
+        if self.goal == "harvest_seconds":
+            return record.sim_seconds
+        return shown_rate(self.settings[i], record)
 
     def limit(self, i: int, record: RunRecord) -> float:
         """Return the best value of the goal that the limit without traffic allows a run."""
         rate = record.bound_bins_per_hour
         if self.goal == "cost_per_bin":
             return self.settings[i].cost_per_bin(rate) or 0.0
-        return 3600.0 * record.bins / rate if self.goal == "harvest_seconds" else rate
+        if self.goal == "harvest_seconds":
+            return 3600.0 * record.bins / rate
+        return self.settings[i].limit.bins_per_hour
 
     def sample(self, i: int, model: Model, count: int) -> list[float]:
         """Return the values of the goal by seed.
@@ -130,6 +135,15 @@ class Replications:
         """
         values = [self.value(i, record) for record in self.known(i, model)[:count]]
         return values if self.settings[i].is_random else values[:1] * count
+
+
+def shown_rate(setting: Setting, record: RunRecord) -> float:
+    """Return the bins an hour of a run as a study shows them, beside the limit of its setting.
+
+    They are full bins, in rows that take their mean times.
+    """
+    rate = rate_in_mean_rows(record.bins_per_hour, record.bound_bins_per_hour, setting.limit)
+    return rate if record.horizon == "long" else rate * setting.full_share
 
 
 CHECKS = 5  # replications by the full model of each of the best two
@@ -149,8 +163,9 @@ def confirmed(
 
 def _check(replications: Replications, i: int, confidence: float) -> Check:
     full, fast = replications.known(i, "full"), replications.known(i, "fast")
-    rates = [record.bins_per_hour for record in full if record.ended != "jammed"]
-    beside = fast if replications.settings[i].is_random else fast * len(full)
+    setting = replications.settings[i]
+    rates = [shown_rate(setting, record) for record in full if record.ended != "jammed"]
+    beside = fast if setting.is_random else fast * len(full)
     pairs = [
         (one, other) for one, other in zip(full, beside, strict=False) if one.ended != "jammed"
     ]

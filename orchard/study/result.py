@@ -54,14 +54,15 @@ class Row:
     # Replications in which robots waited for ever, or too few carriers came to a picker; all other
     # figures are of the rest.
     jammed: int
-    bins_per_hour: Interval | None  # None: every replication jammed
+    # Full bins, in rows that take their mean times, so that no run exceeds the bound. None: every
+    # replication jammed. The two figures below are of the bins and the rows as they were.
+    bins_per_hour: Interval | None
     harvest_seconds: Interval | None
     cost_per_bin: Interval | None  # None too if the scenario has no prices
     picker_waiting_seconds: float  # for which a picker stands until it has an empty bin, mean
     carrier_utilisation: float  # share of the time outside the queue, 0 to 1
-    bound_bins_per_hour: (
-        float  # what this policy and route allow without traffic: orchard.report.bounds
-    )
+    # What this policy and route allow without traffic, whatever the seed: orchard.report.limits.
+    bound_bins_per_hour: float
     bottleneck: str
     #: best: the answer, for each combination of what nobody chooses. The others are beside the best
     #: mean. unknown: the runs do not tell. alone: nothing that can be chosen varies.

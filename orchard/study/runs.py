@@ -34,7 +34,7 @@ from orchard.field.plugins import (
 from orchard.field.scenario import END, Scenario
 from orchard.local import Local
 from orchard.report.bounds import Bounds
-from orchard.report.limits import with_seed
+from orchard.report.limits import limit_of_question, with_seed
 from orchard.report.long_run import long_run
 from orchard.report.metrics import HarvestFigures, harvest_figures
 from orchard.study.result import Horizon, Model
@@ -139,12 +139,12 @@ class RunResult:
 
     sim_seconds: Amount = 0.0
     bins: Annotated[int, Meta(ge=0)]
-    bins_per_hour: Amount = 0.0
+    bins_per_hour: Amount = 0.0  # in a long run for rows that take their mean times
     picker_waiting_seconds: Amount = 0.0
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     bound_bins_per_hour: Annotated[
         float, Meta(ge=LEAST_RATE, lt=1e12)
-    ]  # by `bottleneck`, without traffic
+    ]  # by `bottleneck`, without traffic: of its own rows; of a long run, of rows of mean times
     bottleneck: str
     ended: Ended
     violations: str = ""  # a line for each
@@ -226,14 +226,16 @@ def _fast(scenario: Scenario, horizon: Horizon) -> RunResult:
     """A harvest, or a long run, by the discrete-event model."""
     layout = lay_out(scenario)
     bounds = Bounds(layout)
+    is_long = horizon == "long"
+    limit = limit_of_question(scenario) if is_long else bounds
     known: dict[str, Any] = {
-        "bound_bins_per_hour": bounds.bins_per_hour,
-        "bottleneck": bounds.bottleneck,
+        "bound_bins_per_hour": limit.bins_per_hour,
+        "bottleneck": limit.bottleneck,
     }
     try:
         found = (
-            long_run(layout, bounds=bounds)
-            if horizon == "long"
+            long_run(layout, bounds=bounds, limit=limit)
+            if is_long
             else DiscreteHarvest(layout).run().figures()
         )
     except Jam as jam:

@@ -18,7 +18,8 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError, show
 from orchard.field.queue import MOST_CARRIERS
 from orchard.field.scenario import Scenario, with_changes
-from orchard.report.limits import limit_of_question
+from orchard.report.bounds import Bounds
+from orchard.report.limits import full_bins, limit_of_question
 from orchard.terminal.values import value_of
 
 MOST_SETTINGS = 10_000
@@ -56,6 +57,17 @@ class Setting:
         has_chance = bool(scenario.own_classes) or any(guests)
         has_noise = scenario.laser.noise > 0.0 or not scenario.sensors.are_exact
         return scenario.work_is_drawn or has_chance or has_noise
+
+    @cached_property
+    def limit(self) -> Bounds:
+        """Its limit without traffic, the same for all seeds. Raises ScenarioError."""
+        return limit_of_question(self.scenario)
+
+    @cached_property
+    def full_share(self) -> float:
+        """The fruit of one harvest in full bins, as a share of all its bins."""
+        layout = lay_out(self.scenario)
+        return full_bins(layout) / layout.bins
 
     @property
     def has_prices(self) -> bool:
@@ -304,7 +316,7 @@ def first_numbers(scenario: Scenario) -> list[int]:
     """
     most = most_carriers(scenario)
     try:
-        terms = limit_of_question(lay_out(with_changes(scenario, carriers=1))).terms
+        terms = limit_of_question(with_changes(scenario, carriers=1)).terms
     except ScenarioError:
         # It is of an own class, and reported elsewhere.
         return [scenario.carrier_count]

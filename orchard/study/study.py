@@ -15,9 +15,9 @@ from orchard.field.scenario import Scenario
 from orchard.folders import runs_folder
 from orchard.plans.routes import route_of
 from orchard.report.bounds import Bounds, proven_seconds
-from orchard.report.limits import common_bottleneck
+from orchard.report.limits import full_bins
 from orchard.study.comparing import LOOKS, Comparison, compare, interval
-from orchard.study.replications import Replications, confirmed
+from orchard.study.replications import Replications, confirmed, shown_rate
 from orchard.study.result import (
     Check,
     Goal,
@@ -371,7 +371,7 @@ class _Study:
         return is_long and not scenario.own_classes
 
     def _limit(self, i: int, count: int) -> float:
-        """The best mean that a setting can have on the first seeds, without traffic."""
+        """The best mean of the goal that a setting can have on the first seeds, without traffic."""
         records = self.runs.known(i, self.model)[:count]
         return fmean(self.runs.limit(i, record) for record in records)
 
@@ -561,14 +561,15 @@ class _Study:
         if self.options.horizon == "long" or scenario.bin_metres is None:
             return []
         layout = lay_out(scenario)
-        fruit = sum(lane.length for lane in layout.lanes) / scenario.bin_metres
+        fruit = full_bins(layout)
         if layout.bins <= (1.0 + self.options.within) * fruit:
             return []
         bins = (
             f"each picker's last bin may be part full: {layout.bins} bins have the fruit of"
             f" {fruit:.1f}"
         )
-        return [f"{bins}, so a full one costs {100.0 * (layout.bins / fruit - 1.0):.1f} % more"]
+        more = 100.0 * (layout.bins / fruit - 1.0)
+        return [f"{bins}, so a full one costs {more:.1f} % more; bins an hour are full ones"]
 
     def _faults(self, rows: Iterable[int]) -> list[str]:
         """Of each setting in which an own class failed, the first fault: its figures are those of
@@ -615,9 +616,13 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
     """
     jammed = sum(record.ended == "jammed" for record in records)
     harvested = [] if jammed else records  # the others would tell of lucky runs
-    rates = [record.bins_per_hour for record in harvested]
+    rates = [shown_rate(setting, record) for record in harvested]
     seconds = [record.sim_seconds for record in harvested if record.horizon == "harvest"]
-    costs = [cost for rate in rates if (cost := setting.cost_per_bin(rate)) is not None]
+    costs = [
+        cost
+        for record in harvested
+        if (cost := setting.cost_per_bin(record.bins_per_hour)) is not None
+    ]
     count = max(1, len(harvested))
     return Row(
         setting=setting.values,
@@ -629,8 +634,8 @@ def row_of(setting: Setting, records: Sequence[RunRecord], confidence: float) ->
         cost_per_bin=interval(costs, confidence) if costs else None,
         picker_waiting_seconds=sum(record.picker_waiting_seconds for record in harvested) / count,
         carrier_utilisation=sum(record.carrier_utilisation for record in harvested) / count,
-        bound_bins_per_hour=sum(record.bound_bins_per_hour for record in records) / len(records),
-        bottleneck=common_bottleneck([record.bottleneck for record in records]),
+        bound_bins_per_hour=setting.limit.bins_per_hour,
+        bottleneck=setting.limit.bottleneck,
         standing="jammed",
         lead=None,
     )

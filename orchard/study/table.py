@@ -45,6 +45,7 @@ OF_COLUMNS = (
     "wait: of a picker that stands at its row's end, for an empty bin. "
     "busy: carriers outside the queue. bound: the limit without traffic, and what sets it."
 )
+DRAWN = " bins/h: in rows that take their mean times, which the bound is of."
 OPTIMUM = (
     " optimum: no harvest without traffic is shorter, which is proven; "
     "and how far above it this one is."
@@ -95,6 +96,8 @@ def legend(result: StudyResult) -> str:
     if has_choices:
         parts = [OF_MARKS, OF_RUNS, OF_BEHIND]
     parts.append(OF_COLUMNS)
+    if _are_rows_drawn(result):
+        parts.append(DRAWN)
     if any(row.proven_seconds for row in result.table):
         parts.append(OPTIMUM)
     if any(row.check for row in result.table):
@@ -120,6 +123,13 @@ def as_table(result: StudyResult) -> Table:
     for line, row in zip(lines, result.table, strict=True):
         table.add_row(*map(escape, line), style="bold" if row.standing == "best" else "")
     return table
+
+
+def _are_rows_drawn(result: StudyResult) -> bool:
+    """Whether the seed draws in some settings how fast rows are picked."""
+    spread: dict[str, Any] = result.scenario.get("picking", {}).get("spread", {})
+    varied = result.varied.get("picking.spread.distribution", [])
+    return {spread.get("distribution", "none"), *varied} != {"none"}
 
 
 def _has_choices(result: StudyResult) -> bool:

@@ -19,10 +19,11 @@ from orchard.commands.bound import BoundOptions, print_bound
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.queue import QUEUES
-from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario
+from orchard.field.scenario import DISPATCH_POLICIES, ROW_RULES, Scenario, load
 from orchard.optimum import NoBound
 from orchard.optimum.schedule import optimum
 from orchard.plans.jobs import TimedJob, jobs_of
+from orchard.report.limits import limit_of_question
 
 ORCHARDS: list[dict[str, Any]] = [
     {"rows": 3, "pickers": 2, "carriers": 1},
@@ -224,6 +225,20 @@ def test_the_command_tells_that_the_clock_has_cut_the_search(tmp_path, capsys, m
     print_bound(BoundOptions(scenario=str(tmp_path / "my.yaml"), work=10.0, summary=found))
     assert "cut by the clock, after 0 s" in capsys.readouterr().out.replace("\n", " ")
     assert json.loads(found.read_text())["rows_to_pickers"]["balanced-ends"]["cut_after_seconds"]
+
+
+def test_the_command_tells_the_limit_that_a_study_and_the_page_show(tmp_path, capsys):
+    """Though each seed draws other rows."""
+    (tmp_path / "my.yaml").write_text(
+        "{rows: 4, pickers: 2, carriers: 1, picking_speed: 0.05, seed: 3, picking: {spread:"
+        " {distribution: lognormal}}}"
+    )
+    found = tmp_path / "found.json"
+    print_bound(BoundOptions(scenario=tmp_path / "my.yaml", work=0.1, summary=found))
+    limit = limit_of_question(load(tmp_path / "my.yaml"))
+    words = f"the {limit.bottleneck} would allow {limit.bins_per_hour:.1f} bins an hour"
+    assert words in capsys.readouterr().out.replace("\n", " ")
+    assert json.loads(found.read_text())["limit_bins_per_hour"] == limit.bins_per_hour
 
 
 def test_a_search_that_its_work_ends_was_not_cut():

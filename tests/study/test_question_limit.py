@@ -1,18 +1,24 @@
-"""The page, the table of a study and its answer show one limit; a summary shows that of its own
-rows.
+"""The page, `orchard bound`, the table of a study and its answer show one limit, whatever ran.
+
+No run of a study exceeds it. The summary of a run shows the limit of its own rows.
 """
 
+from dataclasses import replace
 from math import ceil
 
 import pytest
 from few_runs import FewRuns
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from stage import empty_orchard
 
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds
-from orchard.report.limits import FIRST_SEEDS, limit_of_question
+from orchard.report.limits import limit_of_question, with_seed
 from orchard.study import study as module
-from orchard.study.settings import MORE, first_numbers
+from orchard.study.replications import shown_rate
+from orchard.study.runs import PlannedRun, do
+from orchard.study.settings import MORE, Setting, first_numbers
 from orchard.study.study import StudyOptions, study
 
 SMALL = {
@@ -24,51 +30,117 @@ SMALL = {
     "seed": 3,
 }
 DRAWN = {"picking": {"spread": {"distribution": "lognormal", "cv": 0.28}}}
+OPTIONS = StudyOptions(budget_seconds=3600.0, model="fast")
 
 
+def studied(scenario, runs, monkeypatch, tmp_path, horizon="long"):
+    """Return the table of a study of one setting that is cut after some runs."""
+    monkeypatch.setattr(module, "processes", lambda count: FewRuns(runs))
+    options = replace(OPTIONS, horizon=horizon, store=tmp_path / f"{horizon}{runs}.db")
+    return study(scenario, {"carriers": [scenario.carriers]}, options).table
+
+
+@pytest.mark.parametrize("horizon", ["long", "harvest"])
 @pytest.mark.parametrize("carriers", [1, 3])
-def test_the_page_shows_the_limit_of_the_first_look_of_a_study(carriers, monkeypatch, tmp_path):
+def test_page_and_study_have_one_limit_after_any_number_of_runs(
+    carriers, horizon, monkeypatch, tmp_path
+):
     figures = pytest.importorskip("orchard.app.preview").figures
     scenario = empty_orchard(**SMALL, **DRAWN, carriers=carriers)
-    monkeypatch.setattr(module, "processes", lambda count: FewRuns(FIRST_SEEDS))
-    options = StudyOptions(budget_seconds=3600.0, store=tmp_path / "s.db")
-    row = study(scenario, {"carriers": [carriers]}, options).table[0]
-    limit = limit_of_question(lay_out(scenario))
-    assert (row.replications, limit.seeds) == (FIRST_SEEDS, (3, 4, 5, 6, 7))
-    assert row.bound_bins_per_hour == pytest.approx(limit.bins_per_hour)
-    assert row.bottleneck == limit.bottleneck
+    limit = limit_of_question(scenario)
     shown, note = figures(lay_out(scenario), limit)[0][1:]
-    assert shown == f"{row.bound_bins_per_hour:.1f} bins/h"
-    assert note.endswith("; mean over the seeds 3 to 7, with which a study begins")
+    assert note.endswith(", in rows that take their mean times")
+    for runs in (1, 2, 5):
+        (row,) = studied(scenario, runs, monkeypatch, tmp_path, horizon)
+        assert row.replications == runs
+        assert row.bound_bins_per_hour == limit.bins_per_hour
+        assert row.bottleneck == limit.bottleneck
+        assert shown == f"{row.bound_bins_per_hour:.1f} bins/h"
+        assert row.bins_per_hour.mean <= row.bound_bins_per_hour
+
+
+def test_the_limit_depends_on_no_seed():
+    scenario = empty_orchard(**SMALL, **DRAWN, carriers=3)
+    limits = [limit_of_question(with_seed(scenario, seed)) for seed in (1, 4, 2**63 - 1)]
+    own = [Bounds(lay_out(with_seed(scenario, seed))) for seed in (1, 4)]
+    assert len({limit.bins_per_hour for limit in limits}) == 1
+    assert own[0].bins_per_hour != own[1].bins_per_hour
 
 
 def test_the_limit_is_the_scenarios_where_rows_are_fixed():
     """The limit is that of the scenario where no seed changes the rows."""
     figures = pytest.importorskip("orchard.app.preview").figures
     layout = lay_out(empty_orchard(**SMALL, carriers=1))
-    limit = limit_of_question(layout)
+    limit = limit_of_question(layout.scenario)
     bounds = Bounds(layout)
-    assert limit.seeds == (3,)
     assert limit.bins_per_hour == bounds.bins_per_hour
     assert limit.terms == bounds.terms
     assert figures(layout, limit)[0][2].endswith("without traffic")
 
 
-def test_after_the_last_seed_comes_the_first_one():
-    limit = limit_of_question(lay_out(empty_orchard(**SMALL | {"seed": 2**63 - 1}, **DRAWN)))
-    assert limit.seeds == (2**63 - 1, 0, 1, 2, 3)
-
-
 def test_a_study_begins_with_the_carriers_of_the_limit():
-    """A study begins with the carriers that the limit of the question asks for.
-
-    By the rows of seed 3 alone one carrier keeps all busy, by those of five seeds two do.
-    """
+    """By the rows of seed 3 alone one carrier keeps all busy, by those of mean times two do."""
     values = SMALL | {"pickers": 4, "picking_speed": 0.042}
     scenario = empty_orchard(**values, **DRAWN, carriers=1)
-    layout = lay_out(scenario)
     busy = []
-    for terms in (Bounds(layout).terms, limit_of_question(layout).terms):
+    for terms in (Bounds(lay_out(scenario)).terms, limit_of_question(scenario).terms):
         busy.append(ceil(terms["pickers"] / terms["carriers"]))
     assert busy == [1, 2]
     assert max(first_numbers(scenario)) == ceil(MORE * busy[1]) + 1
+
+
+# Its five bins have the fruit of 3.35.
+PART_FULL = {
+    "pickers": 5,
+    "rows": 5,
+    "carriers": 5,
+    "picking_speed": 0.01,
+    "bins_per_row": 0.67,
+    "dispatch": "farthest-first",
+    "route": "two-way",
+    "picking": {},
+    "seed": 44,
+}
+# Its rows are picked faster than by the mean.
+FAST_ROWS = {
+    "pickers": 4,
+    "rows": 8,
+    "carriers": 3,
+    "picking_speed": 0.03,
+    "bins_per_row": 4.05,
+    "dispatch": "rolling",
+    "route": "two-way",
+    "seed": 6,
+    **DRAWN,
+}
+
+
+@st.composite
+def orchards(draw):
+    pickers = draw(st.integers(2, 4))
+    return {
+        "pickers": pickers,
+        "rows": draw(st.integers(max(3, pickers), 9)),
+        "carriers": draw(st.integers(1, 4)),
+        "picking_speed": draw(st.sampled_from([0.01, 0.05, 0.3])),
+        "bins_per_row": draw(st.sampled_from([None, 0.67, 2.9, 4.05])),
+        "dispatch": draw(st.sampled_from(["nearest", "predictive", "farthest-first"])),
+        "route": draw(st.sampled_from(["one-way", "two-way"])),
+        "picking": draw(st.sampled_from([{}, DRAWN["picking"]])),
+        "seed": draw(st.integers(1, 1000)),
+    }
+
+
+@settings(max_examples=10, deadline=None, derandomize=True, database=None)
+@example("harvest", PART_FULL)
+@example("harvest", FAST_ROWS)
+@example("long", FAST_ROWS)
+@given(st.sampled_from(["long", "harvest"]), orchards())
+def test_no_run_of_a_study_exceeds_the_limit(horizon, values):
+    scenario = empty_orchard(row_length=60.0, **values)
+    record = do(PlannedRun(scenario, "fast", horizon), until=0.0)
+    if record.ended == "jammed":
+        # A policy that leaves a picker out has no rate.
+        return
+    setting = Setting({}, scenario)
+    assert shown_rate(setting, record) <= setting.limit.bins_per_hour

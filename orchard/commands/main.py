@@ -8,9 +8,9 @@ import sys
 from typer.exceptions import TyperException
 
 from orchard.terminal.catalogue import COMMANDS, EPILOG, CommandEntry
-from orchard.terminal.exits import BAD_INPUT, FINISHED, fault_of, in_words
+from orchard.terminal.exits import BAD_INPUT, FAILED, FINISHED, fault_of, in_words
 from orchard.terminal.group import LazyGroup, command_of
-from orchard.terminal.output import console, errors, print_error, unwritten
+from orchard.terminal.output import console, errors, is_answer_lost, print_error, unwritten
 
 
 def _harvest_help() -> str:
@@ -39,7 +39,9 @@ def main() -> None:
     try:
         _check_folder()
         command = app if has_command else command_of("harvest", HARVEST)
-        raise SystemExit(command(arguments, standalone_mode=False) or FINISHED)
+        code = command(arguments, standalone_mode=False) or FINISHED
+        # stderr has said why stdout cannot be written.
+        raise SystemExit(FAILED if code == FINISHED and is_answer_lost() else code)
     except TyperException as error:
         print_error(fault_of(error))
         raise SystemExit(error.exit_code) from None

@@ -39,6 +39,8 @@ class Output(Console):
         super().__init__(stderr=stderr, emoji=False, highlight=False)
         self.other: Output | None = None
         self.has_lost = False
+        # Whether the answer of the command has come on the other stream.
+        self.is_repeated = False
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print texts without what would control a terminal, and Rich's objects as they are."""
@@ -96,7 +98,13 @@ def print_result(*parts: Any) -> None:
         for part in parts:
             output.print(part, markup=False, soft_wrap=isinstance(part, str))
         if not output.has_lost:
+            console.is_repeated = console.has_lost
             return
+
+
+def is_answer_lost() -> bool:
+    """Whether stdout has lost what a command printed, and stderr has not got its result."""
+    return console.has_lost and not console.is_repeated
 
 
 def is_all_lost() -> bool:

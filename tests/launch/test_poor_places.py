@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from command_line import ROOT, summary_of
+from made_surveys import UNEQUAL, points_of, write_geojson
 from patience import PATIENCE
 from secured_run import make_roles
 
@@ -62,6 +63,29 @@ def test_a_run_without_standard_streams_writes_its_summary(tmp_path):
 def test_help_that_cannot_be_written_is_told(command, to, why, tmp_path):
     code, told = shell(f"orchard {command} {to}", tmp_path)
     assert (code, told) == (2, f"stdout cannot be written: {why}\n")
+
+
+ANSWERS = [
+    "bound small.yaml --work 0.1",
+    "study small.yaml --vary carriers=1 --model fast --budget 60s --workers 1 --out studies.db",
+    "study small.yaml --vary carriers=1 --model fast --workers 1 --out studies.db --progress json",
+    "layout import rows.geojson",
+    "layout export small.yaml --lif roads.json",
+    "secure certificates",
+]
+
+
+@pytest.mark.parametrize("command", ANSWERS)
+@pytest.mark.parametrize(
+    ("to", "why"), [(">&-", "it is closed"), (">/dev/full", "No space left on device")]
+)
+def test_an_answer_that_cannot_be_written_is_a_failure(command, to, why, tmp_path):
+    (tmp_path / "small.yaml").write_text("rows: 3\npeople: {workers: 0, visitors: 0}\n")
+    lines = {f"r{number}": points_of(row) for number, row in enumerate(UNEQUAL)}
+    write_geojson(tmp_path / "rows.geojson", lines)
+    code, told = shell(f"orchard {command} {to}", tmp_path)
+    assert code == 1, told
+    assert f"stdout cannot be written: {why}" in told
 
 
 @pytest.mark.parametrize("command", [SHORT, "study --budget 1s", "stop", "view"])

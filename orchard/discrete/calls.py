@@ -13,19 +13,13 @@ from orchard.behaviour.carrier import REMEMBERED, HeardCall, can_leave, first_ca
 from orchard.behaviour.dispatcher import (
     BOOKED_TICKS,
     POLL_TICKS,
-    PolicyFault,
-    as_kept,
-    checked,
-    fault_of,
 )
-from orchard.contract.messages import unpack
 from orchard.discrete.places import at
 from orchard.discrete.robots import Events, Robot
-from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
 from orchard.dispatch.ranking import MARGIN
+from orchard.event_model.policies import AskedPolicy
 from orchard.field.kinds import number_of
-from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.forecast import horizon
 from orchard.plans.robot import ASK
@@ -161,8 +155,8 @@ class Dispatched(Calls):
     def __init__(self, env: simpy.Environment, route: OneWay, carriers: list[Robot]) -> None:
         super().__init__(env, route, carriers)
         self.open, self._changed = list[OpenCall](), env.event()
-        self.policy = dispatch_of(route.layout)
-        self.memory = self.policy.Memory()
+        self.asked = AskedPolicy(route.layout)
+        self.policy = self.asked.policy
         ends = [(lane.number, side) for lane in self.layout.lanes for side in route.sides.values()]
         self._ways = {(lane, side.name): way_to(route, lane, side) for lane, side in ends}
         self.horizon = horizon(self.layout) / TIME_STEP  # ticks before it is full, to report
@@ -175,7 +169,7 @@ class Dispatched(Calls):
         self._asked = (
             self._decided
         ) = -POLL_TICKS  # ticks of the last question to the carriers, and of its answers
-        self._knows_policy = type(self) is Dispatched and type(self.policy) in POLICIES.values()
+        self._knows_policy = type(self) is Dispatched and self.asked.is_built_in
         env.process(self.run())
 
     def begins(self, robot: Robot, lane: int, side: Side, seconds: float, seen: int) -> None:
@@ -277,7 +271,9 @@ class Dispatched(Calls):
         is_new = max(call.since, call.learned) < self._decided
         if self._knows_policy and is_new and call.bin not in self._booked and call in self.open:
             call.learned = self._decided
-            self.policy.assign(self._decided, [self._report(call, self._decided)], [], self.memory)
+            self.policy.assign(
+                self._decided, [self._report(call, self._decided)], [], self.asked.memory
+            )
 
     def decide(self, decision: Decision) -> None:
         self.send(decision, self.orders(decision))
@@ -285,22 +281,7 @@ class Dispatched(Calls):
     def orders(self, decision: Decision) -> list[Assignment]:
         """Return what the policy decides. Raises PolicyFault."""
         now, bins, carriers = decision.now, decision.bins, decision.carriers
-        try:
-            orders = checked(
-                contained(self.policy.assign, now, list(bins), list(carriers), self.memory),
-                bins,
-                carriers,
-            )
-            if (
-                not self._knows_policy
-            ):  # what a user's policy remembers must be what a dispatcher would keep
-                self.memory = unpack(as_kept(self.memory, self.policy), self.policy.Memory)
-            return orders
-        except MISTAKES as error:
-            reraise_ctrl_c(error)
-            raise PolicyFault(
-                fault_of(self.policy, self.layout.scenario.dispatch, error, now)
-            ) from error
+        return self.asked.orders(now, bins, carriers)
 
     def send(self, decision: Decision, orders: Iterable[Assignment]) -> None:
         for order in orders:

@@ -186,8 +186,14 @@ ROBOT = np.dtype(
         ("is_free", np.bool_),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
-        # mm from its line's head when the dispatcher last asked.
+        # mm from its line's head when the dispatcher last asked; for a policy in Python m.
         ("answer", np.float64),
+        # What it told a policy in Python then: whether the dispatcher knows its job, and the bin
+        # that it fetches.
+        ("is_told", np.bool_),
+        ("told_job", np.int64),
+        # Tick at which the bin that it fetches heard that it comes.
+        ("sent", np.int64),
         # Tick since which it has been outside the queue.
         ("away", np.float64),
         # The exchange for which it is out.
@@ -254,6 +260,7 @@ INDICES = (
     "customer",
     "job_bin",
     "exchange",
+    "told_job",
     "leg_ahead",
     "line",
     "ahead",
@@ -315,8 +322,10 @@ CALL = np.dtype(
         ("is_reported", np.bool_),
         ("is_open", np.bool_),
         ("is_booked", np.bool_),
-        # Whether the policy decides on it now.
+        # Whether the policy decides on it now; for a policy in Python the s until it is full, and
+        # then whether it gets a carrier.
         ("is_asked", np.bool_),
+        ("seconds", np.float64),
         ("carrier", np.int64),
     ],
     align=True,
@@ -340,6 +349,8 @@ EVENTS = 9
 RESTING = 0
 ABOUT_TO_ASK = 1
 ABOUT_TO_DECIDE = 2
+# A policy in Python has decided.
+DECIDED = 3
 
 # -- policies
 
@@ -349,6 +360,9 @@ FARTHEST_FIRST = 2
 PREDICTIVE = 3
 PREDICTIVE_FARTHEST = 4
 GLOBAL_ASSIGNMENT = 5
+# In Python. Bins report to an early one before they are full.
+IN_PYTHON = 6
+IN_PYTHON_EARLY = 7
 
 DESK = np.dtype(
     [
@@ -403,6 +417,7 @@ ENDED = 1
 LACKS_JOB = 2
 LOG_IS_FULL = 3
 LACKS_DRAWS = 4
+ASKS_POLICY = 5
 
 
 # Of each array of a model what its items are, and its number of dimensions.

@@ -13,6 +13,7 @@ from orchard.event_model import columns as c
 from orchard.event_model.draws import draws
 from orchard.event_model.kernel.entry import addressed, run
 from orchard.event_model.known import COMPILED, lacking
+from orchard.event_model.policies import AskedPolicy, PolicyStops
 from orchard.event_model.program import Program
 from orchard.event_model.results import JAM, LONGEST, Exchange
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
@@ -155,7 +156,9 @@ def _desk(layout: Layout, program: Program) -> Any:
     scenario = layout.scenario
     has_dispatcher = DISPATCH in scenario.bodiless_agents
     desk = np.zeros(1, c.DESK).view(np.recarray)
-    desk.policy = COMPILED[scenario.dispatch] if has_dispatcher else c.BY_CALLS
+    # A policy in Python is asked by whoever begins the harvest.
+    if has_dispatcher:
+        desk.policy = COMPILED.get(scenario.dispatch, c.IN_PYTHON)
     desk.asked = -c.NEVER // 2
     desk.horizon = program.horizon
     desk.mean_speed = scenario.mean_picking_speed
@@ -191,6 +194,12 @@ class EventHarvest:
             own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
         self.model = prepared.model._replace(**own)
         self._take_program()
+        self._stops: PolicyStops | None = None
+        if self.model.desk[0].policy == c.IN_PYTHON:
+            policy = AskedPolicy(layout)
+            if policy.is_early:
+                self.model.desk.policy = c.IN_PYTHON_EARLY
+            self._stops = PolicyStops(policy, self.model, self.names, self.bin_names)
 
     @property
     def model(self) -> c.Model:
@@ -218,7 +227,11 @@ class EventHarvest:
         return self
 
     def _run(self, until: int) -> int:
-        """Carry the harvest on to a tick, and translate the jobs that it lacks."""
+        """Carry the harvest on to a tick. Translate the jobs that it lacks, and ask a policy in
+        Python.
+
+        Raises PolicyFault.
+        """
         while True:
             reason = run(self.model, c.QUARTERS * until)
             if reason == c.LACKS_JOB:
@@ -227,6 +240,8 @@ class EventHarvest:
                 self._take_program()
             elif reason == c.LACKS_DRAWS:
                 self._draw_more()
+            elif reason == c.ASKS_POLICY and self._stops is not None:
+                self._stops.decide()
             elif reason == c.LOG_IS_FULL:
                 longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
                 self.model = self.model._replace(log=longer.view(np.recarray))

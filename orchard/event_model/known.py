@@ -6,7 +6,8 @@ This module does not import numba, which takes long to load.
 from orchard.event_model import columns as c
 from orchard.field.scenario import Scenario
 
-# The policies that are compiled. Without the agent `dispatch` bins call all carriers.
+# The policies that are compiled. Others are asked in Python. Without the agent `dispatch` bins call
+# all carriers.
 COMPILED = {
     "nearest": c.BY_CALLS,
     "longest-waiting": c.LONGEST_WAITING,
@@ -29,6 +30,4 @@ def lacking(scenario: Scenario) -> str:
         return "errors of sensors"
     if scenario.agents or scenario.agents_without_body:
         return "agents of your own"
-    if scenario.dispatch not in COMPILED:
-        return f"the policy {scenario.dispatch}"
     return ""

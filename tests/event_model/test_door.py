@@ -6,10 +6,13 @@ import pytest
 
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
+from own_policies import AtOnce
 from quiet import NOBODY, quiet_layouts
 
+from orchard.behaviour.dispatcher import PolicyFault
 from orchard.discrete.generators import GeneratorHarvest
-from orchard.discrete.harvest import DiscreteHarvest, is_known
+from orchard.discrete.harvest import DiscreteHarvest, Jam, is_known
+from orchard.dispatch.policy import CarrierReport
 from orchard.event_model.harvest import EventHarvest
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
@@ -32,6 +35,56 @@ def test_the_event_model_does_a_quiet_harvest(dispatch: str) -> None:
     assert harvest.stood == expected.stood
     assert harvest.exchanges == expected.exchanges
     assert harvest.figures().carrier_utilisation == expected.carrier_utilisation()
+
+
+@pytest.mark.parametrize(
+    "dispatch", ["own_policies.OneAtATime", "own_policies.FarthestOfMine", "rolling"]
+)
+def test_a_policy_in_python_is_told_and_decides_the_same_in_both_models(dispatch: str) -> None:
+    layout = orchard(dispatch=dispatch, row_length=40.0, picking_speed=0.5)
+    harvest = DiscreteHarvest(layout).run()
+    assert isinstance(harvest.model, EventHarvest)
+    expected = GeneratorHarvest(layout).run()
+    assert harvest.deliveries == expected.deliveries
+    assert harvest.exchanges == expected.exchanges
+
+
+def test_a_policy_in_python_is_told_the_same_at_each_question(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reports: list[Any] = []
+    assign = AtOnce.assign
+
+    def noting(policy: AtOnce, now: int, bins: Any, carriers: Any, memory: Any) -> Any:
+        reports.append((now, list(bins), [_rounded(carrier) for carrier in carriers]))
+        return assign(policy, now, bins, carriers, memory)
+
+    monkeypatch.setattr(AtOnce, "assign", noting)
+    layout = orchard(dispatch="own_policies.AtOnce", route="two-way")
+    DiscreteHarvest(layout).run()
+    told, reports = reports, []
+    GeneratorHarvest(layout).run()
+    assert told == reports
+
+
+def _rounded(carrier: CarrierReport) -> tuple[str, str, bool, float]:
+    return carrier.name, carrier.job, carrier.is_next, round(carrier.metres, 6)
+
+
+@pytest.mark.parametrize("policy", ["Raising", "Inventing", "Overworking", "Hoarding", "Silent"])
+def test_a_policy_that_breaks_is_told_in_the_same_words(policy: str) -> None:
+    layout = orchard(dispatch=f"own_policies.{policy}")
+    with pytest.raises(PolicyFault) as told:
+        DiscreteHarvest(layout).run()
+    with pytest.raises(PolicyFault) as expected:
+        GeneratorHarvest(layout).run()
+    assert str(told.value) == str(expected.value)
+
+
+def test_a_policy_that_sends_nobody_is_a_jam() -> None:
+    layout = orchard(dispatch="own_policies.Idle")
+    with pytest.raises(Jam, match="only 0 bins were delivered: some robots wait for ever"):
+        DiscreteHarvest(layout).run().figures()
 
 
 UNKNOWN: dict[str, dict[str, Any]] = {

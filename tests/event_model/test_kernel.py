@@ -91,7 +91,6 @@ def test_a_trace_tells_a_job_from_the_order_to_the_way_home() -> None:
     "values",
     [
         {"people": {"workers": 1, "visitors": 0}},
-        {"dispatch": "rolling"},
     ],
 )
 def test_what_the_model_does_not_know_is_refused(values: dict[str, Any]) -> None:

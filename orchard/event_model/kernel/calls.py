@@ -7,7 +7,7 @@ from math import ceil, floor
 
 from orchard.behaviour.bin import CALL_AGAIN
 from orchard.behaviour.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
-from orchard.behaviour.dispatcher import POLL_TICKS
+from orchard.behaviour.dispatcher import BOOKED_TICKS, POLL_TICKS
 from orchard.dispatch.ranking import MARGIN
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
@@ -57,7 +57,8 @@ def start_job(m, carrier, picker):
 def is_early(m):
     """Whether bins report before they are full."""
     policy = m.desk[0].policy
-    return policy == c.PREDICTIVE or policy == c.PREDICTIVE_FARTHEST
+    is_predictive = policy == c.PREDICTIVE or policy == c.PREDICTIVE_FARTHEST
+    return is_predictive or policy == c.IN_PYTHON_EARLY
 
 
 @inner
@@ -253,6 +254,11 @@ def wake_dispatcher(m):
 def dispatch(m):
     """Hear which carriers can leave, and a tick later let the policy decide."""
     desk = m.desk[0]
+    if desk.state == c.DECIDED:
+        carry_out(m)
+        desk.state = c.RESTING
+        wake_dispatcher(m)
+        return
     if desk.state == c.ABOUT_TO_ASK:
         for carrier in range(len(m.robots)):
             me = m.robots[carrier]
@@ -260,6 +266,8 @@ def dispatch(m):
             if me.is_ready:
                 # What it answers now counts at the decision.
                 me.answer = millimetres_to_head(m, carrier)
+            if is_in_python(m):
+                note_answer_in_full(m, carrier)
         desk.state = c.ABOUT_TO_DECIDE
         m.timers[c.DISPATCH, 0] = c.QUARTERS * (desk.asked + 2)
         return
@@ -274,7 +282,7 @@ def decide(m):
     tick = tick_of(m)
     for picker in range(len(m.robots)):
         call = m.calls[picker]
-        call.is_asked = call.is_open and not call.is_booked and call.since < tick
+        call.is_asked = is_known_to_policy(m, picker, tick)
         if call.is_asked and is_early(m):
             remember(m, picker, tick)
             call.is_asked = is_due(m, picker, tick)
@@ -284,6 +292,61 @@ def decide(m):
         if picker == c.NONE or carrier == c.NONE:
             return
         order(m, carrier, picker, tick)
+
+
+@inner
+def is_known_to_policy(m, picker, tick):
+    """Whether a bin waits at the dispatcher, and no carrier comes for it."""
+    call = m.calls[picker]
+    return call.is_open and not call.is_booked and call.since < tick
+
+
+# -- a policy in Python
+
+
+@inner
+def is_in_python(m):
+    """Whether Python asks the policy."""
+    return m.desk[0].policy >= c.IN_PYTHON
+
+
+@inner
+def note_answer_in_full(m, carrier):
+    """Note what a carrier answers to a policy in Python.
+
+    A carrier that was sent is left out until the dispatcher is told of its job.
+    """
+    me = m.robots[carrier]
+    heard = m.desk[0].asked + 1 - BOOKED_TICKS
+    me.is_told = not me.is_booked and (me.is_free or me.sent <= heard)
+    me.told_job = c.NONE if me.is_free else me.job_bin
+    me.answer = max(0.0, m.desk[0].head - x_now(m, carrier))
+
+
+@inner
+def asks_python(m):
+    """Whether a policy in Python is to decide now. Then note what it is told of bins."""
+    if not is_in_python(m) or m.desk[0].state != c.ABOUT_TO_DECIDE:
+        return False
+    tick = tick_of(m)
+    for picker in range(len(m.robots)):
+        call = m.calls[picker]
+        call.is_asked = is_known_to_policy(m, picker, tick)
+        if call.is_asked:
+            call.seconds = seconds_to_full(m, picker, tick)
+    return True
+
+
+@inner
+def carry_out(m):
+    """Book the carriers that a policy in Python has sent."""
+    tick = tick_of(m)
+    for picker in range(len(m.robots)):
+        if m.calls[picker].is_asked:
+            order(m, m.calls[picker].carrier, picker, tick)
+
+
+# -- the rules of the policies that are compiled
 
 
 @inner
@@ -388,6 +451,7 @@ def send(m, picker):
     """Let a carrier hear the order."""
     call = m.calls[picker]
     m.robots[call.carrier].is_booked = False
+    m.robots[call.carrier].sent = tick_of(m) - ORDERED - HEARD
     call.is_open = False
     call.is_booked = False
     start_job(m, call.carrier, picker)

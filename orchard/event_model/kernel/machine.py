@@ -39,6 +39,7 @@ robots hear its answers a quarter after the next tick.
 
 from orchard.event_model import columns as c
 from orchard.event_model.kernel.calls import (
+    asks_python,
     come,
     dispatch,
     hear_calls,
@@ -95,6 +96,8 @@ def run(m, until):
             return c.LACKS_JOB
         if m.desk[0].lacks_draws:
             return c.LACKS_DRAWS
+        if kind == c.DISPATCH and asks_python(m):
+            return c.ASKS_POLICY
         if len(m.log) > 0 and m.desk[0].logged + MOST_NOTES > len(m.log):
             return c.LOG_IS_FULL
         happen(m, kind, robot)

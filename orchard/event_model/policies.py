@@ -1,0 +1,129 @@
+"""Policies in Python: each is asked as the dispatcher asks it, and its orders are checked."""
+
+from collections.abc import Sequence
+from operator import itemgetter
+
+import numpy as np
+
+from orchard.behaviour.dispatcher import PolicyFault, as_kept, checked, fault_of
+from orchard.contract.messages import unpack
+from orchard.dispatch.policies import POLICIES, dispatch_of
+from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
+from orchard.event_model import columns as c
+from orchard.event_model.program import SIDES
+from orchard.field.kinds import kind_of
+from orchard.field.layout import Layout
+from orchard.field.plugins import MISTAKES, contained, reraise_ctrl_c
+
+# Columns of a call and of a robot that a policy is told.
+OF_BINS = ("is_asked", "bin", "end", "since", "seconds")
+OF_CARRIERS = ("is_told", "told_job", "is_ready", "answer")
+
+
+class AskedPolicy:
+    """The policy of a scenario, with its memory."""
+
+    def __init__(self, layout: Layout) -> None:
+        """Raises ScenarioError if the policy cannot be used."""
+        self.policy = dispatch_of(layout)
+        self.memory = self.policy.Memory()
+        self.is_early = is_early(self.policy)
+        self.is_built_in = type(self.policy) in POLICIES.values()
+        self._name = layout.scenario.dispatch
+
+    def orders(
+        self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
+    ) -> list[Assignment]:
+        """Return what the policy decides at a tick. Raises PolicyFault."""
+        try:
+            orders = checked(
+                contained(self.policy.assign, now, list(bins), list(carriers), self.memory),
+                list(bins),
+                list(carriers),
+            )
+            # What a user's policy remembers must be what a dispatcher would keep.
+            if not self.is_built_in:
+                self.memory = unpack(as_kept(self.memory, self.policy), self.policy.Memory)
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
+            raise PolicyFault(fault_of(self.policy, self._name, error, now)) from error
+        return orders
+
+
+class PolicyStops:
+    """Lets a policy in Python decide where the machine has stopped for that."""
+
+    def __init__(
+        self, asked: AskedPolicy, model: c.Model, names: list[str], bin_names: list[str]
+    ) -> None:
+        """`names`, `bin_names`: of robots and bins, in the order of their numbers."""
+        self._asked = asked
+        self._names = names
+        self._bin_names = bin_names
+        self._carriers = []
+        for number, name in enumerate(names):
+            if kind_of(name) == "carrier":
+                self._carriers.append(number)
+        self._desk = _columns(model.desk, ["now", "state"])
+        self._calls = _columns(model.calls, [*OF_BINS, "carrier"])
+        self._robots = _columns(model.robots, OF_CARRIERS)
+        # Of each lane's end: lane, side, m and s from the queue's head.
+        self._ends = []
+        for number, end in enumerate(model.ends):
+            lane, side = divmod(number, 2)
+            self._ends.append((lane + 1, SIDES[side], float(end.metres), float(end.seconds)))
+
+    def decide(self) -> None:
+        """Ask the policy, and note its orders. Raises PolicyFault."""
+        now = int(self._desk["now"][0]) // c.QUARTERS
+        bins = self._bins()
+        carriers = self._carrier_reports()
+        orders = self._asked.orders(
+            now, [report for _, report in bins], [report for _, report in carriers]
+        )
+        pickers = {report.name: picker for picker, report in bins}
+        numbers = {report.name: carrier for carrier, report in carriers}
+        self._calls["is_asked"][:] = False
+        for order in orders:
+            picker = pickers[order.bin]
+            self._calls["is_asked"][picker] = True
+            self._calls["carrier"][picker] = numbers[order.carrier]
+        self._desk["state"][0] = c.DECIDED
+
+    def _bins(self) -> list[tuple[int, BinReport]]:
+        """Return the picker and the report of each bin that waits, by the bins' names."""
+        rows = zip(*(self._calls[name].tolist() for name in OF_BINS), strict=True)
+        reports = []
+        for picker, (is_asked, number, end, since, seconds) in enumerate(rows):
+            if is_asked:
+                lane, side, metres, reach = self._ends[end]
+                report = BinReport(
+                    name=self._bin_names[number],
+                    lane=lane,
+                    side=side,
+                    picker=self._names[picker],
+                    since=since,
+                    metres=metres,
+                    seconds_to_full=seconds,
+                    seconds_to_reach=reach,
+                )
+                reports.append((number, picker, report))
+        return [(picker, report) for _, picker, report in sorted(reports, key=itemgetter(0))]
+
+    def _carrier_reports(self) -> list[tuple[int, CarrierReport]]:
+        """Return the number and the report of each carrier of which the dispatcher knows."""
+        rows = [*zip(*(self._robots[name].tolist() for name in OF_CARRIERS), strict=True)]
+        reports = []
+        for carrier in self._carriers:
+            is_told, number, is_ready, metres = rows[carrier]
+            if is_told:
+                job = "" if number == c.NONE else self._bin_names[number]
+                report = CarrierReport(self._names[carrier], job, is_ready, metres)
+                reports.append((carrier, report))
+        return reports
+
+
+def _columns(rows: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return columns of an array, as views. Through a recarray each look costs a microsecond."""
+    plain = rows.view(np.ndarray)
+    return {name: plain[name] for name in names}

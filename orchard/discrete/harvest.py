@@ -4,7 +4,7 @@ This is the door to two models of the same harvest: `orchard.event_model`, which
 that of generators, which knows more. `is_known` decides between them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import cycle, islice
 from math import inf
@@ -14,6 +14,7 @@ from orchard.discrete.generators import GeneratorHarvest
 from orchard.event_model.known import lacking
 from orchard.event_model.results import Exchange
 from orchard.field.layout import Layout
+from orchard.field.scenario import Scenario
 from orchard.plans.routes import ROUTES
 
 if TYPE_CHECKING:
@@ -54,19 +55,27 @@ def is_known(layout: Layout) -> bool:
     return True
 
 
+def get_ready(scenarios: Iterable[Scenario]) -> None:
+    """Compile what harvests of these scenarios need, if anything, before several processes would
+    each do it.
+    """
+    if any(not lacking(scenario) for scenario in scenarios):
+        from orchard.event_model.kernel import entry
+
+        entry.get_ready()
+
+
 class DiscreteHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(
-        self, layout: Layout, rows_each: int | None = None, free_roads: bool = False
-    ) -> None:
+    def __init__(self, layout: Layout, rows_each: int | None = None) -> None:
         """`rows_each`: how many rows each picker picks, its own again and again; None: each of its
-        own once. `free_roads`: no robot is in another's way.
+        own once.
 
         Raises ValueError for agents of the user's own, and for sensors that are not exact.
         """
         self.layout = layout if rows_each is None else _picked_again(layout, rows_each)
-        self.model = _model_of(self.layout, free_roads)
+        self.model = _model_of(self.layout)
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`,
@@ -167,12 +176,12 @@ class DiscreteHarvest:
         return self.model.carrier_utilisation(since, until)
 
 
-def _model_of(layout: Layout, free_roads: bool) -> "EventHarvest | GeneratorHarvest":
+def _model_of(layout: Layout) -> "EventHarvest | GeneratorHarvest":
     if not is_known(layout):
-        return GeneratorHarvest(layout, free_roads=free_roads)
+        return GeneratorHarvest(layout)
     from orchard.event_model.harvest import EventHarvest
 
-    return EventHarvest(layout, free_roads=free_roads)
+    return EventHarvest(layout)
 
 
 def _picked_again(layout: Layout, rows_each: int) -> Layout:

@@ -13,7 +13,7 @@ from functools import cache, lru_cache, partial
 from math import ceil, inf
 from statistics import fmean
 
-from orchard.discrete.harvest import DiscreteHarvest
+from orchard.discrete.generators import GeneratorHarvest
 from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import is_early, prefers_near
 from orchard.field.geometry import HEADINGS, Pose
@@ -239,7 +239,7 @@ def _ideal(layout: Layout) -> Layout:
 
 def _seconds_on_free_roads(ideal: Layout) -> float:
     stood = {"picker": 0.0, "carrier": 0.0}
-    for name, since in DiscreteHarvest(ideal, free_roads=True).run().stood.items():
+    for name, since in GeneratorHarvest(ideal, free_roads=True).run().stood.items():
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
     others = (
         min(ideal.scenario.carrier_count, ideal.queue.places) - 1
@@ -299,11 +299,11 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     )
     own = seconds
     if alone != scenario:
-        own = min(seconds, DiscreteHarvest(lay_out(alone)).run().seconds)
+        own = min(seconds, GeneratorHarvest(lay_out(alone)).run().seconds)
     uncharged = own
     if has_batteries:
         endless = with_endless_batteries(lay_out(alone))
-        uncharged = min(own, DiscreteHarvest(endless).run().seconds)
+        uncharged = min(own, GeneratorHarvest(endless).run().seconds)
     parts = (
         {"schedule": schedule}
         if proven is None

@@ -9,6 +9,7 @@ from statistics import fmean
 from rich.table import Table
 from typer import BadParameter
 
+from orchard.discrete.harvest import get_ready
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
 from orchard.report.summary import write_summary
@@ -70,6 +71,7 @@ def _known(names: Sequence[str]) -> dict[str, Scenario]:
 
 
 def _result(chosen: BenchmarkOptions, known: dict[str, Scenario]) -> BenchmarkResult | None:
+    get_ready(known.values())
     with (
         Store(StudyOptions(store=chosen.out).store_file, chosen.anew) as store,
         processes(chosen.workers) as workers,

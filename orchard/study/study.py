@@ -8,6 +8,7 @@ from statistics import fmean
 from typing import Any
 
 from orchard.behaviour.catalogue import check_plugins
+from orchard.discrete.harvest import get_ready
 from orchard.field.decisions import is_choice
 from orchard.field.layout import Layout, lay_out
 from orchard.field.problems import Problem, ScenarioError
@@ -96,6 +97,8 @@ def study(
     settings, problems = checked_settings(scenario, varied, options)
     if problems:
         raise ScenarioError(problems)
+    if options.model != "full":
+        get_ready([scenario])
     started = scheduled(options.scheduler) if options.scheduler else processes(options.workers)
     with Store(options.store_file, options.anew) as store, started as workers:
         numbers = numbered(scenario, varied)

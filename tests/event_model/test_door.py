@@ -100,13 +100,6 @@ def test_generators_do_what_the_event_model_does_not_know(name: str) -> None:
     assert isinstance(DiscreteHarvest(layout).model, GeneratorHarvest)
 
 
-def test_the_event_model_does_harvests_on_free_roads() -> None:
-    layout = orchard(dispatch="nearest")
-    harvest = DiscreteHarvest(layout, free_roads=True).run()
-    assert isinstance(harvest.model, EventHarvest)
-    assert harvest.deliveries == GeneratorHarvest(layout, free_roads=True).run().deliveries
-
-
 def test_long_runs_have_the_same_figures_by_both_models(monkeypatch: pytest.MonkeyPatch) -> None:
     layouts = [layout for layout in quiet_layouts(seed=3, count=12) if layout.bins <= 12]
     assert len(layouts) >= 4

@@ -1,11 +1,19 @@
-"""The door to the machine: what Python calls."""
+"""The door to the machine: what Python calls. The first call of all compiles the machine."""
 
+import logging
+from functools import cache
 from typing import Any
 
 from orchard.event_model.columns import ARRAYS, Model
 from orchard.event_model.kernel import machine
 from orchard.event_model.kernel.compiled import outer
-from orchard.sim.kernels.arrays import ArrayRecord
+from orchard.sim.kernels.arrays import ADDRESSES, ArrayRecord
+from orchard.sim.kernels.jit import INTEGER, is_kept
+
+COMPILING = "compiling the event model for this machine; this is done once and takes about 40 s"
+SIGNATURE = (ADDRESSES, INTEGER)
+
+log = logging.getLogger("orchard")
 
 _RECORD = ArrayRecord(ARRAYS)
 _opens = _RECORD.opens
@@ -18,8 +26,20 @@ def addressed(model: Model) -> Model:
 
 def run(model: Model, until: int) -> int:
     """Carry a harvest on to a time, exclusive, as `machine.run` does."""
-    reason: int = _run(model.addresses, until)
+    reason: int = get_ready()(model.addresses, until)
     return reason
+
+
+@cache
+def get_ready() -> Any:
+    """Return the compiled machine. If it must be compiled, which is done once, that is logged.
+
+    Who starts processes that need it gets ready first. Else each of them would compile it.
+    """
+    if not is_kept(_run, SIGNATURE):
+        log.warning("%s", COMPILING)
+    _run.compile(SIGNATURE)
+    return _run
 
 
 @outer

@@ -22,6 +22,8 @@ from numba.extending import (
 from numba.np.arrayobj import make_array, populate_array
 from numba.np.numpy_support import from_dtype
 
+# The type of what `ArrayRecord.addresses` returns, for numba.
+ADDRESSES = types.Array(types.int64, 1, "C")
 # Words of an array: its address, and its shape.
 WORDS = 4
 
@@ -117,6 +119,6 @@ def _opens(opened: ArraysType) -> Any:
             words = make_array(signature.args[0])(context, builder, arguments[0])
             return builder.bitcast(words.data, context.get_value_type(opened))
 
-        return opened(types.Array(types.int64, 1, "C")), generate
+        return opened(ADDRESSES), generate
 
     return opens

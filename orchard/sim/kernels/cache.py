@@ -14,6 +14,8 @@ from pathlib import Path
 from orchard.folders import half_written, regular, write_whole
 
 COMPILING = "compiling for this machine; this is done once and takes up to a minute"
+# A kernel that each run calls. Other programs keep theirs in the same folder.
+OF_EACH_RUN = "laser.cast_all"
 # After so long without use, the kernels of other sources are removed. A program that runs now may
 # still load them.
 UNUSED_SECONDS = 24 * 3600.0  # s
@@ -55,7 +57,7 @@ def are_compiled() -> bool:
     If not, the first tick waits until they are compiled.
     """
     folder = kernels_folder()
-    return folder is not None and any(folder.rglob("*.nbc"))
+    return folder is not None and any(folder.rglob(f"{OF_EACH_RUN}-*.nbc"))
 
 
 def _remove_unused(own: Path) -> None:
@@ -105,7 +107,7 @@ class KernelFiles:
 
     def __init__(self, folder: Path) -> None:
         """The folder need not exist yet."""
-        self._folder = folder
+        self.folder = folder
         # Each warning is logged once for all files.
         self._logged: set[str] = set()
         # The time tells others that the folder is in use. It may not exist yet, or be of another
@@ -119,15 +121,15 @@ class KernelFiles:
         A fault of a file is logged, once for all files.
         """
         try:
-            content = (self._folder / name).read_bytes()
+            content = (self.folder / name).read_bytes()
         except FileNotFoundError:
             return None
         except OSError as error:
-            fault = f"compiled kernels in {self._folder} cannot be read: {error.strerror}"
+            fault = f"compiled kernels in {self.folder} cannot be read: {error.strerror}"
             self._warn_once(f"{fault}; they are compiled anew")
             return None
         if _digest(name, content[DIGEST:]) != content[:DIGEST]:
-            fault = f"compiled kernels in {self._folder} are torn or changed"
+            fault = f"compiled kernels in {self.folder} are torn or changed"
             self._warn_once(f"{fault}; they are compiled anew, which takes up to a minute")
             return None
         return content[DIGEST:]
@@ -138,13 +140,13 @@ class KernelFiles:
         If that fails, it is logged once for all files.
         """
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            if not (self._folder / MARK).exists():
-                write_whole(self._folder / MARK, MARKED)
-            write_whole(self._folder / name, _digest(name, code) + code)
-            _remove_unused(self._folder)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if not (self.folder / MARK).exists():
+                write_whole(self.folder / MARK, MARKED)
+            write_whole(self.folder / name, _digest(name, code) + code)
+            _remove_unused(self.folder)
         except OSError as error:
-            fault = f"compiled kernels cannot be kept in {self._folder}: {error.strerror}"
+            fault = f"compiled kernels cannot be kept in {self.folder}: {error.strerror}"
             self._warn_once(f"{fault}; the next start compiles them again")
 
     def _warn_once(self, sentence: str) -> None:

@@ -55,6 +55,10 @@ class _Cache(NullCache):
         if not cres.library.has_dynamic_globals:
             self._files.keep(self._file_name(sig, cres.codegen), dumps(cres._reduce()))
 
+    def is_kept(self, sig: Any, codegen: Any) -> bool:
+        """Whether there is code for a signature, sound or not."""
+        return (self._files.folder / self._file_name(sig, codegen)).exists()
+
     def _file_name(self, sig: Any, codegen: Any) -> str:
         """Return the name of the file of a signature. It names all on which the code depends."""
         machine = repr((numba.__version__, sys.version_info, sig, codegen.magic_tuple()))
@@ -86,6 +90,12 @@ def jit(
     return kernel
 
 
+def is_kept(kernel: Any, signature: tuple[Any, ...]) -> bool:
+    """Whether code of a kernel is kept on the disk. If not, its first call compiles it."""
+    cache = kernel._cache
+    return isinstance(cache, _Cache) and cache.is_kept(signature, kernel.targetctx.codegen())
+
+
 allocating = partial(jit, allocates=True)
 # For functions that inner loops call. It saves passing their arrays, seven words each.
 inlined = partial(jit, forceinline=True)
@@ -97,6 +107,8 @@ sin_cos = jit(repeatable.sin_cos)
 atan2 = jit(repeatable.atan2)
 wrap = jit(repeatable.wrap)
 log = jit(repeatable.log)
+
+INTEGER = numba.int64
 
 T = TypeVar("T")
 

@@ -1,0 +1,53 @@
+"""Compiling the machine: once, with a word, and not for harvests that do without it."""
+
+from typing import Any
+
+import pytest
+
+from orchard.discrete.harvest import get_ready
+from orchard.event_model.kernel import entry
+from orchard.field.scenario import Scenario
+from orchard.sim.kernels import cache
+from orchard.sim.kernels.cache import KernelFiles
+
+QUIET = {
+    "people": {"workers": 0, "visitors": 0},
+    "animals": {"dogs": 0, "cats": 0},
+}
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Forget that this process has the machine, and note what is compiled."""
+    signatures: list[Any] = []
+    entry.get_ready.cache_clear()
+    monkeypatch.setattr(entry._run, "compile", signatures.append)
+    return signatures
+
+
+@pytest.mark.parametrize("is_kept", [False, True])
+def test_compiling_is_said_unless_the_code_is_kept(
+    is_kept: bool,
+    compiled: list[Any],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(entry, "is_kept", lambda kernel, signature: is_kept)
+    get_ready([Scenario(), Scenario(**QUIET)])
+    assert compiled == [entry.SIGNATURE]
+    assert caplog.messages == ([] if is_kept else [entry.COMPILING])
+
+
+def test_nothing_is_compiled_for_harvests_that_generators_do(compiled: list[Any]) -> None:
+    get_ready([Scenario()])
+    assert compiled == []
+
+
+def test_the_machine_is_no_kernel_of_the_simulator(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder = cache.kernels_folder()
+    assert folder is not None
+    KernelFiles(folder).keep("entry._run-1.nbc", b"code")
+    assert not cache.are_compiled()

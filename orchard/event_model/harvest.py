@@ -192,8 +192,7 @@ class EventHarvest:
             own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
-        self.model = prepared.model._replace(**own)
-        self._take_program()
+        self.model = prepared.model._replace(**own, **self._program_arrays())
         self._stops: PolicyStops | None = None
         if self.model.desk[0].policy == c.IN_PYTHON:
             policy = AskedPolicy(layout)
@@ -256,14 +255,17 @@ class EventHarvest:
 
     def _take_program(self) -> None:
         """Take over the arrays of the program, which may be new ones because it has grown."""
+        self.model = self.model._replace(**self._program_arrays())
+
+    def _program_arrays(self) -> dict[str, np.ndarray]:
         program = self.program
-        self.model = self.model._replace(
-            ops=program.ops.array,
-            needs=program.needs.array,
-            frees=program.frees.array,
-            places=program.lists,
-            lines=program.lines.array,
-        )
+        return {
+            "ops": program.ops.array,
+            "needs": program.needs.array,
+            "frees": program.frees.array,
+            "places": program.lists,
+            "lines": program.lines.array,
+        }
 
     # -- what came of it
 

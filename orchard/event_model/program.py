@@ -9,6 +9,7 @@ job is translated when it is first ordered.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import singledispatchmethod
+from itertools import repeat
 from math import ceil, floor
 from typing import Any
 
@@ -44,6 +45,7 @@ class Table:
 
     def __init__(self, columns: np.dtype[Any]) -> None:
         self._rows = np.zeros(256, columns)
+        self._names = columns.names or ()
         self._count = 0
 
     def __len__(self) -> int:
@@ -53,9 +55,8 @@ class Table:
         """Append a row. A column that is not named is 0."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        row = self._rows[self._count]
-        for name, value in values.items():
-            row[name] = value
+        # A whole row at once: each column by its name costs as much.
+        self._rows[self._count] = tuple(map(values.get, self._names, repeat(0)))
         self._count += 1
 
     @property
@@ -120,9 +121,8 @@ class Program:
         for queue_line, y in enumerate(self.queue_lines):
             for end in range(2 * lanes):
                 self.ways[queue_line, end] = self._metres_to(queue.head, y, end)
-                if not np.isclose(
-                    self._metres_to(queue.head - 1.0, y, end), self.ways[queue_line, end] + 1.0
-                ):
+                longer = self._metres_to(queue.head - 1.0, y, end) - self.ways[queue_line, end]
+                if abs(longer - 1.0) > ROUNDING:
                     raise NotImplementedError("the event model knows no distance of your own")
         # s before it is full at which a bin calls, as `forecast.horizon` says.
         self.horizon = float(max(self.ends.seconds)) + EARLIER
@@ -221,9 +221,11 @@ class Program:
 
     def _translate(self, writer: _Writer) -> int:
         first = len(self.ops)
+        # Each look-up of a method with many forms costs as much as a short step.
+        write = self._write
         for number, step in enumerate(writer.steps):
             writer.number = number
-            self._write(step, writer)
+            write(step, writer)
             writer.pose, _ = step.motion(writer.pose)
         self._append(None, c.END)
         return first

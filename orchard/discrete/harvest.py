@@ -88,8 +88,7 @@ class DiscreteHarvest:
         """Let carriers begin with batteries charged differently, as they are after some days, and
         not all full.
         """
-        if isinstance(self.model, GeneratorHarvest):
-            self.model.spread_charges()
+        self.model.spread_charges()
 
     # -- what came of it
 

@@ -47,6 +47,12 @@ HOME = 12
 BEGIN_ROW = 13
 # A Say after which a picker no longer picks.
 END_ROW = 14
+# MayCharge.
+MAY_CHARGE = 15
+# Charge.
+CHARGE = 16
+# Charged.
+CHARGED = 17
 
 OP = np.dtype(
     [
@@ -75,7 +81,8 @@ OP = np.dtype(
         ("swings", np.int64),
         # The list of places that it needs or frees.
         ("places", np.int64),
-        # Of BEGIN_ROW, END_ROW and LEAVE_BIN: the pass. Of a drive that picks: the row, from 0.
+        # Of BEGIN_ROW, END_ROW and LEAVE_BIN: the pass. Of a drive that picks: the row, from 0. Of
+        # HOME and CHARGE: the line of the queue. Of MAY_CHARGE: the op to go on with.
         ("arg", np.int64),
         # Of a drive: to stand behind other robots is normal here, and a call ends it.
         ("is_queueing", np.bool_),
@@ -85,6 +92,8 @@ OP = np.dtype(
         # repair. 0: it does not fail.
         ("mean_between", np.float64),
         ("mean_repair", np.float64),
+        # Of MAY_CHARGE: the charge, 0 to 1, at which the carrier must charge.
+        ("reserve", np.float64),
     ],
     align=True,
 )
@@ -151,6 +160,8 @@ COUPLING = 12
 TAKING_PLACE = 13
 TAKING_BIN = 14
 REPAIRED = 15
+WAITING_FOR_CHARGE = 16
+FLAT = 17
 
 ROBOT = np.dtype(
     [
@@ -196,7 +207,18 @@ ROBOT = np.dtype(
         ("sent", np.int64),
         # Tick since which it has been outside the queue.
         ("away", np.float64),
-        # The exchange for which it is out.
+        # -- its battery: the charge, 0 to 1, at a tick; the ticks for which it has moved since then
+        ("charge", np.float64),
+        ("counted", np.int64),
+        ("moved", np.int64),
+        # Tick since which it has stood in a charging line.
+        ("parked", np.int64),
+        # As which it waits for a charger.
+        ("charging_number", np.int64),
+        ("is_charging", np.bool_),
+        ("is_charged", np.bool_),
+        # The charge with which it left the queue, and the exchange for which it did.
+        ("charge_before", np.float64),
         ("exchange", np.int64),
         # -- its drive: how far it is along its line, and where it has left the line before
         ("here", np.float64),
@@ -271,6 +293,7 @@ INDICES = (
     "told_beside",
     "due",
     "wish_beside",
+    "exchange",
 )
 
 # -- sets of places of a robot, as bits
@@ -336,13 +359,15 @@ CALL = np.dtype(
 GRANT = 0
 DISPATCH = 1
 CALL_HEARD = 2
-WAKE = 3
-REPORT = 4
-COME = 5
-ORDER = 6
-CLAIM = 7
-BROUGHT = 8
-EVENTS = 9
+PARK = 3
+WAKE = 4
+REPORT = 5
+COME = 6
+ORDER = 7
+CLAIM = 8
+BROUGHT = 9
+FULLY_CHARGED = 10
+EVENTS = 11
 
 # -- the dispatcher's states
 
@@ -378,6 +403,14 @@ DESK = np.dtype(
         # x at which carriers leave the queue, and of its heads.
         ("exit", np.float64),
         ("head", np.float64),
+        # Of batteries: how long they last, h, and take to charge, s; the share of the power that
+        # a carrier uses while it stands on its way.
+        ("battery_hours", np.float64),
+        ("seconds_to_charge", np.float64),
+        ("standing", np.float64),
+        ("free_chargers", np.int64),
+        # How many carriers have asked for a charger.
+        ("asked_chargers", np.int64),
         # How many of the results and of the log are filled.
         ("deliveries", np.int64),
         ("exchanges", np.int64),
@@ -402,8 +435,10 @@ EXCHANGE = np.dtype(
         # Ticks since the picker stood there, and since its bin was full.
         ("stood", np.int64),
         ("without", np.int64),
-        # For which its carrier was busy; 0: it is still out.
+        # Ticks for which its carrier was busy, until it could leave the queue again; negative: it
+        # is still out. What that used of its battery, as a share.
         ("carrier_ticks", np.float64),
+        ("battery_used", np.float64),
     ]
 )
 # The ticks between which a carrier was outside the queue.

@@ -135,6 +135,8 @@ def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> 
     robots.away = c.NEVER
     robots.answered = c.NEVER
     robots.claimed = -c.NEVER
+    robots.charge = 1.0
+    robots.parked = c.NEVER
     for robot, start in zip(robots, starts, strict=True):
         kind = KINDS[start.kind]
         robot.x = start.pose.x
@@ -164,6 +166,11 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.mean_speed = scenario.mean_picking_speed
     desk.exit = layout.queue.area.east
     desk.head = layout.queue.head
+    battery = scenario.carrying.battery
+    desk.battery_hours = battery.hours or inf
+    desk.seconds_to_charge = battery.hours_to_charge * 3600.0
+    desk.standing = battery.standing
+    desk.free_chargers = max(1, scenario.chargers)
     return desk
 
 
@@ -208,6 +215,15 @@ class EventHarvest:
     @model.setter
     def model(self, model: c.Model) -> None:
         self._model = addressed(model)
+
+    def spread_charges(self) -> None:
+        """Let carriers begin with batteries charged differently, as they are after some days, and
+        not all full.
+        """
+        carriers = [number for number, name in enumerate(self.names) if kind_of(name) == "carrier"]
+        reserve = self.layout.scenario.carrying.battery.reserve
+        for number, carrier in enumerate(carriers):
+            self.model.robots[carrier].charge = 1.0 - (1.0 - reserve) * number / len(carriers)
 
     # -- the harvest
 
@@ -271,8 +287,9 @@ class EventHarvest:
 
     @property
     def drives(self) -> bool:
-        """Whether a robot is on its way."""
-        return bool(np.any(self.model.robots.state == c.DRIVING))
+        """Whether a robot is on its way, or charges: the harvest goes on."""
+        robots = self.model.robots
+        return bool(robots.is_charging.any() or np.any(robots.state == c.DRIVING))
 
     @property
     def done(self) -> int:
@@ -297,19 +314,21 @@ class EventHarvest:
 
     @property
     def is_over(self) -> bool:
-        """Whether all bins were delivered; if not, robots wait for each other."""
-        return self.delivered == self.bins
+        """Whether all bins were delivered, and no battery is flat; if not, robots wait for each
+        other.
+        """
+        return self.delivered == self.bins and bool(self.model.robots.charge.min() > 0.0)
 
     @property
     def seconds(self) -> float:
         """The length of the harvest, s."""
         robots = self.model.robots
-        return float(robots.stood.max()) * TIME_STEP
+        return float(np.minimum(robots.stood, robots.parked).max()) * TIME_STEP
 
     @property
     def flat(self) -> list[str]:
-        """The carriers whose batteries are flat: none, since they have none."""
-        return []
+        """The carriers whose batteries are flat."""
+        return [self.names[robot] for robot in np.flatnonzero(self.model.robots.charge <= 0.0)]
 
     @property
     def stood(self) -> dict[str, float]:
@@ -326,11 +345,10 @@ class EventHarvest:
     def exchanges(self) -> dict[str, list[Exchange]]:
         """Of each picker, in the order in which it got empty bins for full ones."""
         exchanges: dict[str, list[Exchange]] = {name: [] for name in self.layout.blocks}
-        for tick, picker, carrier_ticks in self._exchanges()[
-            ["tick", "picker", "carrier_ticks"]
-        ].tolist():
+        columns = ["tick", "picker", "carrier_ticks", "battery_used"]
+        for tick, picker, carrier_ticks, battery_used in self._exchanges()[columns].tolist():
             busy = carrier_ticks if carrier_ticks > 0.0 else None
-            exchanges[self.names[picker]].append(Exchange(tick, busy))
+            exchanges[self.names[picker]].append(Exchange(tick, busy, battery_used))
         return exchanges
 
     @property

@@ -24,8 +24,6 @@ def lacking(scenario: Scenario) -> str:
     animals = scenario.animals.dogs + scenario.animals.cats
     if people or animals:
         return "people and animals"
-    if scenario.has_batteries:
-        return "batteries"
     if not scenario.sensors.are_exact:
         return "errors of sensors"
     if scenario.agents or scenario.agents_without_body:

@@ -20,6 +20,7 @@ from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.passes import Pass
+from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import steps as st
 from orchard.plans.forecast import EARLIER, until_full
@@ -80,6 +81,8 @@ class _Writer:
     passes: list[tuple[int, Pass]] = field(default_factory=list)
     # What may happen on the drive that follows.
     may_fail: st.MayFail | None = None
+    # The steps that may take the place of the rest, each with the op that decides, and where it is.
+    otherwise: list[tuple[int, Sequence[Step], Pose]] = field(default_factory=list)
 
 
 class Program:
@@ -228,6 +231,9 @@ class Program:
             write(step, writer)
             writer.pose, _ = step.motion(writer.pose)
         self._append(None, c.END)
+        for decides, steps, pose in writer.otherwise:
+            begins = self._translate(_Writer(steps, pose))
+            self.ops.array[decides].arg = begins
         return first
 
     # -- steps
@@ -337,7 +343,20 @@ class Program:
 
     @_write.register
     def _(self, step: st.Home, writer: _Writer) -> None:
-        self._append(step, c.HOME)
+        self._append(step, c.HOME, arg=self._queue_line_at(writer.pose))
+
+    @_write.register
+    def _(self, step: st.MayCharge, writer: _Writer) -> None:
+        writer.otherwise.append((len(self.ops), step.otherwise, writer.pose))
+        self._append(step, c.MAY_CHARGE, reserve=step.reserve)
+
+    @_write.register
+    def _(self, step: st.Charge, writer: _Writer) -> None:
+        self._append(step, c.CHARGE, arg=self._queue_line_at(writer.pose))
+
+    @_write.register
+    def _(self, step: st.Charged, writer: _Writer) -> None:
+        self._append(step, c.CHARGED)
 
     @_write.register
     def _(self, step: st.MayFail, writer: _Writer) -> None:
@@ -412,6 +431,13 @@ class Program:
             word, bit = divmod(self._number(self.place_numbers, place, self.most_places), 64)
             self._lists[number, word] |= np.uint64(1 << bit)
         return number
+
+    def _queue_line_at(self, pose: Pose) -> int:
+        """Return the line of the queue in which a robot is; NONE: it is in none."""
+        for number, y in enumerate(self.queue_lines):
+            if abs(pose.y - y) < BESIDE:
+                return number
+        return c.NONE
 
     def _line_number(self, axis: int, other: float, sign: int) -> int:
         """Return the number of the line along an axis, at its other coordinate, in a direction."""

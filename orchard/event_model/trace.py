@@ -24,6 +24,9 @@ WORDS = {
     c.HOME: "is free for the next call",
     c.BEGIN_ROW: "comes to fruit",
     c.END_ROW: "has picked its part of the row",
+    c.MAY_CHARGE: "looks at its battery",
+    c.CHARGE: "wants a charger",
+    c.CHARGED: "waits until its battery is full",
 }
 
 

@@ -10,6 +10,7 @@ from orchard.behaviour.carrier import AT_HEAD, CHOOSING, MOVING_UP, REMEMBERED
 from orchard.behaviour.dispatcher import BOOKED_TICKS, POLL_TICKS
 from orchard.dispatch.ranking import MARGIN
 from orchard.event_model import columns as c
+from orchard.event_model.kernel.batteries import use_battery
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import is_moving, x_now
 from orchard.event_model.kernel.places import tick_of
@@ -45,7 +46,10 @@ def start_job(m, carrier, picker):
     me.customer = picker
     me.job_bin = m.calls[picker].bin
     me.next_op = job_of(m, carrier, picker)
+    use_battery(m, carrier, 0.0)
+    me.charge_before = me.charge
     me.away = c.NEVER
+    me.parked = c.NEVER
     # It waits in its line or drives up, and hears the order there.
     m.timers[c.WAKE, carrier] = m.desk[0].now
 

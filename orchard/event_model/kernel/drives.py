@@ -156,7 +156,9 @@ def end_leg(m, robot):
     if me.leg_ahead != c.NONE and limit < me.leg_goal:
         # The one ahead may have driven on.
         limit = max(limit, min(me.leg_goal, room(m, robot, me.leg_ahead)))
-    driven = (tick_of(m) - me.leg_begun) * me.leg_stride
+    ticks = tick_of(m) - me.leg_begun
+    me.moved += ticks
+    driven = ticks * me.leg_stride
     me.here = min(limit, me.leg_from + driven)
     line = m.lines[m.ops[me.op].line]
     place = line.sign * me.here
@@ -245,6 +247,7 @@ def turn(m, robot):
     """
     me = m.robots[robot]
     op = m.ops[me.op]
+    me.moved += op.ticks
     if me.bin != c.NONE and not me.is_across:
         me.state = c.SWINGING_BIN
         set_alarm(m, robot, op.swings)

@@ -1,6 +1,7 @@
 """Bins: a picker leaves the full one and takes the empty one that a carrier has brought."""
 
 from orchard.event_model import columns as c
+from orchard.event_model.kernel.batteries import end_job, note_trip, use_battery
 from orchard.event_model.kernel.calls import call_carriers
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.motion import set_alarm
@@ -12,14 +13,10 @@ from orchard.event_model.kernel.places import (
     tick_of,
     want_places,
 )
-from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK, PATIENCE
-from orchard.plans.steps import CRUISE, Confirmed
 
 # Quarters of a tick after which a letter is heard.
 MAIL = 2
-# Ticks from the next order until the carrier drives on.
-TO_ORDER = Confirmed.ticks
 
 
 @inner
@@ -129,6 +126,7 @@ def couple(m, picker):
     exchange.picker = picker
     exchange.stood = tick - me.stood
     exchange.without = tick - me.full_since
+    exchange.carrier_ticks = c.NONE
     me.full_since = c.NONE
     return take_place(m, picker)
 
@@ -190,29 +188,12 @@ def deliver(m):
 
 
 @inner
-def end_job(m, carrier):
-    """Note what a carrier's job took that has turned into its line of the queue.
-
-    A job is counted from the queue's exit to the queue's exit. So the way through the line, to the
-    next order and out of the queue belongs to it, as if nobody stood in that line.
-    """
-    me = m.robots[carrier]
-    if me.exchange == c.NONE:
-        return
-    through = (m.desk[0].exit - me.x) / CRUISE / TIME_STEP
-    m.exchanges[me.exchange].carrier_ticks = tick_of(m) - me.away + through + TO_ORDER
-    me.exchange = c.NONE
-
-
-@inner
 def come_home(m, carrier):
     """Be free for the next call."""
-    end_job(m, carrier)
     me = m.robots[carrier]
-    desk = m.desk[0]
-    trip = m.trips[desk.trips]
-    desk.trips += 1
-    trip.since = me.away
-    trip.until = tick_of(m)
+    use_battery(m, carrier, m.desk[0].standing)
+    end_job(m, carrier)
+    note_trip(m, carrier)
+    if m.ops[me.op].arg != c.NONE:
+        me.queue_line = m.ops[me.op].arg
     me.is_free = True
-    return True

@@ -26,6 +26,8 @@ complete at any time, and can be copied.
     taking a bin        | take bin               | alarm               | does the next op
     repaired            | a drive on which it    | alarm, each 300 s   | drives on to the drive's
                         | fails                  |                     | end, or to a next failure
+    waiting for charge  | charged                | its battery is full | is free for the next call
+    flat                | may charge             | nothing             | stands for ever
 
 A carrier's job in ops: `pause` (it asks the bin whether that still wants it), drives and turns to
 the lane, `deliver`, `need` and the loop to the full bin, `take bin`, drives to the bay, `unload`,
@@ -38,6 +40,13 @@ robots hear its answers a quarter after the next tick.
 """
 
 from orchard.event_model import columns as c
+from orchard.event_model.kernel.batteries import (
+    ask_for_charger,
+    await_charge,
+    end_charging,
+    may_charge,
+    park,
+)
 from orchard.event_model.kernel.calls import (
     asks_python,
     come,
@@ -141,6 +150,10 @@ def happen(m, kind, robot):
         send(m, robot)
     elif kind == c.DISPATCH:
         dispatch(m)
+    elif kind == c.PARK:
+        park(m, robot)
+    elif kind == c.FULLY_CHARGED:
+        end_charging(m, robot)
     else:
         hear_of_bin(m, robot)
 
@@ -205,7 +218,15 @@ def begin(m, robot):
     if kind == c.FETCH_EMPTY:
         return await_bin(m, robot)
     if kind == c.HOME:
-        return come_home(m, robot)
+        come_home(m, robot)
+        return True
+    if kind == c.MAY_CHARGE:
+        return may_charge(m, robot)
+    if kind == c.CHARGE:
+        ask_for_charger(m, robot)
+        return True
+    if kind == c.CHARGED:
+        return await_charge(m, robot)
     if kind == c.BEGIN_ROW:
         see_row(m, robot)
         return True
@@ -250,6 +271,8 @@ def go_on(m, robot):
         return take_bin(m, robot)
     if state == c.REPAIRED:
         return go_on_repaired(m, robot)
+    if state == c.WAITING_FOR_CHARGE:
+        return await_charge(m, robot)
     return True
 
 

@@ -1,0 +1,159 @@
+"""Batteries: what carriers use of them, and who gets a charger.
+
+A carrier whose battery is low after its job charges in a charging line. Those that stand there get
+the chargers in the order in which they came to stand.
+"""
+
+from math import ceil
+
+from orchard.event_model import columns as c
+from orchard.event_model.kernel.compiled import inner
+from orchard.event_model.kernel.places import tick_of
+from orchard.field.scenario import TIME_STEP
+from orchard.plans.robot import PATIENCE
+from orchard.plans.steps import CRUISE, Confirmed
+
+# Ticks for which a carrier asks its bin whether that wants it.
+CONFIRMED = Confirmed.ticks
+HOUR = 3600.0
+
+
+@inner
+def use_battery(m, robot, standing):
+    """Count what a battery was used for since it was last counted.
+
+    `standing`: the share of the power that was used since then while the robot stood.
+    """
+    me = m.robots[robot]
+    tick = tick_of(m)
+    worked = me.moved + standing * (tick - me.counted - me.moved)
+    me.charge -= worked * TIME_STEP / HOUR / m.desk[0].battery_hours
+    me.counted = tick
+    me.moved = 0
+
+
+@inner
+def end_job(m, carrier):
+    """Note what the job of a carrier took that has turned into its line of the queue.
+
+    A job counts from the queue's exit to the queue's exit, as if nobody stood in that line.
+    """
+    me = m.robots[carrier]
+    if me.exchange == c.NONE:
+        return
+    desk = m.desk[0]
+    through = (desk.exit - me.x) / CRUISE / TIME_STEP
+    exchange = m.exchanges[me.exchange]
+    exchange.carrier_ticks = tick_of(m) - me.away + through + CONFIRMED
+    used = me.charge_before - me.charge
+    exchange.battery_used = used + through * TIME_STEP / HOUR / desk.battery_hours
+    me.exchange = c.NONE
+
+
+@inner
+def note_trip(m, carrier):
+    """Note for how long a carrier was outside the queue, if it was."""
+    me = m.robots[carrier]
+    if me.away == c.NEVER:
+        return
+    desk = m.desk[0]
+    trip = m.trips[desk.trips]
+    desk.trips += 1
+    trip.since = me.away
+    trip.until = tick_of(m)
+    me.away = c.NEVER
+
+
+@inner
+def may_charge(m, carrier):
+    """Let a carrier drive to the chargers if its battery is low. Return whether it goes on."""
+    me = m.robots[carrier]
+    op = m.ops[me.op]
+    use_battery(m, carrier, m.desk[0].standing)
+    if me.charge <= 0.0:
+        me.state = c.FLAT
+        return False
+    if me.charge <= op.reserve:
+        me.next_op = op.arg
+    return True
+
+
+@inner
+def ask_for_charger(m, carrier):
+    """Let a carrier charge once it stands in its charging line."""
+    me = m.robots[carrier]
+    use_battery(m, carrier, m.desk[0].standing)
+    end_job(m, carrier)
+    note_trip(m, carrier)
+    me.queue_line = m.ops[me.op].arg
+    me.is_charged = False
+    m.timers[c.PARK, carrier] = m.desk[0].now + c.QUARTERS
+
+
+@inner
+def park(m, carrier):
+    """Let a carrier that stands wait for a charger; look again later at one that drives."""
+    me = m.robots[carrier]
+    desk = m.desk[0]
+    if me.state == c.DRIVING:
+        m.timers[c.PARK, carrier] = desk.now + c.QUARTERS * PATIENCE
+        return
+    me.parked = me.stood
+    desk.asked_chargers += 1
+    me.charging_number = desk.asked_chargers
+    give_chargers(m)
+
+
+@inner
+def give_chargers(m):
+    """Give free chargers to the carriers that have waited for longest."""
+    desk = m.desk[0]
+    while desk.free_chargers > 0:
+        first = c.NONE
+        for carrier in range(len(m.robots)):
+            number = m.robots[carrier].charging_number
+            if number > 0 and (first == c.NONE or number < m.robots[first].charging_number):
+                first = carrier
+        if first == c.NONE:
+            return
+        begin_to_charge(m, first)
+
+
+@inner
+def begin_to_charge(m, carrier):
+    """Charge a carrier's battery until it is full."""
+    me = m.robots[carrier]
+    desk = m.desk[0]
+    use_battery(m, carrier, 0.0)
+    desk.free_chargers -= 1
+    me.charging_number = 0
+    me.is_charging = True
+    lacks = 1.0 - max(0.0, me.charge)
+    ticks = ceil(lacks * desk.seconds_to_charge / TIME_STEP)
+    m.timers[c.FULLY_CHARGED, carrier] = desk.now + c.QUARTERS * ticks
+
+
+@inner
+def end_charging(m, carrier):
+    """Let a carrier whose battery is full go on, and give its charger to the next one."""
+    me = m.robots[carrier]
+    me.charge = 1.0
+    me.counted = tick_of(m)
+    me.moved = 0
+    me.is_charging = False
+    me.is_charged = True
+    if me.state == c.WAITING_FOR_CHARGE:
+        m.timers[c.WAKE, carrier] = m.desk[0].now
+    m.desk[0].free_chargers += 1
+    give_chargers(m)
+
+
+@inner
+def await_charge(m, carrier):
+    """Stand until the battery has been full. Return whether it has."""
+    me = m.robots[carrier]
+    if not me.is_charged:
+        me.state = c.WAITING_FOR_CHARGE
+        return False
+    use_battery(m, carrier, 0.0)
+    return True

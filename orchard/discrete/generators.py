@@ -9,9 +9,9 @@ from statistics import fmean
 
 import simpy
 
-from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.calls import Calls, Dispatched
 from orchard.discrete.robots import Events, Roads, Robot
+from orchard.event_model.bystanders import Bystanders
 from orchard.event_model.results import JAM, LONGEST, Exchange
 from orchard.field.kinds import DISPATCH, kind_of
 from orchard.field.layout import Layout

@@ -11,9 +11,9 @@ from typing import Any, Protocol, cast
 import simpy
 
 from orchard.behaviour.traffic import is_alone
-from orchard.discrete.bystanders import Bystanders
 from orchard.discrete.lines import CLEAR, Follower, Line, Lines, room
 from orchard.discrete.places import MAIL, Claimant, Reservations, at, first_of
+from orchard.event_model.bystanders import Bystanders
 from orchard.event_model.results import Exchange
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import KINDS, kind_of

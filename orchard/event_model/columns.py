@@ -162,6 +162,8 @@ TAKING_BIN = 14
 REPAIRED = 15
 WAITING_FOR_CHARGE = 16
 FLAT = 17
+MEETING = 18
+LOOKING_AROUND = 19
 
 ROBOT = np.dtype(
     [
@@ -233,6 +235,12 @@ ROBOT = np.dtype(
         ("failures", np.int64),
         ("worked", np.float64),
         ("repair", np.float64),
+        # -- people and animals: how many it has met and at how many turns it has looked for them;
+        # the next meeting, along this drive, and after it, m
+        ("meetings", np.int64),
+        ("turns", np.int64),
+        ("meeting", np.float64),
+        ("clear", np.float64),
         # -- the leg of a drive: it began here at this tick, ends at the limit, and was to reach the
         # goal
         ("leg_begun", np.int64),
@@ -428,6 +436,11 @@ DESK = np.dtype(
 # Shares of the mean times up to a failure, and of its repair.
 FAILURE = np.dtype([("until", np.float64), ("repair", np.float64)])
 
+# A robot drives so many metres, and then stands so many ticks for somebody in its way.
+ENCOUNTER = np.dtype([("metres", np.float64), ("ticks", np.int64)])
+# For how many ticks it stands before a turn, without a bin on its bar and with one.
+LOOK = np.dtype([("ticks", np.int64), ("ticks_towing", np.int64)])
+
 EXCHANGE = np.dtype(
     [
         ("tick", np.int64),
@@ -468,6 +481,8 @@ ARRAYS = {
     "ways": (np.float64, 2),
     "speeds": (np.float64, 1),
     "failures": (FAILURE, 2),
+    "encounters": (ENCOUNTER, 2),
+    "looks": (LOOK, 2),
     "robots": (ROBOT, 1),
     "sets": (np.uint64, 3),
     "scratch": (np.uint64, 2),
@@ -504,6 +519,9 @@ class Model(NamedTuple):
     speeds: Any
     # (r, draws) of each robot, its failures in order.
     failures: Any
+    # (r, draws) of people and animals; none if nobody is about.
+    encounters: Any
+    looks: Any
     # -- the state
     robots: Any
     # (SETS, r, w) bits.

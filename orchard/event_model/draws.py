@@ -8,17 +8,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchard.event_model import columns as c
+from orchard.event_model.bystanders import Bystanders
 from orchard.field.layout import Layout
 from orchard.field.picking import failure
 from orchard.field.scenario import Scenario
 
 # Of each kind for each robot, at first.
-FIRST = 4
+FIRST = 8
 
 
-def draws(layout: Layout, names: Sequence[str], count: int = FIRST) -> dict[str, np.ndarray]:
+def draws(layout: Layout, names: Sequence[str], count: int) -> dict[str, np.ndarray]:
     """Return arrays of a model with so many draws for each robot; none of what does not happen."""
-    return {"failures": _failures(layout.scenario, names, count)}
+    bystanders = Bystanders(layout)
+    return {
+        "failures": _failures(layout.scenario, names, count),
+        "encounters": _encounters(bystanders, names, count),
+        "looks": _looks(bystanders, names, count),
+    }
 
 
 def _failures(scenario: Scenario, names: Sequence[str], count: int) -> np.ndarray:
@@ -30,3 +36,29 @@ def _failures(scenario: Scenario, names: Sequence[str], count: int) -> np.ndarra
         for number in range(count):
             failures[robot, number] = failure(scenario.seed, name, number, 1.0, 1.0)
     return failures
+
+
+def _encounters(bystanders: Bystanders, names: Sequence[str], count: int) -> np.ndarray:
+    """Return whom robots meet on their ways, (r, count)."""
+    if not bystanders.density:
+        count = 0
+    encounters = np.zeros((len(names), count), c.ENCOUNTER).view(np.recarray)
+    for robot, name in enumerate(names):
+        for number in range(count):
+            metres = bystanders.metres_to(name, number)
+            encounters[robot, number] = (metres, bystanders.meeting_ticks(name, number))
+    return encounters
+
+
+def _looks(bystanders: Bystanders, names: Sequence[str], count: int) -> np.ndarray:
+    """Return how long robots stand before their turns, (r, count). Turns count from 1."""
+    if not bystanders.density:
+        count = 0
+    looks = np.zeros((len(names), count), c.LOOK).view(np.recarray)
+    for robot, name in enumerate(names):
+        for number in range(count):
+            without, towing = (
+                bystanders.turning_ticks(name, number + 1, is_towing) for is_towing in (False, True)
+            )
+            looks[robot, number] = (without, towing)
+    return looks

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from orchard.event_model import columns as c
-from orchard.event_model.draws import draws
+from orchard.event_model.draws import FIRST, draws
+from orchard.event_model.kernel.drives import FAR
 from orchard.event_model.kernel.entry import addressed, run
 from orchard.event_model.known import COMPILED, lacking
 from orchard.event_model.policies import AskedPolicy, PolicyStops
@@ -193,7 +194,11 @@ class EventHarvest:
         self.bin_names = prepared.bin_names
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
-        own |= draws(layout, self.names)
+        self._drawn = FIRST
+        own |= draws(layout, self.names, self._drawn)
+        own["robots"].clear = FAR
+        if own["encounters"].size:
+            own["robots"].clear = own["encounters"][:, 0].metres
         if free_roads:
             own["robots"].roads = np.arange(len(self.names))
             own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
@@ -265,8 +270,8 @@ class EventHarvest:
 
     def _draw_more(self) -> None:
         """Draw twice as much of what happens at random."""
-        count = 2 * self.model.failures.shape[1]
-        self.model = addressed(self.model._replace(**draws(self.layout, self.names, count)))
+        self._drawn *= 2
+        self.model = addressed(self.model._replace(**draws(self.layout, self.names, self._drawn)))
         self.model.desk.lacks_draws = False
 
     def _take_program(self) -> None:

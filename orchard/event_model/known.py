@@ -20,10 +20,6 @@ COMPILED = {
 
 def lacking(scenario: Scenario) -> str:
     """Return what of a scenario the event model as data does not know yet; '' if it knows all."""
-    people = scenario.people.workers + scenario.people.visitors
-    animals = scenario.animals.dogs + scenario.animals.cats
-    if people or animals:
-        return "people and animals"
     if not scenario.sensors.are_exact:
         return "errors of sensors"
     if scenario.agents or scenario.agents_without_body:

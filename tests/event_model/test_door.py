@@ -87,15 +87,8 @@ def test_a_policy_that_sends_nobody_is_a_jam() -> None:
         DiscreteHarvest(layout).run().figures()
 
 
-UNKNOWN: dict[str, dict[str, Any]] = {
-    "people": {"people": {"workers": 1, "visitors": 0}},
-    "steps of the user's own": {"route": "examples.seams.signalled_route.SignalledRoute"},
-}
-
-
-@pytest.mark.parametrize("name", UNKNOWN)
-def test_generators_do_what_the_event_model_does_not_know(name: str) -> None:
-    layout = orchard(**UNKNOWN[name])
+def test_generators_do_a_route_with_steps_of_its_own() -> None:
+    layout = orchard(route="examples.seams.signalled_route.SignalledRoute")
     assert not is_known(layout)
     assert isinstance(DiscreteHarvest(layout).model, GeneratorHarvest)
 

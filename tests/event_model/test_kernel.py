@@ -87,14 +87,8 @@ def test_a_trace_tells_a_job_from_the_order_to_the_way_home() -> None:
     assert ticks == sorted(ticks)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"people": {"workers": 1, "visitors": 0}},
-    ],
-)
-def test_what_the_model_does_not_know_is_refused(values: dict[str, Any]) -> None:
-    layout = lay_out(Scenario(**SMALL | values))
+def test_what_the_model_does_not_know_is_refused() -> None:
+    layout = lay_out(Scenario(**SMALL, sensors={"odometry": {"distance": 0.02}}))
     with pytest.raises(NotImplementedError, match=lacking(layout.scenario)):
         EventHarvest(layout)
 

@@ -12,11 +12,20 @@ from orchard.event_model import columns as c
 from orchard.event_model import harvest as harvests
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import entry, machine
-from orchard.field.layout import Layout
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import Scenario
 
 # Plain Python takes a hundred times as long as compiled code.
 MOST_BINS = 12
-QUIET = [layout for layout in quiet_layouts(seed=5, count=24) if layout.bins <= MOST_BINS]
+QUIET = [layout for layout in quiet_layouts(seed=5, count=16) if layout.bins <= MOST_BINS]
+EVENTFUL: dict[str, Any] = {
+    "picking": {"failure": {"mean_between": 60.0, "mean_repair": 60.0}},
+    "carrying": {
+        "failure": {"mean_between": 200.0, "mean_repair": 60.0},
+        "battery": {"hours": 0.3, "hours_to_charge": 0.05, "reserve": 0.9},
+    },
+    "people": {"workers": 3, "visitors": 1},
+}
 # What a harvest changes, and what it gives.
 CHANGED = ("robots", "bins", "calls", "timers", "deliveries", "exchanges", "trips")
 
@@ -39,6 +48,21 @@ def in_plain_python() -> Iterator[Callable[[Layout], EventHarvest]]:
 def test_plain_python_does_the_same_and_breaks_no_bounds(
     layout: Layout, in_plain_python: Callable[[Layout], EventHarvest]
 ) -> None:
+    assert_plain_is_compiled(layout, in_plain_python)
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
+def test_plain_python_does_the_same_with_failures_batteries_and_people(
+    dispatch: str, in_plain_python: Callable[[Layout], EventHarvest]
+) -> None:
+    values = EVENTFUL | {"rows": 6, "pickers": 3, "carriers": 3, "dispatch": dispatch}
+    assert_plain_is_compiled(lay_out(Scenario(**values)), in_plain_python)
+
+
+def assert_plain_is_compiled(
+    layout: Layout, in_plain_python: Callable[[Layout], EventHarvest]
+) -> None:
+    """Compare all that a harvest changes."""
     plain = in_plain_python(layout)
     compiled = EventHarvest(layout).run()
     for name in CHANGED:

@@ -51,7 +51,8 @@ def start_job(m, carrier, picker):
     me.away = c.NEVER
     me.parked = c.NEVER
     # It waits in its line or drives up, and hears the order there.
-    m.timers[c.WAKE, carrier] = m.desk[0].now
+    if me.state != c.MEETING:
+        m.timers[c.WAKE, carrier] = m.desk[0].now
 
 
 # -- bins

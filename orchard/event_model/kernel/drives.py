@@ -58,8 +58,28 @@ def depart(m, robot):
     me.has_arrived = me.line == op.line
     me.stop = op.target
     me.fails = False
+    me.meeting = me.here + me.clear
     if op.mean_between > 0.0:
         may_fail(m, robot, speed_of(m, op))
+    return drive_on(m, robot)
+
+
+@inner
+def stand_for(m, robot):
+    """Stand for somebody who is in the way."""
+    me = m.robots[robot]
+    me.state = c.MEETING
+    set_alarm(m, robot, m.encounters[robot, me.meetings].ticks)
+
+
+@inner
+def go_on_alone(m, robot):
+    """Drive on after a meeting. Return whether the drive is done."""
+    me = m.robots[robot]
+    me.meetings += 1
+    me.meeting = me.here + m.encounters[robot, me.meetings].metres
+    if me.meetings == m.encounters.shape[1] - 1:
+        m.desk[0].lacks_draws = True
     return drive_on(m, robot)
 
 
@@ -93,7 +113,11 @@ def drive_on(m, robot):
     op = m.ops[me.op]
     while True:
         if op.is_queueing and me.next_op != c.NONE:
+            me.clear = me.meeting - me.here
             return True
+        if me.here > me.meeting - NEAR:
+            stand_for(m, robot)
+            return False
         free_passed(m, robot)
         gate, ticks, awaited_bin = next_gate(m, robot)
         if not me.has_arrived and me.here - me.left_at >= CLEAR - NEAR:
@@ -103,7 +127,7 @@ def drive_on(m, robot):
         free_to = FAR
         if ahead != c.NONE:
             free_to = room(m, robot, ahead)
-        goal = min(me.stop, gate)
+        goal = min(me.stop, gate, me.meeting)
         limit = min(goal, max(me.here, free_to))
         if me.has_arrived and limit > me.line_end + NEAR:
             me.line_end = limit
@@ -113,6 +137,7 @@ def drive_on(m, robot):
             return False
         me.stood = tick_of(m)
         if me.stop - me.here <= NEAR:
+            me.clear = me.meeting - me.here
             if me.fails:
                 fail(m, robot)
             return not me.fails
@@ -241,13 +266,36 @@ def next_gate(m, robot):
 
 @inner
 def turn(m, robot):
-    """Begin a turn.
+    """Begin a turn, once nobody is near."""
+    me = m.robots[robot]
+    me.moved += m.ops[me.op].ticks
+    ticks = ticks_to_look(m, robot)
+    if ticks == 0:
+        return swing(m, robot)
+    me.state = c.LOOKING_AROUND
+    set_alarm(m, robot, ticks)
+    return False
 
-    A bin on the bar swings clear of the robot behind, or the robot off its line.
-    """
+
+@inner
+def ticks_to_look(m, robot):
+    """Return for how many ticks a robot stands before a turn; 0 if nobody is about."""
+    draws = m.looks.shape[1]
+    if draws == 0:
+        return 0
+    me = m.robots[robot]
+    look = m.looks[robot, me.turns]
+    me.turns += 1
+    if me.turns == draws:
+        m.desk[0].lacks_draws = True
+    return look.ticks if me.bin == c.NONE else look.ticks_towing
+
+
+@inner
+def swing(m, robot):
+    """Turn. A bin on the bar swings clear of the robot behind, or the robot off its line."""
     me = m.robots[robot]
     op = m.ops[me.op]
-    me.moved += op.ticks
     if me.bin != c.NONE and not me.is_across:
         me.state = c.SWINGING_BIN
         set_alarm(m, robot, op.swings)

@@ -24,6 +24,8 @@ complete at any time, and can be copied.
     coupling            | after that             | alarm               | takes the lane's place
     taking a place      | after that             | a grant             | does the next op
     taking a bin        | take bin               | alarm               | does the next op
+    meeting             | somebody on its way    | alarm               | drives on
+    looking around      | turn, with people      | alarm               | turns
     repaired            | a drive on which it    | alarm, each 300 s   | drives on to the drive's
                         | fails                  |                     | end, or to a next failure
     waiting for charge  | charged                | its battery is full | is free for the next call
@@ -62,7 +64,9 @@ from orchard.event_model.kernel.drives import (
     depart,
     drive_on,
     end_leg,
+    go_on_alone,
     go_on_repaired,
+    swing,
     swung,
     turn,
 )
@@ -269,6 +273,10 @@ def go_on(m, robot):
         return take_place(m, robot)
     if state == c.TAKING_BIN:
         return take_bin(m, robot)
+    if state == c.MEETING:
+        return go_on_alone(m, robot)
+    if state == c.LOOKING_AROUND:
+        return swing(m, robot)
     if state == c.REPAIRED:
         return go_on_repaired(m, robot)
     if state == c.WAITING_FOR_CHARGE:

@@ -196,6 +196,9 @@ ROBOT = np.dtype(
         ("queue_line", np.int64),
         ("customer", np.int64),
         ("job_bin", np.int64),
+        # Tick at which it first asked that bin on this drive whether it is left; whether it is.
+        ("bin_asked", np.int64),
+        ("knows_left", np.bool_),
         ("is_free", np.bool_),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
@@ -257,7 +260,6 @@ ROBOT = np.dtype(
         ("is_across", np.bool_),
         # -- what it waits for, beside its alarm
         ("follows", np.int64),
-        ("waits_for_bin", np.int64),
         ("hears_grants", np.bool_),
         # -- its claim: the list of places, the partner that may have them
         ("wanted", np.int64),
@@ -296,7 +298,7 @@ INDICES = (
     "ahead",
     "behind",
     "follows",
-    "waits_for_bin",
+    "bin_asked",
     "beside",
     "told_beside",
     "due",
@@ -328,6 +330,8 @@ BIN = np.dtype(
     [
         # Whether it is left in its lane, full.
         ("is_left", np.bool_),
+        # Tick at which it was.
+        ("left_at", np.int64),
         # Tick at which its picker took it over from a carrier.
         ("taken", np.int64),
         # What a predictive policy remembers: the tick at which it is full.

@@ -339,7 +339,9 @@ class Program:
 
     @_write.register
     def _(self, step: st.Unload, writer: _Writer) -> None:
-        self._append(step, c.UNLOAD, ticks=step.ticks)
+        self._append(step, c.UNLOAD, ticks=step.until_empty)
+        # The carrier does not know at once that its bin is empty.
+        self._append(step, c.PAUSE, ticks=step.ticks - step.until_empty)
 
     @_write.register
     def _(self, step: st.Home, writer: _Writer) -> None:

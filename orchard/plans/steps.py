@@ -603,9 +603,10 @@ class Unload(Step, frozen=True):
     It is asked every PATIENCE ticks.
     """
 
+    # Ticks until the bin is empty.
+    until_empty: ClassVar[int] = BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1
     # The bin is asked first after so many ticks that are a multiple of PATIENCE.
-    _until_empty: ClassVar[int] = BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1
-    ticks = -(-_until_empty // PATIENCE) * PATIENCE + ASK
+    ticks = -(-until_empty // PATIENCE) * PATIENCE + ASK
 
     def act(self, robot: PlanExecutor) -> bool:
         """Ask the bin. Return whether it is empty."""

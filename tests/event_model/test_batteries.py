@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("simpy", reason="the extra `study` is not installed")
 
-from both_models import differences
+from both_models import differences, mended
 from quiet import NOBODY, random_layouts
 
 from orchard.discrete.generators import GeneratorHarvest
@@ -43,7 +43,9 @@ def test_a_flat_carrier_stands_for_ever_and_the_harvest_is_not_over() -> None:
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))
     harvest = EventHarvest(layout).run()
     assert not harvest.is_over
-    assert harvest.delivered == GeneratorHarvest(layout).run().delivered < layout.bins
+    with mended():
+        told = GeneratorHarvest(layout).run()
+    assert harvest.delivered == told.delivered < layout.bins
 
 
 def test_what_an_exchange_took_of_a_battery_is_the_same_in_both_models() -> None:
@@ -55,9 +57,11 @@ def test_what_an_exchange_took_of_a_battery_is_the_same_in_both_models() -> None
         (exchange.tick, exchange.carrier_ticks, exchange.battery_used)
         for exchange in model.exchanges[: model.desk[0].exchanges]
     )
+    with mended():
+        told = GeneratorHarvest(layout).run()
     expected = sorted(
         (exchange.tick, exchange.carrier_ticks, exchange.battery_used)
-        for exchanges in GeneratorHarvest(layout).run().exchanges.values()
+        for exchanges in told.exchanges.values()
         for exchange in exchanges
     )
     assert [exchange[0] for exchange in took] == [exchange[0] for exchange in expected]

@@ -45,6 +45,7 @@ def start_job(m, carrier, picker):
     me.is_free = False
     me.customer = picker
     me.job_bin = m.calls[picker].bin
+    me.knows_left = False
     me.next_op = job_of(m, carrier, picker)
     use_battery(m, carrier, 0.0)
     me.charge_before = me.charge

@@ -27,6 +27,7 @@ from orchard.event_model.kernel.roads import (
 )
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import failures
+from orchard.plans.robot import ASK, LOOK_AGAIN
 
 is_asked_for = inner(failures.is_asked_for)
 is_freed = inner(failures.is_freed)
@@ -58,6 +59,7 @@ def depart(m, robot):
     me.has_arrived = me.line == op.line
     me.stop = op.target
     me.fails = False
+    me.bin_asked = c.NONE
     me.meeting = me.here + me.clear
     if op.mean_between > 0.0:
         may_fail(m, robot, speed_of(m, op))
@@ -119,7 +121,7 @@ def drive_on(m, robot):
             stand_for(m, robot)
             return False
         free_passed(m, robot)
-        gate, ticks, awaited_bin = next_gate(m, robot)
+        gate, ticks = next_gate(m, robot)
         if not me.has_arrived and me.here - me.left_at >= CLEAR - NEAR:
             arrive(m, robot, op.line)
             me.has_arrived = True
@@ -142,7 +144,7 @@ def drive_on(m, robot):
                 fail(m, robot)
             return not me.fails
         is_held_up = ahead != c.NONE and free_to <= me.here + NEAR
-        stand(m, robot, ahead if is_held_up else c.NONE, awaited_bin)
+        stand(m, robot, ahead if is_held_up else c.NONE)
         return False
 
 
@@ -197,12 +199,15 @@ def end_leg(m, robot):
 
 
 @inner
-def stand(m, robot, ahead, awaited_bin):
-    """Stand until the robot ahead drives on, a bin is left, or places are granted."""
+def stand(m, robot, ahead):
+    """Stand until the robot ahead drives on, a bin answers that it is left, or places are
+    granted.
+    """
     me = m.robots[robot]
     me.state = c.STANDING
     me.follows = ahead
-    me.waits_for_bin = awaited_bin
+    if me.bin_asked != c.NONE and not me.knows_left:
+        set_alarm(m, robot, ticks_to_word(m, robot))
     if me.wanted != 0:
         me.hears_grants = True
         if ahead != c.NONE:
@@ -237,8 +242,8 @@ def next_place_freed(m, robot):
 def next_gate(m, robot):
     """Ask for the places of the next gate that the robot lacks, if it is time.
 
-    Return where that gate is, m, in how many ticks the robot asks for its places, and the bin for
-    which it waits before it may ask.
+    Return where that gate is, m, and in how many ticks the robot asks for its places, or hears
+    whether it may.
     """
     me = m.robots[robot]
     op = m.ops[me.op]
@@ -249,16 +254,38 @@ def next_gate(m, robot):
             break
         me.next_need += 1
     if me.next_need == op.last_need:
-        return FAR, c.NEVER, c.NONE
+        return FAR, c.NEVER
     gate = m.needs[me.next_need]
     before = gate.at - me.here - op.asks_before
     if before >= -NEAR:
         stride = speed_of(m, op) * TIME_STEP
-        return gate.at, max(1, floor(before / stride + NEAR) + 1), c.NONE
-    if gate.after_bin and not m.bins[me.job_bin].is_left:
-        return gate.at, c.NEVER, me.job_bin
+        return gate.at, max(1, floor(before / stride + NEAR) + 1)
+    if gate.after_bin and not is_told_left(m, robot):
+        return gate.at, ticks_to_word(m, robot)
     want_places(m, robot, gate.places, c.NONE)
-    return gate.at, c.NEVER, c.NONE
+    return gate.at, c.NEVER
+
+
+@inner
+def is_told_left(m, robot):
+    """Whether a carrier has heard that its full bin is left. It asks the bin again and again."""
+    me = m.robots[robot]
+    tick = tick_of(m)
+    if me.bin_asked == c.NONE:
+        me.bin_asked = tick
+    full_bin = m.bins[me.job_bin]
+    # The bin heard the question a tick before its answer came.
+    is_answer = tick > me.bin_asked and (tick - me.bin_asked - ASK) % LOOK_AGAIN == 0
+    if is_answer and full_bin.is_left and full_bin.left_at < tick:
+        me.knows_left = True
+    return me.knows_left
+
+
+@inner
+def ticks_to_word(m, robot):
+    """Return the ticks until a carrier hears the next answer of its full bin."""
+    asked = tick_of(m) - m.robots[robot].bin_asked
+    return LOOK_AGAIN - (asked - ASK) % LOOK_AGAIN
 
 
 # -- turns

@@ -77,7 +77,7 @@ def note_full(m, picker):
 
 @inner
 def leave_bin(m, picker):
-    """Leave the full bin in the lane. Carriers that wait for that ask for their places now."""
+    """Leave the full bin in the lane. A carrier that waits for that hears it when it asks next."""
     me = m.robots[picker]
     drive = m.passes[m.ops[me.op].arg]
     if not drive.is_full:
@@ -86,9 +86,7 @@ def leave_bin(m, picker):
     me.bin = c.NONE
     me.offered = c.NONE
     m.bins[me.full_bin].is_left = True
-    for carrier in range(len(m.robots)):
-        if m.robots[carrier].waits_for_bin == me.full_bin:
-            m.timers[c.WAKE, carrier] = m.desk[0].now
+    m.bins[me.full_bin].left_at = tick_of(m)
     call_carriers(m, picker, drive.end)
     return True
 

@@ -178,7 +178,6 @@ def wake(m, robot):
     """Let a robot go on with its op, and begin the ops after it, up to one that takes time."""
     me = m.robots[robot]
     me.follows = c.NONE
-    me.waits_for_bin = c.NONE
     me.hears_grants = False
     is_done = go_on(m, robot)
     while is_done:

@@ -170,7 +170,6 @@ def hear_grant(m, robot):
     if is_news and me.hears_grants:
         me.hears_grants = False
         me.follows = c.NONE
-        me.waits_for_bin = c.NONE
         m.timers[c.WAKE, robot] = c.QUARTERS * tick_of(m)
 
 

@@ -92,3 +92,11 @@ def test_each_compiled_constant_counts_for_the_kept_code() -> None:
             name = node.module or "" if isinstance(node, ast.ImportFrom) else ""
             if name.startswith(("orchard.behaviour.", "orchard.dispatch.", "orchard.plans.")):
                 assert name in counted, f"{path.name} takes constants of {name}"
+
+
+def test_a_carrier_behind_one_that_is_called_stands_too_and_is_asked_while_it_moves_up() -> None:
+    values = NOBODY | {"rows": 10, "pickers": 10, "carriers": 10, "dispatch": "predictive"}
+    harvest = EventHarvest(lay_out(Scenario(**values)))
+    # In the simulator all ten have been sent by then.
+    harvest._run(100)
+    assert not harvest.model.robots.is_free.any()

@@ -1,8 +1,9 @@
 """The event model as data beside the one of generators.
 
-The model of generators lacks two rules of the simulator, which are mended here before it is
-compared: carriers ask a bin only now and then whether it is left, and a bin is delivered when it is
-empty, not when its carrier hears of it.
+The model of generators lacks three rules of the simulator, which are mended here before it is
+compared: carriers ask a bin only now and then whether it is left; a bin is delivered when it is
+empty, not when its carrier hears of it; and a carrier that is called on its way to the head stands,
+so that the one behind it stands too.
 """
 
 from collections.abc import Iterator
@@ -14,12 +15,13 @@ import pytest
 import simpy
 
 from orchard.discrete.generators import GeneratorHarvest
+from orchard.discrete.places import at, first_of
 from orchard.discrete.robots import NEAR, Robot
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.results import Exchange
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.robot import ASK, LOOK_AGAIN, Gate
+from orchard.plans.robot import ASK, LOOK_AGAIN, Gate, Step
 from orchard.plans.steps import DriveTo, Unload
 
 # s from when a bin is empty to when its carrier hears it.
@@ -60,17 +62,61 @@ def deliveries_of(harvest: GeneratorHarvest) -> list[float]:
 
 @contextmanager
 def mended() -> Iterator[None]:
-    """Let carriers of the model of generators ask as in the simulator whether a bin is left."""
+    """Let the model of generators keep these rules."""
     leave = GeneratorHarvest.leave
+    take = Robot.take
+    extend = Robot._extend
+    pause_of = Robot._pause
 
     def leave_and_note(harvest: Any, picker: Robot) -> None:
         leave(harvest, picker)
         vars(harvest).setdefault("left_at", {})[picker.full_bin] = picker.tick
 
+    def take_and_stand(robot: Any, plan: list[Step]) -> None:
+        here = robot.x_now
+        if robot.is_on_the_way and robot.end > here + NEAR:
+            _stop_short(robot, here)
+        take(robot, plan)
+
+    def extend_or_stop_short(robot: Any, end: float) -> None:
+        if end < robot.end - NEAR:
+            _stop_short(robot, end)
+        extend(robot, end)
+
+    def pause_and_note(robot: Any, *values: Any, **options: Any) -> simpy.Event:
+        robot.pause = first_of(robot.env, [pause_of(robot, *values, **options)])
+        return robot.pause
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Robot, "take", take_and_stand)
+        patch.setattr(Robot, "_extend", extend_or_stop_short)
+        patch.setattr(Robot, "_pause", pause_and_note)
         patch.setattr(GeneratorHarvest, "leave", leave_and_note)
         patch.setattr(Robot, "_next_gate", _next_gate)
         yield
+
+
+def _stop_short(robot: Any, at_place: float) -> None:
+    """Let a robot's way on its line end before it was to, and who drives behind it look again."""
+    robot.end = at_place
+    on_line = robot.lines._on[robot.line]
+    number = on_line.index(robot) + 1
+    if number == len(on_line) or not on_line[number].is_on_the_way:
+        return
+    pause = on_line[number].pause
+    at(robot.env, robot.env.now + (2 if robot.bin else 1), _end_now, pause)
+
+
+def _end_now(pause: simpy.Event) -> None:
+    """Let what waits for an event go on at once, before others act in this tick."""
+    if pause.triggered or pause.callbacks is None:
+        return
+    pause._ok = True
+    pause._value = None
+    callbacks = pause.callbacks
+    pause.callbacks = None  # type: ignore[assignment]
+    for callback in callbacks:
+        callback(pause)
 
 
 def _next_gate(

@@ -23,6 +23,7 @@ from orchard.event_model.kernel.roads import (
     leave,
     robot_ahead,
     room,
+    stop_short,
     tell_followers,
 )
 from orchard.field.scenario import TIME_STEP
@@ -116,6 +117,8 @@ def drive_on(m, robot):
     while True:
         if op.is_queueing and me.next_op != c.NONE:
             me.clear = me.meeting - me.here
+            if me.has_arrived and me.line_end > me.here + NEAR:
+                stop_short(m, robot, me.here)
             return True
         if me.here > me.meeting - NEAR:
             stand_for(m, robot)
@@ -134,6 +137,8 @@ def drive_on(m, robot):
         if me.has_arrived and limit > me.line_end + NEAR:
             me.line_end = limit
             tell_followers(m, robot)
+        elif me.has_arrived and limit < me.line_end - NEAR:
+            stop_short(m, robot, limit)
         if limit - me.here > NEAR:
             begin_leg(m, robot, goal, limit, ahead, ticks)
             return False

@@ -100,11 +100,29 @@ def last_to_wake(m, robot):
 @inner
 def tell_followers(m, robot):
     """Let the robots that wait behind this one look again."""
-    noticed = NOTICED
-    if m.robots[robot].bin != c.NONE:
-        noticed += 1
-    when = m.desk[0].now + c.QUARTERS * noticed
+    when = noticed_at(m, robot)
     for other in range(len(m.robots)):
         if m.robots[other].follows == robot:
             m.robots[other].follows = c.NONE
             m.timers[c.WAKE, other] = min(m.timers[c.WAKE, other], when)
+
+
+@inner
+def stop_short(m, robot, at):
+    """Let a robot's way on its line end before it was to. Who drives behind it looks again."""
+    me = m.robots[robot]
+    me.line_end = at
+    behind = me.behind
+    if behind == c.NONE or m.robots[behind].state != c.DRIVING:
+        return
+    if m.robots[behind].leg_ahead == robot:
+        m.timers[c.WAKE, behind] = min(m.timers[c.WAKE, behind], noticed_at(m, robot))
+
+
+@inner
+def noticed_at(m, robot):
+    """Return when the robot behind notices that this one drives on or stands."""
+    noticed = NOTICED
+    if m.robots[robot].bin != c.NONE:
+        noticed += 1
+    return m.desk[0].now + c.QUARTERS * noticed

@@ -205,6 +205,8 @@ class EventHarvest:
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
         self.model = prepared.model._replace(**own, **self._program_arrays())
+        # The time at which the exchanges were last read, and these.
+        self._exchanged: tuple[int, dict[str, list[Exchange]]] = (c.NONE, {})
         self._stops: PolicyStops | None = None
         if self.model.desk[0].policy == c.IN_PYTHON:
             policy = AskedPolicy(layout)
@@ -349,9 +351,16 @@ class EventHarvest:
     @property
     def exchanges(self) -> dict[str, list[Exchange]]:
         """Of each picker, in the order in which it got empty bins for full ones."""
-        exchanges: dict[str, list[Exchange]] = {name: [] for name in self.layout.blocks}
+        now = int(self.model.desk[0].now)
+        if self._exchanged[0] != now:
+            self._exchanged = (now, self._read_exchanges())
+        return self._exchanged[1]
+
+    def _read_exchanges(self) -> dict[str, list[Exchange]]:
         columns = ["tick", "picker", "carrier_ticks", "battery_used"]
-        for tick, picker, carrier_ticks, battery_used in self._exchanges()[columns].tolist():
+        rows = self._exchanges()[columns].tolist()
+        exchanges: dict[str, list[Exchange]] = {name: [] for name in self.layout.blocks}
+        for tick, picker, carrier_ticks, battery_used in rows:
             busy = carrier_ticks if carrier_ticks > 0.0 else None
             exchanges[self.names[picker]].append(Exchange(tick, busy, battery_used))
         return exchanges

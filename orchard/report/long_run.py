@@ -168,8 +168,9 @@ class _LongRun:
     @property
     def _is_measured(self) -> bool:
         """Whether the fastest picker has done its least rows, and each one its whole rounds."""
+        exchanges = self.harvest.exchanges
         is_long = any(
-            len(self.harvest.exchanges[name]) >= self.least_rows * whole.bins / whole.rows
+            len(exchanges[name]) >= self.least_rows * whole.bins / whole.rows
             for name, whole in self.rounds.items()
         )
         return is_long and all(self._has_rounds(name) for name in self.pickers)
@@ -225,8 +226,9 @@ class _LongRun:
     def _measured(self, name: str) -> list[Exchange]:
         """Return the exchanges of a picker since the beginning, up to the first unfinished job."""
         measured = list[Exchange]()
+        since = self.since
         for exchange in self._finished(name):
-            if exchange.tick * TIME_STEP >= self.since:
+            if exchange.tick * TIME_STEP >= since:
                 measured.append(exchange)
         return measured
 

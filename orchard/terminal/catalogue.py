@@ -104,6 +104,11 @@ COMMANDS = {
         "bound",
         "prove how short a harvest could be, whatever sends the carriers",
     ),
+    "trace": CommandEntry(
+        "orchard.commands.trace",
+        "trace",
+        "tell what each robot does when in a harvest of the fast model",
+    ),
     "benchmark": CommandEntry(
         "orchard.study.commands",
         "benchmark",

@@ -74,8 +74,10 @@ def test_a_trace_tells_a_job_from_the_order_to_the_way_home() -> None:
     told = [words for words in first if not words.startswith(("drives", "turns"))]
     assert "leaves the empty bin for the picker" in told
     assert told.index("couples the full bin") < told.index("unloads")
-    ticks = [int(tick) for tick, _, _ in lines]
-    assert ticks == sorted(ticks)
+    times = [time for time, _, _ in lines]
+    assert times[0] == "0:00:00.0"
+    assert times == sorted(times)
+    assert any(words.startswith("picks along row 2 to x = ") for _, _, words in lines)
 
 
 def test_what_the_model_does_not_know_is_refused() -> None:

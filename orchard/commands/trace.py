@@ -1,0 +1,58 @@
+"""The command `orchard trace`: what each robot does when in a harvest of the event model."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from orchard.event_model.known import lacking
+from orchard.field.layout import lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.shipped import load_or_shipped
+from orchard.terminal.exits import exit_on_errors
+from orchard.terminal.files import check_writable
+from orchard.terminal.options import File, option, with_options
+from orchard.terminal.output import own_classes_run, print_line
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceOptions:
+    """The options of `trace`."""
+
+    scenario: File = None
+    out: Path | None = option(None, "Write the trace to this file.", "FILE.txt")
+
+
+@with_options(TraceOptions)
+def trace(chosen: TraceOptions) -> None:
+    """Tell what each robot does when in a harvest of the event model: docs/design.md.
+
+    Nobody may be about, and no robot may fail or charge.
+    """
+    with own_classes_run(), exit_on_errors(ScenarioError, OSError, ValueError, RuntimeError):
+        print_trace(chosen)
+
+
+def print_trace(chosen: TraceOptions) -> None:
+    """Print or write the trace of a scenario.
+
+    Raises ScenarioError, OSError, PolicyFault, or ValueError for a scenario that the event model
+    does not know.
+    """
+    scenario = load_or_shipped(chosen.scenario)
+    unknown = lacking(scenario)
+    if unknown:
+        raise ValueError(f"the event model does not know {unknown}, which this scenario has")
+    if chosen.out is not None:
+        check_writable(chosen.out)
+    # It loads numba, which takes a second.
+    from orchard.event_model.trace import trace as traced
+
+    try:
+        lines = list(traced(lay_out(scenario)))
+    except NotImplementedError as error:
+        raise ValueError(str(error)) from error
+    if chosen.out is None:
+        for line in lines:
+            print_line(line)
+    else:
+        chosen.out.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        print_line(f"{chosen.out}: {len(lines)} lines")

@@ -1,0 +1,33 @@
+"""`orchard trace`: what each robot does when."""
+
+from pathlib import Path
+
+import pytest
+from quiet import NOBODY
+
+from orchard.commands.trace import TraceOptions, print_trace
+from orchard.field.scenario import Scenario, to_yaml
+
+SMALL = {"rows": 3, "pickers": 2, "carriers": 1, "row_length": 30.0}
+
+
+def options(folder: Path, **values: object) -> TraceOptions:
+    path = folder / "scenario.yaml"
+    path.write_text(to_yaml(Scenario(**SMALL | values)))
+    return TraceOptions(scenario=path, out=folder / "trace.txt")
+
+
+def test_a_trace_has_a_line_for_each_thing_that_a_robot_begins(tmp_path: Path) -> None:
+    chosen = options(tmp_path, **NOBODY)
+    print_trace(chosen)
+    assert chosen.out is not None
+    lines = chosen.out.read_text().splitlines()
+    unloaded = [line.split(maxsplit=2) for line in lines if line.endswith("unloads")]
+    assert [robot for _, robot, _ in unloaded] == 3 * ["carrier_01"]
+    assert any(line.endswith("leaves the full bin in row 2") for line in lines)
+
+
+def test_what_the_event_model_does_not_know_is_said(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="does not know people and animals, which this scenario"):
+        print_trace(options(tmp_path))
+    assert not (tmp_path / "trace.txt").exists()

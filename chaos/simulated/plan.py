@@ -258,6 +258,12 @@ OF_AN_OPERATOR = (
 WITH_BANDWIDTH = 0.3
 # The share of schedules in which payloads change on their way.
 WITH_TEARS = 0.2
+# What keeps a host away for a time, and the share of schedules with one of these in which it is
+# away for longer than physics waits. Without it few sessions would be lost.
+LASTING = ("freeze", "think", "cut", "silence", "vanish")
+WITH_ABSENCE = 0.35
+SHORT_PATIENCE = 4.0  # s that physics waits for a host in half of all schedules
+ABSENCE = (5.0, 9.0)  # s
 
 
 def draw(seed: int) -> Plan:
@@ -285,7 +291,7 @@ def draw(seed: int) -> Plan:
         ),
         faults=(),
         mode=mode,
-        patience=random.choice((PATIENCE, 4.0)),
+        patience=random.choice((PATIENCE, SHORT_PATIENCE)),
         is_elsewhere=random.random() < 0.25,
         has_bare_client=has_walker or (mode == "lockstep" and random.random() < 0.25),
         late=random.random() if has_router and random.random() < 0.3 else 0.0,
@@ -295,7 +301,25 @@ def draw(seed: int) -> Plan:
     )
     moments = Moments(plan, harvest)
     faults = sorted(_faults(random, plan, moments), key=lambda fault: fault.tick)
-    return replace(plan, faults=tuple(faults))
+    return _with_absence(Random(f"absence {seed}"), replace(plan, faults=tuple(faults)))
+
+
+def _with_absence(random: Random, plan: Plan) -> Plan:
+    """Return a plan in which now and then a host is away for longer than physics waits."""
+    lasting = [
+        fault
+        for fault in plan.faults
+        if fault.what in LASTING
+        and fault.who not in (PHYSICS, LOGGER)
+        and fault.tick < plan.ticks
+        and fault.seconds < ABSENCE[0]
+    ]
+    if plan.mode != "lockstep" or not lasting or random.random() >= WITH_ABSENCE:
+        return plan
+    chosen = random.choice(lasting)
+    longer = chosen._replace(seconds=random.uniform(*ABSENCE))
+    faults = tuple(longer if fault is chosen else fault for fault in plan.faults)
+    return replace(plan, patience=SHORT_PATIENCE, faults=faults)
 
 
 def _bandwidth(random: Random) -> float:

@@ -9,7 +9,7 @@ import pytest
 
 from chaos.simulated.link import DOWN, Delays
 from chaos.simulated.network import Network
-from chaos.simulated.plan import Fault, Plan, draw
+from chaos.simulated.plan import LASTING, Fault, Plan, draw
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from chaos.simulated.tearing import NO_TEARS, Tearer, Tears, is_message
@@ -136,6 +136,18 @@ def test_some_schedules_have_slow_links_and_payloads_that_change():
     plans = [draw(seed) for seed in range(100)]
     assert 10 <= sum(bool(plan.tears) for plan in plans) <= 40
     assert 10 <= sum(plan.delays.bytes_per_second < 1e9 for plan in plans) <= 50
+
+
+def test_in_some_schedules_a_host_is_away_for_too_long():
+    """Physics loses it, and it joins again."""
+    plans = [draw(seed) for seed in range(200)]
+    away = [
+        fault
+        for plan in plans
+        for fault in plan.faults
+        if fault.what in LASTING and fault.tick < plan.ticks and fault.seconds > plan.patience
+    ]
+    assert len(away) >= 10
 
 
 @pytest.mark.parametrize("others", [{"hosts": 3}, {"has_bare_client": True}], ids=str)

@@ -10,7 +10,7 @@ from chaos.simulated.harvest import digest_of_figures, digest_of_step, harvest_o
 from chaos.simulated.reference import HarvestReference, Reference, Replay, first_moment
 from chaos.simulated.scenes import SCENES
 from orchard.contract.events import Event
-from orchard.contract.messages import Written, pack, unpack
+from orchard.contract.messages import Written, pack, type_of, unpack
 from orchard.field.scenario import Scenario
 from orchard.sim.snapshot import Snapshot
 
@@ -23,6 +23,7 @@ class Step(NamedTuple):
     digest: bytes  # of events and messages
     hash: bytes  # of the run, after the step
     events: list[Event]
+    sent: list[tuple[int, str, str]]  # of each message of agents: its tick, its type, its sender
     is_whole: bool  # whether lockstep has waited for all agents until then
 
 
@@ -76,6 +77,10 @@ class Course:
         self._harvest = HarvestReference(harvest_of(scene))
         self.parts = [Part(self._scenario, self._harvest)]
         self.is_reset = False  # whether the present part began with a reset
+        # Of each reset: the seed of the scenario before, and that with which the run began again.
+        self.seeds: list[tuple[int, int]] = []
+        # Where physics no longer knew that lockstep had not waited for some agents.
+        self.forgotten: list[str] = []
         # tick, digest, whether all was waited for
         self._figures: list[tuple[int, bytes, bool]] = []
         # What local mode does with the emergency stops up to each restart. Physics that goes on
@@ -92,6 +97,7 @@ class Course:
         self._before_restarts.append(self.parts[-1].reference)
         if is_reset:
             self.is_reset = True
+            self.seeds.append((self.parts[-1].scenario["seed"], scenario["seed"]))
             is_that_of_the_scene = scenario == self._scenario
             reference = self._harvest if is_that_of_the_scene else replay_of(pack(scenario))
             self.parts.append(Part(scenario, reference))
@@ -118,7 +124,15 @@ class Course:
     ) -> None:
         """Add a step. `digest`: the run's hash after it."""
         self.is_whole = is_whole
-        step = Step(digest_of_step(events, letters), digest, list(events), is_whole)
+        before = self.parts[-1].steps.get(tick - 1)
+        if is_whole and before is not None and not before.is_whole:
+            self.forgotten.append(f"the agents that were lost are forgotten: tick {tick}")
+        sent = [
+            (tick, type_of(body), sender)
+            for sender, written in letters.items()
+            for _, body in written.sent
+        ]
+        step = Step(digest_of_step(events, letters), digest, list(events), sent, is_whole)
         self.parts[-1].steps[tick] = step
 
     def hear_figures(self, figures: Mapping[str, Any]) -> None:

@@ -2,6 +2,8 @@
 net is not needed.
 """
 
+import inspect
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from math import inf
@@ -17,6 +19,7 @@ from chaos.simulated.scheduler import VirtualInbox
 from orchard.contract.agent import Action
 from orchard.net import host, mailbox, requests
 from orchard.net.ending import Ending
+from orchard.net.refusals import RefusalTotals
 from orchard.processes import agents, physics
 from orchard.server import barriers, commands, inbound, loop, snapshots
 from orchard.server.control import RunClock
@@ -36,6 +39,17 @@ class Cut(NamedTuple):
     owner: Any
     name: str
     replacement: Any
+
+
+def _with_words(owner: Any, name: str, before: str, after: str) -> Cut:
+    """Return the function of a class or module with some words of its source changed."""
+    function = inspect.getattr_static(owner, name)
+    source = textwrap.dedent(inspect.getsource(function))
+    if source.count(before) != 1:
+        raise ValueError(f"{name}: {before!r} is not in it once")
+    made: dict[str, Any] = {}
+    exec(source.replace(before, after), function.__globals__, made)
+    return Cut(owner, name, made[name])
 
 
 def _nothing(*_: Any, **__: Any) -> None:
@@ -308,6 +322,44 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a paused run does one step too many": (Cut(RunClock, "count_step", _counts_one_step_less),),
     "advice drives for one tick too long": (Cut(commands, "WATCHDOG_TICKS", 6),),
     "the session of a key is not checked": (Cut(inbound, "_refuse_other_session", _nothing),),
+    "a token that goes is not forgotten": (
+        _with_words(Roster, "token", "self.tokens.discard((name, owner))", "pass"),
+    ),
+    "an agent hears mail a tick late": (
+        _with_words(RecoveryLog, "hearing", "self.asked(tick - 1)", "self.asked(tick - 2)"),
+    ),
+    "events are published with the next tick": (
+        _with_words(Run, "report", "Events(self.id, tick,", "Events(self.id, tick + 1,"),
+    ),
+    "letters are published with the next tick": (
+        _with_words(Run, "report", "Letters(self.id, tick,", "Letters(self.id, tick + 1,"),
+    ),
+    "a reset goes on from the old snapshot": (
+        _with_words(physics, "simulate", "            before = None\n", ""),
+    ),
+    "a reset keeps the seed": (
+        _with_words(loop.RunLoop, "play", "scenario=ended.", "scenario=self.options."),
+    ),
+    "a snapshot forgets which agents were lost": (
+        _with_words(Run, "keep", "lost=drivers.lost", "lost={}"),
+    ),
+    "a snapshot has no letters": (
+        _with_words(Run, "keep", "letters=drivers.letters()", "letters=[]"),
+    ),
+    "a snapshot forgets what was refused": (
+        _with_words(Run, "keep", "self.refusal_totals.as_data()", "{}"),
+    ),
+    "refusals of a session are added up": (
+        _with_words(
+            RefusalTotals,
+            "hear",
+            "= counts",
+            "= Counter(counts) + Counter(self.there.get(session))",
+        ),
+    ),
+    "a session that is given up keeps its agents": (
+        _with_words(Roster, "release", "self.owners.pop(name)", "self.owners[name]"),
+    ),
 }
 
 

@@ -18,6 +18,10 @@ class Observer:
         self.course = Course(scene)
         self._census = census
         self.driving: list[Driving] = []  # of each physics that has begun
+        # What no physics may do, and one has done.
+        self._wrong: list[str] = []
+        # Tick -> the refusals that were counted when a snapshot of it was made.
+        self._refused_at: dict[int, dict[str, int]] = {}
 
     def begin(self, loop: RunLoop, bus: SimulatedBus, is_reset: bool) -> None:
         """Follow a loop of physics, which is about to begin. `bus`: its session."""
@@ -38,8 +42,43 @@ class Observer:
             driving.step(tick, events)
 
         account.update = update_and_tell  # type: ignore[method-assign]
+        self._watch_refusals(loop, is_reset)
+        self._watch_releases(loop)
+
+    def _watch_refusals(self, loop: RunLoop, is_reset: bool) -> None:
+        """Complain if a run that goes on has forgotten what was refused before its snapshot."""
+        run, keep = loop.run, loop.run.keep
+        before = {} if is_reset else self._refused_at.get(run.engine.tick, {})
+        now = run.refusal_totals.total()
+        forgotten = [reason for reason, count in before.items() if now.get(reason, 0) < count]
+        self._wrong += [f"what was refused is forgotten: {reason}" for reason in forgotten]
+
+        def keep_and_know() -> None:
+            self._refused_at[run.engine.tick] = run.refusal_totals.total()
+            keep()
+
+        run.keep = keep_and_know  # type: ignore[method-assign]
+
+    def _watch_releases(self, loop: RunLoop) -> None:
+        """Complain if an agent is taken from a session twice, and none has joined with it since."""
+        drivers, released = loop.run.drivers, set[str]()
+        release, join = drivers.release, drivers.roster.join
+
+        def release_and_know(names: set[str]) -> None:
+            again = sorted(released.intersection(names))
+            self._wrong += [f"{name} is taken from a session twice" for name in again]
+            released.update(names)
+            release(names)
+
+        def join_and_know(name: str, owner: str) -> None:
+            released.discard(name)
+            join(name, owner)
+
+        drivers.release = release_and_know  # type: ignore[method-assign]
+        drivers.roster.join = join_and_know  # type: ignore[method-assign]
 
     @property
     def complaints(self) -> list[str]:
-        """What drivers asked for, and physics did not do."""
-        return [complaint for driving in self.driving for complaint in driving.complaints]
+        """What drivers asked for, and physics did not do; and what it may not do."""
+        of_drivers = [one for driving in self.driving for one in driving.complaints]
+        return of_drivers + self._wrong[:1]

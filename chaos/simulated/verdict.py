@@ -182,6 +182,7 @@ def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Itera
     lost = [line for line in world.lines if "no longer waited for" in line]
     if plan.mode == "lockstep" and lost and not plan.may_lose:
         yield f"lost: {lost[0]}"
+    yield from schedule.observer.course.forgotten[:1]
     waited = (
         sum("waiting for" in line and line.startswith(PHYSICS) for line in world.lines)
         * WARN_SECONDS
@@ -225,6 +226,8 @@ def _of_files(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
 def _of_commands(schedule: "Schedule") -> Iterator[str]:
     """Complain about what drivers and operators asked for, and did not get."""
     yield from schedule.world.wrong_begins
+    yield from _of_resets(schedule)
+    yield from _of_refusals(schedule)
     yield from schedule.observer.complaints
     for client in schedule.clients:
         if sum(fault.what == "pause" for fault in schedule.plan.faults) == 1:
@@ -234,6 +237,26 @@ def _of_commands(schedule: "Schedule") -> Iterator[str]:
             is_kept = stopped.kept and stopped.tick not in schedule.torn
             if is_kept and not course.has(stopped.tick, what, stopped.changed):
                 yield f"what was kept is forgotten: {what}: tick {stopped.tick}"
+
+
+def _of_resets(schedule: "Schedule") -> Iterator[str]:
+    """Complain about a run that has begun again with a seed that nobody wanted."""
+    wanted = [seed for client in schedule.clients for seed in client.seeds]
+    for before, after in schedule.observer.course.seeds:
+        if after not in [before if seed is None else seed for seed in wanted]:
+            yield f"the run was reset to seed {after}, and not to one of {wanted}"
+
+
+def _of_refusals(schedule: "Schedule") -> Iterator[str]:
+    """Complain about refusals of hosts that physics counts more often than they have happened."""
+    if schedule.world.loop is None:
+        return
+    there = schedule.world.loop.run.refusal_totals.there
+    hosts = [host for process in schedule.world.processes.values() for host in process.hosts]
+    for host in hosts:
+        for reason, count in there.get(host.bus.id, {}).items():
+            if count > host.refusals.counts[reason]:
+                yield f"{count} times {reason!r}, and not {host.refusals.counts[reason]}"
 
 
 def _of_processes(schedule: "Schedule") -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from chaos.simulated.census import EVENTS
 from chaos.simulated.plan import RUN_PY
-from orchard.contract.events import Event, Frame
+from orchard.contract.events import Event, Frame, LetterEvent
 from orchard.wire.keys import LOGGER, PHYSICS
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def faults_of_recording(schedule: "Schedule", summary: dict[str, Any]) -> Iterat
 
 
 def _of_frames(schedule: "Schedule", frames: Sequence[Frame]) -> Iterator[str]:
-    """Yield a frame that is there twice, and one without the events of its step.
+    """Yield a frame that is there twice, and one without the events and messages of its step.
 
     Physics has begun once.
     """
@@ -87,4 +87,12 @@ def _of_frames(schedule: "Schedule", frames: Sequence[Frame]) -> Iterator[str]:
         step = steps.get(frame.tick - 1) if frame.tick == before.tick + 1 else None
         if step is not None and said(frame.events) != said(step.events):
             yield f"recording: other events than in the run: tick {frame.tick - 1}"
+            return
+        sent = [
+            (event.tick, event.what, event.who)
+            for event in frame.events
+            if isinstance(event, LetterEvent)
+        ]
+        if step is not None and sent != step.sent:
+            yield f"recording: other messages than in the run: tick {frame.tick - 1}"
             return

@@ -87,6 +87,8 @@ AGAIN_AND_AGAIN = [
 ]  # until the host has asked
 LEAVES_A_BIN = plan(begin=180)
 LOSES_A_HOST = plan(Fault("think", ONE, 20, 0.0, 30.0), patience=4.0, ticks=300)
+AWAY = plan(Fault("think", ONE, 20, 0.0, 5.0), patience=4.0, ticks=300, delays=Delays(2e-2))
+LATE_KILL = Fault("kill", PHYSICS, 250)
 STOPS_AND_DIES = plan(
     Fault("stop robots", CLIENT, 10, 0.0, 3.0), Fault("kill", PHYSICS, 10, 0.13), ticks=300
 )
@@ -130,6 +132,18 @@ MISSED = {
     ),
     "advice drives for one tick too long": plan(Fault("advise", CLIENT, 10, 0.0, 0.5)),
     "the session of a key is not checked": plan(Fault("lie", CLIENT, 10, 0.0, 0.5)),
+    "a reset keeps the seed": replace(plan(Fault("reset", CLIENT, 20)), seed=2),
+    "letters are published with the next tick": plan(has_logger=True),
+    "events are published with the next tick": plan(has_logger=True, begin=180),
+    "a snapshot forgets which agents were lost": replace(AWAY, faults=(*AWAY.faults, LATE_KILL)),
+    "a snapshot forgets what was refused": plan(
+        Fault("nonsense", CLIENT, 10, 0.0, 0.5), LATE_KILL, ticks=300, delays=Delays(1e-2)
+    ),
+    "refusals of a session are added up": plan(
+        Fault("late letters", CLIENT, 10, 0.0, 0.5), ticks=200, delays=Delays(1e-2)
+    ),
+    "a session that is given up keeps its agents": LOSES_A_HOST,
+    "a host that is told that it is lost does not join again": AWAY,
     "physics is given up at once": plan(Fault("kill", PHYSICS, 20)),
     "a run begins before it is kept": replace(
         plan(

@@ -47,7 +47,8 @@ class Observer:
 
     def _watch_refusals(self, loop: RunLoop, is_reset: bool) -> None:
         """Complain if a run that goes on has forgotten what was refused before its snapshot."""
-        run, keep = loop.run, loop.run.keep
+        run = loop.run
+        keep = run.keep
         before = {} if is_reset else self._refused_at.get(run.engine.tick, {})
         now = run.refusal_totals.total()
         forgotten = [reason for reason, count in before.items() if now.get(reason, 0) < count]
@@ -61,8 +62,10 @@ class Observer:
 
     def _watch_releases(self, loop: RunLoop) -> None:
         """Complain if an agent is taken from a session twice, and none has joined with it since."""
-        drivers, released = loop.run.drivers, set[str]()
-        release, join = drivers.release, drivers.roster.join
+        drivers = loop.run.drivers
+        release = drivers.release
+        join = drivers.roster.join
+        released = set[str]()
 
         def release_and_know(names: set[str]) -> None:
             again = sorted(released.intersection(names))

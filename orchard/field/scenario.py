@@ -373,6 +373,27 @@ CHARGERS = (
 SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
 
 
+_NO_BATTERY = "has no effect: a battery is endless unless hours is set"
+_NO_FAILURE = "has no effect: robots never fail unless mean_between is set"
+# Field -> the field without which it has no effect, and what is said then.
+_IN_VAIN = {
+    "carrying.battery.standing": ("carrying.battery.hours", _NO_BATTERY),
+    "carrying.battery.hours_to_charge": ("carrying.battery.hours", _NO_BATTERY),
+    "carrying.battery.reserve": ("carrying.battery.hours", _NO_BATTERY),
+    "picking.failure.mean_repair": ("picking.failure.mean_between", _NO_FAILURE),
+    "carrying.failure.mean_repair": ("carrying.failure.mean_between", _NO_FAILURE),
+    "picking.spread.cv": (
+        "picking.spread.distribution",
+        "has no effect: all rows are picked alike while the distribution is none",
+    ),
+}
+
+
+def _value_at(scenario: "Scenario", path: str) -> Any:
+    """Return the value of a field. `path`: dotted."""
+    return reduce(getattr, path.split("."), scenario)
+
+
 class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
@@ -620,6 +641,7 @@ class Scenario(Section):
             self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
         )
         self._demand_that_no_row_is_faster_than_a_picker()
+        self._demand_that_all_has_an_effect()
         if self.route in QUEUES:
             text = lack_of_room(
                 self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries
@@ -648,7 +670,7 @@ class Scenario(Section):
             *combinations(("metres_per_bin", "bins_per_row", CROP[0]), 2),
         ]
         for pair in pairs:
-            is_one = None in [reduce(getattr, field.split("."), self) for field in pair]
+            is_one = None in [_value_at(self, field) for field in pair]
             self._demand(
                 is_one, "at most one of both can be set: each says what the other is", *pair
             )
@@ -691,6 +713,31 @@ class Scenario(Section):
         text = f"{what} at this {speed}, because no picker picks faster than {top:g} m/s"
         fields = speed, "picking.spread.distribution", "picking.spread.cv"
         self._demand(spread.distribution == "none" or spread.cv <= most + 1e-9, text, *fields)
+
+    def _demand_that_all_has_an_effect(self) -> None:
+        """Nobody may set in vain what only another value brings to effect."""
+        has_effect = {
+            "carrying.battery.hours": self.has_batteries,
+            "picking.failure.mean_between": self.picking.failure.mean_between is not None,
+            "carrying.failure.mean_between": self.carrying.failure.mean_between is not None,
+            "picking.spread.distribution": self.picking.spread.distribution != "none",
+        }
+        default = Scenario.model_construct()
+        for field, (needed, text) in _IN_VAIN.items():
+            is_set = _value_at(self, field) != _value_at(default, field)
+            self._demand(has_effect[needed] or not is_set, text, field, needed)
+        self._demand(
+            self.chargers <= default.chargers or self.has_batteries,
+            "has no effect: carriers charge only if hours is set",
+            "chargers",
+            "carrying.battery.hours",
+        )
+        self._demand(
+            self.order_in_row == default.order_in_row or self.bin_metres is not None,
+            "has no effect where each row fills one bin: metres_per_bin, bins_per_row and crop say"
+            " how many",
+            "order_in_row",
+        )
 
     def _demand_what_the_survey_says(self) -> None:
         if self.survey is None:

@@ -144,7 +144,19 @@ class _Plain:
 
 
 class OrchardCommand(_Plain, TyperCommand):
-    """A command."""
+    """A command. An option that has one value may be given once."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command line. Raises BadParameter for an option given twice."""
+        # The parser takes words out of the list.
+        _, _, order = self.make_parser(ctx).parse_args(list(args))
+        for number, parameter in enumerate(order):
+            has_one_value = parameter.param_type_name == "option" and not (
+                parameter.multiple or parameter.is_flag
+            )
+            if has_one_value and parameter in order[:number]:
+                raise BadParameter("given twice; it has one value", ctx=ctx, param=parameter)
+        return super().parse_args(ctx, args)
 
 
 class OrchardGroup(_Plain, TyperGroup):

@@ -1,0 +1,43 @@
+"""A value that only another one brings to effect is refused while that one is not set."""
+
+import pytest
+
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import parse
+from orchard.report.limits import limit_of_question
+
+FAILURE = "mean_between: 300"
+IN_VAIN = [
+    ("carrying: {battery: {reserve: 0.5}}", "carrying: {battery: {reserve: 0.5, hours: 3}}"),
+    ("carrying: {battery: {standing: 0.5}}", "carrying: {battery: {standing: 0.5, hours: 3}}"),
+    (
+        "carrying: {battery: {hours_to_charge: 3}}",
+        "carrying: {battery: {hours_to_charge: 3, hours: 3}}",
+    ),
+    ("chargers: 3", "{chargers: 3, carrying: {battery: {hours: 3}}}"),
+    (
+        "carrying: {failure: {mean_repair: 60}}",
+        f"carrying: {{failure: {{mean_repair: 60, {FAILURE}}}}}",
+    ),
+    (
+        "picking: {failure: {mean_repair: 60}}",
+        f"picking: {{failure: {{mean_repair: 60, {FAILURE}}}}}",
+    ),
+    (
+        "picking: {spread: {cv: 0.2}}",
+        "{picking_speed: 0.1, picking: {spread: {cv: 0.2, distribution: gamma}}}",
+    ),
+    ("order_in_row: outward", "{order_in_row: outward, bins_per_row: 3}"),
+]
+
+
+@pytest.mark.parametrize(("in_vain", "with_effect"), IN_VAIN)
+def test_what_has_no_effect_is_refused_with_what_would_bring_it(in_vain, with_effect):
+    with pytest.raises(ScenarioError, match="has no effect"):
+        parse(in_vain)
+    # The limit leaves the spread out, with all that belongs to it.
+    assert limit_of_question(parse(with_effect)).bins_per_hour > 0.0
+
+
+def test_defaults_and_no_chargers_may_be_written_down():
+    parse("{chargers: 0, carrying: {battery: {reserve: 0.2, hours: null}}}")

@@ -143,7 +143,9 @@ def shown_rate(setting: Setting, record: RunRecord) -> float:
     They are full bins, in rows that take their mean times.
     """
     rate = rate_in_mean_rows(record.bins_per_hour, record.bound_bins_per_hour, setting.limit)
-    return rate if record.horizon == "long" else rate * setting.full_share
+    if record.horizon == "harvest":
+        rate *= setting.full_share
+    return rate
 
 
 CHECKS = 5  # replications by the full model of each of the best two

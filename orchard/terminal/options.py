@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from typer import Argument, BadParameter, Option
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from orchard.field.shipped import DEFAULT, names
 from orchard.terminal.catalogue import COMMANDS
@@ -150,12 +150,13 @@ class OrchardCommand(_Plain, TyperCommand):
         """Parse the words of a command line. Raises BadParameter for an option given twice."""
         # The parser takes words out of the list.
         _, _, order = self.make_parser(ctx).parse_args(list(args))
-        for number, parameter in enumerate(order):
-            has_one_value = parameter.param_type_name == "option" and not (
-                parameter.multiple or parameter.is_flag
-            )
-            if has_one_value and parameter in order[:number]:
+        given: list[TyperOption] = []
+        for parameter in order:
+            if isinstance(parameter, TyperOption) and parameter in given:
                 raise BadParameter("given twice; it has one value", ctx=ctx, param=parameter)
+            # A flag says the same a second time.
+            if isinstance(parameter, TyperOption) and not (parameter.multiple or parameter.is_flag):
+                given.append(parameter)
         return super().parse_args(ctx, args)
 
 

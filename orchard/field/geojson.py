@@ -178,7 +178,11 @@ def _point(number: int, coordinates: Any) -> complex:
     """Return a point. Raises ValueError, with its number in the line, for what is none."""
     try:
         x, y, *_ = coordinates
-        point = complex(float(x), float(y))
+        # "176.3" and true are no numbers of JSON.
+        are_numbers = type(x) in (int, float) and type(y) in (int, float)
+        point = complex(math.nan)
+        if are_numbers:
+            point = complex(float(x), float(y))
     except (TypeError, ValueError, OverflowError):
         point = complex(math.nan)
     if not cmath.isfinite(point):
@@ -252,7 +256,9 @@ def _converted(source: Any, target: Any, lines: Sequence[SurveyedLine]) -> list[
     converted = []
     for line in lines:
         x, y = transformer.transform(line.points.real, line.points.imag)
-        points = np.asarray(x) + 1j * np.asarray(y)
+        # A place that is none is infinite, and refused below.
+        with np.errstate(invalid="ignore"):
+            points = np.asarray(x) + 1j * np.asarray(y)
         is_within = np.abs(line.points.real) <= most_x
         is_within &= np.abs(line.points.imag) <= most_y
         is_place = is_within & np.isfinite(points)

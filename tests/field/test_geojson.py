@@ -152,6 +152,24 @@ def test_a_system_that_counts_south_mirrors_no_rows(crs: str, file: Path):
         assert (row.south, row.start, row.length) == pytest.approx(wanted, abs=0.03)
 
 
+@pytest.mark.parametrize("x", ["400000.0", True])
+def test_a_coordinate_that_is_no_number_is_refused(x, file: Path):
+    write_geojson(file, lines_of(UNEQUAL))
+    content = json.loads(file.read_text())
+    content["features"][0]["geometry"]["coordinates"][0][0] = x
+    file.write_text(json.dumps(content))
+    assert "each point must be two finite numbers" in told(file)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_place_beyond_all_systems_is_refused_without_a_warning(file: Path):
+    write_geojson(file, lines_of(UNEQUAL))
+    content = json.loads(file.read_text())
+    content["features"][0]["geometry"]["coordinates"][0][0] = 1e308
+    file.write_text(json.dumps(content))
+    assert "is no place in the coordinate system" in told(file)
+
+
 def test_lines_that_go_there_and_back_are_rows(file: Path):
     there_and_back = {
         name: [*points, *points[-2::-1]] for name, points in lines_of(UNEQUAL).items()

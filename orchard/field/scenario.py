@@ -47,7 +47,10 @@ TIME_STEP = 1 / TICKS_PER_SECOND  # s
 CHOICE = Decision.CHOICE
 CIRCUMSTANCE = Decision.CIRCUMSTANCE
 MOST_GUESTS = 50  # people together, animals together, weeds
-NEAREST, ROLLING, END = "nearest", "rolling", "end"
+NEAREST = "nearest"
+ROLLING = "rolling"
+END = "end"
+# The built-in policies.
 DISPATCH_POLICIES = (
     NEAREST,
     "farthest-first",
@@ -56,17 +59,21 @@ DISPATCH_POLICIES = (
     "predictive-farthest",
     ROLLING,
     "assignment",
-)  # built in
-ROW_RULES = BALANCED, BALANCED_ENDS, MANUAL = (
-    "balanced",
-    "balanced-ends",
-    "manual",
-)  # the built-in rules for rows
-ROW_ORDERS = ONWARD, OUTWARD = "onward", "outward"  # the built-in orders of picking inside a row
-RESERVED = (*BODILESS, "physics", "logger")  # names that a user's agent without a body cannot have
+)
+BALANCED = "balanced"
+BALANCED_ENDS = "balanced-ends"
+MANUAL = "manual"
+# The built-in rules for rows.
+ROW_RULES = (BALANCED, BALANCED_ENDS, MANUAL)
+ONWARD = "onward"
+OUTWARD = "outward"
+# The built-in orders of picking inside a row.
+ROW_ORDERS = (ONWARD, OUTWARD)
+# Names that a user's agent without a body cannot have.
+RESERVED = (*BODILESS, "physics", "logger")
 
 
-def _choice(names: Sequence[str], what: str) -> Any:
+def _choice(names: Sequence[str], meaning: str) -> Any:
     """One of some names.
 
     Programs that offer a choice, such as the page, find them in `examples`.
@@ -74,17 +81,21 @@ def _choice(names: Sequence[str], what: str) -> Any:
     return Field(
         pattern=rf"^({'|'.join(names)})$",
         examples=list(names),
-        description=f"{what}: {', '.join(names)}",
+        description=f"{meaning}: {', '.join(names)}",
     )
 
 
-def _count(what: str) -> Any:
-    return Field(ge=0, le=MOST_GUESTS, description=what)
+def _count(meaning: str) -> Any:
+    """A number of people or animals."""
+    return Field(ge=0, le=MOST_GUESTS, description=meaning)
 
 
 class _Guests(Section):
+    """Numbers of bodies that are at most 50 together."""
+
     @model_validator(mode="after")
     def _not_too_many(self) -> "_Guests":
+        """Check the sum of all numbers."""
         counts = self.model_dump()
         self._demand(
             sum(counts.values()) <= MOST_GUESTS, f"must be at most {MOST_GUESTS} together", *counts
@@ -120,11 +131,12 @@ class Crop(Section):
 
 
 LEAST_CV = 0.01
+# Greatest cv of the part of a row's picking time that is drawn.
 WIDEST = {
     "lognormal": 1.0,
     "gamma": 1.0,
     "uniform": 1.0 / math.sqrt(3.0),
-}  # cv of the part of a row's picking time that is drawn
+}
 
 
 class Spread(Section):
@@ -158,7 +170,9 @@ class Failure(Section):
     @property
     def share(self) -> float:
         """The mean time of repairs for a time of work."""
-        return 0.0 if self.mean_between is None else self.mean_repair / self.mean_between
+        if self.mean_between is None:
+            return 0.0
+        return self.mean_repair / self.mean_between
 
 
 class Picking(Section):
@@ -228,10 +242,10 @@ class LaserSettings(Section):
 
 
 BIAS_TIME = "time in which the correlation of the slow error falls to 1/e, s"
-MOST_WHITE, MOST_BIAS = (
-    0.1,
-    0.03,
-)  # m: with more, a carrier may take a picker that waits 0.25 m beside its road for one ahead of it
+# With larger errors, a carrier may take a picker that waits 0.25 m beside its road for one ahead of
+# it.
+MOST_WHITE = 0.1  # m
+MOST_BIAS = 0.03  # m
 
 
 class Gnss(Section):
@@ -294,8 +308,9 @@ class SensorSettings(Section):
 HIGHEST_PRICE = 1e9  # in whatever currency
 
 
-def _price(what: str) -> Any:
-    return Field(ge=0.0, le=HIGHEST_PRICE, description=what)
+def _price(meaning: str) -> Any:
+    """A price."""
+    return Field(ge=0.0, le=HIGHEST_PRICE, description=meaning)
 
 
 class Prices(Section):
@@ -331,14 +346,13 @@ MoreAgents = Annotated[
 ]
 
 
-def _plugin(builtin: Sequence[str], what: str) -> Any:
+def _plugin(builtin: Sequence[str], meaning: str) -> Any:
     """A rule that the scenario names: a built-in one, or module.Class of a user."""
-    pattern, names = rf"^({'|'.join(builtin)}|{_PATH})$", ", ".join(builtin)
     return Field(
-        pattern=pattern,
+        pattern=rf"^({'|'.join(builtin)}|{_PATH})$",
         max_length=200,
         examples=list(builtin),
-        description=f"{what}: {names}, or module.Class",
+        description=f"{meaning}: {', '.join(builtin)}, or module.Class",
     )
 
 
@@ -363,14 +377,17 @@ QUEUE_ROOM = (
 )
 
 
-CROP = "crop.tonnes_per_hectare", "crop.kilograms_per_bin"
+CROP = ("crop.tonnes_per_hectare", "crop.kilograms_per_bin")
 SLOWEST = 0.001  # m/s, of a picker while it picks
-SHORTEST_BIN, LONGEST_BIN = 5.0, 200.0  # m of row that fill a bin
+# Metres of row that fill a bin.
+SHORTEST_BIN = 5.0
+LONGEST_BIN = 200.0
 CHARGERS = (
     "number of carriers that can charge at once, in lines of their own in the queue; only batteries"
     " need them"
 )
-SURVEYED = ("rows", "row_length", "row_width")  # what `survey` decides
+# What `survey` decides.
+SURVEYED = ("rows", "row_length", "row_width")
 
 
 _NO_BATTERY = "has no effect: a battery is endless unless hours is set"
@@ -504,7 +521,9 @@ class Scenario(Section):
     @property
     def carrier_count(self) -> int:
         """The number of carriers, by default 7 for every 10 pickers, rounded up (manual)."""
-        return self.carriers if self.carriers is not None else math.ceil(self.pickers * 7 / 10)
+        if self.carriers is not None:
+            return self.carriers
+        return math.ceil(self.pickers * 7 / 10)
 
     @property
     def queue_carriers(self) -> int:
@@ -518,19 +537,20 @@ class Scenario(Section):
         """
         if self.bins_per_row is not None:
             return self.mean_row / self.bins_per_row
-        tonnes, kilograms = self.crop.tonnes_per_hectare, self.crop.kilograms_per_bin
-        if tonnes is None or kilograms is None:
+        tonnes_per_hectare = self.crop.tonnes_per_hectare
+        kilograms_per_bin = self.crop.kilograms_per_bin
+        if tonnes_per_hectare is None or kilograms_per_bin is None:
             return self.metres_per_bin
-        return kilograms / (0.1 * tonnes * self.row_pitch)  # 1 t/ha is 0.1 kg/m2
+        # 1 t/ha is 0.1 kg/m2.
+        kilograms_per_metre = 0.1 * tonnes_per_hectare * self.row_pitch
+        return kilograms_per_bin / kilograms_per_metre
 
     @property
     def mean_row(self) -> float:
         """The length of a row, m; the mean, if they are surveyed."""
-        return (
-            self.row_length
-            if self.survey is None
-            else fmean(row.length for row in self.survey.rows)
-        )
+        if self.survey is None:
+            return self.row_length
+        return fmean(row.length for row in self.survey.rows)
 
     @property
     def row_pitch(self) -> float:
@@ -547,9 +567,11 @@ class Scenario(Section):
         """The speed of a picker while it picks, m/s: `picking_speed`, or what
         `picking_rate` says.
         """
-        if self.picking_rate is None:
-            return 1.0 if self.picking_speed is None else self.picking_speed
-        return self.picking_rate * self._mean_bin / 3600.0
+        if self.picking_rate is not None:
+            return self.picking_rate * self._metres_per_full_bin / 3600.0
+        if self.picking_speed is not None:
+            return self.picking_speed
+        return 1.0
 
     @property
     def chosen(self) -> dict[str, float]:
@@ -557,13 +579,13 @@ class Scenario(Section):
         return {
             "carriers": self.carrier_count,
             "picking_speed": self.mean_picking_speed,
-            "picking_rate": 3600.0 * self.mean_picking_speed / self._mean_bin,
-            "metres_per_bin": self._mean_bin,
-            "bins_per_row": self.mean_row / self._mean_bin,
+            "picking_rate": 3600.0 * self.mean_picking_speed / self._metres_per_full_bin,
+            "metres_per_bin": self._metres_per_full_bin,
+            "bins_per_row": self.mean_row / self._metres_per_full_bin,
         }
 
     @property
-    def _mean_bin(self) -> float:
+    def _metres_per_full_bin(self) -> float:
         """Metres of row that fill a bin; if each row fills one, of the mean row."""
         return self.bin_metres or self.mean_row
 
@@ -575,21 +597,20 @@ class Scenario(Section):
     @property
     def work_is_drawn(self) -> bool:
         """Whether the seed changes how long robots work."""
-        failures = self.picking.failure, self.carrying.failure
-        return self.picking.spread.distribution != "none" or any(
-            failure.mean_between is not None for failure in failures
-        )
+        if self.picking.spread.distribution != "none":
+            return True
+        failures = (self.picking.failure, self.carrying.failure)
+        return any(failure.mean_between is not None for failure in failures)
 
     @property
     def bodiless_agents(self) -> tuple[str, ...]:
         """The agents without a body: `traffic`, `dispatch` if the policy is not `nearest`, and
         those of the user.
         """
-        return (
-            TRAFFIC,
-            *([] if self.dispatch == NEAREST else [DISPATCH]),
-            *sorted(self.agents_without_body),
-        )
+        desks = [TRAFFIC]
+        if self.dispatch != NEAREST:
+            desks.append(DISPATCH)
+        return (*desks, *sorted(self.agents_without_body))
 
     @property
     def own_classes(self) -> dict[str, str]:
@@ -609,19 +630,17 @@ class Scenario(Section):
 
     @property
     def _own_rules(self) -> dict[str, str]:
-        builtin = {
-            name: field.examples
-            for name, field in type(self).model_fields.items()
-            if field.examples
-        }
-        return {
-            name: path
-            for name, known in builtin.items()
-            if (path := getattr(self, name)) not in known
-        }
+        """The rules that are not built in: key -> path of the user's class or function."""
+        own = {}
+        for key, field in type(self).model_fields.items():
+            path = getattr(self, key)
+            if field.examples and path not in field.examples:
+                own[key] = path
+        return own
 
     @model_validator(mode="after")
-    def _new_names_and_no_idle_pickers(self) -> "Scenario":
+    def _check_rules(self) -> "Scenario":
+        """Check all rules about several values."""
         self._demand_what_the_survey_says()
         taken = [name for name in self.agents_without_body if kind_of(name) in (*KINDS, *RESERVED)]
         self._demand(
@@ -643,18 +662,22 @@ class Scenario(Section):
         self._demand_that_no_row_is_faster_than_a_picker()
         self._demand_that_all_has_an_effect()
         if self.route in QUEUES:
-            text = lack_of_room(
-                self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries
-            )
-            robots = (
-                "queue_room"
-                if self.queue_carriers > self.carrier_count
-                else "pickers"
-                if self.carriers is None
-                else "carriers"
-            )
-            self._demand(not text, text, robots, "row_length", "bay")
+            self._demand_room_in_the_queue()
         return self
+
+    def _demand_room_in_the_queue(self) -> None:
+        """The queue has places for all carriers."""
+        text = lack_of_room(
+            self.route, self.row_length, self.bay, self.queue_carriers, self.has_batteries
+        )
+        # The key that says how many carriers there are.
+        if self.queue_carriers > self.carrier_count:
+            key = "queue_room"
+        elif self.carriers is None:
+            key = "pickers"
+        else:
+            key = "carriers"
+        self._demand(not text, text, key, "row_length", "bay")
 
     def _demand_one_way_to_say_it(self) -> None:
         """A picking speed or a rate; metres per bin, bins per row, or a crop; and what follows from
@@ -674,45 +697,55 @@ class Scenario(Section):
             self._demand(
                 is_one, "at most one of both can be set: each says what the other is", *pair
             )
+        self._demand_bins_of_a_usual_size()
+        self._demand_a_rate_that_a_picker_can_have()
+
+    def _demand_bins_of_a_usual_size(self) -> None:
+        """The metres of row that fill a bin are within their limits, also where they follow from
+        other values.
+        """
         metres = self.bin_metres
-        if metres is not None and metres != self.metres_per_bin:
-            text = (
-                f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to"
-                f" {LONGEST_BIN:g} m"
-            )
-            fields = (
-                (*CROP, "row_width")
-                if self.bins_per_row is None
-                else ("bins_per_row", "row_length")
-            )
-            self._demand(SHORTEST_BIN <= metres <= LONGEST_BIN, text, *fields)
-        least, most = (
-            math.ceil(36e5 * SLOWEST / self._mean_bin) / 1e3,
-            math.floor(36e5 / self._mean_bin) / 1e3,
-        )
+        if metres is None or metres == self.metres_per_bin:
+            return
         text = (
-            f"must be {least:g} to {most:g} where {self._mean_bin:.4g} m of row fill a bin: a"
+            f"a bin would fill in {metres:.4g} m of row; must be {SHORTEST_BIN:g} to"
+            f" {LONGEST_BIN:g} m"
+        )
+        keys: tuple[str, ...] = ("bins_per_row", "row_length")
+        if self.bins_per_row is None:
+            keys = (*CROP, "row_width")
+        self._demand(SHORTEST_BIN <= metres <= LONGEST_BIN, text, *keys)
+
+    def _demand_a_rate_that_a_picker_can_have(self) -> None:
+        """The picking rate makes a speed that a picker can drive."""
+        if self.picking_rate is None:
+            return
+        metres = self._metres_per_full_bin
+        least = math.ceil(36e5 * SLOWEST / metres) / 1e3
+        most = math.floor(36e5 / metres) / 1e3
+        text = (
+            f"must be {least:g} to {most:g} where {metres:.4g} m of row fill a bin: a"
             f" picker goes {SLOWEST:g} to 1 m/s"
         )
-        self._demand(
-            self.picking_rate is None or least <= self.picking_rate <= most, text, "picking_rate"
-        )
+        self._demand(least <= self.picking_rate <= most, text, "picking_rate")
 
     def _demand_that_no_row_is_faster_than_a_picker(self) -> None:
         """A row takes at least the time to drive along it, so only the rest of its mean time can
         spread.
         """
-        spread, top = self.picking.spread, KINDS["picker"].speed
+        spread = self.picking.spread
+        if spread.distribution == "none":
+            return
+        top = KINDS["picker"].speed
         most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.mean_picking_speed / top)
-        what = (
-            f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"
-            if most >= LEAST_CV
-            else "the distribution must be none"
-        )
+        if most >= LEAST_CV:
+            wanted = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"
+        else:
+            wanted = "the distribution must be none"
         speed = "picking_speed" if self.picking_rate is None else "picking_rate"
-        text = f"{what} at this {speed}, because no picker picks faster than {top:g} m/s"
-        fields = speed, "picking.spread.distribution", "picking.spread.cv"
-        self._demand(spread.distribution == "none" or spread.cv <= most + 1e-9, text, *fields)
+        text = f"{wanted} at this {speed}, because no picker picks faster than {top:g} m/s"
+        keys = (speed, "picking.spread.distribution", "picking.spread.cv")
+        self._demand(spread.cv <= most + 1e-9, text, *keys)
 
     def _demand_that_all_has_an_effect(self) -> None:
         """Nobody may set in vain what only another value brings to effect."""
@@ -740,13 +773,14 @@ class Scenario(Section):
         )
 
     def _demand_what_the_survey_says(self) -> None:
+        """Rows, their length and width are those of the survey, if there is one."""
         if self.survey is None:
             return
         length = round(self.survey.length, 6)
         wanted = {"rows": len(self.survey.rows), "row_length": length, "row_width": NARROWEST_ROW}
         wrong = [name for name in SURVEYED if abs(getattr(self, name) - wanted[name]) > ROUNDING]
-        text = f"must be {' and '.join(f'{wanted[name]:.10g}' for name in wrong)} with this survey"
-        self._demand(not wrong, text, *wrong)
+        numbers = " and ".join(f"{wanted[name]:.10g}" for name in wrong)
+        self._demand(not wrong, f"must be {numbers} with this survey", *wrong)
 
 
 def load(path: str | Path) -> Scenario:
@@ -776,7 +810,10 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
     """
     values = scenario.model_dump()
     for path, value in changes.items():
-        _merge(values, reduce(lambda inner, key: {key: inner}, reversed(path.split(".")), value))
+        change = value
+        for key in reversed(path.split(".")):
+            change = {key: change}
+        _merge(values, change)
     return check(values, "changes")
 
 
@@ -805,17 +842,12 @@ def check(
 
     Raises a `ScenarioError` with all problems, including those in `known`.
     """
+    problems = list(known or [])
     if not isinstance(values, Mapping | BaseModel):
-        raise ScenarioError(
-            [
-                *(known or []),
-                Problem(source, f"must be a map of keys and values, and not {show(values)}"),
-            ]
-        )
+        text = f"must be a map of keys and values, and not {show(values)}"
+        raise ScenarioError([*problems, Problem(source, text)])
     errors, scenario = _errors(_plain(values))
-    problems = list(known or []) + [
-        problem_of(error, Scenario, source, lines or {}) for error in errors
-    ]
+    problems += [problem_of(error, Scenario, source, lines or {}) for error in errors]
     if problems:
         raise ScenarioError(problems, scenario)
     return scenario
@@ -837,35 +869,32 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
     invalid. So the fields of all errors are set to their defaults, which break no rule, and all is
     checked again, until every rule has been checked.
     """
-    found: list[dict[str, Any]] = []
+    errors: list[dict[str, Any]] = []
     wrong: set[tuple[str, ...]] = set()
     while True:
         try:
-            return found, Scenario.model_validate(values)
+            return errors, Scenario.model_validate(values)
         except ValidationError as failure:
-            errors = [
-                _located(error)
-                for error in failure.errors(include_url=False)
-                if not _counts_what_is_wrong(error)
-            ]
-        found += [error for error in errors if wrong.isdisjoint(error["fields"])]
-        paths = {
-            path for error in errors for field in error["fields"] for path in _with_defaults(field)
-        }
-        wrong, values = wrong | paths, _without(values, paths)
+            details = failure.errors(include_url=False)
+        current = [_located(error) for error in details if not _counts_what_is_wrong(error)]
+        errors += [error for error in current if wrong.isdisjoint(error["fields"])]
+        paths: set[tuple[str, ...]] = set()
+        for error in current:
+            for field in error["fields"]:
+                paths.update(_with_defaults(field))
+        wrong |= paths
+        values = _without(values, paths)
 
 
 def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Return what is set to its default because a field is wrong: the field, or the whole survey,
     because its sizes have no default.
     """
-    return (
-        [("survey",)]
-        if field[0] == "survey"
-        else [field, ("survey",)]
-        if field[0] in SURVEYED
-        else [field]
-    )
+    if field[0] == "survey":
+        return [("survey",)]
+    if field[0] in SURVEYED:
+        return [field, ("survey",)]
+    return [field]
 
 
 def _counts_what_is_wrong(error: Any) -> bool:
@@ -878,28 +907,31 @@ def _counts_what_is_wrong(error: Any) -> bool:
 
 
 def _located(error: Any) -> dict[str, Any]:
+    """Return an error of pydantic with the paths of the fields that it is about, and whether it is
+    about a key of a map.
+    """
     of_key = error["loc"][2:] == ("[key]",)
-    loc = error["loc"][:2] if of_key else error["loc"]
-    loc = tuple(map(str, loc))
-    fields = (
-        [(*loc, *field.split(".")) for field in error["ctx"]["fields"]]
-        if error["type"] == "rule"
-        else [loc]
-    )
-    return dict(error) | {"loc": loc, "of_key": of_key, "fields": fields}
+    path = tuple(map(str, error["loc"][:2] if of_key else error["loc"]))
+    fields = [path]
+    if error["type"] == "rule":
+        fields = [(*path, *field.split(".")) for field in error["ctx"]["fields"]]
+    return dict(error) | {"loc": path, "of_key": of_key, "fields": fields}
 
 
 def _without(
     values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    kept = {key: value for key, value in values.items() if (*at, key) not in paths}
-    return {
-        key: _without(value, paths, (*at, key)) if isinstance(value, dict) else value
-        for key, value in kept.items()
-    }
+    """Return the values without those at some paths. `at`: the path of the values themselves."""
+    kept = {}
+    for key, value in values.items():
+        path = (*at, key)
+        if path not in paths:
+            kept[key] = _without(value, paths, path) if isinstance(value, dict) else value
+    return kept
 
 
 def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
+    """Put changes into values, also into the maps inside them."""
     for key, change in changes.items():
         if isinstance(change, dict) and isinstance(values.get(key), dict):
             _merge(values[key], change)

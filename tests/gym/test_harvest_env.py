@@ -2,6 +2,7 @@
 as local mode, rewards, mistakes.
 """
 
+import math
 from copy import deepcopy
 from functools import partial
 
@@ -17,10 +18,10 @@ from msgspec.structs import replace
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from orchard.contract.messages import Couple, PickFrom, Uncouple
-from orchard.field.geometry import Twist
+from orchard.field.geometry import STILL, Twist
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
-from orchard.gym import REWARDS, DispatchEnv, dispatch_env, parallel_env, single_env
+from orchard.gym import REWARDS, DispatchEnv, Moment, dispatch_env, parallel_env, single_env
 from orchard.local import Local
 
 SMALL = Scenario(
@@ -295,6 +296,18 @@ def test_picking_counts_own_metres_and_goal_those_on_the_way(reward, name, ticks
     """Picking counts the metres in the own bin and goal those on the way."""
     rewards, world = follow(reward, name, ticks)
     assert sum(rewards) == pytest.approx(counted(world, world.index[name])) and sum(rewards) > least
+
+
+@pytest.mark.parametrize(("yaw", "reward"), [(0.5, 0.5), (-0.5, -0.5), (2.0, 0.0)])
+def test_goal_counts_radians_towards_the_heading(yaw, reward):
+    """A picker that is to turn to the left by 1 rad has turned there, away, or too far."""
+    env = single_env(Scenario(), "picker_01")
+    env.reset()
+    before = replace(env.local.seen["picker_01"], orientation=(0.0, 1.0))
+    after = replace(before, orientation=(math.sin(yaw / 2), math.cos(yaw / 2)))
+    goal = (before.x, before.y, 1.0)
+    moment = Moment(before, after, goal, velocity=STILL, scripted=STILL, filled=0.0, events=[])
+    assert REWARDS["goal"](moment) == pytest.approx(reward)
 
 
 def test_imitation_is_best_for_our_agent():

@@ -357,6 +357,14 @@ def test_figures_become_plots(recording: Path) -> None:
     assert max(value[0] for _, value in waiting) == 2.0
 
 
+def test_a_carrier_is_busy_unless_it_waits_rests_or_is_broken(layout: Layout, tmp_path: Path):
+    """Robots of other kinds do not count."""
+    states = {"carrier_01": "waiting", "carrier_02": "hauling", "picker_01": "driving"}
+    frame = Frame(10, starts(layout), states=states, doing=dict.fromkeys(states, "something"))
+    path = recording_of(tmp_path / "busy.rrd", layout, [frame])
+    assert Rows(path, "/metrics/robots/carriers_busy").values("Scalars:scalars") == [(1.0, [1.0])]
+
+
 def test_optimize_packs_without_loss(recording: Path, tmp_path: Path) -> None:
     packed = tmp_path / "packed.rrd"
     packed.write_bytes(recording.read_bytes())

@@ -16,7 +16,7 @@ from nicegui.events import ValueChangeEventArguments
 from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand
 from orchard.app.draft import number_of, number_problem, shown, span
-from orchard.app.picture import Picture
+from orchard.app.picture import ViewerPanel
 from orchard.app.runs_view import Record
 from orchard.app.what_if import Fork
 from orchard.field.scenario import Scenario
@@ -208,14 +208,14 @@ class RunControls:
             label.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
 
 
-class Run(PageCommand):
+class HarvestCommand(PageCommand):
     """One run, perhaps a fork of another one."""
 
     def __init__(
         self, scenario: Scenario, settings: RunSettings, files: Files, fork: Fork | None = None
     ) -> None:
         self.settings, self.fork = settings, fork
-        self.picture = Picture(scenario, files)
+        self.picture = ViewerPanel(scenario, files)
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
         self._course = {
@@ -261,4 +261,4 @@ class Run(PageCommand):
         self.picture.close()
 
 
-Harvests = Latest[Run]
+Harvests = Latest[HarvestCommand]

@@ -13,7 +13,7 @@ from orchard.app.desks import Desk
 from orchard.app.draft import Draft, counted_fields, query_of
 from orchard.app.elements import StartAndStop, button, dialog, note, while_alive
 from orchard.app.form import Form
-from orchard.app.harvest_run import Harvests, Run, RunControls
+from orchard.app.harvest_run import HarvestCommand, Harvests, RunControls
 from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView, derive
 from orchard.app.study_run import Studies
@@ -49,7 +49,9 @@ class Page:
         self._drawn: tuple[
             Any, ...
         ] = ()  # what was entered, and the run that went on, when the page was drawn last
-        self._seen: tuple[Run, bool] | None = None  # the run on the stage, and whether it was over
+        self._seen: tuple[HarvestCommand, bool] | None = (
+            None  # the run on the stage, and whether it was over
+        )
         self._build()
         self.form.show()
         ui.timer(REDRAW_SECONDS, self._redraw)
@@ -250,7 +252,7 @@ class Page:
         if scenario is None or settings.problems:
             return
         try:
-            self.runs.start(partial(Run, scenario, settings, fork=fork))
+            self.runs.start(partial(HarvestCommand, scenario, settings, fork=fork))
         except (OSError, RuntimeError) as error:
             complain("The harvest was not started", [str(error)])
         self._watch()

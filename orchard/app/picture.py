@@ -14,7 +14,7 @@ from orchard.view.web import address, data_uri, free_pair, is_open, page_url, se
 LOOK_SECONDS = 0.3  # s between two looks whether servers answer
 
 
-class Picture:
+class ViewerPanel:
     """The picture of a run. `port`: of the viewer; that of live data is the next one."""
 
     def __init__(self, scenario: Scenario, files: Files) -> None:
@@ -43,7 +43,7 @@ class Picture:
                 server.terminate()
 
 
-class Frame(ui.element):
+class IFrame(ui.element):
     """A frame for a picture, empty until it has an address."""
 
     def __init__(self, title: str) -> None:
@@ -51,12 +51,12 @@ class Frame(ui.element):
         self.classes("picture").props(f'data-view=picture allow=fullscreen title="{title}"')
 
 
-class Player(Frame):
+class Player(IFrame):
     """A frame that plays a recording as soon as its servers answer. They end with the frame."""
 
     def __init__(self, scenario: Scenario, files: Files, title: str) -> None:
         super().__init__(title)
-        self._picture = Picture(scenario, files)
+        self._picture = ViewerPanel(scenario, files)
         self._picture.play()
         self._timer = ui.timer(LOOK_SECONDS, self._point)
 

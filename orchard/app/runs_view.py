@@ -24,7 +24,7 @@ from orchard.report.summary import Headline
 MOST = 200  # runs in the list
 
 
-class Moment(msgspec.Struct, frozen=True):
+class ForkPoint(msgspec.Struct, frozen=True):
     """The run from which a fork goes on, and when."""
 
     run: str = ""
@@ -40,7 +40,7 @@ class Record(Headline):
     picker_waiting_seconds: float
     scenario: dict[str, Any]
     history: dict[str, list[float]]
-    forked_from: Moment = Moment()  # the default: of no fork
+    forked_from: ForkPoint = ForkPoint()  # the default: of no fork
 
     def __post_init__(self) -> None:
         if (

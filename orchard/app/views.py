@@ -13,8 +13,8 @@ from orchard.app.command import STATE_COLOURS, RunState
 from orchard.app.desks import Desk
 from orchard.app.draft import title_of
 from orchard.app.elements import heading, note, table, tiles
-from orchard.app.harvest_run import Run
-from orchard.app.picture import Frame
+from orchard.app.harvest_run import HarvestCommand
+from orchard.app.picture import IFrame
 from orchard.app.preview import PlanView
 from orchard.app.runs_view import RunsView
 from orchard.app.study_run import Studies
@@ -48,7 +48,7 @@ class ProgressView:
             self._words = ui.label().classes("figure-line").props("data-view=progress")
         self._box.set_visibility(False)
 
-    def show(self, run: Run, state: RunState) -> None:
+    def show(self, run: HarvestCommand, state: RunState) -> None:
         """Show how far a run is, once its first figures have come."""
         self._box.set_visibility(True)
         colour = f"color={STATE_COLOURS[state]}"
@@ -94,10 +94,10 @@ class MessagesView:
 
     def __init__(self) -> None:
         self._log = ui.log(max_lines=500).classes("messages").props("data-view=messages tabindex=0")
-        self._run: Run | None = None
+        self._run: HarvestCommand | None = None
         self._shown = 0
 
-    def show(self, run: Run, state: RunState) -> None:
+    def show(self, run: HarvestCommand, state: RunState) -> None:
         """Show the lines that a run has printed since the last call."""
         if run is not self._run:
             self._log.clear()
@@ -117,17 +117,17 @@ class PictureView:
     def __init__(self) -> None:
         self._hint = note("", "hint")
         self._link = ui.link("Open in a new tab", "", new_tab=True).classes("corner")
-        self._frame = Frame("Picture of the run")
+        self._frame = IFrame("Picture of the run")
         for element in (self._frame, self._link):
             element.bind_visibility_from(self._hint, "text", lambda words: not words)
         self._figures = Charts()
         # The run in the frame, and whether it was over.
-        self._shown: tuple[Run, bool] | None = None
+        self._shown: tuple[HarvestCommand, bool] | None = None
         # The viewer is large: it loads only when the user selects the picture.
         self.is_seen = False
         self._hint.set_text("The live picture appears here when a harvest runs.")
 
-    def show(self, run: Run, state: RunState) -> None:
+    def show(self, run: HarvestCommand, state: RunState) -> None:
         """Point the frame at a run once its servers answer.
 
         A new address would reload the viewer, so it is set once.
@@ -149,7 +149,7 @@ class PictureView:
             self._hint.set_text(_without_picture(run, state))
 
 
-def _without_picture(run: Run, state: RunState) -> str:
+def _without_picture(run: HarvestCommand, state: RunState) -> str:
     """Return why there is no picture of a run yet, or none at all."""
     if not state.is_over:
         if run.settings.live:
@@ -167,11 +167,11 @@ class SummaryView:
     """
 
     def __init__(self) -> None:
-        self._run: Run | None = None
+        self._run: HarvestCommand | None = None
         with ui.element("div") as self._box:
             ui.label("The summary appears here when a harvest has ended.").classes("hint")
 
-    def show(self, run: Run, state: RunState) -> None:
+    def show(self, run: HarvestCommand, state: RunState) -> None:
         """Show the summary of a run, once it is over."""
         if not state.is_over or run is self._run:
             return
@@ -190,7 +190,7 @@ class SummaryView:
                 ui.label("\n".join(lines[-LAST_LINES:])).classes("last-words")
 
 
-def _show_result(run: Run, state: RunState) -> None:
+def _show_result(run: HarvestCommand, state: RunState) -> None:
     """Add the result of a run as a headline, what limits it, and its main figures."""
     title = title_of(run.scenario)
     if run.summary is None:
@@ -208,7 +208,7 @@ def _show_result(run: Run, state: RunState) -> None:
     Charts().show({"": run.course})
 
 
-def _show_all_figures(run: Run, summary: dict[str, Any]) -> None:
+def _show_all_figures(run: HarvestCommand, summary: dict[str, Any]) -> None:
     """Add all figures of a summary, folded away, and where the recording is."""
     names, values = (column.cells for column in as_table(summary).columns)
     rows = [(str(name), str(value)) for name, value in zip(names, values, strict=True)]
@@ -260,13 +260,13 @@ class Stage:
         """Show the study."""
         self._choice.set_value("Study")
 
-    def show(self, run: Run, state: RunState) -> None:
+    def show(self, run: HarvestCommand, state: RunState) -> None:
         """Show a run in all views."""
         self._picture.is_seen = self._choice.value == "Picture"
         for view in (self._picture, self._summary, self._messages):
             view.show(run, state)
 
-    def turn_to_run(self, run: Run, state: RunState) -> None:
+    def turn_to_run(self, run: HarvestCommand, state: RunState) -> None:
         """Show the view that tells most of a run: of a fork that has ended, its comparison."""
         if run.fork is not None and run.summary is not None:
             self._past.refresh(run.fork.parent, run.files.name)

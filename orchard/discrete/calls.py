@@ -50,7 +50,7 @@ class OpenCall:
 
 
 @dataclass
-class Decision:
+class DispatchDecision:
     """A time at which carriers can be sent to bins: what a policy is told, and the calls and robots
     that it is about.
     """
@@ -275,15 +275,15 @@ class Dispatched(Calls):
                 self._decided, [self._report(call, self._decided)], [], self.asked.memory
             )
 
-    def decide(self, decision: Decision) -> None:
+    def decide(self, decision: DispatchDecision) -> None:
         self.send(decision, self.orders(decision))
 
-    def orders(self, decision: Decision) -> list[Assignment]:
+    def orders(self, decision: DispatchDecision) -> list[Assignment]:
         """Return what the policy decides. Raises PolicyFault."""
         now, bins, carriers = decision.now, decision.bins, decision.carriers
         return self.asked.orders(now, bins, carriers)
 
-    def send(self, decision: Decision, orders: Iterable[Assignment]) -> None:
+    def send(self, decision: DispatchDecision, orders: Iterable[Assignment]) -> None:
         for order in orders:
             self._booked |= {order.bin, order.carrier}
             self.env.process(
@@ -310,10 +310,10 @@ class Dispatched(Calls):
 
     def _decision(
         self, calls: list[OpenCall], carriers: list[CarrierReport], ready: dict[str, Robot]
-    ) -> Decision:
+    ) -> DispatchDecision:
         now = ceil(self.env.now)
         bins = [self._report(call, now) for call in sorted(calls, key=lambda call: call.bin)]
-        return Decision(now, bins, carriers, {call.bin: call for call in calls}, ready)
+        return DispatchDecision(now, bins, carriers, {call.bin: call for call in calls}, ready)
 
     def _report(self, call: OpenCall, now: int) -> BinReport:
         metres, reach = self._ways[call.lane, call.side.name]

@@ -29,7 +29,7 @@ BESIDE = (
 )  # m from a line at which a robot is clear of it
 
 
-class Model(Protocol):
+class Surroundings(Protocol):
     """What a robot knows of the harvest."""
 
     env: simpy.Environment
@@ -59,7 +59,9 @@ class Roads:
 class Robot(Follower):
     """A robot and its plan."""
 
-    def __init__(self, model: "Model", name: str, pose: Pose, bin_name: str, roads: Roads) -> None:
+    def __init__(
+        self, model: "Surroundings", name: str, pose: Pose, bin_name: str, roads: Roads
+    ) -> None:
         self.model, self.env, self.name, self.kind = model, model.env, name, KINDS[kind_of(name)]
         self.x, self.y, self.yaw = pose
         self.bin = bin_name
@@ -444,7 +446,7 @@ class Robot(Follower):
         self.model.deliver()
 
     @do.register
-    def _(self, step: st.PickFrom) -> None:
+    def _(self, step: st.BeginPickingAt) -> None:
         """Its drives tell where it picks."""
 
     @do.register

@@ -369,7 +369,7 @@ class Program:
         writer.may_fail = step
 
     @_write.register
-    def _(self, step: st.PickFrom, writer: _Writer) -> None:
+    def _(self, step: st.BeginPickingAt, writer: _Writer) -> None:
         """Drop it: the drives tell where the picker picks."""
 
     # -- what bins see of their pickers

@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from orchard.discrete.calls import Decision, Dispatched
+from orchard.discrete.calls import DispatchDecision, Dispatched
 from orchard.discrete.generators import GeneratorHarvest
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
 from orchard.event_model.results import JAM, LONGEST
@@ -185,10 +185,10 @@ class Paused(Dispatched):
     taken.
     """
 
-    pending: Decision | None = None
+    pending: DispatchDecision | None = None
     scripted: Sequence[Assignment] = ()
 
-    def decide(self, decision: Decision) -> None:
+    def decide(self, decision: DispatchDecision) -> None:
         """Keep a decision, unless nothing can be sent, and what the scenario's policy decides.
 
         Raises PolicyFault.

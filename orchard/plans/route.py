@@ -187,7 +187,7 @@ class OneWay:
         if self.layout.scenario.bin_metres and one.leaves_bin:
             steps.append(st.Announce(one.row, one.end, one.fill))
         if one.is_inside:
-            steps.append(st.PickFrom(one.begin))
+            steps.append(st.BeginPickingAt(one.begin))
         return steps
 
     def fetch(self, carrier: int, lane: int, side: Side, picker: str, full_bin: str) -> list[Step]:

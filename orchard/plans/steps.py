@@ -465,7 +465,7 @@ class Announce(Step, frozen=True):
         return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
 
 
-class PickFrom(Step, frozen=True):
+class BeginPickingAt(Step, frozen=True, tag="PickFrom"):
     """For pickers: pick nothing before this x in the next row."""
 
     x: float  #: m
@@ -703,7 +703,7 @@ else:
     # msgspec decodes the steps of a memory: these, and those that `with_steps` adds.
     AnyStep = (
         Say | DriveTo | Face | Realign | Ahead | MoveTo | Wait | Need | Free | Alone | Deliver
-        | TakeBin | LeaveBin | FetchEmpty | Announce | PickFrom | Fill | Aim | Shift | MayFail
+        | TakeBin | LeaveBin | FetchEmpty | Announce | BeginPickingAt | Fill | Aim | Shift | MayFail
         | Repair | Unload | Confirmed | MayCharge | Charge | Charged | Home | Again
     )  # fmt: skip
 

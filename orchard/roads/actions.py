@@ -9,7 +9,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True)
-class Action:
+class VehicleAction:
     """An action.
 
     `nodes`: at which nodes it is possible, or on the edges to them; `needs_load`: whether it needs
@@ -33,33 +33,33 @@ class Action:
 
 
 PICK, DROP, HAND_OVER, UNLOAD, HARVEST = "pick", "drop", "handOver", "unload", "harvest"
-ACTIONS: Mapping[str, Mapping[str, Action]] = {  # by kind of vehicle
+ACTIONS: Mapping[str, Mapping[str, VehicleAction]] = {  # by kind of vehicle
     "carrier": {
-        PICK: Action(
+        PICK: VehicleAction(
             "*/bin/*", True, "couple the bin loadId, which stands right behind the vehicle"
         ),
-        DROP: Action("*/stop/*", False, "uncouple the bin; it stays where it stands"),
-        HAND_OVER: Action(
+        DROP: VehicleAction("*/stop/*", False, "uncouple the bin; it stays where it stands"),
+        HAND_OVER: VehicleAction(
             "*/stop/*",
             True,
             "leave the empty bin to the picker that has left the full bin loadId, and wait until it"
             " has it",
         ),
-        UNLOAD: Action("bay", False, "stand in the bay until the bin is empty"),
+        UNLOAD: VehicleAction("bay", False, "stand in the bay until the bin is empty"),
     },
     "picker": {
-        HARVEST: Action(
+        HARVEST: VehicleAction(
             "*/out/*",
             False,
             "pick the row on the way through it, and weigh the bin at its end",
             "EDGE",
         ),
-        DROP: Action(
+        DROP: VehicleAction(
             "*/out/*",
             False,
             "drive to the lane's mouth and leave the bin there, which calls a carrier",
         ),
-        PICK: Action(
+        PICK: VehicleAction(
             "*/wait/*", False, "wait for the empty bin that a carrier brings, and couple it"
         ),
     },

@@ -14,7 +14,7 @@ from orchard.app.charts import BINS, BUSY, WAITING, course_of
 from orchard.app.command import Files, fresh_files
 from orchard.app.desks import MOST, Desks
 from orchard.app.draft import LABELS, Draft, draft_of, entries, flat, query_of, title_of
-from orchard.app.harvest_run import Run, RunSettings, command
+from orchard.app.harvest_run import HarvestCommand, RunSettings, command
 from orchard.app.own_classes import from_elsewhere
 from orchard.app.runs_view import differences, lines, past_runs
 from orchard.app.study_run import StudyRun, StudySettings, study_command
@@ -426,7 +426,7 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
     "change", [{"sim_seconds": "many"}, {"history": 3}, {"rows": float("nan")}]
 )
 def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
-    run = Run.__new__(Run)
+    run = HarvestCommand.__new__(HarvestCommand)
     run.files = Files(tmp_path, "odd")
     run.said = (0, ())
     run.summary = None

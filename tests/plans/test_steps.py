@@ -2,6 +2,7 @@
 collision.
 """
 
+import msgspec
 import pytest
 from stage import Driven, Stage, Standing, empty_orchard, meadow, one_guest
 
@@ -10,7 +11,7 @@ from orchard.field.geometry import HEADINGS, Pose, Twist, from_frame
 from orchard.field.kinds import KINDS, kind_of
 from orchard.plans.robot import Step
 from orchard.plans.sense import stop_zone
-from orchard.plans.steps import Again, Ahead, DriveTo, Face, MoveTo, Realign
+from orchard.plans.steps import Again, Ahead, BeginPickingAt, DriveTo, Face, MoveTo, Realign
 
 
 def test_sensing_a_robot_stops_for_what_its_laser_sees():
@@ -24,6 +25,10 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
         "stops 0.8 m before the worker, less at most one step"
     )
     stage.assert_no_collisions()
+
+
+def test_a_step_keeps_its_name_in_snapshots_when_its_class_is_renamed():
+    assert msgspec.to_builtins(BeginPickingAt(-31.3)) == {"step": "PickFrom", "x": -31.3}
 
 
 @pytest.mark.parametrize(("heading", "seconds"), [("NORTH", 4.0), ("SOUTH", 4.0), ("WEST", 8.0)])

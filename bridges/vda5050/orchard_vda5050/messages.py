@@ -12,7 +12,7 @@ import msgspec
 from orchard import Observation
 from orchard.field.kinds import KINDS
 from orchard.field.scenario import TIME_STEP
-from orchard.roads.actions import ACTIONS, IGNORED, INSTANT, Action
+from orchard.roads.actions import ACTIONS, IGNORED, INSTANT, VehicleAction
 from orchard.roads.graph import Graph
 from orchard.roads.lif import MAP, series
 from orchard_vda5050.order import LARGEST, LONGEST_ID, ActionState, Edge, Error, Node, OrderState
@@ -216,7 +216,7 @@ def _box(x: float, length: float, width: float) -> list[Message]:
     return [{"x": x + a * length / 2, "y": b * width / 2} for a, b in corners]
 
 
-def _declared(kind: str, action: Action) -> Message:
+def _declared(kind: str, action: VehicleAction) -> Message:
     load = {
         "key": "loadId",
         "valueDataType": "STRING",

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from orchard.roads.actions import ACTIONS, IGNORED, Action
+from orchard.roads.actions import ACTIONS, IGNORED, VehicleAction
 from orchard.roads.graph import Graph
 from orchard.roads.graph import Node as Place
 from orchard.roads.lif import MAP
@@ -492,7 +492,7 @@ def _horizon(state: OrderState) -> set[str]:
     return names
 
 
-def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[str]) -> None:
+def _check_actions(order: Order, known: Mapping[str, VehicleAction], bins: Collection[str]) -> None:
     named = {"orderId": order.order_id, "orderUpdateId": order.order_update_id}
     parts = [("NODE", node.node_id, node.actions) for node in order.nodes]
     parts += [
@@ -515,7 +515,11 @@ def _check_actions(order: Order, known: Mapping[str, Action], bins: Collection[s
 
 
 def _why_not(
-    action: ActionOrder, known: Mapping[str, Action], scope: str, node: str, bins: Collection[str]
+    action: ActionOrder,
+    known: Mapping[str, VehicleAction],
+    scope: str,
+    node: str,
+    bins: Collection[str],
 ) -> str:
     kind = known.get(action.action_type)
     if kind is None:

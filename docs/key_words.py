@@ -1,4 +1,4 @@
-"""The keys in words: who sends on each, how often, and what its messages mean beside what their
+"""The keys in words: what sends on each, how often, and what its messages mean beside what their
 docstrings say.
 """
 

@@ -175,7 +175,7 @@ def survey(client: Client) -> None:
 
 
 def write_late(client: Client) -> None:
-    """Send agents letters that no agent has written: of ticks that are long over, or of nobody."""
+    """Send agents letters that none has written: of ticks that are long over, or of no agent."""
     run = fetch_run(client.bus, KEYS)
     for _ in range(10):
         sender = client.random.choice([*run.agents, "nobody"])

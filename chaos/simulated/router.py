@@ -31,13 +31,12 @@ class Router:
         self._queryables: dict[str, list[str]] = {}
         self._watchers: dict[str, list[str]] = {}
         self._tokens: dict[str, list[str]] = {}
-        self._receivers: dict[
-            str, list[str]
-        ] = {}  # key -> session ids: who subscribes to it; computed on demand
-        self._interested: set[str] = set()  # sessions that ask who subscribes
-        self._pending: dict[
-            int, tuple[str, list[str]]
-        ] = {}  # number of a query -> who asks, and the sessions that are to reply
+        # Key -> ids of the sessions that subscribe to it. It is computed on demand.
+        self._receivers: dict[str, list[str]] = {}
+        # Sessions that ask which sessions subscribe.
+        self._interested: set[str] = set()
+        # Number of a query -> the session that asks, and those that are to reply.
+        self._pending: dict[int, tuple[str, list[str]]] = {}
         self.is_open = True
 
     @property
@@ -89,7 +88,7 @@ class Router:
             self._queryables[link.session.id].append(key)
 
     def interest(self, link: Link) -> None:
-        """Tell a session from now on who subscribes to what."""
+        """Tell a session from now on which sessions subscribe to what."""
         if self._is_linked(link):
             self._interested.add(link.session.id)
             self._tell_subscribers()

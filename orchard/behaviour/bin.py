@@ -3,7 +3,7 @@
 It stands in the mouth of a lane then. If the scenario's dispatch policy is `early`, it calls before
 that, while its picker still fills it.
 
-Theory of operation. A bin has at most one call open. Whom it asks depends on the policy: without a
+Theory of operation. A bin has at most one call open. What it asks depends on the policy: without a
 dispatcher all carriers, else the dispatcher. These are the states of a call, with what leads to the
 next one:
 
@@ -129,7 +129,7 @@ class Bin:
         return action
 
     def answer(self, seen: Observation, memory: BinMemory, heard: Heard) -> messages.Answer:
-        """Answer a request: of its state, its carrier, where it will be left, whom it waits for."""
+        """Answer a request: of its state, its carrier, where it will be left, what it waits for."""
         match heard.body:
             case messages.StateRequest():
                 robot = seen.hitch.name if seen.hitch else ""

@@ -252,7 +252,7 @@ ROBOT = np.dtype(
         ("leg_limit", np.float64),
         ("leg_goal", np.float64),
         ("leg_ahead", np.int64),
-        # -- its line: who is ahead and behind, and up to where it drives there
+        # -- its line: the robots ahead and behind, and up to where it drives there
         ("line", np.int64),
         ("ahead", np.int64),
         ("behind", np.int64),
@@ -366,8 +366,8 @@ CALL = np.dtype(
     align=True,
 )
 
-# Kinds of events, in the order in which those of one time happen. A timer has a robot. Who asks
-# whether a carrier can leave sees it as it was in the last tick, so robots wake after that.
+# Kinds of events, in the order in which those of one time happen. A timer has a robot. What
+# asks whether a carrier can leave sees it as it was in the last tick, so robots wake after that.
 GRANT = 0
 DISPATCH = 1
 CALL_HEARD = 2

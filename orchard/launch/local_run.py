@@ -82,7 +82,7 @@ Show = Callable[[dict[str, Any], dict[str, str], dict[str, str]], None]
 def run(request: RunRequest, look: Look | None, show: Show) -> tuple[dict[str, Any], str]:
     """Run a harvest. Return its summary, and why it ended.
 
-    `look`: gets each frame; None: nobody looks. `show`: gets the figures, and what each robot does
+    `look`: gets each frame; None: nothing does. `show`: gets the figures, and what each robot does
     and waits for. Raises SnapshotError.
     """
     local = _local_of(request)

@@ -1,4 +1,4 @@
-"""Why a run is over, in the words of a summary's `ended`, and who waits for whom in a jam."""
+"""Why a run is over, in the words of a summary's `ended`, and what robots wait for in a jam."""
 
 from orchard.contract.agent import STATES
 from orchard.field.scenario import END

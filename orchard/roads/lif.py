@@ -16,7 +16,7 @@ SPEED = 1.0  # m/s
 def lif_of(graphs: Sequence[Graph], creator: str, made_at: str) -> dict[str, Any]:
     """Return the layout of what several kinds of vehicles drive on.
 
-    `creator`: who exports it; `made_at`: when, ISO 8601.
+    `creator`: the program that exports it; `made_at`: when, ISO 8601.
     """
     meta = {
         "projectIdentification": MAP,

@@ -104,7 +104,7 @@ ALL = (THE_PHYSICS, *AUDIENCE)
 class Right(NamedTuple):
     """The parties at both ends of a kind of key.
 
-    Who hears a key that is also queried may query it.
+    A party that hears a key may also query it, if it can be queried.
     """
 
     # Put, query, or declare a token.
@@ -234,7 +234,7 @@ def _needs(duty: Duty) -> Iterator[tuple[str, Party, _Passage]]:
 
 
 def _ends(kind: str) -> tuple[tuple[_Passage, ...], tuple[_Passage, ...]]:
-    """Return the passages at both ends of a kind of key: of who sends, and of who hears."""
+    """Return the passages at both ends of a kind of key: of those that send, and that hear."""
     key = TABLE[kind]
     if key.delivery == LIVELINESS:
         return _LIVES, _WATCHES

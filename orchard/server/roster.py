@@ -135,7 +135,7 @@ class RecoveryLog:
         return names
 
     def asked(self, tick: int) -> list[AskedOf]:
-        """Return the requests of a tick: who is asked by whom, and its number."""
+        """Return the requests of a tick: which agents each session is asked for, and its number."""
         requests = []
         for sender, letters in self.letters.get(tick, {}).items():
             for number, (to, _) in enumerate(letters.requests):

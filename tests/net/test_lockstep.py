@@ -310,7 +310,7 @@ def test_a_host_that_took_a_false_tick_joins_again(fleet, undisturbed, monkeypat
 
 
 def test_a_robot_stands_whose_actions_are_always_malformed(fleet, monkeypatch):
-    """So a client that always sends such actions keeps nobody waiting."""
+    """So a client that always sends such actions keeps no session waiting."""
     fleet.physics(SMALL, "--duration", "2")
     changing_actions(monkeypatch, math.inf)
     fleet.host(agents=TOY)

@@ -1,5 +1,5 @@
 """The logger: killed it goes on in a further part; slow it leaves out pictures, nothing that was
-said, and holds nobody up.
+said, and holds no session up.
 """
 
 import math

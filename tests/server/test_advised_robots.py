@@ -1,5 +1,5 @@
-"""Who drives a robot: sessions that come and go, each agent's part by itself, another client in its
-agent's place, or nobody.
+"""What drives a robot: sessions that come and go, each agent's part by itself, another client in
+its agent's place, or nothing.
 """
 
 from collections import Counter

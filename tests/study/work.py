@@ -30,7 +30,7 @@ def loud(item: str) -> None:
 
 
 def slow(item: Path) -> None:
-    """Tell who works, and work for a long time."""
+    """Tell which process works, and work for a long time."""
     item.write_text(str(os.getpid()))
     signal.pause()
 

@@ -2,9 +2,9 @@
 it is.
 
 In an unsecured run a stranger can do what keyspace.md allows to anybody: stop robots and the run,
-drive what nobody holds, hold what nobody holds; and, who gives itself out for physics or for an
-owner, whatever these can. Such messages are none of these tests', which throw what was meant for
-another run, what is no message, and what cannot be.
+drive and hold what no client holds; and, if it gives itself out for physics or for an owner,
+whatever these can. Such messages are none of these tests', which throw what was meant for another
+run, what is no message, and what cannot be.
 """
 
 import logging

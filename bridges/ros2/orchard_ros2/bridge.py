@@ -482,7 +482,7 @@ class Bridge:
         """
         end = monotonic() + BEGIN_SECONDS
         self._await_physics(lambda: self._tokens_before)
-        # A query just after physics has come back can find nobody.
+        # A query just after physics has come back can find no session.
         while self._tokens - self._tokens_before and monotonic() < end:
             with suppress(Refused):
                 return self.client.ask("simulation_state")
@@ -494,7 +494,8 @@ class Bridge:
         end = monotonic() + BEGIN_SECONDS
         while not self._tokens - before():
             if monotonic() > end:
-                self._reset_tokens = frozenset()  # nobody waits again for what does not come
+                # No service waits again for what does not come.
+                self._reset_tokens = frozenset()
                 return
             sleep(LOOK_SECONDS)
 

@@ -10,9 +10,9 @@ complete at any time, and can be copied.
     driving             | drive                  | the leg's end, a    | drives the next leg, or
                         |                        | grant, an order     | stands
     standing            | a gate whose places it | a grant, the bin is | drives on
-                        | lacks, a robot ahead   | left, who is ahead  |
+                        | lacks, a robot ahead   | left, that robot    |
                         |                        | drives on, an order |
-    swinging its bin    | turn, with a bin       | alarm               | tells who is behind
+    swinging its bin    | turn, with a bin       | alarm               | tells the one behind
     swinging off        | turn, beside its line  | alarm               | leaves its line
     lasting             | pause, unload, turn    | alarm               | does the next op
     waiting for places  | need                   | a grant             | does the next op

@@ -242,7 +242,7 @@ def grant(m):
         return
     m.scratch[:] = 0
     while robot != c.NONE:
-        # The next one is looked up first: who is served no longer waits.
+        # The next one is looked up first: a robot that is served no longer waits.
         following = next_wish(m, robot)
         serve(m, robot)
         robot = following

@@ -1,7 +1,7 @@
 """Robots that follow each other on a line, where no places keep them apart.
 
-A line keeps the order of its robots: each knows who is ahead and who is behind, and the line knows
-the last one.
+A line keeps the order of its robots: each knows the one ahead and the one behind, and the line
+knows the last one.
 """
 
 from orchard.event_model import columns as c

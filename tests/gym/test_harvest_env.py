@@ -17,12 +17,16 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+from orchard.behaviour.carrier import CarrierMemory
 from orchard.contract.messages import Couple, PickFrom, Uncouple
 from orchard.field.geometry import STILL, Twist
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario, with_changes
 from orchard.gym import REWARDS, DispatchEnv, Moment, dispatch_env, parallel_env, single_env
+from orchard.gym.spaces import goal_of
 from orchard.local import Local
+from orchard.plans.robot import Gate
+from orchard.plans.steps import DriveTo
 
 SMALL = Scenario(
     rows=3, people={"workers": 1, "visitors": 0}, animals={"dogs": 1, "cats": 0}, weeds=2
@@ -296,6 +300,18 @@ def test_picking_counts_own_metres_and_goal_those_on_the_way(reward, name, ticks
     """Picking counts the metres in the own bin and goal those on the way."""
     rewards, world = follow(reward, name, ticks)
     assert sum(rewards) == pytest.approx(counted(world, world.index[name])) and sum(rewards) > least
+
+
+@pytest.mark.parametrize(
+    ("gate_at", "reserved", "end"), [(15.0, [], 15.0), (15.0, ["F"], 20.0), (5.0, [], 20.0)]
+)
+def test_the_goal_of_a_drive_is_the_first_closed_gate_ahead(gate_at, reserved, end):
+    """A robot at x = 10 drives to x = 20. A gate that it has passed does not count."""
+    env = single_env(Scenario(), "carrier_01")
+    env.reset()
+    seen = replace(env.local.seen["carrier_01"], x=10.0, y=2.0)
+    drive = DriveTo(x=20.0, needs=[Gate(["F"], gate_at)])
+    assert goal_of(seen, CarrierMemory(plan=[drive], reserved=reserved)) == (end, 2.0, 0.0)
 
 
 @pytest.mark.parametrize(("yaw", "reward"), [(0.5, 0.5), (-0.5, -0.5), (2.0, 0.0)])

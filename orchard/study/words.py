@@ -17,6 +17,7 @@ GOALS = {
     "cost_per_bin": "least cost of a bin",
     "harvest_seconds": "shortest harvest",
 }
+# Keys that are numbers of things.
 COUNTED = (
     "rows",
     "pickers",
@@ -26,27 +27,29 @@ COUNTED = (
     "animals.dogs",
     "animals.cats",
     "weeds",
-)  # numbers of things
-ROBOTS = ("pickers", "carriers")  # numbers of which few are good
-# keys whose value says enough
-SAID = {
+)
+# Numbers of which few are good.
+ROBOTS = ("pickers", "carriers")
+# Keys whose value says enough.
+PHRASES = {
     "dispatch": "with {}",
     "rows_to_pickers": "with {} rows",
     "order_in_row": "{} in rows",
     "route": "on {}",
 }
 SAME = 1e-9  # of the mean: an interval narrower than that is rounding
+NO_DIFFERENCE = 0.0005  # as a share: it would be shown as 0.0 %
 TWO_DIGITS = 2.0  # a spread that begins with a 1 keeps two digits, all others one
 
 
 def setting_words(setting: Mapping[str, Any]) -> str:
     """Return a setting in words: '9 carriers with predictive on two-way, picking speed 0.03'."""
     counts = ", ".join(counted(key, setting[key]) for key in COUNTED if key in setting)
-    choices = [words.format(setting[key]) for key, words in SAID.items() if key in setting]
+    choices = [words.format(setting[key]) for key, words in PHRASES.items() if key in setting]
     named = [
         f"{key_words(key)} {value_words(value, key)}"
         for key, value in setting.items()
-        if key not in (*COUNTED, *SAID)
+        if key not in (*COUNTED, *PHRASES)
     ]
     first = " ".join(filter(None, [counts, *choices])).removeprefix("with ").removeprefix("on ")
     return ", ".join(filter(None, [first, *named])) or "this scenario"
@@ -56,27 +59,37 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers,
     one-way, predictive dispatch'.
     """
-    rows = "rows" if "rows" in varied else f"{scenario.rows} rows"
-    length = (
-        ", as surveyed"
-        if scenario.survey
-        else ""
-        if "row_length" in varied
-        else f" of {scenario.row_length:g} m"
-    )
-    each, varies = scenario.bin_metres, not {"metres_per_bin", "bins_per_row"}.isdisjoint(varied)
-    bins = "" if varies else f", a bin every {each:.3g} m" if each else ", one bin a row"
-    rate = scenario.picking_rate
-    fast = f" at {rate:g} bins an hour" if rate and "picking_rate" not in varied else ""
     words = {
-        "pickers": counted("pickers", scenario.pickers) + fast,
+        "pickers": counted("pickers", scenario.pickers) + _rate_words(scenario, varied),
         "carriers": counted("carriers", scenario.carrier_count),
         "route": scenario.route,
         "dispatch": f"{scenario.dispatch} dispatch",
     }
-    return ", ".join(
-        [rows + length + bins, *(said for key, said in words.items() if key not in varied)]
-    )
+    parts = [_rows_words(scenario, varied)]
+    parts += [phrase for key, phrase in words.items() if key not in varied]
+    return ", ".join(parts)
+
+
+def _rows_words(scenario: Scenario, varied: Collection[str]) -> str:
+    """Return how many rows there are, how long they are, and what fills a bin."""
+    words = "rows" if "rows" in varied else f"{scenario.rows} rows"
+    if scenario.survey:
+        words += ", as surveyed"
+    elif "row_length" not in varied:
+        words += f" of {scenario.row_length:g} m"
+    if "metres_per_bin" in varied or "bins_per_row" in varied:
+        return words
+    if scenario.bin_metres:
+        return f"{words}, a bin every {scenario.bin_metres:.3g} m"
+    return f"{words}, one bin a row"
+
+
+def _rate_words(scenario: Scenario, varied: Collection[str]) -> str:
+    """Return how fast pickers are, if the scenario says so by a rate."""
+    rate = scenario.picking_rate
+    if not rate or "picking_rate" in varied:
+        return ""
+    return f" at {rate:g} bins an hour"
 
 
 def counted(key: str, number: object) -> str:
@@ -92,20 +105,21 @@ def key_words(key: str) -> str:
 
 def axis_words(key: str) -> str:
     """Return the words for a key with the unit of its description: 'picking speed, m/s'."""
-    found = re.search(r", (m/s|m|s)(?=;|$)", _description(key))
-    return key_words(key) + (found.group(0) if found else "")
+    unit = re.search(r", (m/s|m|s)(?=;|$)", _description(key))
+    return key_words(key) + (unit.group(0) if unit else "")
 
 
 def _description(key: str) -> str:
+    """Return the description of a key of the scenario; '' for what is none."""
     model: Any = Scenario
     words = ""
     for name in key.split("."):
-        field = (
-            model.model_fields.get(name)
-            if isinstance(model, type) and issubclass(model, BaseModel)
-            else None
-        )
-        model, words = (field.annotation, field.description or "") if field else (None, "")
+        is_section = isinstance(model, type) and issubclass(model, BaseModel)
+        field = model.model_fields.get(name) if is_section else None
+        if field is None:
+            return ""
+        model = field.annotation
+        words = field.description or ""
     return words
 
 
@@ -113,21 +127,19 @@ def value_words(value: object, key: str = "") -> str:
     """Return a value of a setting: '0.03', 'predictive', and for none what the key's description
     says: 'never'.
     """
-    return (
-        none_words(_description(key))
-        if value is None
-        else f"{value:g}"
-        if isinstance(value, float)
-        else str(value)
-    )
+    if value is None:
+        return none_words(_description(key))
+    if isinstance(value, float):
+        return f"{value:g}"
+    return str(value)
 
 
 def none_words(description: str) -> str:
     """Return the words for no value that a description gives, as after `null: never`; else
     'automatic'.
     """
-    found = re.search(r"null: (\w+)$", description)
-    return found.group(1) if found else "automatic"
+    meaning = re.search(r"null: (\w+)$", description)
+    return meaning.group(1) if meaning else "automatic"
 
 
 def number_words(value: float, spread: float = 0.0) -> str:
@@ -167,7 +179,8 @@ def answer(result: StudyResult) -> str:
         return "No setting has been run yet."
     if result.given:
         return _given_words(result)
-    if (best := result.best_row) is None:
+    best = result.best_row
+    if best is None:
         return _all_jammed(result)
     parts = [
         f"{_best_words(best, result)}: {_figures(best, result)}",
@@ -191,16 +204,16 @@ def _given_words(result: StudyResult) -> str:
     groups = dict[str, list[Row]]()
     for row in result.table:
         groups.setdefault(repr([row.setting[key] for key in result.given]), []).append(row)
-    said = [_of_group(rows, result) for rows in groups.values()]
-    if len(said) > MOST_NAMED + 1:
-        between = f"{len(said) - 2} more in the table"
-        said = [said[0], between, said[-1]]
+    answers = [_of_group(rows, result) for rows in groups.values()]
+    if len(answers) > MOST_NAMED + 1:
+        between = f"{len(answers) - 2} more in the table"
+        answers = [answers[0], between, answers[-1]]
     keys = " and ".join(map(key_words, result.given))
     is_chosen = any(row.standing == "best" for row in result.table)
     consequence = "each has a best of its own" if is_chosen else "there is no best"
     verb = "is" if len(result.given) == 1 else "are"
     parts = [
-        *said,
+        *answers,
         f"{keys} {verb} given and not chosen, so {consequence}",
         _not_run(result),
         _end(result),
@@ -211,16 +224,17 @@ def _given_words(result: StudyResult) -> str:
 
 def _of_group(rows: Sequence[Row], result: StudyResult) -> str:
     """The best choice, or the figures alone, of rows in which what nobody chooses is the same."""
-    given = setting_words({key: rows[0].setting[key] for key in result.given})
+    circumstances = setting_words({key: rows[0].setting[key] for key in result.given})
     best = next((row for row in rows if row.standing in ("best", "alone")), None)
     if best is None:
-        return f"{given}: jammed"
+        return f"{circumstances}: jammed"
     chosen = {key: value for key, value in best.setting.items() if key not in result.given}
     choice = f"{setting_words(chosen)}, " if chosen and best.standing == "best" else ""
-    return f"{given}: {choice}{_figures(best, result)}"
+    return f"{circumstances}: {choice}{_figures(best, result)}"
 
 
 def _undecided_choices(result: StudyResult) -> str:
+    """Return what more runs would tell of the choices, if they are not decided."""
     if not result.undecided or result.not_run:
         return ""
     tell = f"to tell {len(result.undecided)} of the settings from the best"
@@ -228,6 +242,7 @@ def _undecided_choices(result: StudyResult) -> str:
 
 
 def _more_runs(tell: str, seconds: float | None) -> str:
+    """Return that runs are too few, and how many more would do. `tell`: 'to tell a from b'."""
     if seconds is None:
         return f"{LOOKS[-1]} runs of each are too few {tell}"
     return f"not enough runs {tell}: {max(1, ceil(seconds)):,} s more would"
@@ -287,22 +302,20 @@ def _figures(best: Row, result: StudyResult) -> str:
     if result.goal == "cost_per_bin" and result.horizon == "harvest":
         names.append("harvest_seconds")
     order = [result.goal, *(name for name in names if name != result.goal)]
-    first, *rest = [
-        (figure, UNITS[name]) for name in order if (figure := getattr(best, name)) is not None
-    ]
-    run = (
-        ""
-        if best.replications > 1
-        else " in the one run so far"
-        if result.stopped_by in ("budget", "stopped")
-        else ""
-    )
-    long_run = " in the long run" if result.horizon == "long" else ""
-    others = [f"{number_words(one.mean)} {unit}" for one, unit in rest]
-    return ", ".join([f"{interval_words(first[0])} {first[1]}", *others]) + long_run + run
+    figures = [(getattr(best, name), UNITS[name]) for name in order]
+    (main, unit), *others = [(figure, unit) for figure, unit in figures if figure is not None]
+    parts = [f"{interval_words(main)} {unit}"]
+    parts += [f"{number_words(other.mean)} {other_unit}" for other, other_unit in others]
+    words = ", ".join(parts)
+    if result.horizon == "long":
+        words += " in the long run"
+    if best.replications <= 1 and result.stopped_by in ("budget", "stopped"):
+        words += " in the one run so far"
+    return words
 
 
 def _optimum(best: Row) -> str:
+    """Return how far the best is from the proven optimum, if that is known."""
     if best.proven_seconds is None or best.harvest_seconds is None:
         return ""
     return above_optimum(best.harvest_seconds.mean, best.proven_seconds)
@@ -320,80 +333,89 @@ def _alike(result: StudyResult) -> str:
     is_open = result.beyond or result.undecided or result.not_run
     if not equal or result.best is None or is_open:
         return ""
-    key, within = _only_difference([result.best, *equal]), f"{100.0 * result.within:g} %"
-    if (lead := result.best_row and result.best_row.lead) and lead.high > result.within:
+    within = f"{100.0 * result.within:g} %"
+    lead = result.best_row.lead if result.best_row is not None else None
+    if lead is not None and lead.high > result.within:
+        half = lead.high - lead.mean
         return (
-            f"the best mean is {100.0 * lead.mean:.1f} ± {100.0 * (lead.high - lead.mean):.1f} %"
-            f" ahead, where {within} count"
+            f"the best mean is {100.0 * lead.mean:.1f} ± {100.0 * half:.1f} % ahead, where"
+            f" {within} count"
         )
+    verb = "is" if len(equal) == 1 else "are"
+    key = _only_difference([result.best, *equal])
     if key is None:
-        return (
-            f"{_listed([_one(one) for one in equal])} {'is' if len(equal) == 1 else 'are'} within"
-            f" {within} of it"
-        )
-    values = [one[key] for one in equal]
-    if key in ROBOTS and result.goal != "cost_per_bin" and None not in (result.best[key], *values):
-        following = min(values)
-        more = (
-            "one more gains"
-            if following == result.best[key] + 1
-            else f"{value_words(following)} gain"
-        )
-        return f"{more} less than {within}"
-    return (
-        f"{_listed(list(map(value_words, values)))} {'is' if len(values) == 1 else 'are'} within"
-        f" {within} of it"
-    )
+        return f"{_listed(list(map(_in_brackets, equal)))} {verb} within {within} of it"
+    values = [setting[key] for setting in equal]
+    is_of_robots = key in ROBOTS and result.goal != "cost_per_bin"
+    if is_of_robots and None not in (result.best[key], *values):
+        return f"{_more_robots(result.best[key], values)} less than {within}"
+    return f"{_listed(list(map(value_words, values)))} {verb} within {within} of it"
+
+
+def _more_robots(best: int, larger: Sequence[int]) -> str:
+    """Return that more robots gain: by one more, or by so many."""
+    following = min(larger)
+    if following == best + 1:
+        return "one more gains"
+    return f"{value_words(following)} gain"
 
 
 def _undecided(result: StudyResult) -> str:
-    others = [one for one in result.undecided if one != result.best] or [
-        row.setting for row in result.table if row.standing == "equal"
-    ]
-    if not result.undecided or result.best is None or not others or result.not_run:
+    """Return what more runs would tell of the best, if it is not decided."""
+    if not result.undecided or result.best is None or result.not_run:
+        return ""
+    others = [setting for setting in result.undecided if setting != result.best]
+    if not others:
+        others = [row.setting for row in result.table if row.standing == "equal"]
+    if not others:
         return ""
     key = _only_difference([result.best, *others])
-    names = [value_words(one[key]) if key else _one(one) for one in others]
-    this = value_words(result.best[key]) if key else _one(result.best)
-    tell = f"to tell {_listed(names)} from {this}"
-    return _more_runs(tell, result.seconds_needed)
+    if key is None:
+        best = _in_brackets(result.best)
+        names = [_in_brackets(setting) for setting in others]
+    else:
+        best = value_words(result.best[key])
+        names = [value_words(setting[key]) for setting in others]
+    return _more_runs(f"to tell {_listed(names)} from {best}", result.seconds_needed)
 
 
-def _one(setting: Mapping[str, Any]) -> str:
+def _in_brackets(setting: Mapping[str, Any]) -> str:
     """A setting in words, in brackets if it has a comma of its own."""
     words = setting_words(setting)
     return f"({words})" if "," in words else words
 
 
 def _only_difference(settings: Sequence[dict[str, Any]]) -> str | None:
-    keys = [key for key in settings[0] if any(one[key] != settings[0][key] for one in settings)]
+    """Return the key in which the settings differ; None if there are several, or none."""
+    first = settings[0]
+    keys = [key for key in first if any(setting[key] != first[key] for setting in settings)]
     return keys[0] if len(keys) == 1 else None
 
 
 def _listed(words: list[str]) -> str:
+    """Return some words as a list in a sentence: 'a, b and c'."""
     if len(words) > MOST_NAMED + 1:
         words = [*words[:MOST_NAMED], f"{len(words) - MOST_NAMED} more"]
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _checked(best: Row, result: StudyResult) -> str:
-    if best.check is None:
+    """Return what the simulator says of the best, if it was checked."""
+    check = best.check
+    if check is None:
         return ""
-    check, share = best.check, abs(best.check.difference)
-    jams = (
-        f", and {check.jammed} of {check.replications} of its runs jammed" if check.jammed else ""
-    )
     if check.jammed == check.replications:
         return "in the simulator it jams"
-    than = (
-        "the same"
-        if share < 0.0005
-        else f"{100.0 * share:.1f} % {'more' if check.difference > 0 else 'less'}"
-    )
-    return (
-        f"the simulator says {interval_words(check.bins_per_hour)},"
-        f" {than}{jams}{_overtaken(best, result)}"
-    )
+    words = f"the simulator says {interval_words(check.bins_per_hour)}, "
+    share = abs(check.difference)
+    if share < NO_DIFFERENCE:
+        words += "the same"
+    else:
+        words += f"{100.0 * share:.1f} % {'more' if check.difference > 0 else 'less'}"
+    if check.jammed:
+        words += f", and {check.jammed} of {check.replications} of its runs jammed"
+    return words + _overtaken(best, result)
 
 
 def _overtaken(best: Row, result: StudyResult) -> str:
@@ -405,8 +427,7 @@ def _overtaken(best: Row, result: StudyResult) -> str:
     rates = [
         (row.check.bins_per_hour, row.setting) for row in result.table if row.check is not None
     ]
-    first, setting = max(rates, key=lambda one: one[0].mean)
-    is_ahead = first.low > best.check.bins_per_hour.high * (1.0 + result.within)
-    return (
-        f", and prefers {setting_words(setting)} with {interval_words(first)}" if is_ahead else ""
-    )
+    first, setting = max(rates, key=lambda rate: rate[0].mean)
+    if first.low <= best.check.bins_per_hour.high * (1.0 + result.within):
+        return ""
+    return f", and prefers {setting_words(setting)} with {interval_words(first)}"

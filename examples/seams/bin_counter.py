@@ -1,8 +1,7 @@
 """An agent without a body, and a message of its own: pickers report, a counter sums up.
 
 agents: {picker: examples.seams.bin_counter.CountingPicker}
-agents_without_body: {counter: examples.seams.bin_counter.Counter}
-"""
+agents_without_body: {counter: examples.seams.bin_counter.Counter}"""
 
 from orchard import Action, AgentMessage, Picker
 

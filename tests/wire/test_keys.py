@@ -1,4 +1,4 @@
-"""keyspace.md, docs/messages.md, docs/asyncapi.json and the code say the same."""
+"""keyspace.md, docs/messages.md, the contract for programs and the code say the same."""
 
 import ast
 import base64

@@ -30,7 +30,7 @@ QUICK = {
     "A new value of a scenario": "in_wind or default_file or every_field or circumstance or once",
     "A new figure of the summary": "figures_of_a_whole or one_schema or document_has_all",
     "A new kind of robot": "drone or start_with_their_bins or in_order or cells_of_tables",
-    "A new dispatch policy": "policy_prefers or each_bin_gets or assigns_only or two_lines",
+    "A new dispatch policy": "preferred_bin or each_bin_gets or assigns_only or two_lines",
 }
 
 

@@ -194,7 +194,7 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
       fewer beams return within so many metres;
     - another process runs it.
 
-    In realtime, and in a run with `--ignore-holds`, it is asked at every tick.
+    In realtime it is asked at every tick.
     """
 
     # At most MOST_HOLD ticks ahead count.

@@ -179,8 +179,9 @@ class HarvestOptions:
     check_holds: bool = flag(
         RUN, "--check-holds", "Check that no agent holds its velocity too long."
     )
+    # Benchmarks and old scripts give it. Users have --check-holds, which names what is wrong.
     ignore_holds: bool = flag(
-        RUN, "--ignore-holds", "Ask all agents at every tick: same result, slower."
+        RUN, "--ignore-holds", "Ask all agents at every tick: same result, slower.", hidden=True
     )
     resume: str | None = option(RUN, "Continue a run from its newest snapshot.", "RUN|last")
     replay: Path | None = option(

@@ -250,3 +250,4 @@ def test_the_help_names_the_other_commands_first():
         )
     ]
     assert places == sorted(places)
+    assert "--ignore-holds" not in shown, "it is for benchmarks"

@@ -12,12 +12,12 @@ from orchard.field import repeatable
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Layout
 
-# m from its centre: 1 m from its farthest point, a corner at 0.354 m. In this reach it looks for
-# motion.
+# It looks for motion up to so many m from its centre: 1 m from its farthest point, a corner at
+# 0.354 m.
 NEAR = 1.36
 AROUND_IT = Zone(-NEAR, NEAR, -NEAR, NEAR)
-# m from its edge to a return. Physics decides by 1 m to the body, and a corner of the body may lie
-# between two beams, nearer than both of their returns.
+# It asks to be flattened if a return is at most so many m from its edge. Physics decides by 1 m to
+# the body, and a corner of the body may lie between two beams, nearer than both of their returns.
 REACH = 1.05
 # Standard deviations of the lasers' noise by which the silhouette must change.
 SURE = 5.0
@@ -34,7 +34,7 @@ class WeedMemory(msgspec.Struct):
     So it notices after some time what moves so slowly that noise hides each step.
     """
 
-    # Mm, sum over the beams of the distance from each return out to NEAR.
+    # The sum over the beams of the distance from each return out to NEAR, mm.
     silhouette: int = 0
 
 

@@ -129,8 +129,11 @@ def read_options(kind: type[Options], module: str, argv: Sequence[str] | None = 
 
 
 def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
-    of, note = hint.__origin__, hint.__metadata__[-1]
-    flag, words = f"--{name.replace('_', '-')}", {"help": note.description, "required": is_required}
+    """Add a field to the parser: `hint` is its annotation, a type with the note of an option."""
+    type_ = hint.__origin__
+    note = hint.__metadata__[-1]
+    flag = f"--{name.replace('_', '-')}"
+    words = {"help": note.description, "required": is_required}
 
     def value(text: str) -> Any:
         try:
@@ -142,9 +145,9 @@ def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
 
     if "nargs" in note.extra:
         parser.add_argument(name, help=note.description, **note.extra)
-    elif of is bool:
+    elif type_ is bool:
         parser.add_argument(flag, action="store_true", **words)
-    elif get_origin(of) is list:
+    elif get_origin(type_) is list:
         parser.add_argument(flag, action="append", **note.extra, **words)
     else:
         parser.add_argument(flag, type=value, **note.extra, **words)

@@ -17,8 +17,10 @@ NAMES = ("picker_01", "bin_02", "traffic", "nobody")
 
 @pytest.fixture
 def running(fleet, tmp_path):
-    """A run with two hosts and a logger, of which no tick has passed yet; a client, and what it
-    hears of the end.
+    """Start a run with two hosts and a logger, of which no tick has passed yet.
+
+    Return a client, a function that waits for the summary which the client hears at the end, and
+    the logger.
     """
     fleet.physics(SMALL, "--duration", str(TICKS / 10))
     logger = fleet.start(
@@ -34,13 +36,13 @@ def running(fleet, tmp_path):
     clock = someone.hear("orchard/clock")
     fleet.share(2, TOY)
     until(clock, lambda message: True)
-    return (
-        someone,
-        lambda: until(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)[
-            "summary"
-        ],
-        logger,
-    )
+
+    def summary():
+        # Among the ends are nonsense bytes, too.
+        end = until(ends, lambda end: isinstance(end, dict) and end.get("run") == fleet.run)
+        return end["summary"]
+
+    return someone, summary, logger
 
 
 def every_key(someone):

@@ -26,12 +26,13 @@ pyproj = pytest.importorskip(
 )
 
 SAMPLE = ROOT / "examples" / "te_puke.geojson"
+# A coordinate system without a name that pyproj would know it by.
 WKT = (
     pyproj.CRS("EPSG:2193")
     .to_wkt()
     .replace('ID["EPSG",2193]', 'REMARK["mine"]')
     .replace("New Zealand Transverse", "My")
-)  # nameless
+)
 
 
 @pytest.fixture(scope="module")

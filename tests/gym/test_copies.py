@@ -64,6 +64,7 @@ def steps(env, infos, count):
 @pytest.mark.parametrize("how", COPIES)
 @pytest.mark.parametrize("made", MAKERS)
 def test_a_copy_goes_on_as_the_environment_does(made, how):
+    """`unused` is copied before the first reset, `twin` in the middle of an episode."""
     np.set_printoptions(floatmode="unique", threshold=10_000)
     env: Any = MAKERS[made]()
     unused = COPIES[how](env)

@@ -228,7 +228,8 @@ class EventHarvest:
         not all full.
         """
         carriers = [number for number, name in enumerate(self.names) if kind_of(name) == "carrier"]
-        reserve = self.layout.scenario.carrying.battery.reserve
+        scenario = self.layout.scenario
+        reserve = scenario.carrying.battery.reserve
         for number, carrier in enumerate(carriers):
             self.model.robots[carrier].charge = 1.0 - (1.0 - reserve) * number / len(carriers)
 
@@ -324,7 +325,7 @@ class EventHarvest:
         """Whether all bins were delivered, and no battery is flat; if not, robots wait for each
         other.
         """
-        return self.delivered == self.bins and bool(self.model.robots.charge.min() > 0.0)
+        return self.delivered == self.bins and not self.flat
 
     @property
     def seconds(self) -> float:

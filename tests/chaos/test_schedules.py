@@ -309,7 +309,7 @@ def test_hosts_build_agents_again_if_a_reset_was_not_kept():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_host_that_starts_while_only_a_false_client_answers_waits_for_physics(seed):
+def test_a_host_waits_for_physics_beside_a_false_client(seed):
     """Physics refuses nobody its run, so a refusal is none of physics."""
     faults = (
         Fault("false answers", CLIENT, 20, 0.0, 8.0),

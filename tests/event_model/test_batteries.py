@@ -31,13 +31,13 @@ def with_batteries(chances: Random) -> dict[str, Any]:
     return {"carrying": {"battery": battery}, "chargers": chances.randint(1, 3)}
 
 
-def test_harvests_with_batteries_have_the_same_ticks_in_both_models() -> None:
+def test_batteries_have_the_same_ticks_in_both_models() -> None:
     layouts = random_layouts(seed=41, count=40, values_of=with_batteries)
     differ = [layout.scenario for layout in layouts if differences(layout)]
     assert len(differ) <= MOST_DIFFER
 
 
-def test_a_flat_carrier_stands_for_ever_and_the_harvest_is_not_over() -> None:
+def test_a_flat_carrier_stands_for_ever() -> None:
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 1, "dispatch": "nearest"}
     battery = {"hours": 0.05, "hours_to_charge": 0.1, "reserve": 0.0}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))
@@ -48,7 +48,7 @@ def test_a_flat_carrier_stands_for_ever_and_the_harvest_is_not_over() -> None:
     assert harvest.delivered == told.delivered < layout.bins
 
 
-def test_what_an_exchange_took_of_a_battery_is_the_same_in_both_models() -> None:
+def test_an_exchange_takes_the_same_of_a_battery_in_both_models() -> None:
     values = NOBODY | {"rows": 8, "pickers": 2, "carriers": 2, "dispatch": "predictive"}
     battery = {"hours": 0.5, "hours_to_charge": 0.1, "reserve": 0.7}
     layout = lay_out(Scenario(**values, carrying={"battery": battery}))

@@ -35,7 +35,7 @@ def failure(chances: Random) -> dict[str, float]:
 MOST_DIFFER = 3
 
 
-def test_harvests_with_failures_have_the_same_ticks_in_both_models() -> None:
+def test_failures_have_the_same_ticks_in_both_models() -> None:
     layouts = random_layouts(seed=21, count=40, values_of=failing)
     differ = [layout.scenario for layout in layouts if differences(layout)]
     assert len(differ) <= MOST_DIFFER

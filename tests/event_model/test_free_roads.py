@@ -12,7 +12,7 @@ from orchard.event_model.harvest import EventHarvest
 LAYOUTS = list(quiet_layouts(seed=31, count=30))
 
 
-def test_harvests_on_free_roads_have_the_same_ticks_in_both_models() -> None:
+def test_free_roads_have_the_same_ticks_in_both_models() -> None:
     differ = [layout.scenario for layout in LAYOUTS if differences(layout, free_roads=True)]
     assert not differ
 

@@ -96,7 +96,7 @@ def test_each_compiled_constant_counts_for_the_kept_code() -> None:
                 assert name in counted, f"{path.name} takes constants of {name}"
 
 
-def test_a_carrier_behind_one_that_is_called_stands_too_and_is_asked_while_it_moves_up() -> None:
+def test_a_carrier_behind_one_that_is_called_stands_too() -> None:
     values = NOBODY | {"rows": 10, "pickers": 10, "carriers": 10, "dispatch": "predictive"}
     harvest = EventHarvest(lay_out(Scenario(**values)))
     # In the simulator all ten have been sent by then.

@@ -19,9 +19,9 @@ from orchard.field.scenario import Scenario
 from orchard.launch.supervisor import free_port
 from orchard.net import bus
 from orchard.net.bus import Inbox
-from orchard.net.host import REFUSED_TRIES, TAKEN_TRIES
+from orchard.net.host import TAKEN_TRIES
 from orchard.net.refusals import Refusals
-from orchard.net.requests import ask
+from orchard.net.requests import REFUSED_TRIES, ask
 from orchard.net.zenoh_bus import client, router
 from orchard.server.drivers import MALFORMED_IN_TURN
 
@@ -255,7 +255,7 @@ def test_a_host_asks_again_for_a_scenario_that_was_changed(
     assert len(asked) == 3
 
 
-def test_a_host_whose_scenarios_are_all_invalid_ends_with_the_reason(fleet, monkeypatch):
+def test_a_host_with_only_invalid_scenarios_ends_with_the_reason(fleet, monkeypatch):
     fleet.physics(SMALL, "--duration", "1")
     asked = changing_scenarios(monkeypatch, with_a_false_value, range(100))
     code, _, err = fleet.host(agents=TOY).end()

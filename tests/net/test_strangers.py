@@ -110,7 +110,7 @@ class Refusing(Crowd):
         pass
 
 
-def test_a_newcomer_whose_question_another_client_refuses_asks_again(other):
+def test_a_newcomer_asks_again_if_another_client_refuses(other):
     good = next(p for _, p in other["scenario"])
     assert fetch_run(Refusing(20, good), KEYS).run == "other"
     with pytest.raises(ErrorReply, match="no"):

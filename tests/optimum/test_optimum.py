@@ -227,7 +227,7 @@ def test_the_command_tells_that_the_clock_has_cut_the_search(tmp_path, capsys, m
     assert json.loads(found.read_text())["rows_to_pickers"]["balanced-ends"]["cut_after_seconds"]
 
 
-def test_the_command_tells_the_limit_that_a_study_and_the_page_show(tmp_path, capsys):
+def test_the_command_tells_the_limit_of_study_and_page(tmp_path, capsys):
     """Though each seed draws other rows."""
     (tmp_path / "my.yaml").write_text(
         "{rows: 4, pickers: 2, carriers: 1, picking_speed: 0.05, seed: 3, picking: {spread:"

@@ -27,7 +27,7 @@ def test_sensing_a_robot_stops_for_what_its_laser_sees():
     stage.assert_no_collisions()
 
 
-def test_a_step_keeps_its_name_in_snapshots_when_its_class_is_renamed():
+def test_a_renamed_step_keeps_its_name_in_snapshots():
     assert msgspec.to_builtins(BeginPickingAt(-31.3)) == {"step": "PickFrom", "x": -31.3}
 
 

@@ -25,10 +25,10 @@ def arrays() -> dict[str, np.ndarray]:
     return {"rows": rows, "grid": grid, "cube": np.zeros((2, 1, 3))}
 
 
-def test_a_compiled_function_reads_and_writes_the_arrays_of_a_record() -> None:
+def test_a_compiled_function_reads_and_writes_a_records_arrays() -> None:
     given = arrays()
     assert _change(RECORD.addresses(given)) == 2
-    assert given["rows"].count.tolist() == [1, 3 + 5 + 2]
+    assert given["rows"]["count"].tolist() == [1, 3 + 5 + 2]
     assert given["cube"].ravel().tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
 
 

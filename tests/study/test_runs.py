@@ -102,7 +102,7 @@ def test_a_full_run_tells_what_failed_in_an_own_policy():
 AROUND_A_RUN = {"terminal", "view", "wire"}
 
 
-def test_each_package_that_does_a_run_decides_what_is_known_of_it() -> None:
+def test_each_package_that_does_a_run_decides_what_is_known() -> None:
     code = "import sys, orchard.local, orchard.report.long_run, orchard.event_model.kernel.entry"
     program = [sys.executable, "-c", f"{code}; print(*sys.modules)"]
     loaded = subprocess.run(program, capture_output=True, check=True, text=True)

@@ -84,8 +84,9 @@ def mended() -> Iterator[None]:
         extend(robot, end)
 
     def pause_and_note(robot: Any, *values: Any, **options: Any) -> simpy.Event:
-        robot.pause = first_of(robot.env, [pause_of(robot, *values, **options)])
-        return robot.pause
+        pause = first_of(robot.env, [pause_of(robot, *values, **options)])
+        robot.pause = pause
+        return pause
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Robot, "take", take_and_stand)

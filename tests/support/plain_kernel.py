@@ -50,7 +50,7 @@ def _run(model: c.Model, until: int) -> Any:
 def _checked(array: np.ndarray) -> "CheckedArray":
     if array.dtype.names is None:
         return CheckedArray(array.tolist(), array.shape, array.dtype.kind)
-    kinds = {name: array.dtype[name].kind for name in array.dtype.names}
+    kinds: dict[str, str] = {name: array.dtype[name].kind for name in array.dtype.names}
     return CheckedArray(_rows(array, kinds), array.shape, "")
 
 

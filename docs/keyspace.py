@@ -27,6 +27,7 @@ from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
 from orchard.net.zenoh_bus import CONNECT_SECONDS, FULL_QUEUE_US, LEASE_MS
 from orchard.server.barriers import AGAIN_SECONDS, SLACK
 from orchard.server.commands import WATCHDOG, WATCHDOG_TICKS
+from orchard.server.drivers import MALFORMED_IN_TURN
 from orchard.server.roster import MOST_TOKENS
 from orchard.wire.keys import LIVELINESS, PHYSICS, PREFIX, QUERY, TABLE, Key
 
@@ -60,6 +61,7 @@ def _filled(name: str, **more: Any) -> str:
         "get": GET_SECONDS,
         "goes": GOES_SECONDS,
         "hold": MOST_HOLD,
+        "malformed": MALFORMED_IN_TURN,
         "join": JOIN_TRIES * ASK_SECONDS,
         "lease": LEASE_MS,
         "most": MAX_PAYLOAD,

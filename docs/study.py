@@ -115,7 +115,8 @@ In 600 small studies a setting's interval held the truth in 93.9 %, all of `behi
 (`python examples/interval_coverage.py 600`).
 
 A setting in which a harvest jams is left out, and named. The [fast
-model](bounds.md#the-discrete-event-model) does all runs. With `--horizon harvest` the simulator
+model](bounds.md#the-discrete-event-model) does all runs; it is compiled once for a machine, which
+takes some 40 s. With `--horizon harvest` the simulator
 checks the best two settings; `--model full` lets it do all, and agents of your own need that. A
 study knows no day's end.
 

@@ -16,7 +16,7 @@ from orchard.app.own_classes import AGENTS, CHOICES
 from orchard.behaviour.catalogue import check_plugins
 from orchard.field.layout import lay_out
 from orchard.field.problems import Problem, ScenarioError
-from orchard.field.scenario import Scenario, with_changes
+from orchard.field.scenario import Scenario, with_changes, with_effect
 from orchard.study.words import counted, none_words
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,29}")
@@ -288,7 +288,7 @@ class Draft:
         if self.problems:
             return
         try:
-            scenario = with_changes(self._base, **self.values)
+            scenario = with_effect(with_changes(self._base, **self.values), "entries")
             if self.classes:
                 check_plugins(lay_out(scenario))
         except ScenarioError as error:

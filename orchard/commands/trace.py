@@ -25,7 +25,7 @@ class TraceOptions:
 def trace(chosen: TraceOptions) -> None:
     """Tell what each robot does when in a harvest of the event model: docs/design.md.
 
-    Nobody may be about, and no robot may fail or charge.
+    Its sensors must be exact, and its agents built-in ones.
     """
     with own_classes_run(), exit_on_errors(ScenarioError, OSError, ValueError, RuntimeError):
         print_trace(chosen)

@@ -1,6 +1,7 @@
 """A whole harvest by generators: pickers, carriers, the bins' calls, and the places on the roads.
 
-It knows all that the discrete-event model knows. `orchard.event_model` does quiet harvests faster.
+It knows all that the discrete-event model knows, and needs nothing compiled. `orchard.event_model`
+does the same harvests faster.
 """
 
 from collections.abc import Callable

@@ -291,7 +291,6 @@ INDICES = (
     "queue_line",
     "customer",
     "job_bin",
-    "exchange",
     "told_job",
     "leg_ahead",
     "line",

@@ -27,9 +27,14 @@ def draws(layout: Layout, names: Sequence[str], count: int) -> dict[str, np.ndar
     }
 
 
+def has_failures(scenario: Scenario) -> bool:
+    """Whether robots of any kind may fail."""
+    return bool(scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between)
+
+
 def _failures(scenario: Scenario, names: Sequence[str], count: int) -> np.ndarray:
     """Return the failures of robots, as shares of the mean times, (r, count)."""
-    if not (scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between):
+    if not has_failures(scenario):
         count = 0
     failures = np.zeros((len(names), count), c.FAILURE).view(np.recarray)
     for robot, name in enumerate(names):

@@ -22,6 +22,7 @@ from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.placement import Start
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
+from orchard.plans.routes import ROUTES
 
 # Rows of a log before it grows.
 LOG_ROWS = 4096
@@ -54,7 +55,10 @@ def prepare(layout: Layout) -> Prepared:
 
     Raises NotImplementedError for a step, or a distance, that the model does not know.
     """
-    scenario = layout.scenario.model_copy(update={"seed": 0})
+    scenario = layout.scenario
+    if scenario.route in ROUTES:
+        # The steps of a route of the user's own may depend on the seed.
+        scenario = scenario.model_copy(update={"seed": 0})
     return _prepared(_Geometry(scenario.model_dump_json(), tuple(layout.blocks.items()), layout))
 
 
@@ -205,6 +209,8 @@ class EventHarvest:
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
         self.model = prepared.model._replace(**own, **self._program_arrays())
+        # The tick up to which `run` has carried it on.
+        self._until = 0
         # The time at which the exchanges were last read, and these.
         self._exchanged: tuple[int, dict[str, list[Exchange]]] = (c.NONE, {})
         self._stops: PolicyStops | None = None
@@ -216,7 +222,7 @@ class EventHarvest:
 
     @property
     def model(self) -> c.Model:
-        """The arrays. Set it to change one for another."""
+        """The arrays. Those of the state are changed in place, and are never others."""
         return self._model
 
     @model.setter
@@ -240,12 +246,11 @@ class EventHarvest:
         `goes_on`.
         """
         before = -1
-        until = 0
         longest = LONGEST * self.program.bins
-        while goes_on() and until < longest and (self.done > before or self.drives):
+        while goes_on() and self._until < longest and (self.done > before or self.drives):
             before = self.done
-            until = min(longest, until + JAM)
-            if self._run(until) == c.ENDED:
+            self._until = min(longest, self._until + JAM)
+            if self._run(self._until) == c.ENDED:
                 break
         return self
 
@@ -255,6 +260,8 @@ class EventHarvest:
 
         Raises PolicyFault.
         """
+        # Another harvest of this program may have made it grow.
+        self._take_program()
         while True:
             reason = run(self.model, c.QUARTERS * until)
             if reason == c.LACKS_JOB:
@@ -274,7 +281,7 @@ class EventHarvest:
     def _draw_more(self) -> None:
         """Draw twice as much of what happens at random."""
         self._drawn *= 2
-        self.model = addressed(self.model._replace(**draws(self.layout, self.names, self._drawn)))
+        self.model = self.model._replace(**draws(self.layout, self.names, self._drawn))
         self.model.desk.lacks_draws = False
 
     def _take_program(self) -> None:
@@ -347,7 +354,7 @@ class EventHarvest:
         """Return which share of its plan a picker has begun, 0 to 1."""
         first, end = self.program.harvests[picker], self.program.harvest_ends[picker]
         op = int(self.model.robots.op[self.names.index(picker)])
-        return (op - first) / (end - first)
+        return max(0, op - first) / (end - first)
 
     @property
     def exchanges(self) -> dict[str, list[Exchange]]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from orchard.event_model import columns as c
+from orchard.event_model.draws import has_failures
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
@@ -362,8 +363,8 @@ class Program:
 
     @_write.register
     def _(self, step: st.MayFail, writer: _Writer) -> None:
-        if step.seed != self.layout.scenario.seed:
-            raise NotImplementedError("the event model knows no seed of your own for failures")
+        if step.seed != self.layout.scenario.seed or not has_failures(self.layout.scenario):
+            raise NotImplementedError("the event model knows no failures of your own")
         if not isinstance(writer.steps[writer.number + 1], st.DriveTo):
             raise NotImplementedError("the event model knows failures on drives only")
         writer.may_fail = step

@@ -1,7 +1,7 @@
 """The scenario: what a user can set, with its limits, and how its values are checked."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import reduce
 from itertools import combinations
@@ -406,11 +406,6 @@ _IN_VAIN = {
 }
 
 
-def _value_at(scenario: "Scenario", path: str) -> Any:
-    """Return the value of a field. `path`: dotted."""
-    return reduce(getattr, path.split("."), scenario)
-
-
 class Scenario(Section):
     """An orchard with its robots, people, animals and weeds. Figures: docs/reference.md."""
 
@@ -660,7 +655,6 @@ class Scenario(Section):
             self.chargers > 0 or not self.has_batteries, text, "chargers", "carrying.battery.hours"
         )
         self._demand_that_no_row_is_faster_than_a_picker()
-        self._demand_that_all_has_an_effect()
         if self.route in QUEUES:
             self._demand_room_in_the_queue()
         return self
@@ -747,31 +741,6 @@ class Scenario(Section):
         keys = (speed, "picking.spread.distribution", "picking.spread.cv")
         self._demand(spread.cv <= most + 1e-9, text, *keys)
 
-    def _demand_that_all_has_an_effect(self) -> None:
-        """Nobody may set in vain what only another value brings to effect."""
-        has_effect = {
-            "carrying.battery.hours": self.has_batteries,
-            "picking.failure.mean_between": self.picking.failure.mean_between is not None,
-            "carrying.failure.mean_between": self.carrying.failure.mean_between is not None,
-            "picking.spread.distribution": self.picking.spread.distribution != "none",
-        }
-        default = Scenario.model_construct()
-        for field, (needed, text) in _IN_VAIN.items():
-            is_set = _value_at(self, field) != _value_at(default, field)
-            self._demand(has_effect[needed] or not is_set, text, field, needed)
-        self._demand(
-            self.chargers <= default.chargers or self.has_batteries,
-            "has no effect: carriers charge only if hours is set",
-            "chargers",
-            "carrying.battery.hours",
-        )
-        self._demand(
-            self.order_in_row == default.order_in_row or self.bin_metres is not None,
-            "has no effect where each row fills one bin: metres_per_bin, bins_per_row and crop say"
-            " how many",
-            "order_in_row",
-        )
-
     def _demand_what_the_survey_says(self) -> None:
         """Rows, their length and width are those of the survey, if there is one."""
         if self.survey is None:
@@ -798,7 +767,8 @@ def parse(text: str, source: str = "scenario") -> Scenario:
     `source` names the text in errors. Raises `ScenarioError`.
     """
     values, lines, repeated = values_of(text, source)
-    return check({} if values is None else values, source, lines, repeated)
+    scenario = check({} if values is None else values, source, lines, repeated)
+    return with_effect(scenario, source, lines)
 
 
 def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
@@ -815,6 +785,58 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
             change = {key: change}
         _merge(values, change)
     return check(values, "changes")
+
+
+def with_effect(scenario: Scenario, source: str, lines: Lines | None = None) -> Scenario:
+    """Return a scenario in which a user has set no value that needs another one, and lacks it.
+
+    Settings of a study, forks and old snapshots may have such values: there another value was
+    taken away. Raises `ScenarioError`.
+    """
+    problems = []
+    for fields, text in _rules_of_effect(scenario):
+        problems.append(_in_vain(scenario, source, lines or {}, fields, text))
+    if problems:
+        raise ScenarioError(problems, scenario)
+    return scenario
+
+
+def _rules_of_effect(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the fields, and what is wrong with them, of each value that has no effect."""
+    has_effect = {
+        "carrying.battery.hours": scenario.has_batteries,
+        "picking.failure.mean_between": scenario.picking.failure.mean_between is not None,
+        "carrying.failure.mean_between": scenario.carrying.failure.mean_between is not None,
+        "picking.spread.distribution": scenario.picking.spread.distribution != "none",
+    }
+    default = Scenario.model_construct()
+    for field, (needed, text) in _IN_VAIN.items():
+        is_set = _value_at(scenario, field) != _value_at(default, field)
+        if is_set and not has_effect[needed]:
+            yield (field, needed), text
+    if scenario.chargers > default.chargers and not scenario.has_batteries:
+        text = "has no effect: carriers charge only if hours is set"
+        yield ("chargers", "carrying.battery.hours"), text
+    if scenario.order_in_row != default.order_in_row and scenario.bin_metres is None:
+        text = (
+            "has no effect where each row fills one bin: metres_per_bin, bins_per_row and crop say"
+            " how many"
+        )
+        yield ("order_in_row",), text
+
+
+def _in_vain(
+    scenario: Scenario, source: str, lines: Lines, fields: tuple[str, ...], text: str
+) -> Problem:
+    """Return a rule's problem, as those of several fields are."""
+    values = ", ".join(str(_value_at(scenario, field)) for field in fields)
+    line = max(lines.get(tuple(field.split(".")), 0) for field in fields)
+    return Problem(source, text, ", ".join(fields), values, line)
+
+
+def _value_at(scenario: Scenario, path: str) -> Any:
+    """Return the value of a field. `path`: dotted."""
+    return reduce(getattr, path.split("."), scenario)
 
 
 def to_yaml(scenario: Scenario) -> str:

@@ -1,10 +1,11 @@
 """The scenario of a run, with the values that a user has typed as options."""
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from orchard.field.scenario import Scenario, with_changes
+from orchard.field.scenario import Scenario, with_changes, with_effect
 from orchard.field.shipped import load_or_shipped
 from orchard.terminal.exits import as_typed
 from orchard.terminal.typed import named
@@ -16,14 +17,21 @@ def scenario_of(path: Path | None, changes: Mapping[str, Any]) -> Scenario:
     `changes`: name -> value; None: not given. Raises ScenarioError.
     """
     given = {name: value for name, value in changes.items() if value is not None}
-    return changed(load_or_shipped(path), given)
+    loaded = load_or_shipped(path)
+    with _typed_as_options(given):
+        return with_effect(with_changes(loaded, **given), "options")
 
 
 def changed(scenario: Scenario, given: Mapping[str, Any]) -> Scenario:
     """Return a scenario with the values of options. Raises ScenarioError in their words."""
+    with _typed_as_options(given):
+        return with_changes(scenario, **given)
+
+
+def _typed_as_options(given: Mapping[str, Any]) -> AbstractContextManager[None]:
+    """Return a context in which problems name the options of these values."""
 
     def as_options(paths: str) -> str:
         return ", ".join(named([path]) if path in given else path for path in paths.split(", "))
 
-    with as_typed(as_options):
-        return with_changes(scenario, **given)
+    return as_typed(as_options)

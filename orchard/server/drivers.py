@@ -84,6 +84,7 @@ class Drivers:
         if not refused:
             for name in names:
                 self.roster.join(name, owner)
+                del self._malformed[name]
         self._publisher.retire(before.difference(self.roster.owners.values()))
         return refused
 

@@ -11,12 +11,14 @@ pytest.importorskip("simpy", reason="the extra `study` is not installed")
 from both_models import differences
 from quiet import NOBODY, quiet_layouts
 
+from orchard.event_model import harvest as harvests
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import compiled, machine
 from orchard.event_model.known import lacking
+from orchard.event_model.results import JAM
 from orchard.event_model.trace import trace
 from orchard.field.layout import Layout, lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.scenario import TIME_STEP, Scenario
 
 SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
 
@@ -56,6 +58,30 @@ def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:
     first, second = (EventHarvest(lay_out(Scenario(**values, seed=seed))) for seed in (1, 2))
     assert first.program is second.program
     assert first.run().deliveries != second.run().deliveries
+
+
+def test_a_harvest_sees_the_jobs_that_another_one_has_translated() -> None:
+    """Both share a program, which grows beyond what the second one began with."""
+    values = NOBODY | {"rows": 10, "pickers": 5, "carriers": 5, "dispatch": "predictive"}
+    layouts = [lay_out(Scenario(**values, row_length=31.0, seed=seed)) for seed in (1, 2)]
+    alone = EventHarvest(lay_out(Scenario(**values, row_length=31.0, seed=2))).run()
+    harvests._prepared.cache_clear()
+    first, second = map(EventHarvest, layouts)
+    rows = len(second.model.ops)
+    first.run()
+    assert len(first.model.ops) > rows, "the program has not grown"
+    assert figures(second.run()) == figures(alone)
+
+
+def test_a_harvest_that_was_stopped_goes_on() -> None:
+    layout = lay_out(Scenario(**SMALL, dispatch="predictive", picking_speed=0.02))
+    whole = EventHarvest(layout).run()
+    assert whole.seconds > 2 * JAM * TIME_STEP
+    parts = EventHarvest(layout)
+    for _ in range(100):
+        rounds = iter([True, False])
+        parts.run(lambda rounds=rounds: next(rounds))
+    assert figures(parts) == figures(whole)
 
 
 def test_a_harvest_that_is_done_in_parts_is_the_same() -> None:

@@ -14,7 +14,8 @@ from orchard.event_model import columns
 from orchard.plans import failures, robot, sense, steps
 from orchard.sim.kernels.jit import jit
 
-# Modules of which constants are part of the code. Those of `orchard.field` count for all kernels.
+# Modules of which constants are part of the code. Those of `orchard.field` that are count for all
+# kernels.
 CONSTANTS_OF = (bin, carrier, dispatcher, ranking, failures, robot, sense, steps, columns)
 
 

@@ -9,9 +9,10 @@ complete at any time, and can be copied.
     idle                | the end of its plan    | an order            | takes its new plan
     driving             | drive                  | the leg's end, a    | drives the next leg, or
                         |                        | grant, an order     | stands
-    standing            | a gate whose places it | a grant, the bin is | drives on
-                        | lacks, a robot ahead   | left, that robot    |
-                        |                        | drives on, an order |
+    standing            | a gate whose places it | a grant, that robot | drives on
+                        | lacks, a bin that is   | drives on, alarm    |
+                        | not left, a robot      | each 20 (asks the   |
+                        | ahead                  | bin), an order      |
     swinging its bin    | turn, with a bin       | alarm               | tells the one behind
     swinging off        | turn, beside its line  | alarm               | leaves its line
     lasting             | pause, unload, turn    | alarm               | does the next op

@@ -829,9 +829,12 @@ def _in_vain(
     scenario: Scenario, source: str, lines: Lines, fields: tuple[str, ...], text: str
 ) -> Problem:
     """Return a rule's problem, as those of several fields are."""
-    values = ", ".join(str(_value_at(scenario, field)) for field in fields)
-    line = max(lines.get(tuple(field.split(".")), 0) for field in fields)
-    return Problem(source, text, ", ".join(fields), values, line)
+    values = []
+    line = 0
+    for field in fields:
+        values.append(str(_value_at(scenario, field)))
+        line = max(line, lines.get(tuple(field.split(".")), 0))
+    return Problem(source, text, ", ".join(fields), ", ".join(values), line)
 
 
 def _value_at(scenario: Scenario, path: str) -> Any:

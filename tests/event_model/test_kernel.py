@@ -60,7 +60,7 @@ def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:
     assert first.run().deliveries != second.run().deliveries
 
 
-def test_a_harvest_sees_the_jobs_that_another_one_has_translated() -> None:
+def test_a_harvest_sees_jobs_that_another_has_translated() -> None:
     """Both share a program, which grows beyond what the second one began with."""
     values = NOBODY | {"rows": 10, "pickers": 5, "carriers": 5, "dispatch": "predictive"}
     layouts = [lay_out(Scenario(**values, row_length=31.0, seed=seed)) for seed in (1, 2)]

@@ -54,7 +54,7 @@ def test_settings_and_forks_may_take_away_what_a_value_needs(in_vain, with_effec
     assert with_changes(Scenario(**values), **without).rows == 5
 
 
-def test_an_order_in_rows_is_no_second_problem_beside_a_wrong_bin():
+def test_an_order_in_rows_is_no_problem_beside_a_wrong_bin():
     with pytest.raises(ScenarioError) as error:
         parse("{order_in_row: outward, metres_per_bin: 5000}")
     assert [problem.path for problem in error.value.problems] == ["metres_per_bin"]

@@ -17,6 +17,7 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from orchard.field.shipped import DEFAULT, names
 from orchard.terminal.catalogue import COMMANDS
+from orchard.terminal.output import print_error
 
 # The groups of options in --help.
 FORK = "The fork"
@@ -144,16 +145,16 @@ class _Plain:
 
 
 class OrchardCommand(_Plain, TyperCommand):
-    """A command. An option that has one value may be given once."""
+    """A command. Of an option that has one value the last one counts, and that is said."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of a command line. Raises BadParameter for an option given twice."""
+        """Parse the words of a command line. Tell which options lose a value."""
         # The parser takes words out of the list.
         _, _, order = self.make_parser(ctx).parse_args(list(args))
         given: list[TyperOption] = []
         for parameter in order:
             if isinstance(parameter, TyperOption) and parameter in given:
-                raise BadParameter("given twice; it has one value", ctx=ctx, param=parameter)
+                print_error(f"{parameter.opts[0]}: given twice; the last value counts")
             # A flag says the same a second time.
             if isinstance(parameter, TyperOption) and not (parameter.multiple or parameter.is_flag):
                 given.append(parameter)

@@ -36,7 +36,8 @@ FILES = {
     "bad.yaml": "rows: 999\npikers: 3\npeople:\n  workers: many\n",
 }
 NOWHERE = ("--connect", "tcp/127.0.0.1:9")
-SHORT = ("--mode", "local", "--rows", "3", "--duration", "0.1", "--record", "none")
+NO_RECORD = ("--record", "none")
+SHORT = ("--mode", "local", "--rows", "3", "--duration", "0.1", *NO_RECORD)
 
 
 def said(arguments, monkeypatch, capfd) -> tuple[int, str]:
@@ -331,7 +332,8 @@ def test_the_second_run_that_writes_to_one_place_is_refused(option, tmp_path, mo
     place = tmp_path / ("run.rrd" if option == "--record" else "tables")
     (place.touch if option == "--record" else place.mkdir)()
     with alone(place):
-        code, words = said([*SHORT, "--record", "none", option, place], monkeypatch, capfd)
+        arguments = [word for word in SHORT if option != "--record" or word not in NO_RECORD]
+        code, words = said([*arguments, option, place], monkeypatch, capfd)
     assert (code, words) == (
         2,
         f"{place}: another run writes there now; name another one, or wait until it has ended",

@@ -167,7 +167,7 @@ A_VALUE = [
 ]
 
 ENERGY = """        "weeds_flattened": figures.weeds_flattened,
-        "energy_kwh": distance.get("carrier", 0.0) * 1e-4,
+        "energy_kwh": _distances(world).get("carrier", 0.0) * 1e-4,
 """
 A_FIGURE = [
     Edit(

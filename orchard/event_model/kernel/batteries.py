@@ -51,6 +51,14 @@ def end_job(m, carrier):
 
 
 @inner
+def end_trip(m, carrier):
+    """Count what a carrier's way took that ends in a line of the queue."""
+    use_battery(m, carrier, m.desk[0].standing)
+    end_job(m, carrier)
+    note_trip(m, carrier)
+
+
+@inner
 def note_trip(m, carrier):
     """Note for how long a carrier was outside the queue, if it was."""
     me = m.robots[carrier]
@@ -82,9 +90,7 @@ def may_charge(m, carrier):
 def ask_for_charger(m, carrier):
     """Let a carrier charge once it stands in its charging line."""
     me = m.robots[carrier]
-    use_battery(m, carrier, m.desk[0].standing)
-    end_job(m, carrier)
-    note_trip(m, carrier)
+    end_trip(m, carrier)
     me.queue_line = m.ops[me.op].arg
     me.is_charged = False
     m.timers[c.PARK, carrier] = m.desk[0].now + c.QUARTERS

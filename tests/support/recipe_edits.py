@@ -151,7 +151,7 @@ def test_people_walk_slower_in_wind():
     assert 0.0 < metres_walked(10.0) < metres_walked(0.0)
 '''
 A_VALUE = [
-    Edit("orchard/field/scenario.py", "    agents: Annotated[Classes, CHOICE] = {}\n", WIND),
+    Edit("orchard/field/scenario/schema.py", "    agents: Annotated[Classes, CHOICE] = {}\n", WIND),
     Edit("orchard/behaviour/walker.py", PERSON, PERSON + IN_WIND),
     Edit(
         "orchard/behaviour/walker.py",
@@ -244,7 +244,7 @@ A_ROBOT = [
         '    "bin": Kind(',
     ),
     Edit(
-        "orchard/field/scenario.py",
+        "orchard/field/scenario/schema.py",
         "    tractor: Annotated[\n",
         '    drones: Annotated[int, Field(ge=0, le=4, description="all drones"), CHOICE] = 0\n'
         "    tractor: Annotated[\n",
@@ -295,7 +295,7 @@ A_POLICY = [
         "    Nearest,\n    ByName,\n    FarthestFirst,\n",
     ),
     Edit(
-        "orchard/field/scenario.py",
+        "orchard/field/scenario/names.py",
         '    NEAREST,\n    "farthest-first",\n',
         '    NEAREST,\n    "by-name",\n    "farthest-first",\n',
     ),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchard.field.passes import FULL_WITHIN
-from orchard.field.scenario import TIME_STEP
+from orchard.field.ticks import TIME_STEP
 from orchard.sim.kernels.boxes import (
     COSINE,
     HALF_LENGTH,

@@ -1,0 +1,133 @@
+"""Values become a scenario, or every problem of them is told at once."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from orchard.field.problems import Lines, Problem, ScenarioError, key_text, problem_of, show
+from orchard.field.scenario.schema import SURVEYED, Scenario
+
+
+def check(
+    values: Any,
+    source: str = "scenario",
+    lines: Lines | None = None,
+    known: list[Problem] | None = None,
+) -> Scenario:
+    """Return the scenario with these values.
+
+    Raises a `ScenarioError` with all problems, including those in `known`.
+    """
+    problems = list(known or [])
+    if not isinstance(values, Mapping | BaseModel):
+        text = f"must be a map of keys and values, and not {show(values)}"
+        raise ScenarioError([*problems, Problem(source, text)])
+    errors, scenario = _errors(_plain(values))
+    problems += [problem_of(error, Scenario, source, lines or {}) for error in errors]
+    if problems:
+        raise ScenarioError(problems, scenario)
+    return scenario
+
+
+def _plain(values: Any, levels: int = 3) -> Any:
+    """Convert sections to dicts with printable text as keys."""
+    if isinstance(values, BaseModel):
+        values = values.model_dump()
+    if levels == 0 or not isinstance(values, Mapping):
+        return values
+    return {key_text(key): _plain(value, levels - 1) for key, value in values.items()}
+
+
+def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
+    """Return all errors, and the scenario without the fields of these errors.
+
+    Pydantic ends at the first broken rule about several fields, and checks none if a field is
+    invalid. So the fields of all errors are set to their defaults, which break no rule, and all is
+    checked again, until every rule has been checked.
+    """
+    errors: list[dict[str, Any]] = []
+    wrong: set[tuple[str, ...]] = set()
+    while True:
+        try:
+            return errors, Scenario.model_validate(values)
+        except ValidationError as failure:
+            details = failure.errors(include_url=False)
+        current = [_located(error) for error in details if not _counts_what_is_wrong(error)]
+        errors += [error for error in current if wrong.isdisjoint(error["fields"])]
+        paths: set[tuple[str, ...]] = set()
+        for error in current:
+            for field in error["fields"]:
+                paths.update(_with_defaults(field))
+        wrong |= paths
+        values = _without(values, paths)
+
+
+def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Return what is set to its default because a field is wrong: the field, or the whole survey,
+    because its sizes have no default.
+    """
+    if field[0] == "survey":
+        return [("survey",)]
+    if field[0] in SURVEYED:
+        return [field, ("survey",)]
+    return [field]
+
+
+def _counts_what_is_wrong(error: Any) -> bool:
+    """Whether a list is told to be too short only because some of it is wrong, which other errors
+    tell.
+    """
+    return bool(
+        error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"])
+    )
+
+
+def _located(error: Any) -> dict[str, Any]:
+    """Return an error of pydantic with the paths of the fields that it is about, and whether it is
+    about a key of a map.
+    """
+    of_key = error["loc"][2:] == ("[key]",)
+    path = tuple(map(str, error["loc"][:2] if of_key else error["loc"]))
+    fields = [path]
+    if error["type"] == "rule":
+        fields = [(*path, *field.split(".")) for field in error["ctx"]["fields"]]
+    return dict(error) | {"loc": path, "of_key": of_key, "fields": fields}
+
+
+def _without(
+    values: dict[str, Any], paths: set[tuple[str, ...]], at: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Return the values without those at some paths. `at`: the path of the values themselves."""
+    kept = {}
+    for key, value in values.items():
+        path = (*at, key)
+        if path not in paths:
+            kept[key] = _without(value, paths, path) if isinstance(value, dict) else value
+    return kept
+
+
+def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
+    """Return a scenario with some values changed, checked again.
+
+    Raises `ScenarioError`. Name a nested value by its dotted path, or give a map of changes to a
+    section: `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers":
+    0})`.
+    """
+    values = scenario.model_dump()
+    for path, value in changes.items():
+        change = value
+        for key in reversed(path.split(".")):
+            change = {key: change}
+        _merge(values, change)
+    return check(values, "changes")
+
+
+def _merge(values: dict[str, Any], changes: dict[str, Any]) -> None:
+    """Put changes into values, also into the maps inside them."""
+    for key, change in changes.items():
+        if isinstance(change, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], change)
+        else:
+            values[key] = deepcopy(change)

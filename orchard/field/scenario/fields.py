@@ -1,0 +1,60 @@
+"""The kinds of fields that a scenario has: choices, counts, prices, rules, names of agents."""
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from orchard.field.decisions import Decision
+from orchard.field.kinds import BODILESS, KINDS
+
+CHOICE = Decision.CHOICE
+CIRCUMSTANCE = Decision.CIRCUMSTANCE
+MOST_GUESTS = 50  # people together, animals together, weeds
+HIGHEST_PRICE = 1e9  # in whatever currency
+
+_NAME = "[A-Za-z_][A-Za-z0-9_]*"
+_PATH = rf"{_NAME}(\.{_NAME})*[.:]{_NAME}"
+ClassPath = Annotated[str, Field(pattern=rf"^{_PATH}$", max_length=200)]
+Driven = Annotated[str, Field(pattern=rf"^(({'|'.join(KINDS)})(_[0-9]+)?|{'|'.join(BODILESS)})$")]
+Bodiless = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,63}$")]
+Classes = Annotated[
+    dict[Driven, ClassPath],
+    Field(max_length=200, description="kind or name -> module.Class in place of the built-in one"),
+]
+MoreAgents = Annotated[
+    dict[Bodiless, ClassPath],
+    Field(max_length=200, description="name -> module.Class of another agent without a body"),
+]
+
+
+def choice(names: Sequence[str], meaning: str) -> Any:
+    """Return the field that is one of some names.
+
+    Programs that offer a choice, such as the page, find them in `examples`.
+    """
+    return Field(
+        pattern=rf"^({'|'.join(names)})$",
+        examples=list(names),
+        description=f"{meaning}: {', '.join(names)}",
+    )
+
+
+def count(meaning: str) -> Any:
+    """Return the field that is a number of people, animals or weeds."""
+    return Field(ge=0, le=MOST_GUESTS, description=meaning)
+
+
+def price(meaning: str) -> Any:
+    """Return the field that is a price, in a currency of the user's own."""
+    return Field(ge=0.0, le=HIGHEST_PRICE, description=meaning)
+
+
+def plugin(builtin: Sequence[str], meaning: str) -> Any:
+    """Return the field that names a rule: a built-in one, or module.Class of a user."""
+    return Field(
+        pattern=rf"^({'|'.join(builtin)}|{_PATH})$",
+        max_length=200,
+        examples=list(builtin),
+        description=f"{meaning}: {', '.join(builtin)}, or module.Class",
+    )

@@ -33,7 +33,7 @@ from orchard.field.geometry import STILL
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.fork import forked
-from orchard.launch.distributed import start_hosts
+from orchard.launch.hosts import start_hosts
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest, agent_names
 from orchard.net.endpoints import BusError

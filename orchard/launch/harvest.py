@@ -137,7 +137,7 @@ def _run_processes(request: RunRequest) -> Result:
 
 def _join_run(chosen: HarvestOptions, endpoint: str, only: list[str]) -> int:
     """Host some agents of a run elsewhere. Return the exit code."""
-    from orchard.launch.distributed import join_run
+    from orchard.launch.hosts import join_run
 
     with exit_on_errors(BusError, ValueError), Progress(console) as progress:
         return join_run(endpoint, only, chosen.without or [], Credentials(chosen), progress)

@@ -20,7 +20,7 @@ from recorded_messages import Clock
 from rich.console import Console
 
 from orchard.field.scenario import Scenario
-from orchard.launch import distributed
+from orchard.launch import follower
 from orchard.launch.distributed import LaunchedRun
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
@@ -169,12 +169,12 @@ def test_why_physics_is_gone_is_told_in_words(fleet, tmp_path, code, words):
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
     fleet.children[-1].end(code)
     fleet.terminate(PHYSICS)
-    assert words in launched._why_over(True)
+    assert words in launched.follower.why_over(has_begun=True)
 
 
 def test_physics_that_never_listens_is_told_with_its_time(fleet, tmp_path, monkeypatch):
     """Physics that never listens is told with the whole time that it had."""
-    monkeypatch.setattr(distributed, "BEGIN_SECONDS", 0.5)
+    monkeypatch.setattr(follower, "BEGIN_SECONDS", 0.5)
     fleet.clock = monotonic
     fleet.start(ProcessSpec(PHYSICS, "orchard.processes.physics", [], again=True, may_refuse=False))
     summary, why = launched_by(fleet, tmp_path).follow(Inbox())

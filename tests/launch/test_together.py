@@ -5,6 +5,7 @@ then, which snapshots it takes.
 import io
 import signal
 from contextlib import ExitStack, nullcontext
+from pathlib import Path
 from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import ClassVar
@@ -19,8 +20,8 @@ from run_endings import harvested
 
 from orchard.contract.messages import pack
 from orchard.folders import runs_folder
-from orchard.launch import distributed
-from orchard.launch.supervisor import ProcessSpec, Supervisor
+from orchard.launch import follower, hosts
+from orchard.launch.supervisor import ProcessSpec, Supervisor, Watchdog
 from orchard.net.bus import Alive, Inbox, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
@@ -28,7 +29,7 @@ from orchard.net.refusals import Refused
 from orchard.report.progress import Progress
 from orchard.server.snapshots import sole
 from orchard.sim.snapshot import SnapshotError
-from orchard.wire.keys import PHYSICS, Keys
+from orchard.wire.keys import LOGGER, PHYSICS, Keys
 from orchard.wire.messages import End
 
 DEAF = """\
@@ -51,10 +52,10 @@ def an_end(**summary):
 def test_an_end_that_says_nothing_of_the_run_is_refused():
     """An end that says nothing of the run is refused whoever sends it."""
     with pytest.raises(Refused, match="malformed"):
-        distributed._hear(an_end(), "run1", PROGRESS)
+        follower._hear(an_end(), "run1", PROGRESS)
     with pytest.raises(Refused, match="malformed"):
-        distributed._hear(an_end(**SUMMARY | {"ticks": "many"}), "run1", PROGRESS)
-    assert distributed._hear(an_end(**SUMMARY), "run1", PROGRESS).why == "harvested"
+        follower._hear(an_end(**SUMMARY | {"ticks": "many"}), "run1", PROGRESS)
+    assert follower._hear(an_end(**SUMMARY), "run1", PROGRESS).why == "harvested"
 
 
 def test_an_end_is_believed_only_while_physics_goes():
@@ -93,19 +94,19 @@ def deaf(tmp_path, monkeypatch):
 
 
 def test_an_agent_that_thinks_on_after_the_end_is_not_waited_for(deaf, monkeypatch):
-    monkeypatch.setattr(distributed, "THINK_SECONDS", 0.0)
+    monkeypatch.setattr(hosts, "THINK_SECONDS", 0.0)
     fleet, said = deaf
-    distributed._await_exits(fleet, ["agents 1"], Inbox(), 60.0)
+    hosts.await_exits(fleet, ["agents 1"], Inbox(), 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
     assert said[0].startswith("agents 1 has not ended 0 s after the run, and is ended by force")
 
 
 def test_ctrl_c_ends_the_waiting_for_those_who_have_not_ended(deaf, monkeypatch):
-    monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
+    monkeypatch.setattr(hosts, "STOP_SECONDS", 0.0)
     fleet, said = deaf
     inbox = Inbox()
     inbox.put(Signal(signal.SIGINT))
-    distributed._await_exits(fleet, ["agents 1"], inbox, 60.0)
+    hosts.await_exits(fleet, ["agents 1"], inbox, 60.0)
     assert fleet.exit_code("agents 1") == -signal.SIGKILL
     assert said == []
 
@@ -133,29 +134,35 @@ class Loading:
         return bool(self.asked_to_end)
 
 
-def loading(connect=None):
-    credentials = SimpleNamespace(identity=lambda role: None)
-    return distributed.LaunchedRun(
-        None, credentials, "tcp/127.0.0.1:1", Loading(), PROGRESS, connect
+def loading(supervisor, connect=None):
+    """Return what follows a run of which physics still loads its modules."""
+    return follower.RunFollower(
+        endpoint="tcp/127.0.0.1:1",
+        snapshots=Path("snapshots"),
+        supervisor=supervisor,
+        watchdog=Watchdog(supervisor, LOGGER),
+        progress=PROGRESS,
+        connect=connect,
     )
 
 
 @pytest.mark.parametrize(("signals", "ended"), [(1, "stopped: tick 0"), (2, "stopped")])
 def test_the_summary_of_a_run_stopped_early_is_waited_for(monkeypatch, signals, ended):
     """The summary of a run that is stopped before its first tick is waited for."""
-    monkeypatch.setattr(distributed, "STOP_SECONDS", 0.0)
-    launched = loading()
+    monkeypatch.setattr(follower, "STOP_SECONDS", 0.0)
+    supervisor = Loading()
+    following = loading(supervisor)
     keys = Keys()
     inbox = Inbox()
     summary = SUMMARY | {"ticks": 0, "ended": "stopped"}
     end = Sample("orchard/end", pack(End("run1", 0, False, "stopped: tick 0", "0" * 64, summary)))
     for item in [*[Signal(signal.SIGINT)] * signals, end, Alive(TOKEN, False)]:
         inbox.put(item)
-    assert launched._listen(SimpleNamespace(inbox=inbox), keys) == (
+    assert following._listen(SimpleNamespace(inbox=inbox), keys) == (
         summary if signals == 1 else None,
         ended,
     )
-    assert launched.supervisor.asked_to_end == [PHYSICS] * signals
+    assert supervisor.asked_to_end == [PHYSICS] * signals
 
 
 @pytest.mark.parametrize(("signals", "is_reached"), [(1, True), (2, False)])
@@ -172,7 +179,9 @@ def test_a_run_stopped_before_physics_listens_is_stopped(signals, is_reached):
 
     for _ in range(signals):
         inbox.put(Signal(signal.SIGINT))
-    assert loading(connect)._reach(inbox, ExitStack()) == ("a session" if is_reached else None)
+    assert loading(Loading(), connect)._reach(inbox, ExitStack()) == (
+        "a session" if is_reached else None
+    )
     assert len(inbox) == is_reached, "it is told to physics next"
 
 

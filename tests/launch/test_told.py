@@ -12,7 +12,7 @@ import pytest
 from run_endings import harvested
 
 from orchard.field.scenario import Scenario
-from orchard.launch.distributed import how_to_join
+from orchard.launch.hosts import how_to_join
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import RunRequest
 from orchard.launch.result import report, speed_not_kept

@@ -24,7 +24,7 @@ from recorded_messages import HOST, KEYS, Net, Query, Run, StandIn, oversized
 
 from orchard.contract.messages import pack
 from orchard.field.layout import lay_out
-from orchard.launch.distributed import _hear as follow
+from orchard.launch.follower import _hear as follow
 from orchard.net.bus import Alive, Final, Replied, Sample
 from orchard.net.refusals import Refused
 from orchard.record.logger import FrameQueue, Logger

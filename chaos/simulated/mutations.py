@@ -20,6 +20,7 @@ from orchard.contract.agent import Action
 from orchard.net import host, mailbox, requests
 from orchard.net.ending import Ending
 from orchard.net.refusals import RefusalTotals
+from orchard.net.runner import AgentRunner
 from orchard.processes import agents, physics
 from orchard.server import barriers, commands, inbound, loop, snapshots
 from orchard.server.control import RunClock
@@ -270,7 +271,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     ),
     "a join without a token is not tried again": (Cut(host, "JOIN_TRIES", 1),),
     "a join of a taken agent is not tried again": (Cut(host, "TAKEN_TRIES", 1),),
-    "a host without its memory": (Cut(host.AgentRunner, "resume", _nothing),),
+    "a host without its memory": (Cut(AgentRunner, "resume", _nothing),),
     "physics gives no memory": (Cut(wire, "Joined", _without_memories),),
     "physics keeps no memory": (Cut(RecoveryLog, "keep", _keeps_no_memory),),
     "physics keeps the letters of one tick": (Cut(RecoveryLog, "keep", _keeps_one_tick),),

@@ -8,17 +8,15 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from orchard.behaviour.catalogue import guarded
 from orchard.contract.agent import Action, Agent, Mail, Observation
-from orchard.contract.guard import Guard
 from orchard.contract.mail import LocalMail, digest_of
-from orchard.contract.messages import MAX_PAYLOAD, pack, unpack
+from orchard.contract.messages import MAX_PAYLOAD, pack
 from orchard.field.kinds import kind_of
 from orchard.field.layout import Layout
-from orchard.field.plugins import MISTAKES, reraise_ctrl_c
-from orchard.field.problems import printable
+from orchard.net.bin_states import StateBoard
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
@@ -33,11 +31,11 @@ from orchard.net.requests import (
     fetch_layout,
     publish_refusals,
 )
+from orchard.net.runner import AgentRunner
 from orchard.wire.codec import report_of
 from orchard.wire.keys import Keys
 from orchard.wire.messages import (
     RESET,
-    BinStatus,
     End,
     Join,
     Joined,
@@ -93,76 +91,6 @@ def end_if_asked(item: Item) -> None:
 
 class _JoinAgain(Exception):
     """Raised when physics no longer waits for this host, or has come back."""
-
-
-class AgentRunner:
-    """An agent and its memory."""
-
-    def __init__(self, name: str, agent: Guard) -> None:
-        self.name = name
-        self._agent = agent
-        self.memory: Any = None
-        # The packed memory that physics has.
-        self._sent: bytes | None = None
-
-    def resume(self, memory: bytes | None) -> None:
-        """Continue with the memory that physics has.
-
-        It goes on without one if that is None, or of another class.
-        """
-        self.memory = None
-        self._sent = memory
-        if memory is None:
-            return
-        try:
-            self.memory = unpack(memory, self._agent.Memory)
-        except MISTAKES as error:
-            reraise_ctrl_c(error)
-            why = f"its last one is not of its class: {printable(str(error))}"
-            log.warning("%s starts without a memory; %s", self.name, why)
-
-    def act(self, seen: Observation, mail: Mail) -> Action:
-        """Return what the agent does, and keep its memory."""
-        action = self._agent.tick(seen, mail, self.memory)
-        self.memory = action.memory
-        return action
-
-    def news(self) -> bytes | None:
-        """Return the packed memory; None if physics has it already."""
-        before = self._sent
-        self._sent = self._agent.packed
-        return None if self._sent == before else self._sent
-
-
-class StateBoard:
-    """The states of the bins: published when they change, and sent in reply to queries."""
-
-    def __init__(self, bus: Bus, keys: Keys, run: str) -> None:
-        self._bus = bus
-        self._keys = keys
-        self._run = run
-        # Bin -> its state.
-        self._states: dict[str, BinStatus] = {}
-
-    def update(self, seen: Observation) -> None:
-        """Store the state of an observed bin. Publish it if `full` or `coupled_to` has changed."""
-        robot = seen.hitch.name if seen.hitch else ""
-        state = BinStatus(self._run, seen.tick, seen.full, seen.fill, robot)
-        old = self._states.get(seen.name)
-        self._states[seen.name] = state
-        if old is None or (old.full, old.coupled_to) != (state.full, state.coupled_to):
-            self._bus.publish(self._keys.of("state", seen.name), pack(state))
-
-    def tell(self, name: str, question: Query) -> None:
-        """Reply to a query for a bin's state. Raises Refused if it has a payload."""
-        if question.payload:
-            question.refuse("malformed: a query for a state has no payload")
-            raise Refused("malformed", "a query for a state has no payload")
-        if name not in self._states:
-            question.refuse("not known before the first tick")
-            return
-        question.reply(pack(self._states[name]))
-        question.drop()
 
 
 @dataclass

@@ -7,8 +7,8 @@ from orchard.contract.agent import Hitch
 from orchard.field.geometry import STILL
 from orchard.field.scenario import Scenario
 from orchard.local import Local
+from orchard.net.bin_states import StateBoard
 from orchard.net.ending import Ending
-from orchard.net.host import StateBoard
 from orchard.wire.messages import BinStatus, End, read
 
 HITCH = Hitch("picker_01", 0.0, 0.0, (0.0, 1.0), STILL, None)

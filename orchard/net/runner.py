@@ -1,0 +1,51 @@
+"""An agent on a host: it acts with the memory that physics keeps for whoever runs it next."""
+
+import logging
+from typing import Any
+
+from orchard.contract.agent import Action, Mail, Observation
+from orchard.contract.guard import Guard
+from orchard.contract.messages import unpack
+from orchard.field.plugins import MISTAKES, reraise_ctrl_c
+from orchard.field.problems import printable
+
+log = logging.getLogger("orchard")
+
+
+class AgentRunner:
+    """An agent and its memory."""
+
+    def __init__(self, name: str, agent: Guard) -> None:
+        self.name = name
+        self._agent = agent
+        self.memory: Any = None
+        # The packed memory that physics has.
+        self._sent: bytes | None = None
+
+    def resume(self, memory: bytes | None) -> None:
+        """Continue with the memory that physics has.
+
+        It goes on without one if that is None, or of another class.
+        """
+        self.memory = None
+        self._sent = memory
+        if memory is None:
+            return
+        try:
+            self.memory = unpack(memory, self._agent.Memory)
+        except MISTAKES as error:
+            reraise_ctrl_c(error)
+            why = f"its last one is not of its class: {printable(str(error))}"
+            log.warning("%s starts without a memory; %s", self.name, why)
+
+    def act(self, seen: Observation, mail: Mail) -> Action:
+        """Return what the agent does, and keep its memory."""
+        action = self._agent.tick(seen, mail, self.memory)
+        self.memory = action.memory
+        return action
+
+    def news(self) -> bytes | None:
+        """Return the packed memory; None if physics has it already."""
+        before = self._sent
+        self._sent = self._agent.packed
+        return None if self._sent == before else self._sent

@@ -1,0 +1,22 @@
+"""Payloads become messages."""
+
+from typing import TypeVar
+
+from orchard.contract.messages import MAX_PAYLOAD, unpack
+from orchard.wire.messages.observers import Bundle
+from orchard.wire.messages.run import Joined
+
+# bytes: the memories of 512 agents, or ten ticks of the largest orchard.
+LARGEST_OF_MANY = 16 * MAX_PAYLOAD
+M = TypeVar("M")
+
+
+def read(payload: bytes, type_: type[M]) -> M:
+    """Return the message in a payload. Raises ValueError, with the reason, if it is too large or
+    not such a message.
+    """
+    most = LARGEST_OF_MANY if type_ in (Joined, Bundle) else MAX_PAYLOAD
+    if len(payload) > most:
+        raise ValueError(f"{len(payload)} bytes; at most {most}")
+    message: M = unpack(payload, type_)
+    return message

@@ -16,21 +16,20 @@ from orchard.wire.messages import (
     Answered,
     AskedOf,
     BinStatus,
+    BodyStart,
     Bundle,
     Clock,
+    Departure,
     End,
     Events,
     Figures,
     Join,
     Joined,
-    Left,
     Letter,
     Letters,
     Linear,
     Lost,
     Orchard,
-    Picture,
-    Place,
     Point,
     PoseMessage,
     Quaternion,
@@ -49,6 +48,7 @@ from orchard.wire.messages import (
     Stop,
     Stopped,
     SubMessage,
+    TickStateMessage,
     Velocities,
     Velocity,
 )
@@ -88,7 +88,7 @@ def _figures() -> Figures:
     return Figures(RUN, TICK, {"rows_picked": 0}, {"picker_01": "picking row 1"}, {}, {})
 
 
-_PICKER = Place(
+_PICKER = BodyStart(
     name="picker_01",
     kind="picker",
     pose=PoseMessage(Point(-35.5, 10.75), Quaternion(0.0, 1.0)),
@@ -118,7 +118,7 @@ EXAMPLES: dict[type, SubMessage] = {
         Recalled(RUN, TICK, [(TICK - 1, {"bin_01": WRITTEN})]),
         BinStatus(RUN, TICK, True, 70.0, ""),
         Events(RUN, TICK, [Event(TICK, "row picked", "picker_01", "bin_01", "row 1")]),
-        Picture(
+        TickStateMessage(
             RUN,
             TICK,
             np.array([[-23.5, 10.75, 0.0]]).tobytes(),
@@ -136,7 +136,7 @@ EXAMPLES: dict[type, SubMessage] = {
         Refusal(
             RUN, TICK, "orchard/picker_01/velocity", "past tick", "100; it is 120 now", SESSION
         ),
-        Left(RUN),
+        Departure(RUN),
         Orchard(
             RUN,
             TICK,

@@ -111,7 +111,7 @@ class BareClient:
             raise HostEnded(1, f"physics is gone; waited for {GONE_SECONDS:g} s")
 
     def _leave(self, why: str) -> NoReturn:
-        self._bus.publish(KEYS.of("left", session=self._bus.id), pack(wire.Left(RUN)))
+        self._bus.publish(KEYS.of("left", session=self._bus.id), pack(wire.Departure(RUN)))
         raise HostEnded(0, why)
 
 

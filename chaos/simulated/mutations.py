@@ -27,7 +27,7 @@ from orchard.server.control import RunClock
 from orchard.server.drivers import Drivers
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
-from orchard.server.run import Run
+from orchard.server.run import PhysicsRun
 from orchard.sim import snapshot
 from orchard.sim.engine import Engine
 from orchard.wire import messages as wire
@@ -298,7 +298,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "snapshots stay after a reset": (Cut(snapshot, "_outdated", lambda path: []),),
     "the newest snapshot counts, as it is": (Cut(physics, "last", _first_in_folder),),
     "no snapshot is written": (Cut(snapshots.SnapshotWriter, "is_due", _never),),
-    "a run begins before it is kept": (Cut(Run, "keep_at_once", _always),),
+    "a run begins before it is kept": (Cut(PhysicsRun, "keep_at_once", _always),),
     "a pause makes agents late": (Cut(RunClock, "__call__", _goes_on_while_paused),),
     "realtime: old velocities drive on": (Cut(commands.RecentTicks, "is_over", _never),),
     "physics is given up at once": (Cut(agents, "Host", _without_patience),),
@@ -330,10 +330,10 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
         _with_words(RecoveryLog, "hearing", "self.asked(tick - 1)", "self.asked(tick - 2)"),
     ),
     "events are published with the next tick": (
-        _with_words(Run, "report", "Events(self.id, tick,", "Events(self.id, tick + 1,"),
+        _with_words(PhysicsRun, "report", "Events(self.id, tick,", "Events(self.id, tick + 1,"),
     ),
     "letters are published with the next tick": (
-        _with_words(Run, "report", "Letters(self.id, tick,", "Letters(self.id, tick + 1,"),
+        _with_words(PhysicsRun, "report", "Letters(self.id, tick,", "Letters(self.id, tick + 1,"),
     ),
     "a reset goes on from the old snapshot": (
         _with_words(physics, "simulate", "            before = None\n", ""),
@@ -342,13 +342,13 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
         _with_words(loop.RunLoop, "play", "scenario=ended.", "scenario=self.options."),
     ),
     "a snapshot forgets which agents were lost": (
-        _with_words(Run, "keep", "lost=drivers.lost", "lost={}"),
+        _with_words(PhysicsRun, "keep", "lost=drivers.lost", "lost={}"),
     ),
     "a snapshot has no letters": (
-        _with_words(Run, "keep", "letters=drivers.letters()", "letters=[]"),
+        _with_words(PhysicsRun, "keep", "letters=drivers.letters()", "letters=[]"),
     ),
     "a snapshot forgets what was refused": (
-        _with_words(Run, "keep", "self.refusal_totals.as_data()", "{}"),
+        _with_words(PhysicsRun, "keep", "self.refusal_totals.as_data()", "{}"),
     ),
     "refusals of a session are added up": (
         _with_words(

@@ -36,10 +36,10 @@ from orchard.wire.codec import report_of
 from orchard.wire.keys import Keys
 from orchard.wire.messages import (
     RESET,
+    Departure,
     End,
     Join,
     Joined,
-    Left,
     Letter,
     Lost,
     Recall,
@@ -404,7 +404,7 @@ class Host:
 
         Else physics would wait for it at the end: it might only be cut off.
         """
-        self.bus.publish(self.keys.of("left", session=self.bus.id), pack(Left(self.run_id)))
+        self.bus.publish(self.keys.of("left", session=self.bus.id), pack(Departure(self.run_id)))
         raise HostEnded(0, why)
 
     def _take_sample(self, sample: Sample) -> None:

@@ -32,9 +32,9 @@ from orchard.wire.messages import (
     Letters,
     Lost,
     Message,
-    Picture,
     Refusal,
     SimulationState,
+    TickStateMessage,
 )
 
 # Frames that wait: 200 simulated seconds; some 70 MB for the largest orchard.
@@ -267,7 +267,7 @@ class Logger:
         messages = [*bundle.events, *bundle.letters, *bundle.pictures]
         for message in sorted(messages, key=_step_of):
             match message:
-                case Picture():
+                case TickStateMessage():
                     with refused_for("malformed"):
                         self._see(frame_of(message, self.layout))
                 case Letters():
@@ -296,7 +296,7 @@ class Logger:
 
 def _step_of(message: Message) -> int:
     """Return the tick of the step of which a message tells. A picture has that of its end."""
-    return message.tick - 1 if isinstance(message, Picture) else message.tick
+    return message.tick - 1 if isinstance(message, TickStateMessage) else message.tick
 
 
 def refusal_event(refusal: Refusal) -> Event:

@@ -23,7 +23,7 @@ from orchard.net.refusals import (
     refused_for,
 )
 from orchard.net.requests import REFUSED_TRIES
-from orchard.server.run import Run, RunEnded, RunReset
+from orchard.server.run import PhysicsRun, RunEnded, RunReset
 from orchard.sim.stops import stopped
 from orchard.wire import messages as wire
 from orchard.wire.codec import orchard_of, velocities_of
@@ -40,7 +40,7 @@ OTHER_RUN_SECONDS = 3.0
 class Queries:
     """Replies to the queries that physics receives."""
 
-    def __init__(self, keys: Keys, run: Run) -> None:
+    def __init__(self, keys: Keys, run: PhysicsRun) -> None:
         self._keys = keys
         self._run = run
         # Kind of key -> what replies to a query for it.
@@ -241,7 +241,7 @@ class OtherRuns:
 class Inbound:
     """Passes on what arrives at physics, and counts what is refused."""
 
-    def __init__(self, bus: Bus, keys: Keys, run: Run) -> None:
+    def __init__(self, bus: Bus, keys: Keys, run: PhysicsRun) -> None:
         self._bus = bus
         self._keys = keys
         self._run = run
@@ -350,7 +350,7 @@ class Inbound:
                 counts = read_message(sample.payload, wire.RefusedThere, run).counts
                 self._run.refusal_totals.hear(_session(session), counts)
             case ["hosts", session, "left"]:
-                read_message(sample.payload, wire.Left, run)
+                read_message(sample.payload, wire.Departure, run)
                 self._run.drivers.leave(_session(session))
             case [name, "velocity"]:
                 self._drive(name, read_message(sample.payload, wire.Velocity, run))

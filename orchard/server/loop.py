@@ -12,7 +12,7 @@ from orchard.server.barriers import AGAIN_SECONDS
 from orchard.server.control import Pacer
 from orchard.server.inbound import Inbound
 from orchard.server.options import RunOptions, last_tick
-from orchard.server.run import Run, RunEnded, RunReset
+from orchard.server.run import PhysicsRun, RunEnded, RunReset
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import Snapshot
 from orchard.wire.keys import Keys
@@ -45,7 +45,7 @@ class RunLoop:
         self.bus = bus
         self._engine = engine
         self.options = options
-        self.run = Run(bus, keys, engine, options, before)
+        self.run = PhysicsRun(bus, keys, engine, options, before)
         self.arrivals = Inbound(bus, keys, self.run)
         self._drivers = self.run.drivers
         # Before the first tick not all had come.

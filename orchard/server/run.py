@@ -36,7 +36,7 @@ class RunReset(RunEnded):
         self.scenario = scenario
 
 
-class Run:
+class PhysicsRun:
     """The parts of one run, its steps and their reports. `RunLoop` decides when a step is done."""
 
     def __init__(

@@ -165,7 +165,7 @@ def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
     rows = [(ROW_WEST, lane.y, layout.row_east, lane.y) for lane in layout.lanes]
     picked = {name: list(block.rows) for name, block in layout.blocks.items()}
     bodies = [
-        wire.Place(
+        wire.BodyStart(
             name=start.name,
             kind=start.kind,
             pose=_pose_of(start.pose),
@@ -195,7 +195,7 @@ def _kind_of_body(kind: Kind) -> wire.KindOfBody:
     return wire.KindOfBody(*size, kind.colour, *motion, kind.solid, kind.robot, laser)
 
 
-def picture_of(run: str, frame: Frame) -> wire.Picture:
+def picture_of(run: str, frame: Frame) -> wire.TickStateMessage:
     """Return the message for a frame, without its events."""
     scans = None
     if frame.scans is not None:
@@ -204,7 +204,7 @@ def picture_of(run: str, frame: Frame) -> wire.Picture:
     for name in SELDOM:
         array = getattr(frame, name)
         seldom[name] = None if array is None else array.tolist()
-    return wire.Picture(
+    return wire.TickStateMessage(
         run=run,
         tick=frame.tick,
         poses=np.asarray(frame.poses, dtype="<f8").tobytes(),
@@ -219,7 +219,7 @@ def picture_of(run: str, frame: Frame) -> wire.Picture:
     )
 
 
-def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
+def frame_of(picture: wire.TickStateMessage, layout: Layout) -> Frame:
     """Return the frame in a picture.
 
     Raises ValueError if it does not fit the layout, or holds invalid numbers.
@@ -252,7 +252,10 @@ def frame_of(picture: wire.Picture, layout: Layout) -> Frame:
 
 
 def _fits(
-    picture: wire.Picture, poses: np.ndarray, seldom: Mapping[str, np.ndarray], layout: Layout
+    picture: wire.TickStateMessage,
+    poses: np.ndarray,
+    seldom: Mapping[str, np.ndarray],
+    layout: Layout,
 ) -> bool:
     """Whether a picture has the bodies and rows of a layout. `seldom`: its arrays, by name."""
     bodies = len(layout.names)

@@ -18,7 +18,7 @@ from orchard.contract.messages import pack
 from orchard.server.options import PATIENCE
 from orchard.sim.snapshot import snapshots_in
 from orchard.wire.keys import PHYSICS
-from orchard.wire.messages import Left
+from orchard.wire.messages import Departure
 
 # What is promised also where a payload is torn into another valid message, which nobody notices.
 PROMISED = ("lost: ", "no end: ", "crash: ", "wrong tick: ", "physics has waited")
@@ -113,7 +113,7 @@ def test_arrivals_for_physics_come_from_another_thread():
 
 def test_schedules_draw_only_payloads_that_no_receiver_takes():
     key = "orchard/hosts/a/left"
-    payload = pack(Left("run1"))
+    payload = pack(Departure("run1"))
     assert is_message(key, payload)
     tearer = Tearer(Tears(0.5, 0.5), Random(1), lambda: None)
     arrived = {tearer.carry(key, payload, is_reply=False) for _ in range(200)}

@@ -15,7 +15,7 @@ from orchard.net.host import HostEnded
 from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
-from orchard.wire.messages import Left
+from orchard.wire.messages import Departure
 
 
 class LosesTheEnd(Net):
@@ -63,7 +63,7 @@ class Leaving(StandIn):
 TOKEN = KEYS.of("alive", "picker_01", "a")
 GONE = Alive(TOKEN, False)
 BACK = Alive(TOKEN, True)
-LEFT = Sample(KEYS.of("left", session="a"), pack(Left(RUN)))
+LEFT = Sample(KEYS.of("left", session="a"), pack(Departure(RUN)))
 ASKS = Query(KEYS.of("join", session="a"), b"")  # again and again, while nobody replies
 
 
@@ -75,7 +75,7 @@ LEAVINGS = [
     ([(0.01, LEFT)], LEAVE_SECONDS, None),
     ([(0.01, GONE)], LEAVE_SECONDS, None),
     (
-        [(0.01, Sample(KEYS.of("left", session="a"), pack(Left("other")))), (0.02, GONE)],
+        [(0.01, Sample(KEYS.of("left", session="a"), pack(Departure("other")))), (0.02, GONE)],
         LEAVE_SECONDS,
         None,
     ),

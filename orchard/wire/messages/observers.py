@@ -81,7 +81,7 @@ ROW_ENDS = (
 )
 
 
-class Picture(Message):
+class TickStateMessage(Message):
     """The orchard after the step to this tick, for observers. `nil` means unchanged. It is `whole`
     every 5 s, and when a logger joins.
     """
@@ -123,7 +123,7 @@ class Bundle(Message):
     events: list[Events]
     letters: list[Letters]
     pictures: Annotated[
-        list[Picture],
+        list[TickStateMessage],
         Meta(
             description=(
                 "the picture of a tick is that after the events and letters of the tick before"

@@ -41,7 +41,7 @@ class RunInfo(Message):
     ]
 
 
-class Place(SubMessage):
+class BodyStart(SubMessage):
     """A body at the start of the run."""
 
     name: Name
@@ -110,7 +110,7 @@ class Orchard(Message):
         ),
     ]
     bodies: Annotated[
-        list[Place],
+        list[BodyStart],
         Meta(
             max_length=MOST_BODIES,
             description="all bodies, in the order of `agents`, as they start",
@@ -159,7 +159,7 @@ class Lost(Message):
     owner: Annotated[Owner, Meta(description="the session that owned them")]
 
 
-class Left(RunMessage):
+class Departure(RunMessage):
     """A session that owns agents leaves for good: the run is over for it, or a user has asked it to
     end.
     """

@@ -29,7 +29,7 @@ from orchard.sim.scan import observe
 from orchard.sim.sensors import Sensors, robots_of
 from orchard.sim.world import NONE, World
 from orchard.wire.codec import odometry_of
-from orchard.wire.messages import Odometry, Picture, read
+from orchard.wire.messages import Odometry, TickStateMessage, read
 
 RTK = {"sensors.gnss.white": 0.01, "sensors.gnss.bias": 0.02}
 DRIFT = {"sensors.odometry.distance": 0.02, "sensors.odometry.heading": 0.01}
@@ -220,7 +220,9 @@ def test_the_wire_has_the_measured_pose_and_the_truth():
     xs = {what: view["picker_01"].x for what, view in views.items()}
     assert len(set(xs.values())) == 3 and max(xs.values()) - min(xs.values()) < 0.5
     pictures = [
-        read(payload, Picture) for key, payload in run.net.sent if key == KEYS.of("picture")
+        read(payload, TickStateMessage)
+        for key, payload in run.net.sent
+        if key == KEYS.of("picture")
     ]
     (picture,) = [picture for picture in pictures if picture.tick == 30]
     assert (

@@ -80,12 +80,12 @@ class Drivers:
         """
         reasons = {name: self.roster.may_join(name, owner) for name in names}
         refused = {name: why for name, why in reasons.items() if why}
-        before = set(self.roster.owners.values())
+        before = self.roster.sessions
         if not refused:
             for name in names:
                 self.roster.join(name, owner)
                 del self._malformed[name]
-        self._publisher.retire(before.difference(self.roster.owners.values()))
+        self._publisher.retire(before - self.roster.sessions)
         return refused
 
     def expect(self, names: Sequence[str], owner: str) -> None:
@@ -106,7 +106,7 @@ class Drivers:
         self.miss(names)
         released = self.roster.release(names)
         self._publisher.publish_lost(self._engine.tick, released)
-        self._publisher.retire(set(released).difference(self.roster.owners.values()))
+        self._publisher.retire(released.keys() - self.roster.sessions)
 
     def give_up(self) -> None:
         """Stop waiting for the missing answers.
@@ -203,15 +203,19 @@ class Drivers:
         self.advised.take(name, advice, self._engine.tick)
 
     def _refuse_sideways(self, name: str, twist: Twist) -> None:
+        """Raise Refused for a velocity to the side of a body that cannot move so."""
         layout = self._engine.layout
-        if (
-            twist.y
-            and name in layout.index
-            and not KINDS[kind := layout.starts[layout.index[name]].kind].sideways
-        ):
+        if not twist.y or name not in layout.index:
+            return
+        kind = layout.starts[layout.index[name]].kind
+        if not KINDS[kind].sideways:
             raise Refused("out of bounds", f"{name}: linear.y: a {kind} does not move sideways")
 
     def drive(self, name: str, velocity: Velocity) -> None:
+        """Take a velocity for one robot: of the session that owns it, or of a client if none does.
+
+        Raises Refused if it does not count.
+        """
         if name in self.roster.owners:
             report = Report(twist_of(velocity), velocity.deeds, once=velocity.once)
             self._act(name, velocity.owner, velocity.tick, report)
@@ -224,8 +228,9 @@ class Drivers:
     def _act(self, name: str, owner: str, tick: int, report: Report) -> None:
         """Take the action of an owned agent. Raises Refused."""
         if name not in self.roster.owners:
-            is_known = name in self.roster.names
-            raise Refused("not owned" if is_known else "no such robot", name)
+            if name in self.roster.names:
+                raise Refused("not owned", name)
+            raise Refused("no such robot", name)
         self._refuse_sideways(name, report.twist)
         self.answers.take(name, owner, tick, report)
 

@@ -115,7 +115,7 @@ class RunFigures:
         return figures | {
             "schedule_sim_seconds": least,
             "lost_seconds": lost,
-            "scenario": self._world.layout.scenario.model_dump(),
+            "scenario": self._engine.scenario.model_dump(),
             "history": self._history.until(now),
         }
 

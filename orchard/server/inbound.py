@@ -32,7 +32,7 @@ from orchard.wire.keys import LOGGER, Keys
 # The queries that only ask.
 NO_PAYLOAD = ("scenario", "layout", "simulation_state")
 # Refusals that are published in a second.
-MOST_TOLD = 100
+MOST_PUBLISHED = 100
 # After physics begins to listen; a run that appears later must end itself.
 OTHER_RUN_SECONDS = 3.0
 
@@ -88,7 +88,7 @@ class Queries:
             tick=engine.tick,
             mode=drivers.answers.mode,
             agents=list(drivers.roster.names),
-            scenario=engine.layout.scenario.model_dump(),
+            scenario=engine.scenario.model_dump(),
         )
         query.reply(pack(info))
 
@@ -157,7 +157,7 @@ class Queries:
         if run.drivers.roster.has_logger:
             way_out = "start the run without one (--record none)"
             raise Refused("recorded", f"the recording would hold two runs; {way_out}")
-        scenario = run.engine.layout.scenario.model_dump()
+        scenario = run.engine.scenario.model_dump()
         if wanted.seed is not None:
             scenario["seed"] = wanted.seed
         with refused_for("malformed"):
@@ -247,8 +247,8 @@ class Inbound:
         self._run = run
         self._queries = Queries(keys, run)
         # The refusals that were published in this second.
-        self._told: set[tuple[str, wire.Reason]] = set()
-        self._told_since = -math.inf  # s, on the clock of the bus
+        self._published: set[tuple[str, wire.Reason]] = set()
+        self._published_since = -math.inf  # s, on the clock of the bus
         self._other_runs = OtherRuns(bus, keys, run.id)
 
     def listen(self) -> None:
@@ -256,15 +256,15 @@ class Inbound:
 
         The liveliness token comes last: it shows that physics is ready.
         """
-        for what in ("velocities", "velocity"):
-            self._bus.subscribe(self._keys.of(what), quietly=True)
-        for what in ("advice", "refused", "left"):
-            self._bus.subscribe(self._keys.of(what))
-        for what in (*self._queries.replies, "join"):
-            self._bus.answer(self._keys.of(what))
+        for kind in ("velocities", "velocity"):
+            self._bus.subscribe(self._keys.of(kind), quietly=True)
+        for kind in ("advice", "refused", "left"):
+            self._bus.subscribe(self._keys.of(kind))
+        for kind in (*self._queries.replies, "join"):
+            self._bus.answer(self._keys.of(kind))
         self._other_runs.listen()
-        for what in ("alive", "physics"):
-            self._bus.watch(self._keys.of(what))
+        for kind in ("alive", "physics"):
+            self._bus.watch(self._keys.of(kind))
         self._bus.declare_alive(self._token_of_physics)
 
     def leave(self) -> None:
@@ -292,26 +292,29 @@ class Inbound:
     def _refuse(self, key: str, refusal: Refused) -> None:
         """Count a refusal, and publish it for its sender.
 
-        Each key and reason is published once a second, and at most MOST_TOLD in all.
+        Each key and reason is published once a second, and at most MOST_PUBLISHED in all.
         """
         self._run.refusal_totals.note(key, refusal)
         now = self._bus.clock()
-        if now - self._told_since >= 1.0:
-            self._told = set()
-            self._told_since = now
-        if (key, refusal.reason) not in self._told and len(self._told) < MOST_TOLD:
-            self._told.add((key, refusal.reason))
-            parts = self._keys.parts(key)
-            session = parts[1] if parts[0] == "hosts" and len(parts) == 3 else refusal.session
-            shown = wire.Refusal(
-                self._run.id,
-                self._run.engine.tick,
-                printable(key),
-                refusal.reason,
-                refusal.detail,
-                printable(session),
-            )
-            self._bus.publish(self._keys.of("refusals"), pack(shown), newest_wins=True)
+        if now - self._published_since >= 1.0:
+            self._published = set()
+            self._published_since = now
+        if (key, refusal.reason) in self._published or len(self._published) >= MOST_PUBLISHED:
+            return
+        self._published.add((key, refusal.reason))
+        session = refusal.session
+        match self._keys.parts(key):
+            case ["hosts", owner, _]:
+                session = owner
+        message = wire.Refusal(
+            run=self._run.id,
+            tick=self._run.engine.tick,
+            key=printable(key),
+            reason=refusal.reason,
+            detail=refusal.detail,
+            session=printable(session),
+        )
+        self._bus.publish(self._keys.of("refusals"), pack(message), newest_wins=True)
 
     def take_after_end(self, seconds: float) -> Item | None:
         """Handle one item after the run's end, when only tokens and `left` count.
@@ -413,5 +416,6 @@ def _refuse_other_session(owner: str, session: str) -> None:
 
 
 def _session(text: str) -> str:
+    """Return the id of a session. Raises Refused for a text that is none."""
     with refused_for("malformed", "a session's id: "):
         return str(msgspec.convert(text, wire.Session))

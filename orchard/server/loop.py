@@ -60,27 +60,42 @@ class RunLoop:
 
         `get_ready`: called before the first tick.
         """
-        ticks = last_tick(self.options.duration)
         try:
-            for _ in range(len(self.bus.inbox)):
-                self.arrivals.take(0.0)
-            get_ready()
-            self.gather()
-            self.run.begin()
-            while not (why := self.run.account.why_over(ticks)):
-                self._tick()
-        except RunReset as ended:
-            why = str(ended)
-            self.again = msgspec.structs.replace(
-                self.options,
-                listen=self.options.listen if self.options.connect else self.bus.endpoint,
-                scenario=ended.scenario,
-                run=self.run.id,
-                resume=False,
-                paused=self._clock.is_paused,
-            )
+            why = self._play_ticks(get_ready)
+        except RunReset as reset:
+            why = RESET
+            self.again = self._options_after(reset)
         except RunEnded as ended:
             why = str(ended)
+        return self._finish(why)
+
+    def _play_ticks(self, get_ready: Callable[[], None]) -> str:
+        """Run all ticks, and return why the run is over. Raises RunEnded."""
+        ticks = last_tick(self.options.duration)
+        for _ in range(len(self.bus.inbox)):
+            self.arrivals.take(0.0)
+        get_ready()
+        self.gather()
+        self.run.begin()
+        why = self.run.account.why_over(ticks)
+        while not why:
+            self._tick()
+            why = self.run.account.why_over(ticks)
+        return why
+
+    def _options_after(self, reset: RunReset) -> RunOptions:
+        """Return the options with which the run begins again, at the same endpoint."""
+        return msgspec.structs.replace(
+            self.options,
+            listen=self.options.listen if self.options.connect else self.bus.endpoint,
+            scenario=reset.scenario,
+            run=self.run.id,
+            resume=False,
+            paused=self._clock.is_paused,
+        )
+
+    def _finish(self, why: str) -> End:
+        """Keep what counts of the run, publish its end, and wait until sessions have left."""
         self.run.control.set("quitting")
         self.run.report()
         if why in ("stopped", "duration"):
@@ -101,9 +116,13 @@ class RunLoop:
         So the recording begins with the run. A run that is resumed waits for those that had an
         owner, for `patience` seconds, renewed by each that returns: many start slowly.
         """
-        names = self._drivers.roster.names if self._owned_before is None else self._owned_before
-        names = [name for name in names if name not in self.options.absent]
-        patience = math.inf if self._owned_before is None else self.options.patience
+        if self._owned_before is None:
+            wanted: Sequence[str] = self._drivers.roster.names
+            patience = math.inf
+        else:
+            wanted = self._owned_before
+            patience = self.options.patience
+        names = [name for name in wanted if name not in self.options.absent]
         missing = self._gather_agents(names, patience)
         if missing:
             effect = "no longer waited for; the hash changes"
@@ -146,8 +165,7 @@ class RunLoop:
         self._drivers.begin(self._engine.observe(), self._pacer.begin())
         self._engine.account()
         self.run.report()
-        if self.run.account.is_due_to_keep(self._engine.tick):
-            self.run.keep()
+        self.run.keep_if_due()
         self._await_step()
         self.run.step()
 

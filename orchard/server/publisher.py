@@ -30,8 +30,9 @@ log = logging.getLogger("orchard")
 
 # Between two checks for subscribers.
 RECHECK_SECONDS = 0.05
-# s from one bundle to the next at most, on the clock of the bus.
-BUNDLE_TICKS, BUNDLE_SECONDS = 10, 0.05
+# From one bundle to the next at most.
+BUNDLE_TICKS = 10
+BUNDLE_SECONDS = 0.05  # s, on the clock of the bus
 
 
 class Publisher:
@@ -150,11 +151,11 @@ class Publisher:
         is_bundled = self.is_heard("bundle")
         if not is_alone and not is_bundled:
             return
-        made = message()
+        news = message()
         if is_alone:
-            self.publish(kind, made)
+            self.publish(kind, news)
         if is_bundled:
-            self._bundle[kind].append(made)
+            self._bundle[kind].append(news)
 
     def is_bundle_due(self) -> bool:
         """Whether enough waits to be sent, or for long enough."""

@@ -66,6 +66,11 @@ class Roster:
         return f"{TAKEN}, by session {before}; {way_out}"
 
     @property
+    def sessions(self) -> set[str]:
+        """The ids of all sessions that own agents."""
+        return set(self.owners.values())
+
+    @property
     def has_logger(self) -> bool:
         """Whether a logger is there."""
         return any(name == LOGGER for name, _ in self.tokens)

@@ -144,6 +144,11 @@ class PhysicsRun:
         """Wait for the last snapshot, at most KEPT_SECONDS. Return whether it is on the disk."""
         return self.account.snapshot_writer.finish(KEPT_SECONDS)
 
+    def keep_if_due(self) -> None:
+        """Write a snapshot if one is due at this tick."""
+        if self.account.is_due_to_keep(self.engine.tick):
+            self.keep()
+
     def keep(self) -> None:
         """Write a snapshot of the run as it is, unless it has no folder for snapshots."""
         engine = self.engine
@@ -152,7 +157,7 @@ class PhysicsRun:
         figures = self.account.figures.as_data() | {"refused": self.refusal_totals.as_data()}
         snapshot = Snapshot(
             run=self.id,
-            scenario=engine.layout.scenario.model_dump(),
+            scenario=engine.scenario.model_dump(),
             world=engine.as_data(),
             digest=engine.digest,
             memories=drivers.memories(),
@@ -171,7 +176,7 @@ class PhysicsRun:
         summary = self.account.summary(
             why=why,
             mode=answers.mode,
-            hosts=len(set(self.drivers.roster.owners.values())),
+            hosts=len(self.drivers.roster.sessions),
             refused=self.refusal_totals.total(),
             answers=answers.figures(),
         )

@@ -98,6 +98,32 @@ class Unpicked(NamedTuple):
         return Unpicked(self.west, min(begin, stop))
 
 
+class Filling(NamedTuple):
+    """A bin that is being filled: the metres of row that fill it, and for how many it has room."""
+
+    capacity: float
+    room: float
+
+    @classmethod
+    def empty(cls, capacity: float) -> "Filling":
+        """Return a bin without fruit."""
+        return cls(capacity, capacity)
+
+    @property
+    def fill(self) -> float:
+        """The metres of row that are in it."""
+        return self.capacity - self.room
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it has room for no more."""
+        return self.room <= FULL_WITHIN
+
+    def with_more(self, metres: float) -> "Filling":
+        """Return the bin with so many metres of row more in it, or as many as it has room for."""
+        return Filling(self.capacity, self.room - min(self.room, metres))
+
+
 def passes_in(scenario: Scenario, rows: Sequence[tuple[float, float]], block: Block) -> list[Pass]:
     """Return the passes of a picker by the order that the scenario names.
 
@@ -131,24 +157,21 @@ def passes_of(
     """
     passes = list[Pass]()
     end = _OTHER[block.start]
-    room = metres_per_bin or 0.0
+    bin_ = Filling.empty(metres_per_bin or 0.0)
     for count, row in enumerate(block.rows, start=1):
         unpicked = Unpicked(*rows[row - 1])
-        if metres_per_bin:
-            capacity = metres_per_bin
-        else:
-            capacity = room = unpicked.length
+        if not metres_per_bin:
+            bin_ = Filling.empty(unpicked.length)
         is_last_row = count == len(block.rows)
         while unpicked.length > FULL_WITHIN:
-            ends_row = unpicked.length - room <= FULL_WITHIN
+            ends_row = unpicked.length - bin_.room <= FULL_WITHIN
             first, last = unpicked.towards(end)
             if ends_row:
                 begin, stop = first, last
             else:
-                begin, stop = _part(order, first, last, room)
-            room -= min(room, unpicked.length)
+                begin, stop = _part(order, first, last, bin_.room)
+            bin_ = bin_.with_more(unpicked.length)
             unpicked = unpicked.without(begin, stop)
-            is_full = room <= FULL_WITHIN
             passes.append(
                 Pass(
                     row=row,
@@ -156,15 +179,15 @@ def passes_of(
                     begin=begin,
                     stop=stop,
                     is_inside=begin != first,
-                    fill=capacity - room,
-                    is_full=is_full,
-                    leaves_bin=is_full or (ends_row and is_last_row),
+                    fill=bin_.fill,
+                    is_full=bin_.is_full,
+                    leaves_bin=bin_.is_full or (ends_row and is_last_row),
                     ends_row=ends_row,
                 )
             )
             end = _OTHER[end]
-            if is_full:
-                room = capacity
+            if bin_.is_full:
+                bin_ = Filling.empty(bin_.capacity)
     return passes
 
 

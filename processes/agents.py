@@ -92,22 +92,22 @@ def host(
 
     `ready` gets each host first. Raises HostEnded.
     """
-    # Sessions that may still be opened. After a reset the first may be at a router that closes.
-    sessions = 1
+    # After a reset the first sessions may be at a router that closes.
+    sessions_left = 1
     while True:
-        sessions -= 1
-        tries = TRIES if sessions == 0 else TRIES // SESSIONS
+        sessions_left -= 1
+        is_last = sessions_left == 0
         try:
             with opened(inbox) as bus:
-                agents = _host(bus, options, identity, tries)
+                agents = _host(bus, options, identity, TRIES if is_last else TRIES // SESSIONS)
                 ready(agents)
                 agents.run()
         except HostEnded as end:
             if str(end) != RESET:
                 raise
-            sessions = SESSIONS
+            sessions_left = SESSIONS
         except BusError:
-            if sessions == 0:
+            if is_last:
                 raise
         # The run begins again: nothing of it is kept.
         inbox.forget()

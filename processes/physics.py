@@ -26,6 +26,7 @@ from orchard.server.options import RunOptions
 from orchard.server.snapshots import last, sole
 from orchard.sim.snapshot import Snapshot, SnapshotError
 from orchard.wire.keys import Keys
+from orchard.wire.messages import End
 
 if TYPE_CHECKING:
     from orchard.server.loop import RunLoop
@@ -105,8 +106,10 @@ def _simulate_once(
         engine = Engine.begin(check(options.scenario, "the scenario"), holds)
     else:
         engine = Engine.resume(before, holds)
-    absent = select_agents(engine.layout.agents, options.absent, []) if options.absent else []
-    physics = RunLoop(bus, keys, engine, msgspec.structs.replace(options, absent=absent), before)
+    if options.absent:
+        absent = select_agents(engine.layout.agents, options.absent, [])
+        options = msgspec.structs.replace(options, absent=absent)
+    physics = RunLoop(bus, keys, engine, options, before)
     if before is None:
         # A host may not know a scenario that physics, killed at once, would not begin with again.
         physics.run.keep_at_once()
@@ -114,13 +117,23 @@ def _simulate_once(
     where = "connected to" if options.connect else "listening on"
     print(f"{where} {bus.endpoint}, prefix {keys.prefix}, run {physics.run.id}", flush=True)
     end = physics.play(lambda: ready(physics))
+    _print_end(end)
+    is_told = options.result is not None
+    return 1 if _is_bad(end) and not is_told else 0, physics.again
+
+
+def _print_end(end: End) -> None:
+    """Print why a run has ended, its last tick, its hash, and what was violated."""
     seconds = end.summary["wall_seconds"]
     print(f"{end.why}: tick {end.tick}, {seconds} s, hash {end.hash}", flush=True)
     for violation in end.summary["violations"]:
         print(f"violated: {violation}", flush=True)
-    is_bad = end.why == "jammed" or end.summary["violations"] or end.summary["broken_agents"]
-    code = 1 if is_bad and options.result is None else 0
-    return code, physics.again
+
+
+def _is_bad(end: End) -> bool:
+    """Whether a run has jammed, broken a rule, or lost an agent."""
+    summary = end.summary
+    return end.why == "jammed" or bool(summary["violations"] or summary["broken_agents"])
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from unittest.mock import patch
 from msgspec.structs import replace
 
 from chaos.simulated.plan import draw
-from chaos.simulated.schedule import carry_out
 from chaos.simulated.scheduler import VirtualInbox
+from chaos.simulated.trial import carry_out
 from orchard.contract.agent import Action
 from orchard.net import host, mailbox, requests
 from orchard.net.ending import Ending
@@ -291,7 +291,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
         Cut(Roster, "all_have_left", lambda self: not self.tokens),
     ),
     "the end is published once": (Cut(loop, "END_SECONDS", inf),),
-    "any end counts": (Cut(Ending, "end", property(lambda self: self._said)),),
+    "any end counts": (Cut(Ending, "end", property(lambda self: self._heard)),),
     "messages of other runs count": (Cut(inbound, "refuse_other_run", _checks_no_run),),
     "a resumed run waits for no agent": (Cut(loop.RunLoop, "gather", _nothing),),
     "physics begins without its hosts after a reset": (Cut(agents, "RESET", "never"),),
@@ -339,7 +339,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
         _with_words(physics, "simulate", "            before = None\n", ""),
     ),
     "a reset keeps the seed": (
-        _with_words(loop.RunLoop, "play", "scenario=ended.", "scenario=self.options."),
+        _with_words(loop.RunLoop, "_options_after", "scenario=reset.", "scenario=self.options."),
     ),
     "a snapshot forgets which agents were lost": (
         _with_words(PhysicsRun, "keep", "lost=drivers.lost", "lost={}"),

@@ -23,23 +23,32 @@ GOES_SECONDS = 3.0
 
 
 class Ending:
-    """What has been said of the end of a run, and whether physics is there.
+    """What has been heard of the end of a run, and whether physics is there.
 
     Only physics may say it.
+
+    >>> ending = Ending(clock=lambda: 12.0)
+    >>> ending.track("orchard/alive/physics/a1/s1", up=True)
+    >>> ending.hear(End("a1", 5, True, "harvested", "0" * 64, {}))
+    >>> ending.end is None  # the token of physics is still there
+    True
+    >>> ending.track("orchard/alive/physics/a1/s1", up=False)
+    >>> ending.end.why
+    'harvested'
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._said: End | None = None
-        self._said_at = -math.inf  # s, on the clock
+        self._heard: End | None = None
+        self._heard_at = -math.inf  # s, on the clock
         self.gone_at = math.inf  # s, on the clock: when physics went; infinity while it is there
         # The tokens of physics: two while the router still takes a dead one for alive.
         self._tokens: set[str] = set()
 
     def hear(self, end: End) -> None:
         """Record a message of the end. Another one takes its place."""
-        self._said = end
-        self._said_at = self._clock()
+        self._heard = end
+        self._heard_at = self._clock()
 
     def track(self, token: str, up: bool) -> None:
         """Record a liveliness token of physics that appeared (`up`) or is gone."""
@@ -52,8 +61,8 @@ class Ending:
     @property
     def end(self) -> End | None:
         """The end of the run; None if it is not over, or if that is not credible."""
-        has_gone_too = abs(self._said_at - self.gone_at) <= GOES_SECONDS
-        return self._said if has_gone_too else None
+        has_gone_too = abs(self._heard_at - self.gone_at) <= GOES_SECONDS
+        return self._heard if has_gone_too else None
 
 
 def write_end(end: End, path: str) -> None:

@@ -65,26 +65,23 @@ def monitor(host: Host, seconds: float = LONG_SECONDS) -> None:
 
 
 def _watch(host: Host, thread: int, seconds: float) -> None:
-    before, logged = ("", -1), set()
+    """Log each agent, once, that thinks about one tick at two looks. `thread`: in which it does."""
+    last_seen = ("", -1)
+    logged = set[str]()
     while True:
         time.sleep(seconds)
-        now = name, tick = host.thinking, host.latest.tick
-        if name and now == before and name not in logged:
+        name = host.thinking
+        tick = host.latest.tick
+        if name and (name, tick) == last_seen and name not in logged:
             logged.add(name)
-            log.error(
-                "%s still thinks about tick %d%s; %s",
-                name,
-                tick,
-                place_in_agent(sys._current_frames()[thread]),
-                _effect(host),
-            )
-        before = now
+            place = place_in_agent(sys._current_frames()[thread])
+            log.error("%s still thinks about tick %d%s; %s", name, tick, place, _effect(host))
+        last_seen = (name, tick)
 
 
 def _effect(host: Host) -> str:
-    others = ", ".join(name for name in host.runners if name != host.thinking)
-    return (
-        f"until it answers, these agents of its process stand: {others}"
-        if others
-        else "its robot stands until it answers"
-    )
+    """Return what follows from an agent that thinks too long, in words."""
+    others = [name for name in host.runners if name != host.thinking]
+    if others:
+        return f"until it answers, these agents of its process stand: {', '.join(others)}"
+    return "its robot stands until it answers"

@@ -70,13 +70,11 @@ def ask(
         bus.ask(key, payload, ticket, seconds)
         errors: list[ErrorReply | ScenarioError] = []
         for reply in _replies_to(bus, ticket, handle, meanwhile):
-            if reply.error:
-                if reply.error != TIMED_OUT:
-                    errors.append(ErrorReply(f"{key}: {printable(reply.error)}"))
+            if reply.error == TIMED_OUT:
                 continue
             try:
-                return understand(reply.payload)
-            except ScenarioError as error:
+                return _understood(reply, key, understand)
+            except (ErrorReply, ScenarioError) as error:
                 errors.append(error)
             except (Refused, ValueError) as error:
                 _note(refusals, key, error)
@@ -84,6 +82,13 @@ def ask(
             raise errors[0]
         bus.sleep(AGAIN_SECONDS)
     raise BusError(f"{key}: no reply; is the physics process running, with the same prefix?")
+
+
+def _understood(reply: Replied, key: str, understand: Callable[[bytes], M]) -> M:
+    """Return the message of a reply. Raises ErrorReply for an error, and what `understand` does."""
+    if reply.error:
+        raise ErrorReply(f"{key}: {printable(reply.error)}")
+    return understand(reply.payload)
 
 
 def _note(refusals: Refusals | None, key: str, error: Refused | ValueError) -> None:

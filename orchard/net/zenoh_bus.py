@@ -110,7 +110,9 @@ class ZenohBus(Bus):
     """A Zenoh session."""
 
     def __init__(self, session: zenoh.Session, inbox: Inbox, endpoint: str) -> None:
-        self.inbox, self.endpoint, self.id = inbox, endpoint, str(session.zid())
+        self.inbox = inbox
+        self.endpoint = endpoint
+        self.id = str(session.zid())
         self._session = session
         self.executor = ThreadPoolExecutor(max_workers=1)
         self._publishers: dict[str, zenoh.Publisher] = {}
@@ -138,7 +140,8 @@ class ZenohBus(Bus):
             self._publishers[key].put(payload)
 
     def retire(self, key: str) -> None:
-        if (publisher := self._publishers.pop(key, None)) is not None:
+        publisher = self._publishers.pop(key, None)
+        if publisher is not None:
             with _errors_ignored("the end of a publisher"):
                 publisher.undeclare()  # type: ignore[no-untyped-call]
 

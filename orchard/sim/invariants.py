@@ -235,28 +235,34 @@ def _fill_faults(world: World, fills: list[float]) -> Iterator[Violation]:
 
 
 def _misplaced_bins(world: World) -> Iterator[Violation]:
-    """Yield a violation for each bin that is at no place, or at two, and each wrong coupling."""
+    """Yield a violation for each wrong coupling, and each bin that is at no place, or at two."""
     names = world.layout.names
     coupled = world.coupled.tolist()
+    bay_ticks = world.bay_ticks.tolist()
     # Bin -> the names of the robots that are coupled to it.
-    robots_at: dict[int, list[str]] = {
-        body: [] for body, name in enumerate(names) if kind_of(name) == "bin"
-    }
+    robots_at: dict[int, list[str]] = {}
+    for body, name in enumerate(names):
+        if kind_of(name) == "bin":
+            robots_at[body] = []
     for body, partner in enumerate(coupled):
         if body in robots_at or partner == NONE:
             continue
-        if partner in robots_at and kind_of(names[body]) in ("picker", "carrier"):
-            robots_at[partner].append(names[body])
+        name = names[body]
+        if partner in robots_at and kind_of(name) in ("picker", "carrier"):
+            robots_at[partner].append(name)
         else:
-            fault = f"{names[body]} is coupled to {_name(names, partner)}"
-            wanted = "a coupling needs a picker or carrier and a bin"
-            yield f"bar {names[body]}", f"{fault}; {wanted}"
-    bay_ticks = world.bay_ticks.tolist()
+            yield _wrong_coupling(name, _name(names, partner))
     for bin_, robots in robots_at.items():
         robot = "" if coupled[bin_] == NONE else _name(names, coupled[bin_])
         fault = _place_fault(robot, robots, is_unloading=bay_ticks[bin_] > 0)
         if fault:
             yield f"place {names[bin_]}", f"{names[bin_]} {fault}"
+
+
+def _wrong_coupling(name: str, partner: str) -> Violation:
+    """Return the violation of a body that is coupled to what it cannot be coupled to."""
+    wanted = "a coupling needs a picker or carrier and a bin"
+    return f"bar {name}", f"{name} is coupled to {partner}; {wanted}"
 
 
 def _place_fault(robot: str, robots: list[str], is_unloading: bool) -> str:
@@ -297,6 +303,7 @@ def overlapping_bodies(world: World) -> Iterator[Violation]:
 
 
 def _moving_though_stopped(world: World) -> Iterator[Violation]:
+    """Yield a violation for each body that moves though it, or what it tows, is stopped."""
     names = world.layout.names
     for body in world.stopped.nonzero()[0].tolist():
         name = names[body]

@@ -13,14 +13,11 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from math import inf
 from random import Random
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
+from chaos.simulated.scheduler import Scheduler
 from chaos.simulated.tearing import Tearer
 from orchard.net.zenoh_bus import FULL_QUEUE_US, LEASE_MS
-
-if TYPE_CHECKING:
-    from chaos.simulated.router import Router
-    from chaos.simulated.session import SimulatedBus
 
 LEASE = LEASE_MS / 1000.0  # s
 FULL_SECONDS = FULL_QUEUE_US / 1e6  # s that a full link may stay full
@@ -65,11 +62,85 @@ class Delays(NamedTuple):
         return size / self.bytes_per_second if size >= LARGE else 0.0
 
 
+class SessionSide(Protocol):
+    """What a link needs of the session at its one side: what the router sends there."""
+
+    id: str
+
+    def hear_sample(self, key: str, payload: bytes) -> None:
+        """Take what was published."""
+
+    def hear_token(self, token: str, up: bool) -> None:
+        """Take a liveliness token that appeared (`up`) or is gone."""
+
+    def hear_subscribers(self, keys: list[str]) -> None:
+        """Take the keys to which others subscribe."""
+
+    def hear_query(self, link: "Link", number: int, key: str, payload: bytes) -> None:
+        """Take a query. Replies go back by the link, with the number."""
+
+    def hear_reply(self, number: int, payload: bytes, error: str) -> None:
+        """Take a reply to a query of its own."""
+
+    def hear_final(self, number: int) -> None:
+        """Know that no more replies come to a query of its own."""
+
+    def lose(self, link: "Link") -> None:
+        """Know that the link is closed."""
+
+
+class RouterSide(Protocol):
+    """What a link needs of the router at its other side: what a session sends there."""
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """The clock of both."""
+
+    def connect(self, link: "Link") -> None:
+        """Take a new link, with nothing declared yet."""
+
+    def subscribe(self, link: "Link", keys: str) -> None:
+        """Send what is published on some keys by the link."""
+
+    def answer(self, link: "Link", key: str) -> None:
+        """Send queries for a key by the link."""
+
+    def interest(self, link: "Link") -> None:
+        """Send by the link to which keys others subscribe."""
+
+    def watch(self, link: "Link", tokens: str) -> None:
+        """Send by the link which liveliness tokens appear and go."""
+
+    def token(self, link: "Link", token: str, up: bool) -> None:
+        """Take a liveliness token of the session, or its end."""
+
+    def subscribers_beside(self, session: str) -> list[str]:
+        """Return the keys to which other sessions subscribe."""
+
+    def publish(self, link: "Link", key: str, payload: bytes, may_drop: bool) -> None:
+        """Pass on what the session publishes."""
+
+    def ask(self, link: "Link", number: int, key: str, payload: bytes) -> None:
+        """Pass on a query of the session."""
+
+    def reply(self, number: int, key: str, payload: bytes, error: str) -> None:
+        """Pass on a reply to a query."""
+
+    def finish(self, number: int, session: str) -> None:
+        """Know that a session has replied to a query for the last time."""
+
+    def forget_query(self, number: int) -> None:
+        """Pass on no more replies to a query."""
+
+    def lose(self, link: "Link") -> None:
+        """Know that the link is closed."""
+
+
 class Link:
     """A connection between a session and the router, from its opening until it is closed."""
 
     def __init__(
-        self, session: "SimulatedBus", router: "Router", delays: Delays, random: Random
+        self, session: SessionSide, router: RouterSide, delays: Delays, random: Random
     ) -> None:
         self.session = session
         self.router = router

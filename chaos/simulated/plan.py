@@ -12,6 +12,7 @@ from chaos.simulated.harvest import FAILED, HARVESTED, REPAIRED, Harvest, harves
 from chaos.simulated.link import Delays
 from chaos.simulated.scenes import SCENES
 from chaos.simulated.tearing import NO_TEARS, Tears
+from orchard.net import requests
 from orchard.server.options import PATIENCE
 from orchard.wire.keys import LOGGER, PHYSICS
 
@@ -485,3 +486,14 @@ def _name(who: str, random: Random, plan: Plan) -> str:
     if who == HOST and plan.has_bare_client and random.random() < 0.4:
         return BARE_CLIENT
     return f"agents {random.randint(1, plan.hosts)}" if who == HOST else who
+
+
+def leave_limit(plan: Plan) -> float:
+    """Return the seconds of virtual time within which all processes end after physics: a host that
+    starts just then asks TRIES times.
+
+    A client that does not answer makes a question last.
+    """
+    mute = sum(fault.seconds for fault in plan.faults if fault.what == "mute")
+    seconds_of_a_try = requests.AGAIN_SECONDS + plan.delays.there_and_back
+    return 15.0 + mute + requests.TRIES * seconds_of_a_try

@@ -1,13 +1,12 @@
-"""One schedule: a run, its faults by a seed, and the verdict on it."""
+"""One schedule: a run, and its faults by a seed. `chaos.simulated.trial` judges it."""
 
-import tempfile
+from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from chaos.simulated.bare_client import NAMES
 from chaos.simulated.clients import RUN, Client, let_act
@@ -17,7 +16,7 @@ from chaos.simulated.link import DOWN, UP
 from chaos.simulated.lost import faults_of_lost
 from chaos.simulated.network import Network
 from chaos.simulated.observer import Observer
-from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, draw
+from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, Fault, Plan, leave_limit
 from chaos.simulated.processes import (
     KILLED,
     SimulatedProcess,
@@ -28,7 +27,6 @@ from chaos.simulated.processes import (
 from chaos.simulated.progress import Progress
 from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from chaos.simulated.tables import grown
-from chaos.simulated.verdict import Outcome, Verdict, judge, leave_limit
 from orchard.field.geometry import STILL
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP, Scenario
@@ -42,6 +40,7 @@ from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SNAPSHOT, Snapshot, as_file, store
 from orchard.wire.keys import PHYSICS
 
+V = TypeVar("V")  # a verdict
 NO_EXECUTOR = Executor()  # of clients, which write nothing
 USER_SECONDS = 2.0  # that a user takes to continue a run
 LOOK_SECONDS = 0.2  # between two looks at what runs
@@ -99,8 +98,8 @@ class Schedule:
         self._lost_at = -1  # the tick of that look
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
-    def run(self) -> Verdict:
-        """Carry it out, and judge it."""
+    def run(self, judge: Callable[["Schedule"], V]) -> V:
+        """Carry it out, and judge it while its processes are still there."""
         with self.world.entered():
             if self.plan.has_router:
                 self.world.network.start_router(ROUTER)
@@ -446,40 +445,3 @@ class Schedule:
             one.at + seconds + (one.fault.seconds if one.fault.who != CLIENT else 0.0) >= over_at
             for one in self.inflicted
         )
-
-
-def carry_out(plan: Plan, is_traced: bool = False) -> Verdict:
-    """Carry out a plan, in a folder of its own."""
-    with tempfile.TemporaryDirectory(
-        dir="/dev/shm" if Path("/dev/shm").is_dir() else None
-    ) as folder:
-        return Schedule(plan, Path(folder), is_traced).run()
-
-
-def outcome_of(seed: int) -> Outcome:
-    """Return what came of the schedule of a seed."""
-    verdict = carry_out(draw(seed))
-    return Outcome(seed, verdict.complaints, verdict.occurred, verdict.is_near)
-
-
-def shrink(plan: Plan) -> Plan:
-    """Return a plan with fewer faults and ticks that fails in the same way."""
-    what = _kind_of(carry_out(plan))
-    is_smaller = True
-    while is_smaller:
-        is_smaller = False
-        fewer = [
-            replace(plan, faults=plan.faults[:at] + plan.faults[at + 1 :])
-            for at in range(len(plan.faults))
-        ]
-        shorter = [replace(plan, ticks=plan.ticks // 2)] if plan.ticks > 10 else []
-        for smaller in [*fewer, *shorter]:
-            if _kind_of(carry_out(smaller)) == what:
-                plan = smaller
-                is_smaller = True
-                break
-    return plan
-
-
-def _kind_of(verdict: Verdict) -> str:
-    return verdict.complaints[0].partition(":")[0] if verdict.complaints else ""

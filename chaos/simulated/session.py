@@ -5,16 +5,13 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from chaos.simulated.census import Census
 from chaos.simulated.link import CONTROL, DATA, UP, DirectLink, Link
 from chaos.simulated.router import meets
-from chaos.simulated.scheduler import Task, VirtualInbox
+from chaos.simulated.scheduler import Scheduler, Task, VirtualInbox
 from orchard.net.bus import GET_SECONDS, TIMED_OUT, Alive, Bus, Final, Query, Replied, Sample
-
-if TYPE_CHECKING:
-    from chaos.simulated.network import Network
 
 
 class SimulatedQuery(Query):
@@ -60,12 +57,48 @@ class Fuse:
     only_queries: bool
 
 
+class SurroundingNetwork(Protocol):
+    """What a session needs of its network."""
+
+    @property
+    def ENDPOINT(self) -> str:  # noqa: N802 - a constant of the network
+        """The endpoint of the router."""
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """The clock of all sessions."""
+
+    @property
+    def seed(self) -> str:
+        """The seed of all delays."""
+
+    @property
+    def pauses(self) -> float:
+        """The share of messages before which a sender takes some time."""
+
+    @property
+    def census(self) -> Census:
+        """What is counted of the messages."""
+
+    def new_id(self, name: str) -> str:
+        """Return the id of a new session of a process."""
+
+    def next_number(self) -> int:
+        """Return the number of a new query."""
+
+    def trace(self, line: str) -> None:
+        """Write a line of the trace."""
+
+    def connect_again(self, bus: "SimulatedBus") -> None:
+        """Connect a session that has lost its link, after a while."""
+
+
 class SimulatedBus(Bus):
     """A session in virtual time. It is the same for the code of a process as one of Zenoh."""
 
     def __init__(
         self,
-        network: "Network",
+        network: SurroundingNetwork,
         name: str,
         task: Task | None,
         inbox: VirtualInbox,

@@ -2,21 +2,18 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from chaos.simulated.census import OF_HARVEST
 from chaos.simulated.course import summary_digest
 from chaos.simulated.harvest import HARVESTED, harvest_of
-from chaos.simulated.plan import Plan
+from chaos.simulated.plan import Plan, leave_limit
 from chaos.simulated.processes import KILLED
+from chaos.simulated.schedule import Schedule
 from chaos.simulated.written import faults_of_recording, faults_of_tables
 from orchard.net.refusals import TAKEN
-from orchard.net.requests import AGAIN_SECONDS, TRIES
 from orchard.server.loop import WARN_SECONDS
 from orchard.wire.keys import LOGGER, PHYSICS
-
-if TYPE_CHECKING:
-    from chaos.simulated.schedule import Schedule
 
 NOBODY_THERE = (
     "no router answers there",
@@ -31,16 +28,6 @@ START = 3.0  # s in which a run without faults starts and ends
 TICK = 0.015  # s that a tick takes at most in such a run, beside its messages
 MESSAGES_OF_A_TICK = 8.0  # one after the other, there and back
 LOST_SECONDS = 12.0  # s after which all hosts are back from what happened
-
-
-def leave_limit(plan: Plan) -> float:
-    """Return the seconds of virtual time within which all processes end after physics: a host that
-    starts just then asks TRIES times.
-
-    A client that does not answer makes a question last.
-    """
-    mute = sum(fault.seconds for fault in plan.faults if fault.what == "mute")
-    return 15.0 + mute + TRIES * (AGAIN_SECONDS + plan.delays.there_and_back)
 
 
 @dataclass
@@ -68,7 +55,7 @@ class Outcome(NamedTuple):
     is_near: bool
 
 
-def judge(schedule: "Schedule") -> Verdict:
+def judge(schedule: Schedule) -> Verdict:
     """Judge a schedule that is over."""
     world = schedule.world
     plan = schedule.plan
@@ -100,7 +87,7 @@ def judge(schedule: "Schedule") -> Verdict:
 NEAR_TICKS = 20
 
 
-def _is_near(schedule: "Schedule") -> bool:
+def _is_near(schedule: Schedule) -> bool:
     """Whether a fault has fallen within NEAR_TICKS of an event of the harvest."""
     ticks = [
         {event.tick for event in part.events if event.what in OF_HARVEST}
@@ -111,7 +98,7 @@ def _is_near(schedule: "Schedule") -> bool:
     )
 
 
-def _occurred(schedule: "Schedule", summary: dict[str, Any]) -> dict[str, list[str]]:
+def _occurred(schedule: Schedule, summary: dict[str, Any]) -> dict[str, list[str]]:
     census = schedule.world.network.census
     faults = {f"{one.fault.what}, {kind_of_process(one.fault.who)}" for one in schedule.inflicted}
     if schedule.world.network.torn:
@@ -135,7 +122,7 @@ def kind_of_process(name: str) -> str:
     return name.rstrip("0123456789 ")
 
 
-def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
+def _of_end(schedule: Schedule, summary: dict[str, Any], why: str) -> Iterator[str]:
     """Complain about how the run has ended."""
     plan = schedule.plan
     for violation in summary["violations"][:1]:
@@ -159,7 +146,7 @@ def _of_end(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator
         yield "an owner's only answer is refused"
 
 
-def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+def _of_time(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
     """Complain about a run in lockstep without faults that is slow: something waits, though it need
     not.
     """
@@ -173,7 +160,7 @@ def _of_time(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
         yield f"slow: {over_at:.1f} s; at most {most:.1f} s"
 
 
-def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Iterator[str]:
+def _of_agents(schedule: Schedule, summary: dict[str, Any], why: str) -> Iterator[str]:
     """Complain about lost agents, if no host was away for long, and about sessions that are not
     back.
     """
@@ -195,7 +182,7 @@ def _of_agents(schedule: "Schedule", summary: dict[str, Any], why: str) -> Itera
         yield f"{summary['hosts']} of {sessions} sessions at the end"
 
 
-def _of_course(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+def _of_course(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
     """Complain about a run that is not that of local mode: its hash, figures, events and
     messages.
     """
@@ -216,14 +203,14 @@ def _of_course(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
     yield from course.differences(with_figures=not plan.has(*SPEAK_FOR_OTHERS))
 
 
-def _of_files(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+def _of_files(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
     """Complain about tables and recordings in which a tick is missing, or is twice."""
     if schedule.plan.has_tables:
         yield from faults_of_tables(schedule, summary)
     yield from faults_of_recording(schedule, summary)
 
 
-def _of_commands(schedule: "Schedule") -> Iterator[str]:
+def _of_commands(schedule: Schedule) -> Iterator[str]:
     """Complain about what drivers and operators asked for, and did not get."""
     yield from schedule.world.wrong_begins
     yield from _of_resets(schedule)
@@ -239,7 +226,7 @@ def _of_commands(schedule: "Schedule") -> Iterator[str]:
                 yield f"what was kept is forgotten: {what}: tick {stopped.tick}"
 
 
-def _of_resets(schedule: "Schedule") -> Iterator[str]:
+def _of_resets(schedule: Schedule) -> Iterator[str]:
     """Complain about a run that has begun again with a seed that nobody wanted."""
     wanted = [seed for client in schedule.clients for seed in client.seeds]
     for before, after in schedule.observer.course.seeds:
@@ -247,7 +234,7 @@ def _of_resets(schedule: "Schedule") -> Iterator[str]:
             yield f"the run was reset to seed {after}, and not to one of {wanted}"
 
 
-def _of_refusals(schedule: "Schedule") -> Iterator[str]:
+def _of_refusals(schedule: Schedule) -> Iterator[str]:
     """Complain about refusals of hosts that physics counts more often than they have happened."""
     if schedule.world.loop is None:
         return
@@ -259,7 +246,7 @@ def _of_refusals(schedule: "Schedule") -> Iterator[str]:
                 yield f"{count} times {reason!r}, and not {host.refusals.counts[reason]}"
 
 
-def _of_processes(schedule: "Schedule") -> Iterator[str]:
+def _of_processes(schedule: Schedule) -> Iterator[str]:
     """Complain about how the processes have ended: all that were started, also those that were
     started again.
     """

@@ -3,20 +3,18 @@
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from chaos.simulated.census import EVENTS
 from chaos.simulated.plan import RUN_PY
+from chaos.simulated.schedule import Schedule
 from orchard.contract.events import Event, Frame, LetterEvent
 from orchard.wire.keys import LOGGER, PHYSICS
-
-if TYPE_CHECKING:
-    from chaos.simulated.schedule import Schedule
 
 Said = tuple[int, str, str]  # of an event: its tick, what happened, and who did it
 
 
-def faults_of_tables(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+def faults_of_tables(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
     """Yield what is wrong with the tables of the last part of a run, which are in one folder."""
     part = schedule.observer.course.parts[-1]
     if schedule.plan.has("full disk") or not part.steps:
@@ -52,7 +50,7 @@ def said(events: Sequence[Event]) -> list[Said]:
     return [(event.tick, event.what, event.who) for event in events if event.what in EVENTS]
 
 
-def faults_of_recording(schedule: "Schedule", summary: dict[str, Any]) -> Iterator[str]:
+def faults_of_recording(schedule: Schedule, summary: dict[str, Any]) -> Iterator[str]:
     """Yield what is wrong with what the loggers of a run passed on to be written."""
     plan = schedule.plan
     world = schedule.world
@@ -74,7 +72,7 @@ def faults_of_recording(schedule: "Schedule", summary: dict[str, Any]) -> Iterat
             yield from _of_frames(schedule, frames)
 
 
-def _of_frames(schedule: "Schedule", frames: Sequence[Frame]) -> Iterator[str]:
+def _of_frames(schedule: Schedule, frames: Sequence[Frame]) -> Iterator[str]:
     """Yield a frame that is there twice, and one without the events and messages of its step.
 
     Physics has begun once.

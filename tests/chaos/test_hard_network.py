@@ -13,7 +13,7 @@ from chaos.simulated.plan import LASTING, Fault, Plan, draw
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
 from chaos.simulated.tearing import NO_TEARS, Tearer, Tears, is_message
-from chaos.simulated.verdict import Verdict
+from chaos.simulated.verdict import Verdict, judge
 from orchard.contract.messages import pack
 from orchard.server.options import PATIENCE
 from orchard.sim.snapshot import snapshots_in
@@ -48,7 +48,7 @@ class Carried:
         with tempfile.TemporaryDirectory() as folder:
             self.schedule = Schedule(replace(plan, tears=tears), Path(folder))
             self.schedule.world.disk_seconds = disk_seconds
-            self.verdict: Verdict = self.schedule.run()
+            self.verdict: Verdict = self.schedule.run(judge)
             snapshots = Path(folder) / "snapshots"
             self.whole = {path.name for path in snapshots_in(snapshots)}
             self.left = [path.name for path in snapshots.glob(".*.new")]

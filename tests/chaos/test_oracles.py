@@ -12,7 +12,7 @@ from chaos.simulated.harvest import OF_BINS, harvest_of, made, stored_counts
 from chaos.simulated.link import Delays
 from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan, draw
 from chaos.simulated.scenes import SCENES
-from chaos.simulated.schedule import carry_out
+from chaos.simulated.trial import carry_out
 from orchard.record.logger import FrameQueue
 from orchard.report.metrics import HarvestFigures
 from orchard.server import barriers

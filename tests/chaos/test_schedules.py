@@ -15,7 +15,7 @@ from chaos.simulated.clients import CLIENTS
 from chaos.simulated.link import Delays
 from chaos.simulated.mutations import cut_out
 from chaos.simulated.plan import CLIENT, ROUTER, RUN_PY, WITH_WALKERS, Fault, Plan, draw
-from chaos.simulated.schedule import carry_out, shrink
+from chaos.simulated.trial import carry_out, shrink
 from orchard.server.account import RunAccount
 from orchard.wire.keys import PHYSICS
 

@@ -1,5 +1,6 @@
-"""The whole program in one loop, without a network: observe, tick the agents, collect their mail,
-advance the world.
+"""The whole program in one loop, without a network.
+
+At each tick the engine observes, agents are asked, their mail is collected, and the world steps.
 
 Start reading here, and then follow the data:
 
@@ -9,14 +10,13 @@ Start reading here, and then follow the data:
     orchard.contract         what an agent receives and returns: observation, mail, action
     orchard.behaviour        what each kind of robot, person and animal does
 
+`orchard.saved_run` makes a snapshot of a run, and `orchard.fork` changes one.
 `orchard.server.loop` is the same loop with the network in the middle.
 """
 
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
-
-import msgspec
 
 from orchard.behaviour.catalogue import guarded, make_agents
 from orchard.contract.agent import Action, Agent, Mail, Observation, Observations
@@ -29,14 +29,24 @@ from orchard.fork import forked
 from orchard.report.ending import jam_of, why_over
 from orchard.report.metrics import HarvestFigures
 from orchard.report.plan import present_plan
+from orchard.saved_run import figures_in, memories_in, snapshot_of, without_players
 from orchard.sim.engine import Engine
 from orchard.sim.lookahead import Lookahead
-from orchard.sim.restore import fitting
 from orchard.sim.snapshot import Snapshot
 
 
 class Local:
-    """An orchard and all its agents in one process. Call `tick()` until the run has `ended`."""
+    """An orchard and all its agents in one process. Call `tick()` until the run has `ended`.
+
+    >>> run = Local(Scenario(rows=3, row_length=20.0))
+    >>> for _ in range(20):
+    ...     events = run.tick()
+    >>> run.engine.tick, run.ended
+    (20, '')
+    >>> again = Local.resume(run.snapshot())
+    >>> again.engine.hash == run.engine.hash
+    True
+    """
 
     def __init__(
         self,
@@ -47,30 +57,32 @@ class Local:
         is_hashed: bool = True,
         engine: type[Engine] = Engine,
     ) -> None:
-        """`agents`: name -> agent; each is guarded. If it is None, all agents of the scenario are
-        made.
+        """`agents`: name -> agent; each is guarded. None: those of the scenario.
 
         `check_agents`: check that own agents are repeatable; what is not is logged, and the state
         of its action is `broken`. `holds`: which agents are asked at a tick, see
         `orchard.sim.lookahead`. `is_hashed`: False for a run of a study, which is a tenth faster
         without its hash. `engine`: `Unaudited` for a run that is neither hashed nor checked.
         """
-        self.engine, self._check_agents = engine.begin(scenario, holds, is_hashed), check_agents
+        self.engine = engine.begin(scenario, holds, is_hashed)
+        self._check_agents = check_agents
         self._figures = HarvestFigures()
-        made = make_agents(self.engine.layout) if agents is None else agents
-        self.agents = {name: self._guarded(name, agent) for name, agent in made.items()}
+        if agents is None:
+            agents = dict(make_agents(self.engine.layout))
+        self.agents = {name: self._guarded(name, agent) for name, agent in agents.items()}
         self.memories: dict[str, Any] = {}
-        self.answers: dict[
-            str, Action
-        ] = {}  # the actions of the agents that were asked at the last tick
-        self.thinking = ""  # the agent that was ticked last
+        # The actions of the agents that were asked at the last tick.
+        self.answers: dict[str, Action] = {}
+        # The agent that was ticked last.
+        self.thinking = ""
         self.post = LocalMail()
         self._seen: Observations | None = None
-        self.observed: dict[str, Observation] = {}  # those of the agents that were asked
-        self._played = set[str]()  # names given to `play`
-        self._digests: dict[
-            str, bytes
-        ] = {}  # name -> digest of the mail that the agent heard at that tick
+        # The observations of the agents that were asked.
+        self.observed: dict[str, Observation] = {}
+        # The names given to `play`.
+        self._played = set[str]()
+        # Name -> digest of the mail that the agent heard at that tick.
+        self._digests: dict[str, bytes] = {}
 
     @classmethod
     def resume(
@@ -84,38 +96,16 @@ class Local:
         resume it. Raises SnapshotError.
         """
         engine = Engine.resume(snapshot, holds, is_hashed)
-        local = cls(engine.layout.scenario, check_agents=check_agents)
-        local.engine, local.post = engine, LocalMail(dict(snapshot.letters))
-        memories = {
-            name: memory for name, memory in snapshot.memories.items() if memory is not None
-        }
-        with fitting(snapshot):
-            local._figures = msgspec.convert(
-                snapshot.figures.get("harvest", {"progress_tick": engine.tick}), HarvestFigures
-            )
-            local.memories = {
-                name: unpack(memory, local.agents[name].Memory) for name, memory in memories.items()
-            }
+        local = cls(engine.scenario, check_agents=check_agents)
+        local.engine = engine
+        local.post = LocalMail(dict(snapshot.letters))
+        local._figures = figures_in(snapshot, engine.tick)
+        local.memories = memories_in(snapshot, local.agents)
         return local
 
     def snapshot(self) -> Snapshot:
         """Return the state of the run between two ticks, as data."""
-        engine = self.engine
-        memories = {
-            name: None if memory is None else pack(memory) for name, memory in self.memories.items()
-        }
-        scenario, letters = engine.layout.scenario.model_dump(), list(self.post.written.items())
-        figures = engine.figures_as_data() | {"harvest": self._figures.watched()}
-        return Snapshot(
-            "",
-            scenario,
-            engine.as_data(),
-            engine.digest,
-            memories,
-            letters,
-            figures,
-            sorted(self.agents),
-        )
+        return snapshot_of(self.engine, self.agents, self.memories, self.post, self._figures)
 
     def fork(self, stop: Sequence[str] = (), **changes: Any) -> "Local":
         """Return a run that goes on from this moment with some values changed, as with
@@ -124,12 +114,7 @@ class Local:
         `stop`: robots that stand from now on. This run stays as it is. Agents that are not of the
         scenario are left behind.
         """
-        snapshot = self.snapshot()
-        snapshot.memories = {
-            name: memory for name, memory in snapshot.memories.items() if name not in self._played
-        }
-        # What was changed may end a jam: the fork has its own ten minutes.
-        del snapshot.figures["harvest"]
+        snapshot = without_players(self.snapshot(), self._played)
         return Local.resume(forked(snapshot, changes, stop))
 
     def play(self, name: str, agent: Agent) -> None:
@@ -153,6 +138,7 @@ class Local:
             self.memories[name] = unpack(pack(memory), self.agents[name].Memory)
 
     def _guarded(self, name: str, agent: Agent) -> Guard:
+        """Return an agent so that its mistakes do not end the run."""
         guard = guarded(self.engine.layout, name, agent)
         if self._check_agents:
             guard.check()
@@ -210,18 +196,18 @@ class Local:
 
         Return their actions, for `act`.
         """
-        self._seen, mail = self.engine.observe(), self.post.deliver(self.engine.tick)
+        self._seen = self.engine.observe()
+        mail = self.post.deliver(self.engine.tick)
         asked = [name for name in self.engine.due(mail) if name in self.agents]
-        self._digests = (
-            {name: digest_of(heard) for name, heard in mail.items()}
-            if self.engine.is_hashed
-            else {}
-        )
+        self._digests = {}
+        if self.engine.is_hashed:
+            # The digests are made before the agents can change their mail.
+            self._digests = {name: digest_of(heard) for name, heard in mail.items()}
         self.observed = self._seen.of(asked)
-        return {
-            name: self._ask(name, observation, mail.get(name) or Mail())
-            for name, observation in self.observed.items()
-        }
+        answers = {}
+        for name, observation in self.observed.items():
+            answers[name] = self._ask(name, observation, mail.get(name) or Mail())
+        return answers
 
     def act(self, answers: dict[str, Action]) -> list[Event]:
         """Collect the mail of these actions, advance the run by one tick, and return the events of

@@ -29,6 +29,8 @@ CLASS = re.compile(r"<class '([\w.]+)'>")
 # A type in quotes, because it stands in the source before its class. Texts keep their quotes.
 QUOTED_TYPE = re.compile(r"(: |-> )'([^']*)'")
 LIMITED = re.compile(r"Annotated\[(\w+), Meta\([^()]*\)\]")
+# An example in a docstring, up to an empty line.
+EXAMPLE = re.compile(r"^(>>> .*(?:\n.+)*)", re.M)
 TYPE_VARIABLE = "~"
 COMMENT = "#:"
 
@@ -149,7 +151,7 @@ def _paragraphs(thing: Any) -> str:
     is_made_up = isinstance(thing, type) and words.startswith(f"{thing.__name__}(")
     if dataclasses.is_dataclass(thing) and is_made_up:
         return ""
-    return words
+    return EXAMPLE.sub(r"```pycon\n\1\n```", words)
 
 
 def _arguments(class_: type) -> str:
@@ -162,7 +164,7 @@ def _arguments(class_: type) -> str:
 
 
 def _in_a_line(thing: Any) -> str:
-    return " ".join((inspect.getdoc(thing) or "").split())
+    return " ".join(EXAMPLE.sub("", inspect.getdoc(thing) or "").split())
 
 
 def _after_colon(words: str) -> str:

@@ -195,6 +195,9 @@ class Hold(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     - another process runs it.
 
     In realtime it is asked at every tick.
+
+    >>> ahead = Zone(x_min=0.0, x_max=2.0, y_min=-0.5, y_max=0.5)
+    >>> hold = Hold(until=120, watch=(ahead,))  # drive on until something comes within 2 m
     """
 
     # At most MOST_HOLD ticks ahead count.
@@ -229,7 +232,12 @@ Steps = Annotated[
 
 
 class Action(msgspec.Struct, forbid_unknown_fields=True):
-    """What an agent returns from a tick: velocity, deeds, messages, memory and status."""
+    """What an agent returns from a tick: velocity, deeds, messages, memory and status.
+
+    >>> action = Action(Twist(x=0.5), doing="driving to the bay")
+    >>> state_of(action)
+    'driving'
+    """
 
     twist: Annotated[Twist, Meta(description="forward, left (m/s), counter-clockwise (rad/s)")] = (
         STILL

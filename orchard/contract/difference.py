@@ -16,6 +16,9 @@ def difference(before: Any, after: Any, where: str) -> str:
 
     Return '' if they are the same, types too. An int is the same as an equal float, as which a
     field of type float reads it. NaN is the same as NaN. `where`: the name of the values.
+
+    >>> difference({"row": 3}, {"row": 4}, "memory")
+    "memory['row']: 3, then 4"
     """
     if _is_same(before, after):
         return ""
@@ -31,6 +34,7 @@ def difference(before: Any, after: Any, where: str) -> str:
 
 
 def _is_same(before: Any, after: Any) -> bool:
+    """Whether two values are the same, as `difference` says."""
     if before is after:
         return True
     kind = type(before)
@@ -63,6 +67,7 @@ def parts_of(data: Any, where: str) -> list[tuple[str, Any]]:
 
 
 def _names_in(data: Any) -> list[str]:
+    """Return the names of the fields of a Struct or dataclass; of other data none."""
     if isinstance(data, msgspec.Struct):
         return list(data.__struct_fields__)
     if is_dataclass(data) and not isinstance(data, type):

@@ -20,6 +20,7 @@ def in_hearing_order(requests: list[Heard]) -> list[Heard]:
 
 
 def _place_in_hearing(heard: Heard) -> tuple[str, str, int, int]:
+    """Return what a request is sorted by: kind, sender, tick and number."""
     return type_of(heard.body), heard.sender, heard.tick, heard.number
 
 
@@ -59,6 +60,13 @@ class LocalMail:
     """Carries mail within one process, as the bus does between processes.
 
     It keeps only the letters of the last two ticks.
+
+    >>> from orchard.contract.messages import StateRequest
+    >>> post = LocalMail()
+    >>> post.collect("carrier_01", 5, Action(requests=[("bin_02", StateRequest())]))
+    >>> heard = post.deliver(6)["bin_02"].requests[0]
+    >>> heard.sender, heard.tick, heard.number
+    ('carrier_01', 5, 0)
     """
 
     def __init__(self, written: dict[int, dict[str, Written]] | None = None) -> None:

@@ -286,12 +286,20 @@ def _decoder(type_: Any) -> "Decoder[Any]":
 
 
 def pack(message: Any) -> bytes:
-    """Encode plain data as msgpack. The same data give the same bytes."""
+    """Encode plain data as msgpack. The same data give the same bytes.
+
+    >>> unpack(pack({"row": 3}), dict[str, int])
+    {'row': 3}
+    """
     return _encoder.encode(message)
 
 
 def as_json(message: AgentMessage) -> str:
-    """Return a message as JSON, with its `type` and its fields."""
+    """Return a message as JSON, with its `type` and its fields.
+
+    >>> as_json(No("no carrier is free"))
+    '{"type":"no","reason":"no carrier is free"}'
+    """
     return msgspec.json.encode(message).decode()
 
 

@@ -17,7 +17,10 @@ ACROSS = 1e-12
 
 
 class Zone(NamedTuple):
-    """A box in the frame of a body's laser, m: x ahead of the laser, y to its left."""
+    """A box in the frame of a body's laser, m: x ahead of the laser, y to its left.
+
+    >>> ahead = Zone(x_min=0.0, x_max=2.0, y_min=-0.5, y_max=0.5)
+    """
 
     x_min: Metres
     x_max: Metres

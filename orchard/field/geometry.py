@@ -21,6 +21,11 @@ Number = TypeVar("Number", float, np.ndarray)
 class Pose(NamedTuple):
     """The position of a body's centre in the orchard's frame (`map` in REP-105), m, and its yaw,
     rad.
+
+    >>> here = Pose(3.0, 4.0, NORTH)
+    >>> x, y = from_frame(here, 2.0, 0.0)  # 2 m ahead of it
+    >>> x, y
+    (3.0, 6.0)
     """
 
     x: float
@@ -31,6 +36,9 @@ class Pose(NamedTuple):
 class Twist(NamedTuple):
     """A velocity in the body's own frame (`base_link` in REP-105): forward, to the left,
     counter-clockwise.
+
+    >>> Twist(x=0.5)  # half a metre a second straight ahead
+    Twist(x=0.5, y=0.0, yaw=0.0)
     """
 
     x: float = 0.0  #: m/s

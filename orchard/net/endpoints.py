@@ -42,7 +42,11 @@ def check_security(endpoint: str, is_secured: bool) -> None:
 
 
 def is_public(endpoint: str) -> bool:
-    """Whether other machines can reach an endpoint."""
+    """Whether other machines can reach an endpoint.
+
+    >>> is_public("tcp/0.0.0.0:7447"), is_public("tcp/127.0.0.1:7447")
+    (True, False)
+    """
     protocol, _, address = endpoint.partition("/")
     host = address.rpartition(":")[0].strip("[]")
     try:
@@ -99,6 +103,9 @@ def reachable(endpoint: str) -> str:
     """Return the endpoint for clients on this machine.
 
     All addresses become the loopback address.
+
+    >>> reachable("tcp/0.0.0.0:7447")
+    'tcp/127.0.0.1:7447'
     """
     return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
 
@@ -142,4 +149,5 @@ def with_port(endpoint: str) -> str:
 
 
 def _family(host: str) -> socket.AddressFamily:
+    """Return the family of an address: IPv6 stands in brackets."""
     return socket.AF_INET6 if host.startswith("[") else socket.AF_INET

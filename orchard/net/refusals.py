@@ -54,6 +54,11 @@ class Refusals:
     """Messages that were not applied.
 
     They are counted by reason, and logged once for each key and reason.
+
+    >>> refusals = Refusals()
+    >>> refusals.note("orchard/stop", Refused("no such robot", "picker_77"))
+    >>> dict(refusals.counts)
+    {'no such robot': 1}
     """
 
     def __init__(self) -> None:

@@ -47,10 +47,10 @@ class Engine:
     call `step()` instead of `advance()`, and `account()` later.
 
     >>> from orchard.contract.agent import Twist
-    >>> engine = Engine.begin(Scenario(rows=2))
+    >>> engine = Engine.begin(Scenario(rows=3))
     >>> before = engine.observe()["picker_01"].pose
     >>> asked = engine.due(mail=[])  # at the first tick all are
-    >>> events = engine.advance({"picker_01": Action(Twist(x=0.5))})
+    >>> events = engine.advance({"picker_01": Action(Twist(x=0.5))}, mail_digests={})
     >>> after = engine.observe()["picker_01"].pose
     >>> round(abs(after.x - before.x) + abs(after.y - before.y), 6)  # m in 0.1 s
     0.05

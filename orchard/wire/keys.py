@@ -88,13 +88,23 @@ TABLE: dict[str, Key] = {
 
 @lru_cache(maxsize=10_000)
 def _filled(template: str, prefix: str, name: str, session: str) -> str:
+    """Return a key with all its parts."""
     return template.format(
         prefix=prefix, body=name, agent=name, bin=name, name=name, run=name, session=session
     )
 
 
 class Keys:
-    """The keys of one run, below a prefix. Raises ValueError for an invalid prefix."""
+    """The keys of one run, below a prefix. Raises ValueError for an invalid prefix.
+
+    >>> keys = Keys("orchard")
+    >>> keys.of("pose", "bin_01")
+    'orchard/bin_01/pose'
+    >>> keys.of("pose")
+    'orchard/*/pose'
+    >>> keys.parts("orchard/bin_01/pose")
+    ['bin_01', 'pose']
+    """
 
     def __init__(self, prefix: str = PREFIX) -> None:
         if not _PREFIX.fullmatch(prefix):

@@ -16,9 +16,16 @@ def check(
     lines: Lines | None = None,
     known: list[Problem] | None = None,
 ) -> Scenario:
-    """Return the scenario with these values.
+    """Return the scenario with these values: a map, as in the YAML file.
 
-    Raises a `ScenarioError` with all problems, including those in `known`.
+    Raises a `ScenarioError` with all problems, including those in `known`. `source` names the
+    values there, and `lines` says in which line of it each key stands.
+
+    >>> check({"rows": 8, "people": {"workers": 2}}).people.workers
+    2
+    >>> check({"rowz": 8}, "my.yaml")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    orchard.field.problems.ScenarioError: my.yaml: rowz = 8: unknown key; did you mean rows? ...
     """
     problems = list(known or [])
     if not isinstance(values, Mapping | BaseModel):
@@ -112,8 +119,12 @@ def with_changes(scenario: Scenario, /, **changes: Any) -> Scenario:
     """Return a scenario with some values changed, checked again.
 
     Raises `ScenarioError`. Name a nested value by its dotted path, or give a map of changes to a
-    section: `with_changes(s, rows=8, **{"people.workers": 0})`, `with_changes(s, people={"workers":
-    0})`.
+    section.
+
+    >>> with_changes(Scenario(), rows=8, people={"workers": 0}).people.workers
+    0
+    >>> with_changes(Scenario(), **{"people.workers": 0}).people.visitors
+    3
     """
     values = scenario.model_dump()
     for path, value in changes.items():

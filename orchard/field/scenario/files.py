@@ -22,6 +22,9 @@ def parse(text: str, source: str = "scenario") -> Scenario:
     """Return the scenario in a YAML text.
 
     `source` names the text in errors. Raises `ScenarioError`.
+
+    >>> parse("rows: 8").rows
+    8
     """
     values, lines, repeated = values_of(text, source)
     scenario = check({} if values is None else values, source, lines, repeated)
@@ -36,5 +39,8 @@ def to_yaml(scenario: Scenario) -> str:
 def to_short_yaml(scenario: Scenario) -> str:
     """Return the values of a scenario that differ from their defaults as YAML, a line for each
     surveyed row.
+
+    >>> print(to_short_yaml(Scenario(rows=8, carriers=3)), end="")
+    {rows: 8, carriers: 3}
     """
     return dump(scenario.model_dump(exclude_defaults=True), default_flow_style=None, width=200)

@@ -14,6 +14,14 @@ M = TypeVar("M")
 def read(payload: bytes, type_: type[M]) -> M:
     """Return the message in a payload. Raises ValueError, with the reason, if it is too large or
     not such a message.
+
+    >>> from orchard.contract.messages import pack
+    >>> from orchard.wire.messages.control import StepSimulation
+    >>> read(pack({"run": "a1", "steps": 2}), StepSimulation).steps
+    2
+    >>> read(pack({"run": "a1", "step": 2}), StepSimulation)
+    Traceback (most recent call last):
+    msgspec.ValidationError: Object contains unknown field `step`
     """
     most = LARGEST_OF_MANY if type_ in (Joined, Bundle) else MAX_PAYLOAD
     if len(payload) > most:

@@ -5,6 +5,7 @@ A count of schedules follows from it.
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from typing import get_args
 
 from orchard.contract import messages as contract
@@ -36,6 +37,7 @@ OF_HARVEST = tuple(
 )
 
 
+@lru_cache(maxsize=10_000)
 def key_of(key: str) -> str:
     """Return which key of `wire.keys.TABLE` a key is; empty if it is none."""
     match KEYS.parts(key):

@@ -2,11 +2,13 @@
 does the same.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
+from math import inf
 from typing import Any, NamedTuple
 
 from chaos.simulated.harvest import digest_of_figures, digest_of_step, harvest_of
+from chaos.simulated.link import LEASE
 from chaos.simulated.reference import HarvestReference, Reference, Replay, first_moment
 from chaos.simulated.scenes import SCENES
 from orchard.contract.events import Event
@@ -15,6 +17,9 @@ from orchard.field.scenario import Scenario
 from orchard.sim.snapshot import Snapshot
 
 LATCHED = ("stopped", "reset")  # events of emergency stops
+# For how long the figures of a physics that is gone may be under way, s: a link that is silent
+# keeps them for its lease.
+LATE_SECONDS = LEASE + 3.0
 
 
 class Step(NamedTuple):
@@ -27,18 +32,53 @@ class Step(NamedTuple):
     is_whole: bool  # whether lockstep has waited for all agents until then
 
 
+class Forgotten(NamedTuple):
+    """Ticks that physics has simulated before it was started again from an earlier snapshot.
+
+    Where it has forgotten a stop since, the figures that it had published are of another run.
+    """
+
+    reference: Reference  # what local mode does with the emergency stops of then
+    first: int  # the tick from which it goes on
+    last: int  # the tick to which it had come
+    until: float  # s: when such figures may arrive at the latest
+
+
+class Said(NamedTuple):
+    """Figures that were published."""
+
+    tick: int
+    digest: bytes
+    is_whole: bool  # whether lockstep has waited for all agents until then
+    at: float  # when they arrived, s
+
+
 class Part:
     """A part of a run: from its begin, a reset or a fork on.
 
     A step that is simulated again replaces the one before.
     """
 
-    def __init__(self, scenario: Mapping[str, Any], reference: Reference, first: int = 0) -> None:
-        """`first`: its first tick."""
+    def __init__(
+        self,
+        scenario: Mapping[str, Any],
+        reference: Reference,
+        figures: Collection[int],
+        first: int = 0,
+    ) -> None:
+        """`figures`: the ticks at which figures were published. `first`: its first tick."""
         self.scenario = scenario
         self.first = first
         self._reference = reference
+        self._figures = figures
+        self._commanded: dict[bytes, Reference] = {}  # packed emergency stops -> what it does
         self.steps: dict[int, Step] = {}  # tick -> the step from it
+        self.ended_at = inf  # s: when another part began
+
+    @property
+    def tick(self) -> int:
+        """The tick to which it has come."""
+        return max(self.steps, default=self.first - 1) + 1
 
     @property
     def reference(self) -> Reference:
@@ -48,7 +88,12 @@ class Part:
             for tick, step in self.steps.items()
             if (stops := [event for event in step.events if event.what in LATCHED])
         }
-        return self._reference.commanded(commands) if commands else self._reference
+        if not commands:
+            return self._reference
+        key = pack(sorted(commands.items()))
+        if key not in self._commanded:
+            self._commanded[key] = self._reference.commanded(commands, self._figures)
+        return self._commanded[key]
 
     def differences(self) -> Iterator[str]:
         """Yield a sentence on the first step that is another one than in local mode."""
@@ -72,21 +117,22 @@ class Part:
 class Course:
     """All parts of a run. The last one is the present one."""
 
-    def __init__(self, scene: str) -> None:
+    def __init__(self, scene: str, clock: Callable[[], float]) -> None:
+        """`clock`: of the schedule, s."""
+        self._clock = clock
         self._scenario = Scenario(**SCENES[scene]).model_dump()
         self._harvest = HarvestReference(harvest_of(scene))
-        self.parts = [Part(self._scenario, self._harvest)]
+        # The ticks at which figures were published.
+        self._figure_ticks: set[int] = set()
+        self.parts = [Part(self._scenario, self._harvest, self._figure_ticks)]
         self.is_reset = False  # whether the present part began with a reset
         # Of each reset: the seed of the scenario before, and that with which the run began again.
         self.seeds: list[tuple[int, int]] = []
         # Where physics no longer knew that lockstep had not waited for some agents.
         self.forgotten: list[str] = []
-        # tick, digest, whether all was waited for
-        self._figures: list[tuple[int, bytes, bool]] = []
-        # What local mode does with the emergency stops up to each restart. Physics that goes on
-        # from an earlier snapshot may forget a stop, or hear another one: the figures that it
-        # published before are of another run.
-        self._before_restarts: list[Reference] = []
+        self._figures: list[Said] = []
+        # Of each restart.
+        self._forgotten_ticks: list[Forgotten] = []
         self.is_whole = True  # whether lockstep has waited for all agents until now
 
     def begin(self, scenario: Mapping[str, Any], tick: int, is_reset: bool) -> None:
@@ -94,24 +140,35 @@ class Course:
 
         `is_reset`: it is the first tick, because a user wants it.
         """
-        self._before_restarts.append(self.parts[-1].reference)
         if is_reset:
             self.is_reset = True
             self.seeds.append((self.parts[-1].scenario["seed"], scenario["seed"]))
             is_that_of_the_scene = scenario == self._scenario
             reference = self._harvest if is_that_of_the_scene else replay_of(pack(scenario))
-            self.parts.append(Part(scenario, reference))
-        elif scenario != self.parts[-1].scenario:
+            self._begin_part(Part(scenario, reference, self._figure_ticks))
+            return
+        if scenario != self.parts[-1].scenario:
             # It has died before a reset was kept, and is the run before again.
-            self.parts += [part for part in self.parts if part.scenario == scenario][-1:]
+            for part in [part for part in self.parts if part.scenario == scenario][-1:]:
+                self._begin_part(part)
             self.is_reset = False
         elif tick < self.parts[-1].first:
             # The snapshot that a fork began with is torn, and there is none before.
-            self.parts.append(Part(scenario, replay_of(pack(scenario))))
+            self._begin_part(Part(scenario, replay_of(pack(scenario)), self._figure_ticks))
+        part = self.parts[-1]
+        until = self._clock() + LATE_SECONDS
+        self._forgotten_ticks.append(Forgotten(part.reference, tick, part.tick, until))
+
+    def _begin_part(self, part: Part) -> None:
+        """Let a part be the present one."""
+        self.parts[-1].ended_at = self._clock()
+        part.ended_at = inf
+        self.parts.append(part)
 
     def fork(self, begin: Snapshot) -> None:
         """Know that the run goes on from a snapshot with changes."""
-        self.parts.append(Part(begin.scenario, Replay(begin), begin.tick))
+        replay = Replay(begin, figures=self._figure_ticks)
+        self._begin_part(Part(begin.scenario, replay, self._figure_ticks, begin.tick))
         self.is_reset = False
 
     def add(
@@ -137,8 +194,14 @@ class Course:
 
     def hear_figures(self, figures: Mapping[str, Any]) -> None:
         """Take figures that were published."""
-        said = (figures["ticks"], digest_of_figures(figures), self.is_whole)
+        tick = figures["ticks"]
+        self.want_figures(tick)
+        said = Said(tick, digest_of_figures(figures), self.is_whole, self._clock())
         self._figures.append(said)
+
+    def want_figures(self, tick: int) -> None:
+        """Know that figures of a tick are to be compared with those of local mode."""
+        self._figure_ticks.add(tick)
 
     def differences(self, with_figures: bool) -> Iterator[str]:
         """Yield a sentence on what is not as in local mode: steps, and figures that were
@@ -148,14 +211,24 @@ class Course:
             yield from part.differences()
         if not with_figures:
             return
-        references = [part.reference for part in self.parts] if self._figures else []
-        references += self._before_restarts
-        for tick, digest, is_whole in self._figures:
-            # They may arrive late: after a reset, and of the part before.
-            known = [reference.figures_at(tick) for reference in references]
-            if is_whole and digest not in known:
-                yield f"other figures than in local mode: tick {tick}"
+        for said in self._figures:
+            if said.is_whole and not any(
+                said.digest == reference.figures_at(said.tick)
+                for reference in self._references_of(said)
+            ):
+                yield f"other figures than in local mode: tick {said.tick}"
                 return
+
+    def _references_of(self, said: Said) -> Iterator[Reference]:
+        """Yield the runs of local mode of which figures may be: they may arrive late, and be of
+        what physics has forgotten since, or of the part before.
+        """
+        for part in self.parts:
+            if said.at <= part.ended_at + LATE_SECONDS:
+                yield part.reference
+        for one in self._forgotten_ticks:
+            if one.first <= said.tick <= one.last and said.at <= one.until:
+                yield one.reference
 
     def has(self, tick: int, what: str, names: Sequence[str]) -> bool:
         """Whether robots were stopped or reset at a tick."""

@@ -141,8 +141,9 @@ class Network:
         assert self.router is not None
         number = self.next_number()
         link = Link(bus, self.router, self._delays, Random(f"{self.seed} {bus.id} {number}"))
-        random = Random(f"tears {self.seed} {bus.id} {number}")
-        link.tearer = Tearer(self.tears, random, partial(self._tear, bus))
+        if self.tears:
+            random = Random(f"tears {self.seed} {bus.id} {number}")
+            link.tearer = Tearer(self.tears, random, partial(self._tear, bus))
         if (old := self.router.links.get(bus.id)) is not None:
             old.close(session=False)
         self.trace(f"{bus.id} is linked")

@@ -1,6 +1,6 @@
 """Follows what physics does in a schedule, whichever process has it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from chaos.simulated.census import Census
 from chaos.simulated.course import Course
@@ -14,8 +14,9 @@ from orchard.server.loop import RunLoop
 class Observer:
     """Knows each step that physics reports, and what drivers asked for."""
 
-    def __init__(self, scene: str, census: Census) -> None:
-        self.course = Course(scene)
+    def __init__(self, scene: str, census: Census, clock: Callable[[], float]) -> None:
+        """`clock`: of the schedule, s."""
+        self.course = Course(scene, clock)
         self._census = census
         self.driving: list[Driving] = []  # of each physics that has begun
         # What no physics may do, and one has done.

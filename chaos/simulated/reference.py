@@ -2,7 +2,8 @@
 each step.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
 from itertools import groupby
 from typing import Any, Protocol
 
@@ -29,8 +30,11 @@ class Reference(Protocol):
     def step_at(self, tick: int) -> bytes:
         """Return the digest of the step from a tick; empty if the run has no such step."""
 
-    def commanded(self, commands: Commands) -> "Reference":
-        """Return the same run, in which robots are stopped and reset."""
+    def commanded(self, commands: Commands, figures: Collection[int]) -> "Reference":
+        """Return the same run, in which robots are stopped and reset.
+
+        `figures`: the ticks at which its figures are wanted; more may be added until it is asked.
+        """
 
 
 def _at(found: Sequence[bytes], tick: int) -> bytes:
@@ -52,27 +56,35 @@ class HarvestReference:
     def step_at(self, tick: int) -> bytes:
         return _at(self._harvest.steps, tick)
 
-    def commanded(self, commands: Commands) -> Reference:
+    def commanded(self, commands: Commands, figures: Collection[int]) -> Reference:
         first = self._harvest.last_keyframe(min(commands))
-        return Replay(self._harvest.snapshot(first), commands, self)
+        return Replay(self._harvest.snapshot(first), commands, self, figures)
 
 
 class Replay:
     """A run in local mode that goes on from a snapshot, as far as it is asked for."""
 
     def __init__(
-        self, begin: Snapshot, commands: Commands | None = None, before: Reference | None = None
+        self,
+        begin: Snapshot,
+        commands: Commands | None = None,
+        before: Reference | None = None,
+        figures: Collection[int] | None = None,
     ) -> None:
-        """`before`: the same run up to the snapshot."""
+        """`before`: the same run up to the snapshot. `figures`: as for `commanded`; None: all."""
         self._begin = begin
         self._commands = commands or {}
         self._before = before
-        self._run = WatchedRun(begin)
-        self._first = self._run.tick
+        self._wanted = figures
+        self._first = begin.tick
         self._hashes: list[bytes] = []
-        self._figures: list[bytes] = []
+        self._figures: dict[int, bytes] = {}
         self._steps: list[bytes] = []
-        self._record()
+
+    @cached_property
+    def _run(self) -> WatchedRun:
+        """The run, at the tick that it has come to. Many replays are never asked."""
+        return WatchedRun(self._begin)
 
     def hash_at(self, tick: int) -> bytes:
         if tick < self._first and self._before is not None:
@@ -84,7 +96,10 @@ class Replay:
         if tick < self._first and self._before is not None:
             return self._before.figures_at(tick)
         self._go_to(tick)
-        return _at(self._figures, tick - self._first)
+        is_wanted = self._wanted is None or tick in self._wanted
+        if is_wanted:
+            return self._figures.get(tick, b"")
+        raise ValueError(f"figures of tick {tick} were not wanted")
 
     def step_at(self, tick: int) -> bytes:
         if tick < self._first and self._before is not None:
@@ -92,10 +107,12 @@ class Replay:
         self._go_to(tick + 1)
         return _at(self._steps, tick - self._first)
 
-    def commanded(self, commands: Commands) -> Reference:
-        return Replay(self._begin, commands)
+    def commanded(self, commands: Commands, figures: Collection[int]) -> Reference:
+        return Replay(self._begin, commands, figures=figures)
 
     def _go_to(self, tick: int) -> None:
+        if not self._hashes:
+            self._record()
         while self._run.tick < tick and self._run.ended == "duration":
             self._step()
             self._record()
@@ -113,8 +130,10 @@ class Replay:
         self._steps.append(digest_of_step(events, run.local.post.written.get(tick, {})))
 
     def _record(self) -> None:
+        tick = self._run.tick
         self._hashes.append(self._run.local.engine.digest)
-        self._figures.append(digest_of_figures(self._run.figures.figures()))
+        if self._wanted is None or tick in self._wanted:
+            self._figures[tick] = digest_of_figures(self._run.figures.figures())
 
 
 def first_moment(scenario: Mapping[str, Any]) -> Snapshot:

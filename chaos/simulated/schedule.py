@@ -44,6 +44,7 @@ V = TypeVar("V")  # a verdict
 NO_EXECUTOR = Executor()  # of clients, which write nothing
 USER_SECONDS = 2.0  # that a user takes to continue a run
 LOOK_SECONDS = 0.2  # between two looks at what runs
+TABLE_LOOKS = 5  # looks of which one is at the tables of physics and hosts, which grow slowly
 SPEED = 5.0  # of a realtime run: simulated seconds a second
 STAND_TICKS = 20
 SILENT_WAYS = {"silence": (UP, DOWN), "silence up": (UP,), "silence down": (DOWN,)}
@@ -78,7 +79,7 @@ class Schedule:
         network = Network(scheduler, str(plan.seed), plan.delays)
         network.is_traced = is_traced
         self.world = World(scheduler, network, Random(f"world {plan.seed}"), folder)
-        self.observer = Observer(plan.scene, network.census)
+        self.observer = Observer(plan.scene, network.census, lambda: scheduler.now)
         self.world.observer = self.observer
         network.late = plan.late
         network.tears = plan.tears
@@ -96,6 +97,7 @@ class Schedule:
         self._quit_at = 0.0  # s: when it may be asked to end again
         self._lost: set[str] = set()  # what was wrong at the last look, after a session was lost
         self._lost_at = -1  # the tick of that look
+        self._looks = 0
         self._faults_left = sorted(plan.faults, key=lambda fault: fault.tick)
 
     def run(self, judge: Callable[["Schedule"], V]) -> V:
@@ -169,9 +171,11 @@ class Schedule:
         if self.run_py.code is None and self.over_at is None:
             self.elsewhere.watch()
             self.progress.look(self.world)
-            self._look_at_tables()
+            if self._looks % TABLE_LOOKS == 0:
+                self._look_at_tables()
             self._look_at_lost()
             self._end_after_a_reset()
+        self._looks += 1
         self.world.scheduler.after(LOOK_SECONDS, self._look)
 
     def _look_at_tables(self) -> None:

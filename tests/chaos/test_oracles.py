@@ -8,11 +8,14 @@ import pytest
 
 from chaos.simulated import processes
 from chaos.simulated.census import ANSWERS, DEEDS, MESSAGES, OF_HARVEST, REQUESTS, summed_up
+from chaos.simulated.course import Course
 from chaos.simulated.harvest import OF_BINS, harvest_of, made, stored_counts
 from chaos.simulated.link import Delays
 from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan, draw
 from chaos.simulated.scenes import SCENES
 from chaos.simulated.trial import carry_out
+from orchard.contract.events import Event
+from orchard.futures.moments import WatchedRun
 from orchard.record.logger import FrameQueue
 from orchard.report.metrics import HarvestFigures
 from orchard.server import barriers
@@ -146,6 +149,40 @@ def test_figures_before_a_torn_snapshot_are_of_the_run_before(stop_at, torn_at, 
     stop = Fault("stop robots", CLIENT, stop_at, 0.02, 3.0)
     plan = shortly_before("uncoupled", stop, torn_at, ticks=120, delays=delays)
     assert carry_out(plan).complaints == []
+
+
+def figures_at(tick: int, stopped_at: int) -> dict:
+    """The figures of local mode at a tick, if a picker is stopped at another one."""
+    run = WatchedRun(harvest_of(SCENE).snapshot(100))
+    while run.tick < tick:
+        if run.tick == stopped_at:
+            run.local.engine.stop(["picker_01"])
+        run.figures.update(run.local.tick())
+    return run.figures.figures()
+
+
+@pytest.mark.parametrize(
+    ("tick", "arrives_at", "are_known"),
+    [(115, 2.0, True), (115, 60.0, False), (140, 2.0, False)],
+)
+def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at, are_known):
+    """Figures with a stop that physics has forgotten are of ticks that it had simulated then, and
+    arrive soon.
+    """
+    now = [0.0]
+    course = Course(SCENE, lambda: now[0])
+    harvest = harvest_of(SCENE)
+    course.begin(harvest.snapshot(100).scenario, 100, is_reset=False)
+    stops = [Event(110, "stopped", "picker_01")]
+    course.add(110, stops, {}, b"", is_whole=False)
+    course.add(119, [], {}, b"", is_whole=False)
+    now[0] = 1.0
+    course.begin(harvest.snapshot(100).scenario, 100, is_reset=False)
+    course.parts[-1].steps.clear()
+    course.is_whole = True
+    now[0] = arrives_at
+    course.hear_figures(figures_at(tick, stopped_at=110))
+    assert (list(course.differences(with_figures=True)) == []) == are_known
 
 
 # -- what is broken

@@ -107,13 +107,16 @@ def expected() -> None:
 def mutations(
     most: Annotated[int, typer.Option(min=1, help="How many schedules may not find it.")] = MOST,
     only: Annotated[str, typer.Option(help="Only mutations with these words.")] = "",
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one for each core.")
+    ] = None,
 ) -> None:
     """Cut out one safety net of the protocol after the other.
 
     Write at which seed each is found to chaos/simulated/mutations.md.
     """
     names = [name for name in MUTATIONS if only in name and name not in BY_TESTS]
-    with _workers() as pool:
+    with _workers(workers) as pool:
         found = list(
             track(
                 pool.map(partial(first_seed, most), names),

@@ -30,8 +30,8 @@ class Client:
     seconds: float  # how long it stays
     # "stopped" or "reset", and what physics replied
     stops: list[tuple[str, wire.Stopped]] = field(default_factory=list)
-    # The seeds with which it wanted the run to begin again; None: with that of the run.
-    seeds: list[int | None] = field(default_factory=list)
+    # How often physics has said that it begins the run again.
+    resets: int = 0
     complaints: list[str] = field(default_factory=list)
 
     def hear(self, seconds: float) -> Iterator[Item]:
@@ -260,8 +260,7 @@ def advise(client: Client) -> None:
 def reset(client: Client) -> None:
     """Let the run begin again, as before or with another seed."""
     seed = client.random.choice((None, ANOTHER_SEED))
-    client.seeds.append(seed)
-    client.ask("reset_simulation", wire.ResetSimulation(RUN, seed))
+    client.resets += len(client.ask("reset_simulation", wire.ResetSimulation(RUN, seed)))
 
 
 def quit_run(client: Client) -> None:

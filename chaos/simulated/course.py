@@ -126,8 +126,7 @@ class Course:
         self._figure_ticks: set[int] = set()
         self.parts = [Part(self._scenario, self._harvest, self._figure_ticks)]
         self.is_reset = False  # whether the present part began with a reset
-        # Of each reset: the seed of the scenario before, and that with which the run began again.
-        self.seeds: list[tuple[int, int]] = []
+        self.resets = 0
         # Where physics no longer knew that lockstep had not waited for some agents.
         self.forgotten: list[str] = []
         self._figures: list[Said] = []
@@ -142,7 +141,7 @@ class Course:
         """
         if is_reset:
             self.is_reset = True
-            self.seeds.append((self.parts[-1].scenario["seed"], scenario["seed"]))
+            self.resets += 1
             is_that_of_the_scene = scenario == self._scenario
             reference = self._harvest if is_that_of_the_scene else replay_of(pack(scenario))
             self._begin_part(Part(scenario, reference, self._figure_ticks))

@@ -341,6 +341,20 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a reset keeps the seed": (
         _with_words(loop.RunLoop, "_options_after", "scenario=reset.", "scenario=self.options."),
     ),
+    "of two resets the second one keeps the seed": (
+        _with_words(
+            inbound.Queries,
+            "_reset_simulation",
+            "if wanted.seed is not None:",
+            "if wanted.seed is not None and run.engine.tick < 20:",
+        ),
+    ),
+    "a promised reset does not happen": (
+        _with_words(inbound.Queries, "_reset_simulation", "raise RunReset(scenario)", "pass"),
+    ),
+    "a host keeps its old answer at a join": (
+        _with_words(host.Host, "join", "self._answer = SentAnswer()", "pass"),
+    ),
     "a snapshot forgets which agents were lost": (
         _with_words(PhysicsRun, "keep", "lost=drivers.lost", "lost={}"),
     ),
@@ -376,6 +390,11 @@ BY_TESTS: dict[str, str] = {
     "a host joins, and keeps its old mail": (
         "tests/net/test_mail.py: mail of before must still wait when a host joins again, and agree"
         " with a later request; before, one schedule in some hundred showed it"
+    ),
+    "a host keeps its old answer at a join": (
+        "tests/net/test_broken_links.py: an answer follows from the tick, its mail and the memory"
+        " that physics has, so the old one is the new one; unless physics went on without the host"
+        " to the same tick, and then no hash is promised"
     ),
     "a recall is not recorded": (
         "tests/net/test_mail.py: a request must come in the moment in which its host recalls it;"

@@ -1,14 +1,16 @@
 """Follows what physics does in a schedule, whichever process has it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
-from chaos.simulated.census import Census
+from chaos.simulated.census import KEYS, Census
 from chaos.simulated.course import Course
 from chaos.simulated.driving import Driving
 from chaos.simulated.session import SimulatedBus
 from orchard.contract.events import Event
 from orchard.contract.messages import Written
 from orchard.server.loop import RunLoop
+from orchard.wire.messages import ResetSimulation, read
 
 
 class Observer:
@@ -21,11 +23,21 @@ class Observer:
         self.driving: list[Driving] = []  # of each physics that has begun
         # What no physics may do, and one has done.
         self._wrong: list[str] = []
-        # Tick -> the refusals that were counted when a snapshot of it was made.
+        # Tick -> the refusals that were counted when the snapshot of it was made that is on the
+        # disk; and of each one that may not be there yet, the oldest first.
         self._refused_at: dict[int, dict[str, int]] = {}
+        self._refused_in: dict[int, list[dict[str, int]]] = {}
+        self._begun: SimulatedBus | None = None  # the session of the last one
 
-    def begin(self, loop: RunLoop, bus: SimulatedBus, is_reset: bool) -> None:
-        """Follow a loop of physics, which is about to begin. `bus`: its session."""
+    def begin(self, loop: RunLoop, buses: Sequence[SimulatedBus], is_reset: bool) -> None:
+        """Follow a loop of physics, which is about to begin.
+
+        `buses`: the sessions of its process, its own the last.
+        """
+        bus = buses[-1]
+        if is_reset:
+            self._watch_seed(loop, buses)
+        self._begun = bus
         account = loop.run.account
         drivers = loop.run.drivers
         engine = loop.run.engine
@@ -46,6 +58,31 @@ class Observer:
         self._watch_refusals(loop, is_reset)
         self._watch_releases(loop)
 
+    def _watch_seed(self, loop: RunLoop, buses: Sequence[SimulatedBus]) -> None:
+        """Complain about a run that has begun again with a seed for which nobody has asked it."""
+        before = self.course.parts[-1].scenario["seed"]
+        since = buses.index(self._begun) if self._begun in buses else 0
+        # More than one session, if a run was reset again before it had begun.
+        asked = [query for bus in buses[since:-1] for query in bus.queries]
+        wanted = set()
+        for key, payload in asked:
+            with suppress(ValueError):
+                if KEYS.parts(key) == ["reset_simulation"]:
+                    seed = read(payload, ResetSimulation).seed
+                    wanted.add(before if seed is None else seed)
+        after = loop.run.engine.layout.scenario.seed
+        if after not in wanted:
+            self._wrong.append(
+                f"the run was reset to seed {after}, and not to one of {sorted(wanted)}"
+            )
+
+    def is_kept(self, tick: int) -> None:
+        """Know that a snapshot is on the disk."""
+        if refused := self._refused_in.get(tick):
+            # One that another one replaces before it is written makes this no stricter.
+            self._refused_at[tick] = refused[0]
+            del refused[:-1]
+
     def _watch_refusals(self, loop: RunLoop, is_reset: bool) -> None:
         """Complain if a run that goes on has forgotten what was refused before its snapshot."""
         run = loop.run
@@ -55,8 +92,10 @@ class Observer:
         forgotten = [reason for reason, count in before.items() if now.get(reason, 0) < count]
         self._wrong += [f"what was refused is forgotten: {reason}" for reason in forgotten]
 
+        self._refused_in = {}
+
         def keep_and_know() -> None:
-            self._refused_at[run.engine.tick] = run.refusal_totals.total()
+            self._refused_in.setdefault(run.engine.tick, []).append(run.refusal_totals.total())
             keep()
 
         run.keep = keep_and_know  # type: ignore[method-assign]

@@ -418,7 +418,7 @@ class World:
         if not is_reset and (fault := wrong_begin(engine.tick, self.found, self.torn)):
             self.wrong_begins.append(fault)
         if self.observer is not None and self.physics is not None:
-            self.observer.begin(loop, self.physics.buses[-1], is_reset)
+            self.observer.begin(loop, self.physics.buses, is_reset)
 
     def say(self, line: str) -> None:
         """Take a line for the user."""
@@ -498,6 +498,8 @@ class World:
             tick = int(path.stem.removeprefix("tick-"))
             self.torn.discard(tick)
             self.kept.append(tick)
+            if self.observer is not None:
+                self.observer.is_kept(tick)
 
 
 class _Handler(logging.Handler):

@@ -125,6 +125,7 @@ class SimulatedBus(Bus):
         self._dropping: dict[str, bool] = {}  # key -> whether a slow subscriber may miss messages
         self._is_interested = False
         self.listener: Callable[[str, bytes], None] | None = None  # hears all samples, too
+        self.queries: list[tuple[str, bytes]] = []  # that have arrived: key, payload
         self._known: list[
             str
         ] = []  # the keys to which others subscribe, as far as the session knows
@@ -316,6 +317,7 @@ class SimulatedBus(Bus):
     def hear_query(self, link: Link, number: int, key: str, payload: bytes) -> None:
         declared = [one for what, one in self._declared if what == "answer" and meets(one, key)]
         left = len(declared)
+        self.queries.append((key, payload))
 
         def reply(payload: bytes, error: str) -> None:
             arrives = partial(link.router.reply, number, key, payload, error)

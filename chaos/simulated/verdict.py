@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from chaos.simulated.census import OF_HARVEST
 from chaos.simulated.course import summary_digest
 from chaos.simulated.harvest import HARVESTED, harvest_of
-from chaos.simulated.plan import Plan, leave_limit
+from chaos.simulated.plan import RUN_PY, Plan, leave_limit
 from chaos.simulated.processes import KILLED
 from chaos.simulated.schedule import Schedule
 from chaos.simulated.written import faults_of_recording, faults_of_tables
@@ -228,11 +228,14 @@ def _of_commands(schedule: Schedule) -> Iterator[str]:
 
 
 def _of_resets(schedule: Schedule) -> Iterator[str]:
-    """Complain about a run that has begun again with a seed that nobody wanted."""
-    wanted = [seed for client in schedule.clients for seed in client.seeds]
-    for before, after in schedule.observer.course.seeds:
-        if after not in [before if seed is None else seed for seed in wanted]:
-            yield f"the run was reset to seed {after}, and not to one of {wanted}"
+    """Complain about a run that has not begun again, though physics has said that it would, and
+    had the time for it.
+    """
+    promised = sum(client.resets for client in schedule.clients)
+    done = schedule.observer.course.resets
+    may_be_lost = any(one.fault.who in (PHYSICS, RUN_PY) for one in schedule.inflicted)
+    if promised > done and not may_be_lost and not schedule.plan.has("quit"):
+        yield f"{promised} resets were promised, and {done} done"
 
 
 def _of_refusals(schedule: Schedule) -> Iterator[str]:

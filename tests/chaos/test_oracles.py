@@ -1,16 +1,18 @@
 """What schedules look at: each test breaks one thing, and the oracle for it complains."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import msgspec
 import pytest
 
 from chaos.simulated import processes
-from chaos.simulated.census import ANSWERS, DEEDS, MESSAGES, OF_HARVEST, REQUESTS, summed_up
+from chaos.simulated.census import ANSWERS, DEEDS, MESSAGES, OF_HARVEST, REQUESTS, Census, summed_up
 from chaos.simulated.course import Course
 from chaos.simulated.harvest import OF_BINS, harvest_of, made, stored_counts
 from chaos.simulated.link import Delays
+from chaos.simulated.observer import Observer
 from chaos.simulated.plan import CLIENT, RUN_PY, Fault, Plan, draw
 from chaos.simulated.scenes import SCENES
 from chaos.simulated.trial import carry_out
@@ -183,6 +185,32 @@ def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at,
     now[0] = arrives_at
     course.hear_figures(figures_at(tick, stopped_at=110))
     assert (list(course.differences(with_figures=True)) == []) == are_known
+
+
+def test_refusals_forgotten_since_the_snapshot_on_the_disk_are_found():
+    """Physics makes the snapshot of a tick again, with fewer refusals, and dies before it is
+    written.
+    """
+    observer = Observer(SCENE, Census(), lambda: 0.0)
+
+    def goes_on_at(tick: int, refused: int) -> SimpleNamespace:
+        run = SimpleNamespace(
+            keep=lambda: None,
+            engine=SimpleNamespace(tick=tick),
+            refusal_totals=SimpleNamespace(total=lambda: {"malformed": refused}),
+        )
+        observer._watch_refusals(SimpleNamespace(run=run), is_reset=False)
+        return run
+
+    first = goes_on_at(10, 3)
+    first.keep()
+    observer.is_kept(10)
+    second = goes_on_at(5, 1)
+    second.engine.tick = 10
+    second.keep()
+    assert observer.complaints == []
+    goes_on_at(10, 2)
+    assert observer.complaints == ["what was refused is forgotten: malformed"]
 
 
 # -- what is broken

@@ -134,6 +134,10 @@ MISSED = {
     "the session of a key is not checked": plan(Fault("lie", CLIENT, 10, 0.0, 0.5)),
     "a reset keeps the seed": replace(plan(Fault("reset", CLIENT, 20)), seed=2),
     "letters are published with the next tick": plan(has_logger=True),
+    "of two resets the second one keeps the seed": plan(
+        Fault("reset", CLIENT, 10), Fault("reset", CLIENT, 30)
+    ),
+    "a promised reset does not happen": plan(Fault("reset", CLIENT, 20)),
     "events are published with the next tick": plan(has_logger=True, begin=180),
     "a snapshot forgets which agents were lost": replace(AWAY, faults=(*AWAY.faults, LATE_KILL)),
     "a snapshot forgets what was refused": plan(

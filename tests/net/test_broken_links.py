@@ -2,6 +2,7 @@
 moment.
 """
 
+import math
 import signal
 
 import pytest
@@ -15,7 +16,7 @@ from orchard.net.host import HostEnded
 from orchard.server.loop import END_SECONDS, LEAVE_SECONDS, RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
-from orchard.wire.messages import Departure
+from orchard.wire.messages import Departure, Joined
 
 
 class LosesTheEnd(Net):
@@ -134,6 +135,27 @@ def test_a_host_says_that_it_leaves_when_a_user_stops_it():
     with pytest.raises(HostEnded):
         run.host.run()
     assert [key for key, _ in run.net.sent] == [KEYS.of("left", session=HOST)]
+
+
+@pytest.mark.parametrize("joins_again", [False, True])
+def test_a_host_that_joins_again_sends_no_answer_of_before(monkeypatch, joins_again):
+    """A tick that comes again is answered again, but not after a join: physics may have come to it
+    on another way.
+    """
+    run = Run(SMALL, RUN, 5, Net(), cast)
+    run.to_the_end()
+    host, sent = run.host, run.net.sent
+    ticks = [payload for key, payload in sent if key == KEYS.of("seen", session=HOST)]
+    host._answer.at = -math.inf
+    if joins_again:
+        layout = run.physics._engine.layout
+        monkeypatch.setattr("orchard.net.host.fetch_layout", lambda *_: (None, layout))
+        monkeypatch.setattr(host, "_joined", lambda: Joined(RUN, host._answer.tick, {}, {}))
+        host.join()
+    answers = [KEYS.of("velocities", session=HOST)] * (not joins_again)
+    before = len(sent)
+    host.handle(Sample(KEYS.of("seen", session=HOST), ticks[-1]))
+    assert [key for key, _ in sent[before:]] == answers
 
 
 def test_a_session_that_joins_again_has_not_left():

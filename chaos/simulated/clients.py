@@ -32,6 +32,8 @@ class Client:
     stops: list[tuple[str, wire.Stopped]] = field(default_factory=list)
     # How often physics has said that it begins the run again.
     resets: int = 0
+    # How often physics has said that it ends the run.
+    quits: int = 0
     complaints: list[str] = field(default_factory=list)
 
     def hear(self, seconds: float) -> Iterator[Item]:
@@ -60,9 +62,13 @@ class Client:
                 replies.append(item.payload)
         return replies
 
-    def state(self) -> wire.SimulationState | None:
-        """Return whether the run plays, and its tick; None if physics does not say so."""
-        for reply in self.ask("simulation_state", None):
+    def state(
+        self, what: str = "simulation_state", message: RunMessage | None = None
+    ) -> wire.SimulationState | None:
+        """Return whether the run plays, and its tick, as physics replies to a query; None if it
+        does not say so.
+        """
+        for reply in self.ask(what, message):
             with suppress(ValueError):
                 return wire.read(reply, wire.SimulationState)
         return None
@@ -144,8 +150,14 @@ def end_it(client: Client) -> None:
 
 def pause(client: Client) -> None:
     """Pause the run, do some steps, and let it play."""
-    client.ask("set_simulation_state", wire.SetSimulationState(RUN, "paused"))
+    paused = client.state("set_simulation_state", wire.SetSimulationState(RUN, "paused"))
+    if paused is not None and paused.state == "playing":
+        client.complaints.append(f"a run that is to pause plays: tick {paused.tick}")
     client.wait(client.seconds)
+    steps = _steps_between(paused, client.state())
+    # After a reset it is at one of its first ticks.
+    if steps is not None and steps > 0:
+        client.complaints.append(f"a paused run goes on for {steps} steps")
     for _ in range(client.random.randrange(3)):
         step(client, client.random.randint(1, 5))
     client.wait(client.random.random())
@@ -155,16 +167,30 @@ def pause(client: Client) -> None:
         client.wait(0.2)
 
 
+def _steps_between(
+    before: wire.SimulationState | None, after: wire.SimulationState | None
+) -> int | None:
+    """Return the steps between two states of a paused run; None if it has not been paused at
+    both.
+    """
+    if before is None or after is None or {before.state, after.state} != {"paused"}:
+        return None
+    return after.tick - before.tick
+
+
 def step(client: Client, steps: int) -> None:
-    """Do some steps of a paused run. Complain if there were more."""
+    """Do some steps of a paused run. Complain if there were more, or fewer.
+
+    After a reset the run is at one of its first ticks.
+    """
     before = client.state()
-    for reply in client.ask("step_simulation", wire.StepSimulation(RUN, steps)):
-        with suppress(ValueError):
-            after = wire.read(reply, wire.SimulationState)
-            is_paused = before is not None and {before.state, after.state} == {"paused"}
-            if before is not None and is_paused and after.tick > before.tick + steps:
-                many = after.tick - before.tick
-                client.complaints.append(f"{many} steps are done, and not {steps}")
+    after = client.state("step_simulation", wire.StepSimulation(RUN, steps))
+    done = _steps_between(before, after)
+    if before is None or done is None:
+        return
+    is_same_run = before.tick > steps and done >= 0
+    if done > steps or (is_same_run and done < steps):
+        client.complaints.append(f"{done} steps are done, and not {steps}")
 
 
 def survey(client: Client) -> None:
@@ -265,7 +291,8 @@ def reset(client: Client) -> None:
 
 def quit_run(client: Client) -> None:
     """End the run."""
-    client.ask("set_simulation_state", wire.SetSimulationState(RUN, "quitting"))
+    quitting = wire.SetSimulationState(RUN, "quitting")
+    client.quits += len(client.ask("set_simulation_state", quitting))
 
 
 CLIENTS: dict[str, Callable[[Client], None]] = {

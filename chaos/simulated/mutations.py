@@ -23,7 +23,7 @@ from orchard.net.refusals import RefusalTotals
 from orchard.net.runner import AgentRunner
 from orchard.processes import agents, physics
 from orchard.server import barriers, commands, inbound, loop, snapshots
-from orchard.server.control import RunClock
+from orchard.server.control import RunClock, SimulationControl
 from orchard.server.drivers import Drivers
 from orchard.server.publisher import Publisher
 from orchard.server.roster import RecoveryLog, Roster
@@ -354,6 +354,15 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     ),
     "a host keeps its old answer at a join": (
         _with_words(host.Host, "join", "self._answer = SentAnswer()", "pass"),
+    ),
+    "a paused run does one step too few": (
+        _with_words(RunClock, "count_step", "if self._left <= 0:", "if self._left <= 1:"),
+    ),
+    "a pause comes two steps late": (
+        _with_words(SimulationControl, "set", "self.clock.pause()", "self.clock.play(2)"),
+    ),
+    "a run does not end when it is asked to": (
+        _with_words(inbound.Queries, "_set_simulation_state", 'raise RunEnded("stopped")', "pass"),
     ),
     "a snapshot forgets which agents were lost": (
         _with_words(PhysicsRun, "keep", "lost=drivers.lost", "lost={}"),

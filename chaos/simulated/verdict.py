@@ -215,6 +215,7 @@ def _of_commands(schedule: Schedule) -> Iterator[str]:
     """Complain about what drivers and operators asked for, and did not get."""
     yield from schedule.world.wrong_begins
     yield from _of_resets(schedule)
+    yield from _of_quitting(schedule)
     yield from _of_refusals(schedule)
     yield from schedule.observer.complaints
     for client in schedule.clients:
@@ -233,9 +234,22 @@ def _of_resets(schedule: Schedule) -> Iterator[str]:
     """
     promised = sum(client.resets for client in schedule.clients)
     done = schedule.observer.course.resets
-    may_be_lost = any(one.fault.who in (PHYSICS, RUN_PY) for one in schedule.inflicted)
-    if promised > done and not may_be_lost and not schedule.plan.has("quit"):
+    is_quit = schedule.plan.has("quit")
+    if promised > done and not is_quit and not _has_physics_died(schedule):
         yield f"{promised} resets were promised, and {done} done"
+
+
+def _of_quitting(schedule: Schedule) -> Iterator[str]:
+    """Complain about a run that lasts to its end, though physics has said that it ends at once."""
+    is_promised = any(client.quits for client in schedule.clients)
+    _, why = schedule.run_py.result
+    if is_promised and why == "duration" and not _has_physics_died(schedule):
+        yield "the run was to end, and has gone on"
+
+
+def _has_physics_died(schedule: Schedule) -> bool:
+    """Whether what physics has promised may be forgotten."""
+    return any(one.fault.who in (PHYSICS, RUN_PY) for one in schedule.inflicted)
 
 
 def _of_refusals(schedule: Schedule) -> Iterator[str]:

@@ -187,7 +187,7 @@ def test_figures_of_a_forgotten_stop_are_of_its_ticks_and_soon(tick, arrives_at,
     assert (list(course.differences(with_figures=True)) == []) == are_known
 
 
-def test_refusals_forgotten_since_the_snapshot_on_the_disk_are_found():
+def test_refusals_forgotten_since_a_written_snapshot_are_found():
     """Physics makes the snapshot of a tick again, with fewer refusals, and dies before it is
     written.
     """

@@ -130,6 +130,11 @@ MISSED = {
     "a paused run does one step too many": replace(
         plan(Fault("pause", CLIENT, 10, 0.0, 0.5)), seed=4
     ),
+    "a paused run does one step too few": replace(
+        plan(Fault("pause", CLIENT, 20, 0.0, 0.5)), seed=2
+    ),
+    "a pause comes two steps late": plan(Fault("pause", CLIENT, 20, 0.0, 0.5)),
+    "a run does not end when it is asked to": plan(Fault("quit", CLIENT, 20)),
     "advice drives for one tick too long": plan(Fault("advise", CLIENT, 10, 0.0, 0.5)),
     "the session of a key is not checked": plan(Fault("lie", CLIENT, 10, 0.0, 0.5)),
     "a reset keeps the seed": replace(plan(Fault("reset", CLIENT, 20)), seed=2),

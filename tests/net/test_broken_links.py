@@ -144,7 +144,8 @@ def test_a_host_that_joins_again_sends_no_answer_of_before(monkeypatch, joins_ag
     """
     run = Run(SMALL, RUN, 5, Net(), cast)
     run.to_the_end()
-    host, sent = run.host, run.net.sent
+    host = run.host
+    sent = run.net.sent
     ticks = [payload for key, payload in sent if key == KEYS.of("seen", session=HOST)]
     host._answer.at = -math.inf
     if joins_again:

@@ -48,7 +48,7 @@ def test_a_named_pipe_is_refused(read, why, pipe):
         read(pipe)
 
 
-@pytest.mark.parametrize("read", [("orchard.app.runs_view", "past_runs")], indirect=True)
+@pytest.mark.parametrize("read", [("orchard.app.past_runs", "past_runs")], indirect=True)
 def test_a_named_pipe_in_the_folder_of_runs_is_passed_over(read, pipe):
     assert read(pipe.parent) == ([], ["odd.json is passed over: is no regular file"])
 

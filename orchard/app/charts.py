@@ -8,34 +8,40 @@ from nicegui import ui
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import shares
 
-History = Mapping[str, Sequence[float]]  # of a run, as in its summary
-Points = list[list[float]]  # [simulated min, value]
-Course = Mapping[str, Points]  # title of a chart -> its line
-BINS, WAITING, BUSY = "Bins delivered", "Pickers that wait, %", "Carriers at work, %"
+#: Figures of a run over time, by name, as its summary has them.
+History = Mapping[str, Sequence[float]]
+#: Each point: simulated minutes, value.
+Points = list[list[float]]
+#: Title of a chart -> the points of its line.
+Course = Mapping[str, Points]
+BINS = "Bins delivered"
+WAITING = "Pickers that wait, %"
+BUSY = "Carriers at work, %"
 
 
 def course_of(history: History, scenario: Scenario, since: float = 0.0) -> Course:
-    """Return figures of a run over time, from a moment on, s.
+    """Return figures of a run over time, for the samples after `since`, s.
 
     `history`: as in the summary, as far as the run has got.
     """
 
     def points(values: Iterable[float]) -> Points:
         return [
-            [round(s / 60.0, 2), round(value, 1)]
-            for s, value in zip(history["seconds"], values, strict=True)
-            if s > since
+            [round(seconds / 60.0, 2), round(value, 1)]
+            for seconds, value in zip(history["seconds"], values, strict=True)
+            if seconds > since
         ]
 
     waited = shares(history, "pickers_waited_seconds", scenario.pickers)
     busy = shares(history, "carriers_busy_seconds", scenario.carrier_count)
-    percent = {
+    return {
+        BINS: points(history["bins_delivered"]),
         WAITING: points(100.0 * share for share in waited),
         BUSY: points(100.0 * share for share in busy),
     }
-    return {BINS: points(history["bins_delivered"]), **percent}
 
 
+# Colours of the lines. Each one is clear on a light and on a dark page.
 COLOURS = [
     "#5a9e54",
     "#d9822b",
@@ -43,9 +49,18 @@ COLOURS = [
     "#b062c4",
     "#c9a227",
     "#d1495b",
-]  # of the runs, on light and on dark
-INK = "#7d8778"  # of axes and names, on light and on dark
-STEPS = {BINS: "end", WAITING: "", BUSY: ""}  # title of a chart -> the steps of its lines
+]
+# Colour of axes and their names, on a light and on a dark page.
+INK = "#7d8778"
+# Title of a chart -> where its line steps, as ECharts names it; "" draws a line without steps.
+STEPS = {BINS: "end", WAITING: "", BUSY: ""}
+# How the mark of a moment looks.
+MARK = {
+    "silent": True,
+    "symbol": "none",
+    "label": {"show": False},
+    "lineStyle": {"color": INK},
+}
 
 
 class Charts:
@@ -65,38 +80,37 @@ class Charts:
         if courses == self._shown:
             return
         self._shown = dict(courses)
+        self._show_legend(courses)
+        marked_moments = MARK | {"data": [{"xAxis": round(at / 60.0, 2)} for at in marks]}
+        for title, (box, chart) in self._charts.items():
+            # A run has the same number here as in the legend, and so the same colour.
+            series = [
+                _line(name, course[title], STEPS[title], number)
+                for number, (name, course) in enumerate(courses.items())
+                if course[title]
+            ]
+            box.set_visibility(bool(series))
+            marks_only = {"type": "line", "data": [], "markLine": marked_moments}
+            chart.options["series"] = [*series, marks_only]
+            chart.update()
+
+    def _show_legend(self, names: Iterable[str]) -> None:
+        """Show the colour of each run. A run without a name stands alone, and needs no legend."""
         self._legend.clear()
         with self._legend:
-            for number, name in enumerate(filter(None, courses)):
+            for number, name in enumerate(filter(None, names)):
                 with ui.element("div").classes("legend-entry"):
                     ui.element("div").classes("legend-mark").style(f"background:{colour(number)}")
                     ui.label(name)
-        for title, (box, chart) in self._charts.items():
-            lines = enumerate(
-                (name, course[title]) for name, course in courses.items()
-            )  # numbered as in the legend
-            series = [
-                _line(name, points, STEPS[title], number)
-                for number, (name, points) in lines
-                if points
-            ]
-            box.set_visibility(bool(series))
-            look = {
-                "silent": True,
-                "symbol": "none",
-                "label": {"show": False},
-                "lineStyle": {"color": INK},
-            }
-            marked = look | {"data": [{"xAxis": round(at / 60.0, 2)} for at in marks]}
-            chart.options["series"] = [*series, {"type": "line", "data": [], "markLine": marked}]
-            chart.update()
 
 
 def colour(number: int) -> str:
+    """Return the colour of the run with this number. After the last colour comes the first."""
     return COLOURS[number % len(COLOURS)]
 
 
 def _chart(title: str) -> tuple[ui.element, ui.echart]:
+    """Add an empty chart, which is hidden. Return its box and itself."""
     with ui.element("figure").classes("chart") as box:
         with ui.element("figcaption"):
             ui.label(title)
@@ -110,6 +124,7 @@ def _chart(title: str) -> tuple[ui.element, ui.echart]:
 
 
 def _options() -> dict[str, Any]:
+    """Return the options of an empty chart, as ECharts takes them."""
     ink = {"color": INK}
     axis = {"type": "value", "axisLabel": ink, "splitLine": {"lineStyle": ink | {"opacity": 0.25}}}
     along = {
@@ -130,5 +145,13 @@ def _options() -> dict[str, Any]:
 
 
 def _line(name: str, points: Points, step: str, number: int) -> dict[str, Any]:
-    look = {"type": "line", "showSymbol": False, "lineStyle": {"width": 2}, "color": colour(number)}
-    return look | {"name": name, "step": step or False, "data": points}
+    """Return the line of one run, as ECharts takes it."""
+    return {
+        "type": "line",
+        "showSymbol": False,
+        "lineStyle": {"width": 2},
+        "color": colour(number),
+        "name": name,
+        "step": step or False,
+        "data": points,
+    }

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 
@@ -20,13 +20,16 @@ from orchard.folders import RUNS, regular
 
 Result = TypeVar("Result")
 KEPT_LINES = 500
-# S after which a command that has not begun is asked once more: a library may swallow the signal.
-AGAIN = 6.0
-# S that a command may take to end, with its files; on an idle machine it takes less than 3.
+# After these seconds a command that has not begun is asked to stop once more: a library may have
+# swallowed the signal.
+ASK_AGAIN_SECONDS = 6.0
+# These seconds a command may take to end, with its files. On an idle machine it takes less than 3.
 PATIENCE = 60.0
 
 
 class RunState(StrEnum):
+    """How far a command is. The page shows the word."""
+
     running = "running"
     stopping = "stopping"
     finished = "finished"
@@ -35,6 +38,7 @@ class RunState(StrEnum):
 
     @property
     def is_over(self) -> bool:
+        """Whether the command has ended, in one way or another."""
         return self not in (RunState.running, RunState.stopping)
 
 
@@ -54,32 +58,52 @@ class Files:
     """
 
     def __init__(self, folder: Path, name: str) -> None:
-        self.folder, self.name = folder, name
+        """`name`: of each of the files, before its ending."""
+        self.folder = folder
+        self.name = name
         self.scenario = folder / f"{name}.yaml"
         self.recording = folder / f"{name}.rrd"
         self.summary = folder / f"{name}.json"
         self.views = folder / f"{name}.rbl"
 
 
-class PageCommand:
-    """A process of its own.
+class PrintedLines(NamedTuple):
+    """What a command has printed for a person.
 
-    `said`: the number of lines printed so far, and the last KEPT_LINES of them.
+    `line_count`: the number of lines so far. `lines`: the last KEPT_LINES of them.
     """
 
+    line_count: int
+    lines: tuple[str, ...]
+
+
+class PageCommand:
+    """A command in a process of its own, and what it prints.
+
+    A thread reads what the command prints. It replaces `output` as a whole, so that a page reads a
+    count that fits the lines.
+    """
+
+    #: Whether the command has printed a result, so that a signal reaches its own code.
     has_begun = False
 
     def __init__(self, scenario: Scenario, files: Files, line: list[str]) -> None:
-        self.scenario, self.files = scenario, files
-        self.said: tuple[int, tuple[str, ...]] = (0, ())
-        self.asked_to_stop = self._is_hushed = False
+        """Write the scenario to its file, and start the process.
+
+        `line`: the command line. Raises OSError.
+        """
+        self.scenario = scenario
+        self.files = files
+        self.output = PrintedLines(0, ())
+        self.asked_to_stop = False
+        self._is_hushed = False
         files.scenario.write_text(to_yaml(scenario))
         self._process = _open(line, files.folder)
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
-    def words_of(self, line: str) -> str | None:
-        """Take what a line tells.
+    def message_of(self, line: str) -> str | None:
+        """Take what a printed line tells.
 
         Return its words for a person; None if it is for programs only.
         """
@@ -93,18 +117,21 @@ class PageCommand:
 
     @property
     def is_complete(self) -> bool:
+        """Whether the command has left a whole result. Each kind of command says what that is."""
         return False
 
     def read(self, path: Path, kind: type[Result]) -> Result | None:
-        """Return what the command has left in a file; None if there is none, or if it holds
-        something else.
+        """Return what the command has left in a file.
+
+        Return None if there is no file, or if it holds something else. Messages tell of the latter.
         """
         try:
             return msgspec.json.decode(regular(path).read_bytes(), type=kind)
-        except FileNotFoundError:  # it has failed
+        except FileNotFoundError:
+            # The command has failed, and its own messages say why.
             return None
         except (OSError, ValueError, RecursionError) as error:
-            self._say(f"{path} is passed over: {getattr(error, 'strerror', None) or error}")
+            self._add_message(f"{path} is passed over: {getattr(error, 'strerror', None) or error}")
             return None
 
     def _listen(self) -> None:
@@ -119,15 +146,21 @@ class PageCommand:
 
         After a stop request, drop a traceback: Python was interrupted while it started.
         """
-        self._is_hushed = self._is_hushed or (self.asked_to_stop and line.startswith("Traceback"))
-        if not self._is_hushed and (words := self.words_of(line)) is not None:
-            self._say(words)
+        if self.asked_to_stop and line.startswith("Traceback"):
+            self._is_hushed = True
+        if self._is_hushed:
+            return
+        message = self.message_of(line)
+        if message is not None:
+            self._add_message(message)
 
-    def _say(self, words: str) -> None:
-        self.said = (self.said[0] + 1, (*self.said[1], words)[-KEPT_LINES:])
+    def _add_message(self, message: str) -> None:
+        count, lines = self.output
+        self.output = PrintedLines(count + 1, (*lines, message)[-KEPT_LINES:])
 
     @property
     def is_over(self) -> bool:
+        """Whether the process has ended, and all that it has left is read."""
         return not self._listener.is_alive()
 
     @property
@@ -151,7 +184,8 @@ class PageCommand:
         threading.Thread(target=self._insist, daemon=True).start()
 
     def _insist(self) -> None:
-        if not self._ends_within(AGAIN) and not self.has_begun:
+        """Ask once more if the signal may have been lost, and kill the process in the end."""
+        if not self._ends_within(ASK_AGAIN_SECONDS) and not self.has_begun:
             self._process.send_signal(signal.SIGINT)
         if not self._ends_within(PATIENCE):
             self._process.kill()
@@ -162,29 +196,26 @@ class PageCommand:
         return self._process.returncode is not None
 
     def close(self) -> None:
+        """Stop the command, and wait until all that it has left is read."""
         self.stop()
         self._listener.join(PATIENCE + 2.0)
 
 
 def _open(line: list[str], folder: Path) -> subprocess.Popen[str]:
-    """Start the process in its own session, so that Ctrl-C at the page's terminal reaches it only
-    through `stop`.
+    """Start a process in a session of its own.
 
-    It inherits a blocked SIGINT, which it unblocks: Python would lose a SIGINT while it loads
-    `site`.
+    Ctrl-C at the page's terminal reaches the process only through `stop`. The process inherits a
+    blocked SIGINT, which it unblocks: Python would lose a SIGINT while it loads `site`.
     """
-    null, pipe, wide = (
-        subprocess.DEVNULL,
-        subprocess.PIPE,
-        os.environ | {"COLUMNS": "200", RUNS: str(folder)},
-    )
+    # Messages of up to 200 columns come as one line.
+    environment = os.environ | {"COLUMNS": "200", RUNS: str(folder)}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return subprocess.Popen(
             line,
-            env=wide,
-            stdin=null,
-            stdout=pipe,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
@@ -200,14 +231,18 @@ Started = TypeVar("Started", bound=PageCommand)
 class Latest(Generic[Started]):
     """Starts commands of one kind, one at a time. `command`: the last one; None at first."""
 
-    def __init__(self, folder: Path, what: str) -> None:
-        """`what`: a word for a command, with which its files in `folder` begin: harvest, study."""
-        self.folder, self.what = folder, what
+    def __init__(self, folder: Path, noun: str) -> None:
+        """`noun`: a word for a command, with which its files in `folder` begin: harvest, study."""
+        self.folder = folder
+        self.noun = noun
         self.command: Started | None = None
 
     @property
     def going(self) -> Started | None:
-        return None if self.command is None or self.command.is_over else self.command
+        """The command that goes on; None if there is none, or if the last one is over."""
+        if self.command is None or self.command.is_over:
+            return None
+        return self.command
 
     def start(self, kind: Callable[[Files], Started]) -> None:
         """Start a command with files of its own.
@@ -215,20 +250,25 @@ class Latest(Generic[Started]):
         Raises OSError, or RuntimeError while another one goes on.
         """
         if self.going is not None:
-            raise RuntimeError(f"another {self.what} is in progress; stop it first")
+            raise RuntimeError(f"another {self.noun} is in progress; stop it first")
         self.close()
-        self.command = kind(fresh_files(self.folder, self.what))
+        self.command = kind(fresh_files(self.folder, self.noun))
 
     def stop(self) -> None:
+        """Ask the last command to end, if there is one."""
         if self.command is not None:
             self.command.stop()
 
     def close(self) -> None:
+        """Stop the last command, if there is one, and wait for its end."""
         if self.command is not None:
             self.command.close()
 
 
-def fresh_files(folder: Path, what: str) -> Files:
-    """Return files named after the time, to the microsecond."""
+def fresh_files(folder: Path, noun: str) -> Files:
+    """Return files whose name is a word and the time, to the microsecond.
+
+    Makes the folder. Raises OSError.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    return Files(folder.resolve(), f"{what}-{datetime.now():%Y%m%d-%H%M%S-%f}")
+    return Files(folder.resolve(), f"{noun}-{datetime.now():%Y%m%d-%H%M%S-%f}")

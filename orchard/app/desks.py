@@ -8,7 +8,8 @@ from orchard.app.harvest_run import RunSettings
 from orchard.app.study_run import StudySettings
 from orchard.field.scenario import Scenario
 
-MOST = 200  # browsers
+# Browsers whose settings are kept.
+MOST = 200
 
 
 @dataclass
@@ -18,7 +19,8 @@ class Desk:
     draft: Draft = field(default_factory=lambda: Draft(Scenario()))
     settings: RunSettings = field(default_factory=RunSettings)
     study: StudySettings = field(default_factory=StudySettings)
-    dark: bool | None = None  # None: as the browser prefers
+    #: None: as the browser prefers.
+    dark: bool | None = None
 
 
 class Desks:

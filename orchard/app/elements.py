@@ -1,6 +1,4 @@
-"""Elements of a page that NiceGUI does not have: headings, words that come and go, dialogs,
-tables.
-"""
+"""Elements of a page that NiceGUI does not have: headings, dialogs, tables, passing words."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -32,8 +30,9 @@ def button(
 
 
 class StartAndStop:
-    """Two buttons in one place: one starts a command; while it goes on, its fields are locked, and
-    the other one stops it.
+    """Two buttons in one place: one starts a command, the other one stops it.
+
+    While the command goes on, its fields are locked.
     """
 
     def __init__(
@@ -44,14 +43,21 @@ class StartAndStop:
         start: Callable[..., Any],
         actions: tuple[str, str],
     ) -> None:
-        self._commands, self._fields = commands, fields
+        """`fields`: is locked while a command goes on. `words`: of the button that starts one.
+        `actions`: the names of both buttons for tests.
+        """
+        self._commands = commands
+        self._fields = fields
         self._start = button(words, start, actions[0], "play_arrow", "unelevated")
         self._stop = button("Stop", commands.stop, actions[1], "stop", "unelevated color=negative")
 
     def update(self, is_right: bool) -> None:
         """Show the button that fits. `is_right`: whether what is entered can be started."""
         going = self._commands.going
-        self._fields.props(add="inert" if going else "", remove="" if going else "inert")
+        if going is None:
+            self._fields.props(remove="inert")
+        else:
+            self._fields.props(add="inert")
         self._start.set_visibility(going is None)
         self._start.set_enabled(is_right)
         self._stop.set_visibility(going is not None)
@@ -66,11 +72,10 @@ def several(
     act: Callable[..., Any] | None = None,
 ) -> ui.select:
     """Return a choice of any number of names. `field`: its name for tests."""
-    some = ui.select(names, value=chosen, multiple=True, on_change=act).classes("several")
-    return some.props(
-        f"dense outlined options-dense display-value-html=false data-field={field}"
-        f' aria-label="{label}"'
-    )
+    choice = ui.select(names, value=chosen, multiple=True, on_change=act).classes("several")
+    choice.props(f'dense outlined options-dense data-field={field} aria-label="{label}"')
+    # Else the browser would take a name for HTML.
+    return choice.props("display-value-html=false")
 
 
 @contextmanager
@@ -92,27 +97,38 @@ def table(
     head: Sequence[str] = (),
     act: Callable[[int], Any] | None = None,
 ) -> None:
-    """Add a table: lines whose first cells are names, under a head.
+    """Add a table.
 
-    `act(number)` adds buttons to a line.
+    `lines`: the cells of each line; the first one is its name. `head`: the names of the columns.
+    `act(number)`: adds the buttons of a line, in a column of their own before the others.
     """
     with ui.element("table"):
         if head:
-            with ui.element("tr"):
-                for name in [*([""] if act else []), *head]:
-                    _cell("th" if name else "td", name, "scope=col")
+            _head_line([""] * (act is not None) + [*head])
         for number, (name, *cells) in enumerate(lines):
             with ui.element("tr"):
                 if act is not None:
                     with ui.element("td"):
                         act(number)
-                _cell("th", name, "scope=row")
+                with ui.element("th").props("scope=row"):
+                    ui.label(name)
                 for words in cells:
-                    _cell("td", words)
+                    _cell(words)
 
 
-def _cell(tag: str, words: str, props: str = "") -> None:
-    with ui.element(tag).props(props if tag == "th" else ""):
+def _head_line(names: Iterable[str]) -> None:
+    """Add the names of columns. A column without a name gets a cell that is no heading."""
+    with ui.element("tr"):
+        for name in names:
+            if name:
+                with ui.element("th").props("scope=col"):
+                    ui.label(name)
+            else:
+                _cell("")
+
+
+def _cell(words: str) -> None:
+    with ui.element("td"):
         ui.label(words)
 
 
@@ -125,19 +141,26 @@ def tiles(figures: Iterable[tuple[str, str, str]]) -> None:
             ui.label(meaning).classes("tile-note")
 
 
-def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that calls a bound method, and does nothing once the method's object is
-    gone.
+def mark_wrong(element: ui.element, is_wrong: bool) -> None:
+    """Show whether something is wrong at an element, by its colours."""
+    if is_wrong:
+        element.classes(add="wrong")
+    else:
+        element.classes(remove="wrong")
 
-    FastAPI remembers some thousand upload routes after their pages were deleted. Through its
-    handler of files, such a route would keep all elements of its page.
+
+def while_alive(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that calls a bound method as long as the method's object is there.
+
+    Afterwards it does nothing. FastAPI remembers some thousand upload routes after their pages were
+    deleted. Through its handler of files, such a route would keep all elements of its page.
     """
-    kept = WeakMethod(method)
+    reference = WeakMethod(method)
 
     # NiceGUI gives the event only to a handler with a parameter of its own, and not to
     # `*arguments`.
     def call(event: Any) -> Any:
-        living = kept()
-        return None if living is None else living(event)
+        living_method = reference()
+        return None if living_method is None else living_method(event)
 
     return call

@@ -1,116 +1,17 @@
-"""The form: a control for each value of a scenario, and what is wrong there; and the user's own
-classes.
-"""
+"""The form: a control for each value of a scenario, what is wrong there, and own classes."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from nicegui import ui
 
-from orchard.app.draft import Draft, Entry, entries, flat, number_of, shown, words_of
+from orchard.app.control import FIGURES, Control
+from orchard.app.draft import Draft
 from orchard.app.elements import button, heading, note
+from orchard.app.entries import entries, flat, words_of
 from orchard.app.own_classes import AGENTS
 from orchard.field.scenario import Scenario
 
-FIGURES = 4  # significant digits of a number that the program works out
-
-
-class Control:
-    """A labelled value, its limits and its problem: a switch, a choice, or a number, perhaps with a
-    slider.
-    """
-
-    def __init__(self, entry: Entry, draft: Draft, where: str = "") -> None:
-        """`where`: goes before its name for tests."""
-        self.entry, self._draft, name = entry, draft, where + entry.path
-        self._slider: ui.slider | None = None
-        self._automatic: ui.checkbox | None = None
-        with ui.element("div").classes("field") as self.box:
-            with ui.element("div").classes("field-head") as head:
-                head.props["title"] = entry.words
-                ui.label(entry.label).classes("field-label")
-                ui.label(entry.limits).classes("field-limits")
-            with ui.element("div").classes("field-body"):
-                self._value: Any = (
-                    self._switch()
-                    if entry.kind is bool
-                    else self._choice()
-                    if entry.choices
-                    else self._number()
-                )
-                self._value.props(f'data-field={name} aria-label="{entry.label}"')
-            if entry.optional:
-                self._automatic = ui.checkbox(entry.none, on_change=self._entered).classes(
-                    "field-more"
-                )
-                self._automatic.props(
-                    f'dense size=sm data-field={name}-automatic aria-label="{entry.label}:'
-                    f' {entry.none}"'
-                )
-            self._problem = note(f"data-problem={name} role=alert")
-            self._meaning = note(f"data-meaning={name}", "field-mark")
-            self._mark = note(f"data-mark={name}", "field-mark")
-
-    def _switch(self) -> ui.switch:
-        self.box.classes("inline")
-        return ui.switch(on_change=self._entered).props("dense")
-
-    def _choice(self) -> ui.select:
-        return (
-            ui.select([*self.entry.choices], on_change=self._entered)
-            .classes("grow")
-            .props("dense outlined options-dense")
-        )
-
-    def _number(self) -> ui.input:
-        entry = self.entry
-        if entry.has_slider:
-            self._slider = ui.slider(
-                min=entry.low, max=entry.high, step=entry.step, value=entry.low
-            ).classes("grow")
-            self._slider.props(f'aria-label="{entry.label}"')
-            self._slider.on(
-                "update:model-value", lambda event: self.show(event.args), throttle=0.05
-            )
-        text = ui.input(on_change=self._entered).classes("number" if entry.has_slider else "grow")
-        return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
-
-    def show(self, value: Any) -> None:
-        if self._automatic is not None:
-            self._automatic.set_value(value is None)
-        if self.entry.choices:
-            self._value.set_options([*dict.fromkeys([*self.entry.choices, value])], value=value)
-        elif self.entry.kind is bool:
-            self._value.set_value(value is True)  # other values stay in the draft, as problems
-        elif value is not None:
-            self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
-
-    def show_chosen(self, number: float) -> None:
-        if self._automatic is not None and self._automatic.value:
-            self._value.set_value(shown(float(f"{number:.{FIGURES}g}")))
-
-    def explain(self, meaning: str) -> None:
-        self._meaning.set_text(meaning)
-
-    def complain(self, problem: str) -> None:
-        self._problem.set_text(problem)
-        self.box.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
-
-    def mark(self, running: str) -> None:
-        self._mark.set_text(f"the harvest that runs has {running}" if running else "")
-
-    def _entered(self) -> None:
-        value = bool(self._value.value) if self.entry.kind is bool else self._value.value or ""
-        automatic = self._automatic is not None and bool(self._automatic.value)
-        self._value.set_enabled(not automatic)
-        if self._slider is not None:
-            self._slider.set_enabled(not automatic)
-            number = number_of(str(value))
-            if not isinstance(number, str):
-                self._slider.set_value(min(max(number, self.entry.low), self.entry.high))
-        self._draft.enter({self.entry.path: None if automatic else value})
-
-
+# Title of a group -> the paths of its entries.
 GROUPS = {
     "Orchard": ("rows", "row_length", "bins_per_row", "row_width", "seed"),
     "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
@@ -121,17 +22,13 @@ GROUPS = {
         "picking.failure.mean_repair",
     ),
     "Carriers": (
-        *(
-            "carrying.failure.mean_between",
-            "carrying.failure.mean_repair",
-            "chargers",
-            "carrying.battery.hours",
-        ),
-        *(
-            "carrying.battery.standing",
-            "carrying.battery.hours_to_charge",
-            "carrying.battery.reserve",
-        ),
+        "carrying.failure.mean_between",
+        "carrying.failure.mean_repair",
+        "chargers",
+        "carrying.battery.hours",
+        "carrying.battery.standing",
+        "carrying.battery.hours_to_charge",
+        "carrying.battery.reserve",
     ),
     "People and animals": ("people.workers", "people.visitors", "animals.dogs", "animals.cats"),
     "Surroundings": ("weeds", "tractor"),
@@ -142,6 +39,7 @@ GROUPS = {
         "prices.per_bin",
     ),
 }
+# Groups that are folded away.
 FOR_EXPERTS = {
     "Fruit and speed": (
         "metres_per_bin",
@@ -151,19 +49,26 @@ FOR_EXPERTS = {
         "picking_speed",
     ),
     "Sensors": (
-        *("laser.noise", "sensors.gnss.white", "sensors.gnss.bias", "sensors.gnss.bias_time"),
-        *("sensors.odometry.distance", "sensors.odometry.heading"),
+        "laser.noise",
+        "sensors.gnss.white",
+        "sensors.gnss.bias",
+        "sensors.gnss.bias_time",
+        "sensors.odometry.distance",
+        "sensors.odometry.heading",
     ),
 }
-_BASIC = [*AGENTS, *(path for paths in GROUPS.values() for path in paths)]
+# What is seen while the part for experts is folded away.
+_ALWAYS_SEEN = {*AGENTS}.union(*GROUPS.values())
 
 
 class Form:
-    """All controls of a draft, those for experts folded away, and the user's own classes, if there
-    are any.
+    """All controls of a draft, and the user's own classes, if there are any.
+
+    The controls for experts are folded away.
     """
 
     def __init__(self, draft: Draft) -> None:
+        """`draft`: what the controls show, and what they enter into."""
         self._draft = draft
         self._controls: dict[str, Control] = {}
         self._add(GROUPS)
@@ -183,48 +88,66 @@ class Form:
         self._classes.set_visibility(False)
 
     def _add(self, groups: Mapping[str, Sequence[str]]) -> None:
+        """Add controls. `groups`: title -> the paths of its entries."""
         for title, paths in groups.items():
             with _group(title):
-                self._controls |= {path: Control(entries()[path], self._draft) for path in paths}
+                for path in paths:
+                    self._controls[path] = Control(entries()[path], self._draft)
 
     def show(self) -> None:
+        """Show the values of the draft."""
         for path, value in self._draft.values.items():
             self._controls[path].show(value)
 
     def follow(self, running: Scenario | None) -> None:
-        """Show what is wrong, what the program has chosen, and how the scenario that runs
-        differs.
+        """Show what follows from the values that are entered.
+
+        That is what is wrong, what the program has chosen, and how the scenario that runs differs.
         """
         draft = self._draft
-        other = (
-            {}
-            if running is None
-            else {
-                path: value for path, value in flat(running).items() if value != draft.values[path]
-            }
-        )
         for path, control in self._controls.items():
             control.complain(draft.problems.get(path, ""))
-            control.mark(words_of(path, other[path]) if path in other else "")
+        self._mark_differences(running)
         if draft.scenario is not None:
-            chosen = draft.scenario.chosen
-            for path, number in chosen.items():
-                self._controls[path].show_chosen(number)
-            self._controls["bins_per_row"].explain(
-                f"a bin fills in {chosen['metres_per_bin']:.{FIGURES}g} m of row"
-            )
-            self._controls["picking_rate"].explain(
-                f"a picker goes {chosen['picking_speed']:.{FIGURES}g} m/s"
-            )
-        if any(path not in _BASIC for path in draft.problems):
+            self._show_chosen(draft.scenario)
+        if not _ALWAYS_SEEN.issuperset(draft.problems):
             self._experts.open()
-        self._classes.set_visibility(bool(draft.classes))
-        self._names.set_text("\n".join(f"{word}: {path}" for word, path in draft.classes.items()))
-        problems = [words for path, words in draft.problems.items() if path.split(".")[0] in AGENTS]
+        self._follow_classes()
+
+    def _mark_differences(self, running: Scenario | None) -> None:
+        """Mark the values that the scenario that runs has not. None: no scenario runs."""
+        running_values = {} if running is None else flat(running)
+        for path, control in self._controls.items():
+            is_same = running_values.get(path) == self._draft.values[path]
+            if running is None or is_same:
+                control.mark("")
+            else:
+                control.mark(words_of(path, running_values[path]))
+
+    def _show_chosen(self, scenario: Scenario) -> None:
+        """Show the numbers that the program works out where the user has entered none."""
+        chosen = scenario.chosen
+        for path, number in chosen.items():
+            self._controls[path].show_chosen(number)
+        metres = f"{chosen['metres_per_bin']:.{FIGURES}g}"
+        self._controls["bins_per_row"].explain(f"a bin fills in {metres} m of row")
+        speed = f"{chosen['picking_speed']:.{FIGURES}g}"
+        self._controls["picking_rate"].explain(f"a picker goes {speed} m/s")
+
+    def _follow_classes(self) -> None:
+        """Show the user's own classes, and what is wrong with them."""
+        classes = self._draft.classes
+        self._classes.set_visibility(bool(classes))
+        self._names.set_text("\n".join(f"{key}: {path}" for key, path in classes.items()))
+        problems = []
+        for path, text in self._draft.problems.items():
+            if path.split(".")[0] in AGENTS:
+                problems.append(text)
         self._problem.set_text("\n".join(problems))
 
 
 def _group(title: str) -> ui.element:
+    """Add a group of controls. Return its box."""
     with ui.element("section").classes("group") as group:
         heading(2, title).classes("group-title")
     return group

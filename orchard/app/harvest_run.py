@@ -1,23 +1,17 @@
-"""A harvest from the page: its controls, the command `orchard` that does it, what it says, and its
-picture.
-"""
+"""A harvest from the page: its settings, the command `orchard` that does it, and its course."""
 
-import contextlib
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import msgspec
-from nicegui import ui
-from nicegui.events import ValueChangeEventArguments
 
 from orchard.app.charts import Course, course_of
 from orchard.app.command import Files, Latest, PageCommand
-from orchard.app.draft import number_of, number_problem, shown, span
+from orchard.app.past_runs import Record
 from orchard.app.picture import ViewerPanel
-from orchard.app.runs_view import Record
+from orchard.app.typed_numbers import number_problem, shown
 from orchard.app.what_if import Fork
 from orchard.field.scenario import Scenario
 from orchard.report.metrics import SAMPLED
@@ -28,19 +22,25 @@ MODES = {
     "local": "all in one process, without a network",
     "realtime": "processes by the wall clock; physics does not wait for late agents",
 }
-SPEEDS = (0.1, 1000)  # limits, both included: x real time
-DURATIONS = (1, 1_000_000)  # limits, both included: s, simulated
+# Limits, both included: x real time.
+SPEEDS = (0.1, 1000)
+# Limits, both included: s, simulated.
+DURATIONS = (1, 1_000_000)
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How a run is to go, as a user entered it."""
+    """How a run is to go, as a user entered it.
+
+    `speed`: x real time. `duration`: simulated s; '' for the whole harvest. `as_fast_as_it_goes`:
+    overrides the speed, except in realtime. `live`: whether to serve the live picture.
+    """
 
     mode: str = "lockstep"
-    speed: str = "8"  # x real time
-    duration: str = ""  # '': the whole harvest
-    as_fast_as_it_goes: bool = False  # overrides the speed, except in realtime
-    live: bool = True  # whether to serve the live picture
+    speed: str = "8"
+    duration: str = ""
+    as_fast_as_it_goes: bool = False
+    live: bool = True
 
     @property
     def is_by_the_clock(self) -> bool:
@@ -49,26 +49,31 @@ class RunSettings:
 
     @property
     def is_fastest(self) -> bool:
+        """Whether the run goes as fast as the machine can."""
         return self.as_fast_as_it_goes and not self.is_by_the_clock
+
+    @property
+    def is_whole_harvest(self) -> bool:
+        """Whether the run ends with the harvest, and not after a duration."""
+        return not self.duration.strip()
 
     @cached_property
     def problems(self) -> dict[str, str]:
-        clock = (
-            "; the wall clock sets the pace, so it cannot be max" if self.is_by_the_clock else ""
-        )
-        told = {
-            "speed": (
-                ""
-                if self.is_fastest
-                else number_problem(self.speed, SPEEDS, also=f"; 1 is real time{clock}")
-            ),
-            "duration": (
-                number_problem(self.duration, DURATIONS, also="; empty: the whole harvest")
-                if self.duration.strip()
-                else ""
-            ),
-        }
-        return {name: words for name, words in told.items() if words}
+        """What is wrong with the settings, by name."""
+        problems = {}
+        if not self.is_fastest:
+            problems["speed"] = self._speed_problem()
+        if not self.is_whole_harvest:
+            problems["duration"] = number_problem(
+                self.duration, DURATIONS, also="; empty: the whole harvest"
+            )
+        return {name: problem for name, problem in problems.items() if problem}
+
+    def _speed_problem(self) -> str:
+        advice = "; 1 is real time"
+        if self.is_by_the_clock:
+            advice += "; the wall clock sets the pace, so it cannot be max"
+        return number_problem(self.speed, SPEEDS, also=advice)
 
 
 def command(
@@ -78,185 +83,94 @@ def command(
 
     The live picture is at `web_port`, its data at the next port.
     """
-    what = [str(files.scenario)] if fork is None else ["fork", *fork.words]
-    speed = "max" if settings.is_fastest else shown(float(settings.speed))
-    duration = ["--duration", shown(float(settings.duration))] if settings.duration.strip() else []
-    live = ["--web", str(web_port)] if settings.live else []
-    where = ["--record", str(files.recording), "--summary", str(files.summary)]
-    program = [sys.executable, "-u", "-P", "-m", "orchard"]
-    return [
-        *program,
-        *what,
-        "--mode",
-        settings.mode,
-        "--progress",
-        "json",
-        "--speed",
-        speed,
-        *duration,
-        *live,
-        *where,
-    ]
-
-
-FASTEST = 50  # x real time, the maximum of the slider; the text field accepts more
-
-
-class RunControls:
-    """The controls above the stage."""
-
-    def __init__(self, last: RunSettings) -> None:
-        self.settings = last
-        self._problems: dict[str, ui.label] = {}
-        with ui.element("div").classes("wishes") as self.box:
-            self._build_mode()
-            self._build_speed()
-            self._build_duration()
-            ui.switch("Live picture", value=last.live, on_change=self._enters("live")).props(
-                "dense data-field=live"
-            )
-        self._update()
-
-    # -- layout
-
-    def _build_mode(self) -> None:
-        with self._setting("Mode", "mode"):
-            mode = ui.toggle(list(MODES), value=self.settings.mode, on_change=self._enters("mode"))
-            mode.props("dense no-caps unelevated data-field=mode")
-
-    def _build_speed(self) -> None:
-        with self._setting("Speed", "speed"):
-            self._slider = (
-                ui.slider(min=1, max=FASTEST, step=1, value=1)
-                .classes("speed-slider")
-                .props("aria-label=Speed")
-            )
-            self._speed = ui.input(
-                value=self.settings.speed, suffix="x", on_change=self._enters("speed")
-            ).classes("number")
-            self._speed.props(
-                "dense outlined inputmode=decimal autocomplete=off data-field=speed"
-                " aria-label=Speed input-class=figure"
-            )
-            self._speed.props(f'title="times real time, {span(SPEEDS)}"')
-            self._slider.on(
-                "update:model-value",
-                lambda event: self._speed.set_value(shown(event.args)),
-                throttle=0.05,
-            )
-            self._fastest = ui.checkbox(
-                "fastest",
-                value=self.settings.is_fastest,
-                on_change=self._enters("as_fast_as_it_goes"),
-            )
-            self._fastest.props("dense data-field=fastest")
-            self._fastest.props('title="as fast as this machine can"')
-
-    def _build_duration(self) -> None:
-        with self._setting("End after", "duration"):
-            duration = ui.input(
-                value=self.settings.duration,
-                placeholder="all rows",
-                suffix="s",
-                on_change=self._enters("duration"),
-            )
-            duration.props(
-                "dense outlined clearable inputmode=decimal autocomplete=off data-field=duration"
-                " input-class=figure"
-            )
-            duration.props(
-                f'aria-label="End after" title="simulated seconds, {span(DURATIONS)}; empty: the'
-                ' whole harvest"'
-            )
-            duration.classes("number wide")
-
-    def _setting(self, name: str, path: str) -> ui.element:
-        with ui.element("div").classes("wish"):
-            ui.label(name).classes("field-label")
-            place = ui.element("div").classes("wish-body")
-            self._problems[path] = (
-                ui.label().classes("wish-words").props(f"data-problem={path} role=status")
-            )
-        return place
-
-    # -- user actions
-
-    def _enters(self, name: str) -> Callable[[ValueChangeEventArguments[Any]], None]:
-        def enter(event: ValueChangeEventArguments[Any]) -> None:
-            changed: dict[str, Any] = {name: "" if event.value is None else event.value}
-            self.settings = replace(self.settings, **changed)
-            self._update()
-
-        return enter
-
-    def _update(self) -> None:
-        settings = self.settings
-        self._fastest.set_visibility(not settings.is_by_the_clock)
-        for element in (self._slider, self._speed):
-            element.set_enabled(not settings.is_fastest)
-        if not isinstance(speed := number_of(settings.speed), str):
-            self._slider.set_value(min(max(speed, 1), FASTEST))
-        clock = (
-            "the wall clock sets the pace; fastest is not available"
-            if settings.is_by_the_clock
-            else ""
-        )
-        notes = {"mode": MODES[settings.mode], "speed": clock}
-        for path, label in self._problems.items():
-            problem = settings.problems.get(path, "")
-            label.set_text(problem or notes.get(path, ""))
-            label.classes(add="wrong" if problem else "", remove="" if problem else "wrong")
+    line = [sys.executable, "-u", "-P", "-m", "orchard"]
+    if fork is None:
+        line.append(str(files.scenario))
+    else:
+        line += ["fork", *fork.words]
+    line += ["--mode", settings.mode, "--progress", "json"]
+    line += ["--speed", "max" if settings.is_fastest else shown(float(settings.speed))]
+    if not settings.is_whole_harvest:
+        line += ["--duration", shown(float(settings.duration))]
+    if settings.live:
+        line += ["--web", str(web_port)]
+    line += ["--record", str(files.recording), "--summary", str(files.summary)]
+    return line
 
 
 class HarvestCommand(PageCommand):
-    """One run, perhaps a fork of another one."""
+    """One run, perhaps a fork of another one.
+
+    `headline`: the figures so far; None before the first ones. `summary`: None until the end.
+    """
 
     def __init__(
         self, scenario: Scenario, settings: RunSettings, files: Files, fork: Fork | None = None
     ) -> None:
-        self.settings, self.fork = settings, fork
+        """Start the run. Raises OSError."""
+        self.settings = settings
+        self.fork = fork
         self.picture = ViewerPanel(scenario, files)
         self.headline: Headline | None = None
         self.summary: dict[str, Any] | None = None
-        self._course = {
-            name: [*fork.history[name]] if fork else [] for name in SAMPLED
-        }  # and what the lines of progress say
+        # Begins with what a fork has of its parent. The lines of progress add to it.
+        self._history: dict[str, list[float]] = {name: [] for name in SAMPLED}
+        if fork is not None:
+            self._history = {name: [*fork.history[name]] for name in SAMPLED}
         super().__init__(scenario, files, command(settings, files, self.picture.port, fork))
 
-    def words_of(self, line: str) -> str | None:
-        words = super().words_of(line)
-        with contextlib.suppress(ValueError, KeyError, RecursionError):  # any other line
-            self.headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
-            words, self.has_begun = self.headline.line(), True
-            self._add_to_course(self.headline)
-        return words
+    def message_of(self, line: str) -> str | None:
+        """Take the figures of a line of progress, and return it as words for a person."""
+        try:
+            headline = msgspec.json.decode(line, type=dict[str, Headline])["progress"]
+        except (ValueError, KeyError, RecursionError):
+            # It is any other line.
+            return super().message_of(line)
+        self.headline = headline
+        self.has_begun = True
+        self._add_to_history(headline)
+        return headline.line()
 
-    def _add_to_course(self, now: Headline) -> None:
-        busy = now.carrier_utilisation * now.sim_seconds * self.scenario.carrier_count
-        sample = now.sim_seconds, now.bins_delivered, now.pickers_waited_seconds, busy
+    def _add_to_history(self, now: Headline) -> None:
+        carriers_busy_seconds = (
+            now.carrier_utilisation * now.sim_seconds * self.scenario.carrier_count
+        )
+        sample = (
+            now.sim_seconds,
+            now.bins_delivered,
+            now.pickers_waited_seconds,
+            carriers_busy_seconds,
+        )
         for name, value in zip(SAMPLED, sample, strict=True):
-            self._course[name].append(value)
+            self._history[name].append(value)
 
     def finish(self) -> None:
         """Read the summary and serve the recording. Both are ready before the run is over."""
-        if (record := self.read(self.files.summary, Record)) is not None:
-            self.headline, self.summary = record, self.read(self.files.summary, dict[str, Any])
+        record = self.read(self.files.summary, Record)
+        if record is not None:
+            self.headline = record
+            self.summary = self.read(self.files.summary, dict[str, Any])
         if self.files.recording.exists():
             self.picture.play()
 
     @property
     def course(self) -> Course:
-        known = self._course if self.summary is None else self.summary["history"]
+        """The figures over time, of a fork from its moment on."""
+        history = self._history if self.summary is None else self.summary["history"]
         since = self.fork.seconds if self.fork else 0.0
-        return course_of(
-            {name: list(values) for name, values in known.items()}, self.scenario, since
-        )
+        # The thread that listens may add to the lists meanwhile.
+        history = {name: list(values) for name, values in history.items()}
+        return course_of(history, self.scenario, since)
 
     @property
     def is_complete(self) -> bool:
-        return self.summary is not None and bool(self.summary["finished"] or not self.asked_to_stop)
+        """Whether there is a summary, and the run was not stopped before its end."""
+        if self.summary is None:
+            return False
+        return bool(self.summary["finished"]) or not self.asked_to_stop
 
     def close(self) -> None:
+        """Stop the run, and its picture."""
         super().close()
         self.picture.close()
 

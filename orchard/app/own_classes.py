@@ -1,5 +1,6 @@
-"""The user's own classes that a scenario names: the page takes them from one folder, and asks
-first.
+"""The user's own classes that a scenario names.
+
+The page takes them from one folder, and asks first.
 """
 
 import sys
@@ -11,13 +12,10 @@ from nicegui import ui
 from orchard.app.elements import button, dialog
 from orchard.field.scenario import Scenario
 
-AGENTS = (
-    "agents",
-    "agents_without_body",
-)  # maps of classes, named in a file, not entered on the page
-CHOICES: dict[
-    str, list[str]
-] = {  # a key that names a rule -> the built-in ones, which the page offers
+# Keys of a scenario that hold maps of classes. A file names them; they are not entered on the page.
+AGENTS = ("agents", "agents_without_body")
+# A key of a scenario that names a rule -> the built-in rules, which the page offers.
+CHOICES: dict[str, list[str]] = {
     name: [*map(str, field.examples)]
     for name, field in Scenario.model_fields.items()
     if field.examples
@@ -25,7 +23,10 @@ CHOICES: dict[
 
 
 def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
-    """Say which of these classes are not from a module in this directory. No module is run."""
+    """Return a sentence for each class that is not from a module in this folder.
+
+    `classes`: key of the scenario -> dotted path of the class. No module is run.
+    """
     return [
         f"{key}: {path} is not in {folder}, where this page was started"
         for key, path in classes.items()
@@ -34,32 +35,39 @@ def from_elsewhere(classes: dict[str, str], folder: Path) -> list[str]:
 
 
 def _is_in(path: str, folder: Path) -> bool:
-    """Whether Python finds a module in this folder, not in one inside, as .venv may be.
+    """Whether Python finds the module of a class in this folder itself.
 
-    It is not run.
+    A folder inside does not count: .venv may be one. The module is not run.
     """
-    module, _, _ = path.partition(":") if ":" in path else path.rpartition(".")
+    module = path.partition(":")[0] if ":" in path else path.rpartition(".")[0]
     parts = module.split(".")
-    # An import looks there too, after all else: `orchard.field.plugins`.
+    # An import looks in the folder too, after all else: `orchard.field.plugins`.
     first = PathFinder.find_spec(parts[0], [*sys.path, str(folder)])
     if first is None:
         return False
-    places = first.submodule_search_locations  # None: it is no package
-    found = Path(first.origin or "") if places is None else Path(next(iter(places)))
+    package_folders = first.submodule_search_locations
+    if package_folders is None:
+        location = Path(first.origin or "")
+    else:
+        location = Path(next(iter(package_folders)))
     inside = folder.joinpath(*parts)
-    return found.parent == folder and (
-        inside.with_name(f"{inside.name}.py").is_file() or (inside / "__init__.py").is_file()
-    )
+    is_module = inside.with_name(f"{inside.name}.py").is_file()
+    is_package = (inside / "__init__.py").is_file()
+    return location.parent == folder and (is_module or is_package)
 
 
 async def may_run(classes: dict[str, str], file: str) -> bool:
+    """Ask whether the classes that a file names may run here. Return the answer.
+
+    A dialog that is closed without an answer refuses.
+    """
     warning = (
-        "It names these classes. They can do whatever you can: read, change and send your files. Do"
-        " you trust them?"
+        "It names these classes. They can do whatever you can: read, change and send your files."
+        " Do you trust them?"
     )
-    named = [f"{key}: {path}" for key, path in classes.items()]
+    names = [f"{key}: {path}" for key, path in classes.items()]
     with (
-        dialog(f"{file} runs code on this computer", [warning, *named], "question") as question,
+        dialog(f"{file} runs code on this computer", [warning, *names], "question") as question,
         ui.row().classes("self-end"),
     ):
         button("Do not open", lambda: question.submit(False), "refuse-classes")

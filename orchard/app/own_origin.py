@@ -1,4 +1,4 @@
-"""Which requests the page answers: those of its own pages, and of a user who opens it.
+"""Decide which requests the page answers: those of its own pages, and of a user who opens it.
 
 A name of another site that suddenly means this machine (DNS rebinding) shows in `Host`. A request
 of another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says whose page
@@ -26,33 +26,42 @@ def guard(app: App, host: str, secret: str) -> None:
     If `host` is any address, this machine's name is answered, too. Refused requests get no id:
     the middleware that is added last looks at a request first.
     """
-    name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
+    names = [*LOOPBACK_NAMES, _name_of(host)]
     app.add_middleware(SessionMiddleware, secret_key=secret)
     app.add_middleware(OwnOrigin)
-    app.add_middleware(
-        TrustedHostMiddleware, allowed_hosts=[*LOOPBACK_NAMES, name], www_redirect=False
-    )
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=names, www_redirect=False)
+
+
+def _name_of(host: str) -> str:
+    """Return the name by which a browser asks for a host. IPv6 addresses have brackets there."""
+    if host in ANY_ADDRESS:
+        return socket.gethostname()
+    if ":" in host:
+        return f"[{host}]"
+    return host
 
 
 class OwnOrigin:
-    """Refuses requests of other sites' pages, and lets none of them frame this page: a click there
-    is no click here.
+    """Refuses requests of other sites' pages, and lets none of them frame this page.
 
-    A link on another site may open the page in a tab: that request is let through.
+    In a frame, a click on another site would be a click here. A link on another site may open the
+    page in a tab: that request is let through.
     """
 
     def __init__(self, app: ASGIApp) -> None:
+        """`app`: answers the requests that are let through."""
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = Headers(scope=scope) if scope["type"] in ("http", "websocket") else Headers()
-        app = (
-            self._app
-            if is_own(headers) or opens_a_tab(headers)
-            else PlainTextResponse("This page takes nothing from pages of another origin", 403)
-        )
+        """Answer a request, or refuse it with status 403."""
+        is_request = scope["type"] in ("http", "websocket")
+        headers = Headers(scope=scope) if is_request else Headers()
+        app = self._app
+        if not is_own(headers) and not opens_a_tab(headers):
+            app = PlainTextResponse("This page takes nothing from pages of another origin", 403)
 
         async def unframed(message: Message) -> None:
+            """Send a message, with a header that forbids frames."""
             if message["type"] == "http.response.start":
                 MutableHeaders(scope=message).append(
                     "Content-Security-Policy", "frame-ancestors 'none'"
@@ -74,12 +83,11 @@ def is_own(headers: Headers) -> bool:
 
 
 def opens_a_tab(headers: Headers) -> bool:
-    """Whether a request shows the page in a tab: not in a frame, and not in advance, which shows
-    nothing yet.
+    """Whether a request shows the page in a tab.
+
+    A frame is no tab. A request in advance (prefetch) shows nothing yet.
     """
     is_in_advance = "prefetch" in headers.get("sec-purpose", "").lower()
-    is_tab = (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == (
-        "navigate",
-        "document",
-    )
-    return has_own_origin(headers) and is_tab and not is_in_advance
+    goes_there = headers.get("sec-fetch-mode") == "navigate"
+    is_whole_page = headers.get("sec-fetch-dest") == "document"
+    return has_own_origin(headers) and goes_there and is_whole_page and not is_in_advance

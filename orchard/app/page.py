@@ -1,8 +1,7 @@
-"""The page: presets, files and link on top; the form on the left; the run, the stage and figures on
-the right.
-"""
+"""The page: presets, files and link on top, the form on the left, run and results on the right."""
 
 from copy import copy
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,14 @@ from typing import Any
 from nicegui import events, run, ui
 
 from orchard.app.desks import Desk
-from orchard.app.draft import Draft, counted_fields, query_of
+from orchard.app.draft import Draft, counted_fields
 from orchard.app.elements import StartAndStop, button, dialog, note, while_alive
 from orchard.app.form import Form
-from orchard.app.harvest_run import HarvestCommand, Harvests, RunControls
+from orchard.app.harvest_run import HarvestCommand, Harvests, RunSettings
+from orchard.app.link import query_of
 from orchard.app.own_classes import from_elsewhere, may_run
 from orchard.app.preview import FiguresView, derive
+from orchard.app.run_controls import RunControls
 from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.app.what_if import Fork
@@ -26,11 +27,14 @@ from orchard.field.shipped import DEFAULT, shipped
 from orchard.field.yaml_file import LARGEST_FILE
 
 STYLE = Path(__file__).with_name("style.css")
-REDRAW_SECONDS = 0.1  # s between two checks for changed input
-# s that a browser may be too busy to answer, for example while it loads the Rerun viewer
+# Between two checks for changed input.
+REDRAW_SECONDS = 0.1
+# Between two updates of the run.
+WATCH_SECONDS = 0.3
+# These seconds a browser may be too busy to answer, for example while it loads the Rerun viewer.
 PATIENCE = 30.0
-WATCH_SECONDS = 0.3  # s between two updates of the run
 NOT_OPENED = "This file was not opened"
+TOO_LARGE = "The file is too large for a scenario, or it is not a .yaml file."
 NOT_ALL_UNDERSTOOD = "Not all of the link was understood"
 FIRST = (
     "Choose a scenario at the top, change what you like, and press Run. "
@@ -38,20 +42,33 @@ FIRST = (
 )
 
 
+@dataclass(frozen=True)
+class Entered:
+    """What a page shows the consequences of: what is entered, and the run that goes on."""
+
+    values: dict[str, Any]
+    scenario: Scenario | None
+    problems: dict[str, str]
+    settings: RunSettings
+    going: HarvestCommand | None
+
+
 class Page:
     """A page in one browser, which begins with what was entered there last.
 
-    All share one run and one study.
+    All pages share one run and one study.
     """
 
     def __init__(self, runs: Harvests, studies: Studies, desk: Desk) -> None:
-        self.runs, self.studies, self.desk, self.draft = runs, studies, desk, copy(desk.draft)
-        self._drawn: tuple[
-            Any, ...
-        ] = ()  # what was entered, and the run that went on, when the page was drawn last
-        self._seen: tuple[HarvestCommand, bool] | None = (
-            None  # the run on the stage, and whether it was over
-        )
+        """`desk`: what was entered in this browser, and takes what is entered here."""
+        self.runs = runs
+        self.studies = studies
+        self.desk = desk
+        self.draft = copy(desk.draft)
+        # As it was when the page was drawn last.
+        self._drawn: Entered | None = None
+        # The run on the stage, and whether it was over.
+        self._staged: tuple[HarvestCommand, bool] | None = None
         self._build()
         self.form.show()
         ui.timer(REDRAW_SECONDS, self._redraw)
@@ -69,9 +86,7 @@ class Page:
             self._build_files()
         with ui.element("div").classes("page"):
             self._build_run()
-            with (
-                ui.element("section").classes("form").props('aria-label="Settings of the orchard"')
-            ):
+            with _section("form", "Settings of the orchard"):
                 self.form = Form(self.draft)
             with ui.element("div").classes("middle"):
                 self.stage = Stage(
@@ -82,31 +97,21 @@ class Page:
                     self._offer,
                     self._go_on,
                 )
-                with (
-                    ui.element("section")
-                    .classes("figures")
-                    .props('aria-label="Figures before the run"')
-                ):
+                with _section("figures", "Figures before the run"):
                     self.figures = FiguresView()
 
     def _build_files(self) -> None:
         for file, scenario in shipped().items():
             name = "default" if file == DEFAULT else file
             words = name.replace("_", " ").capitalize()
-            ui.button(words, on_click=partial(self._take, scenario)).props(
-                f"flat no-caps data-preset={name}"
-            )
+            preset = ui.button(words, on_click=partial(self._take, scenario))
+            preset.props(f"flat no-caps data-preset={name}")
         ui.element("div").classes("divider")
-        limit = 10 * LARGEST_FILE  # bytes; above LARGEST_FILE, `parse` reports a file that is read
-        too_large = partial(
-            complain,
-            NOT_OPENED,
-            ["The file is too large for a scenario, or it is not a .yaml file."],
-        )
         self._upload = ui.upload(
             on_upload=while_alive(self._open),
-            on_rejected=too_large,
-            max_file_size=limit,
+            on_rejected=partial(complain, NOT_OPENED, [TOO_LARGE]),
+            # In bytes. Of a file between LARGEST_FILE and this, `parse` tells how large it may be.
+            max_file_size=10 * LARGEST_FILE,
             auto_upload=True,
         )
         self._upload.props("accept=.yaml,.yml").classes("hidden")
@@ -114,12 +119,11 @@ class Page:
         self._save = button("Save", self._download, "save", "download")
         self._link = button("Link", self._show_link, "link", "link")
         button("How many carriers?", self._ask_how_many, "how-many", "query_stats")
-        button("", self._turn_dark, "dark", "contrast").props(
-            'aria-label="Dark or light" title="Dark or light"'
-        )
+        dark = button("", self._turn_dark, "dark", "contrast")
+        dark.props('aria-label="Dark or light" title="Dark or light"')
 
     def _build_run(self) -> None:
-        with ui.element("section").classes("run-card").props('aria-label="The run"'):
+        with _section("run-card", "The run"):
             with ui.element("div").classes("wishes-and-run"):
                 self.wishes = RunControls(self.desk.settings)
                 self.buttons = StartAndStop(
@@ -175,14 +179,17 @@ class Page:
             button("Open the link", agree, "open-link", props="unelevated")
 
     def _replace(self, linked: Draft) -> None:
+        """Put what a link holds in place of what was entered."""
         self.draft.become(linked)
         self.form.show()
 
     def _take(self, scenario: Scenario) -> None:
+        """Put a scenario in place of what was entered."""
         self.draft.take(scenario)
         self.form.show()
 
     async def _open(self, event: events.UploadEventArguments) -> None:
+        """Open a scenario file, or tell why it is not opened."""
         content = await event.file.read()
         self._upload.reset()
         try:
@@ -201,6 +208,7 @@ class Page:
             ui.notify(f"{file} opened", type="positive")
 
     async def _go_on(self, scenario: Scenario, fork: Fork) -> None:
+        """Start a fork, which asks first as `_offer` does."""
         if await _is_trusted(scenario, fork.parent):
             self._start(scenario, fork)
 
@@ -209,29 +217,16 @@ class Page:
             ui.download.content(to_yaml(self.draft.scenario), "orchard.yaml", "application/yaml")
 
     async def _show_link(self) -> None:
-        if self.draft.scenario is not None:
-            here = await ui.run_javascript("location.origin + location.pathname", timeout=PATIENCE)
-            lacks = (
-                ["Your own classes are not in the link, because they are code."]
-                if self.draft.classes
-                else []
-            )
-            lacks += (
-                ["The surveyed rows are not in the link: it opens rows that are alike."]
-                if self.draft.scenario.survey
-                else []
-            )
-            link, words = (
-                f"{here}?{query_of(self.draft.scenario)}",
-                [f"{one} A file holds them: Save." for one in lacks],
-            )
-            with dialog("A link to this orchard", words, "link-dialog"):
-                ui.input(value=link).props(
-                    'readonly outlined dense data-view=link aria-label="Link"'
-                ).classes("w-full")
-                button(
-                    "Copy", lambda: ui.clipboard.write(link), "copy", props="unelevated"
-                ).classes("self-end")
+        scenario = self.draft.scenario
+        if scenario is None:
+            return
+        here = await ui.run_javascript("location.origin + location.pathname", timeout=PATIENCE)
+        link = f"{here}?{query_of(scenario)}"
+        with dialog("A link to this orchard", _left_out_of_link(scenario), "link-dialog"):
+            field = ui.input(value=link).classes("w-full")
+            field.props('readonly outlined dense data-view=link aria-label="Link"')
+            copy_link = partial(ui.clipboard.write, link)
+            button("Copy", copy_link, "copy", props="unelevated").classes("self-end")
 
     def _ask_how_many(self) -> None:
         """Turn to the study; on a phone it lies below the form."""
@@ -248,6 +243,10 @@ class Page:
         self._dark.set_value(self.desk.dark)
 
     def _start(self, scenario: Scenario | None, fork: Fork | None = None) -> None:
+        """Start a run, unless something that is entered is invalid, or tell why it did not start.
+
+        `scenario`: None if it is invalid.
+        """
         settings = self.wishes.settings
         if scenario is None or settings.problems:
             return
@@ -260,22 +259,37 @@ class Page:
     # -- updates
 
     async def _redraw(self) -> None:
-        draft, settings, going = self.draft, self.wishes.settings, self.runs.going
-        now = draft.values, draft.scenario, draft.problems, settings, going
-        if now == self._drawn:
+        """Show what follows from what is entered, if it has changed."""
+        draft = self.draft
+        entered = Entered(
+            values=draft.values,
+            scenario=draft.scenario,
+            problems=draft.problems,
+            settings=self.wishes.settings,
+            going=self.runs.going,
+        )
+        if entered == self._drawn:
             return
-        self._drawn = now
-        self.desk.draft, self.desk.settings = draft, settings
-        self.form.follow(going.scenario if going else None)
+        self._drawn = entered
+        self.desk.draft = draft
+        self.desk.settings = entered.settings
+        self.form.follow(entered.going.scenario if entered.going else None)
         self._update_buttons()
-        if (scenario := draft.scenario) is None:
+        if entered.scenario is None:
             self.stage.plan.fade()
+        else:
+            await self._draw(entered.scenario, entered)
+
+    async def _draw(self, scenario: Scenario, entered: Entered) -> None:
+        """Show the plan and the figures of a scenario, unless something else is entered by then."""
+        layout = await run.io_bound(lay_out, scenario)
+        # The server gives None while it shuts down.
+        if layout is None:
             return
-        if (layout := await run.io_bound(lay_out, scenario)) is None:
-            return  # the server is shutting down
         self.stage.plan.show(layout)
-        derived = await run.io_bound(derive, layout)  # of a hundred rows it takes seconds
-        if derived is not None and now is self._drawn:
+        # This takes seconds for a hundred rows.
+        derived = await run.io_bound(derive, layout)
+        if derived is not None and entered is self._drawn:
             self.figures.show(*derived)
 
     def _update_buttons(self) -> None:
@@ -286,29 +300,50 @@ class Page:
             action.set_enabled(self.draft.scenario is not None)
 
     def _watch(self) -> None:
+        """Show how far the run is. Turn to it when it begins, and when it ends."""
         self._update_buttons()
-        if self.runs.command is None:
+        harvest = self.runs.command
+        if harvest is None:
             return
         self.first.set_visibility(False)
-        harvest, before = self.runs.command, self._seen
         state = harvest.state
-        if before != (harvest, state.is_over):
+        staged = harvest, state.is_over
+        if staged != self._staged:
             self.stage.turn_to_run(harvest, state)
-        self._seen = harvest, state.is_over
+        self._staged = staged
         self.progress.show(harvest, state)
         self.stage.show(harvest, state)
 
 
+def _section(style: str, name: str) -> ui.element:
+    """Add a part of the page. `style`: its class. `name`: for screen readers."""
+    return ui.element("section").classes(style).props(f'aria-label="{name}"')
+
+
+def _left_out_of_link(scenario: Scenario) -> list[str]:
+    """Return a sentence for each part of a scenario that a link cannot hold."""
+    sentences = []
+    if scenario.own_classes:
+        sentences.append("Your own classes are not in the link, because they are code.")
+    if scenario.survey:
+        sentences.append("The surveyed rows are not in the link: it opens rows that are alike.")
+    return [f"{sentence} A file holds them: Save." for sentence in sentences]
+
+
 async def _is_trusted(scenario: Scenario, file: str) -> bool:
-    """Whether its own classes may run here: from elsewhere they may not, and else the user is
-    asked.
+    """Whether the own classes of a scenario may run here.
+
+    Classes from elsewhere may not. For all others the user is asked.
     """
     classes = scenario.own_classes
-    if refused := from_elsewhere(classes, Path.cwd()):
-        complain(NOT_OPENED, [f"{file}: {words}" for words in refused])
-    return not refused and (not classes or await may_run(classes, file))
+    refused = from_elsewhere(classes, Path.cwd())
+    if refused:
+        complain(NOT_OPENED, [f"{file}: {sentence}" for sentence in refused])
+        return False
+    return not classes or await may_run(classes, file)
 
 
 def complain(title: str, lines: list[str]) -> None:
+    """Tell in a dialog what was refused, and why."""
     with dialog(title, lines) as opened:
         ui.button("OK", on_click=opened.close).props("no-caps unelevated").classes("self-end")

@@ -1,6 +1,4 @@
-"""What a scenario looks like before it is run: the plan to scale, and the figures that follow from
-it.
-"""
+"""What a scenario looks like before it is run: the plan to scale, and figures of it."""
 
 from nicegui import ui
 
@@ -12,28 +10,34 @@ from orchard.report.limits import limit_of_question
 from orchard.report.plan import COLOURS, orchard_plan
 from orchard.report.summary import clock
 
-CARRIERS = "7 for every 10 pickers; the study tells how many are worth it"  # by default
-DEEP = 2.0  # from this many times its width on, a plan is shown as wide as the page
+# How many carriers there are if the user leaves that to the program.
+CARRIERS = "7 for every 10 pickers; the study tells how many are worth it"
+# A plan that is this many times as deep as wide is shown as wide as the page.
+DEEP = 2.0
+# Name in the legend -> what has that colour in the plan.
+PLACES = {
+    "tree": "tree",
+    "driveway": "driveway",
+    "unloading bay": "bay",
+    "road of deliveries": "D",
+    "road of full bins": "F",
+}
+
+#: Name, value with its unit, and a note on its meaning.
+Figure = tuple[str, str, str]
 
 
-def figures(layout: Layout, limit: Bounds) -> list[tuple[str, str, str]]:
-    """Return the derived figures of an orchard: name, value with its unit, and a note on its
-    meaning.
-    """
-    scenario, trees = layout.scenario, [len(line.trees_x) for line in layout.lines]
-    each = "{}" if min(trees) == max(trees) else "{} to {}"
-    bins = sum(start.kind == "bin" for start in layout.starts)
+def figures(layout: Layout, limit: Bounds) -> list[Figure]:
+    """Return the derived figures of an orchard."""
+    carriers = layout.scenario.carriers
+    bin_count = sum(start.kind == "bin" for start in layout.starts)
     return [
-        (
-            "Limit",
-            f"{limit.bins_per_hour:.1f} bins/h",
-            "what this policy allows in a long harvest without traffic" + _in_which_rows(layout),
-        ),
+        _limit_figure(layout, limit),
         ("Bottleneck", limit.bottleneck, "the part that allows least"),
         ("Schedule", clock(schedule_seconds(layout)), "this harvest without traffic"),
-        ("Carriers", str(scenario.carrier_count), "as set" if scenario.carriers else CARRIERS),
-        ("Bins", str(bins), f"one for each robot; the harvest fills {layout.bins}"),
-        ("Trees", str(sum(trees)), f"{len(trees)} lines of {each.format(min(trees), max(trees))}"),
+        ("Carriers", str(layout.scenario.carrier_count), "as set" if carriers else CARRIERS),
+        ("Bins", str(bin_count), f"one for each robot; the harvest fills {layout.bins}"),
+        _tree_figure(layout),
         (
             "Harvest field",
             f"{layout.east - X_WEST:g} x {layout.top - layout.bottom:.1f} m",
@@ -42,16 +46,24 @@ def figures(layout: Layout, limit: Bounds) -> list[tuple[str, str, str]]:
     ]
 
 
-def _in_which_rows(layout: Layout) -> str:
-    """Return in words which rows a limit is of, if each seed draws other rows."""
-    is_drawn = layout.scenario.picking.spread.distribution != "none"
-    return ", in rows that take their mean times" if is_drawn else ""
+def _limit_figure(layout: Layout, limit: Bounds) -> Figure:
+    meaning = "what this policy allows in a long harvest without traffic"
+    # Each seed draws other rows then.
+    if layout.scenario.picking.spread.distribution != "none":
+        meaning += ", in rows that take their mean times"
+    return "Limit", f"{limit.bins_per_hour:.1f} bins/h", meaning
 
 
-def derive(layout: Layout) -> tuple[list[tuple[str, str, str]], dict[str, float]]:
-    """Return the derived figures of an orchard, and what each part of its harvest allows,
-    bins/s.
-    """
+def _tree_figure(layout: Layout) -> Figure:
+    trees = [len(line.trees_x) for line in layout.lines]
+    fewest = min(trees)
+    most = max(trees)
+    in_each_line = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+    return "Trees", str(sum(trees)), f"{len(trees)} lines of {in_each_line}"
+
+
+def derive(layout: Layout) -> tuple[list[Figure], dict[str, float]]:
+    """Return the derived figures of an orchard, and what each part of it allows, bins/s."""
     limit = limit_of_question(layout.scenario)
     return figures(layout, limit), limit.terms
 
@@ -61,40 +73,38 @@ class PlanView:
 
     def __init__(self) -> None:
         self._plan = ui.html("", sanitize=False).classes("plan").props("data-view=plan")
-        self._full_width = ui.switch(
-            "Full width", on_change=lambda: self._plan.classes(toggle="wide")
-        ).classes("corner")
+        self._full_width = ui.switch("Full width", on_change=self._turn_wide).classes("corner")
         self._full_width.props("dense size=sm data-field=full-width")
         self._is_deep = False
         with ui.element("div").classes("legend"):
-            places = {
-                "tree": "tree",
-                "driveway": "driveway",
-                "bay": "unloading bay",
-                "D": "road of deliveries",
-                "F": "road of full bins",
-            }
-            kinds = {name: "rgb({},{},{})".format(*kind.colour) for name, kind in KINDS.items()}
-            for name, colour in (
-                kinds | {words: COLOURS[name] for name, words in places.items()}
-            ).items():
-                with ui.element("div").classes("legend-entry"):
-                    ui.element("div").classes("legend-mark").style(f"background:{colour}")
-                    ui.label(name)
+            for name, kind in KINDS.items():
+                _legend_entry(name, "rgb({},{},{})".format(*kind.colour))
+            for name, place in PLACES.items():
+                _legend_entry(name, COLOURS[place])
+
+    def _turn_wide(self) -> None:
+        """Show the plan as wide as the page, or all of it at once again."""
+        self._plan.classes(toggle="wide")
 
     def show(self, layout: Layout) -> None:
+        """Show the plan of an orchard. All of a deep one at once would be a stripe."""
         self._plan.set_content(orchard_plan(layout))
         self._plan.classes(remove="stale")
         is_deep = layout.top - layout.bottom > DEEP * (layout.east - X_WEST)
-        if is_deep != self._is_deep:  # all of it at once would be a stripe
+        # What the user has turned since stays as long as the plan is of the same shape.
+        if is_deep != self._is_deep:
             self._is_deep = is_deep
             self._full_width.set_value(is_deep)
 
     def fade(self) -> None:
-        """Mark the plan as stale: the input is invalid, so the plan shows the last valid
-        scenario.
-        """
+        """Mark the plan as that of the last valid scenario, because a value is invalid now."""
         self._plan.classes("stale")
+
+
+def _legend_entry(name: str, colour: str) -> None:
+    with ui.element("div").classes("legend-entry"):
+        ui.element("div").classes("legend-mark").style(f"background:{colour}")
+        ui.label(name)
 
 
 class FiguresView:
@@ -104,21 +114,21 @@ class FiguresView:
         self._tiles = ui.element("div").classes("tiles")
         self._bars = ui.element("div").classes("bars")
 
-    def show(self, derived: list[tuple[str, str, str]], rates: dict[str, float]) -> None:
-        """Show what `derive` has found."""
+    def show(self, derived: list[Figure], rates: dict[str, float]) -> None:
+        """Show the figures, and what each part allows, bins/s: what `derive` returns."""
         self._tiles.clear()
         with self._tiles:
             tiles(derived)
         self._bars.clear()
+        least = min(rates.values())
+        most = max(rates.values())
         with self._bars:
             heading(2, "What each part allows without traffic, bins/h").classes("bars-title")
             for name, rate in rates.items():
-                with ui.element("div").classes(
-                    "bar least" if rate == min(rates.values()) else "bar"
-                ):
+                style = "bar least" if rate == least else "bar"
+                with ui.element("div").classes(style):
                     ui.label(name).classes("bar-name")
                     with ui.element("div").classes("bar-track"):
-                        ui.element("div").classes("bar-fill").style(
-                            f"width:{max(1.0, 100 * rate / max(rates.values())):.1f}%"
-                        )
+                        percent = max(1.0, 100 * rate / most)
+                        ui.element("div").classes("bar-fill").style(f"width:{percent:.1f}%")
                     ui.label(f"{3600.0 * rate:.1f}").classes("bar-value")

@@ -15,8 +15,8 @@ from secrets import token_hex
 from nicegui import app, ui
 
 from orchard.app.desks import Desks
-from orchard.app.draft import draft_of
 from orchard.app.harvest_run import Harvests
+from orchard.app.link import draft_of
 from orchard.app.own_origin import guard
 from orchard.app.page import PATIENCE, Page
 from orchard.app.study_run import Studies
@@ -30,16 +30,14 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
 
     `folder`: of its files. `shows`: open a browser. Raises ValueError for a bad address.
     """
-    try:
-        socket.create_server((host, port)).close()
-    except (OSError, OverflowError) as error:
-        raise ValueError(
-            f"--host {host} --port {port}: {getattr(error, 'strerror', None) or error}"
-        ) from None
-    runs, studies = Harvests(folder, "harvest"), Studies(folder, "study")
-    desks, unseen = Desks(), UnseenPages()
+    _check_address(host, port)
+    runs = Harvests(folder, "harvest")
+    studies = Studies(folder, "study")
+    desks = Desks()
+    unseen = UnseenPages()
 
     def page() -> None:
+        """Build the page for a request."""
         client = ui.context.client
         unseen.add(client)
         browser = app.storage.browser["id"]
@@ -72,3 +70,12 @@ def serve(host: str, port: int, folder: Path, shows: bool) -> None:
             reconnect_timeout=PATIENCE,
             storage_secret=secret,
         )
+
+
+def _check_address(host: str, port: int) -> None:
+    """Raise ValueError if nothing can be served at an address."""
+    try:
+        socket.create_server((host, port)).close()
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"--host {host} --port {port}: {reason}") from None

@@ -1,86 +1,78 @@
-"""A study from the page: what it compares, as entered, and the command `orchard study` that does
-it.
-"""
+"""A study from the page: what it compares, and the command `orchard study` that does it."""
 
-import contextlib
 import sys
 from dataclasses import dataclass
 
 import msgspec
 
 from orchard.app.command import Files, Latest, PageCommand
-from orchard.app.draft import number_problem, shown
+from orchard.app.typed_numbers import number_problem, shown
 from orchard.field.scenario import Scenario
 from orchard.study.result import Horizon, StudyResult
 
-BUDGET = (1, 86_400)  # s of wall time, both included
+# Limits, both included: s of wall time.
+BUDGET = (1, 86_400)
 
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What a study compares beside numbers of carriers, as a user entered it."""
+    """What a study compares beside numbers of carriers, as a user entered it.
 
-    dispatch: tuple[str, ...] = ()  # policies to compare; none: that of the scenario
+    `dispatch`, `route`: the rules to compare; without any, the one of the scenario. `budget`: s of
+    wall time.
+    """
+
+    dispatch: tuple[str, ...] = ()
     route: tuple[str, ...] = ()
     horizon: Horizon = "long"
-    budget: str = "300"  # s
+    budget: str = "300"
 
     @property
     def problem(self) -> str:
+        """What is wrong with the budget; '' if nothing is."""
         return number_problem(self.budget, BUDGET)
 
 
 def study_command(settings: StudySettings, files: Files) -> list[str]:
-    """Return the command that a user would type for it."""
-    compared = {"dispatch": settings.dispatch, "route": settings.route}
-    ranges = [
-        "carriers",
-        *(f"{key}={','.join(values)}" for key, values in compared.items() if values),
-    ]
-    varied = [word for one in ranges for word in ("--vary", one)]
-    program = [
-        sys.executable,
-        "-u",
-        "-P",
-        "-m",
-        "orchard",
-        "study",
-        str(files.scenario),
-        *varied,
-        "--horizon",
-        settings.horizon,
-    ]
-    return [
-        *program,
-        "--budget",
-        f"{shown(float(settings.budget))}s",
-        "--progress",
-        "json",
-        "--summary",
-        str(files.summary),
-    ]
+    """Return the command that a user would type for a study."""
+    line = [sys.executable, "-u", "-P", "-m", "orchard", "study", str(files.scenario)]
+    line += ["--vary", "carriers"]
+    if settings.dispatch:
+        line += ["--vary", f"dispatch={','.join(settings.dispatch)}"]
+    if settings.route:
+        line += ["--vary", f"route={','.join(settings.route)}"]
+    line += ["--horizon", settings.horizon]
+    line += ["--budget", f"{shown(float(settings.budget))}s"]
+    line += ["--progress", "json", "--summary", str(files.summary)]
+    return line
 
 
 class StudyRun(PageCommand):
     """One study. `result`: what is known so far, and at its end the answer."""
 
     def __init__(self, scenario: Scenario, settings: StudySettings, files: Files) -> None:
+        """Start the study. Raises OSError."""
         self.settings = settings
         self.result: StudyResult | None = None
         super().__init__(scenario, files, study_command(settings, files))
 
-    def words_of(self, line: str) -> str | None:
-        with contextlib.suppress(ValueError, KeyError, RecursionError):  # any other line
-            self.result = msgspec.json.decode(line, type=dict[str, StudyResult])["study"]
-            self.has_begun = True
-            return None
-        return super().words_of(line)
+    def message_of(self, line: str) -> str | None:
+        """Take the result so far, if a line holds it. Return any other line for a person."""
+        try:
+            result = msgspec.json.decode(line, type=dict[str, StudyResult])["study"]
+        except (ValueError, KeyError, RecursionError):
+            return super().message_of(line)
+        self.result = result
+        self.has_begun = True
+        return None
 
     def finish(self) -> None:
+        """Read the answer. If there is none, the last result so far stays."""
         self.result = self.read(self.files.summary, StudyResult) or self.result
 
     @property
     def is_complete(self) -> bool:
+        """Whether there is an answer, and the study was not stopped before it."""
         return self.result is not None and not self.asked_to_stop
 
 

@@ -5,6 +5,7 @@ A page holds some megabytes, and a request alone makes one.
 
 from nicegui import Client
 
+# Pages that wait for their browsers.
 MOST = 8
 
 

@@ -32,7 +32,8 @@ from orchard.report.summary import (
     six_figures,
 )
 
-LAST_LINES = 12  # that are shown of a run without a summary
+# Lines of a run without a summary, which are shown.
+LAST_LINES = 12
 VIEWS = ["Plan", "Picture", "Summary", "Messages", "Runs", "Study"]
 
 
@@ -103,7 +104,7 @@ class MessagesView:
             self._log.clear()
             self._run = run
             self._shown = 0
-        count, lines = run.said
+        count, lines = run.output
         new_count = count - self._shown
         if new_count:
             for line in lines[-new_count:]:
@@ -186,7 +187,7 @@ class SummaryView:
                 ui.label("The run was stopped before it wrote a summary.").classes("hint")
             else:
                 ui.label("There is no summary. The last messages of the run:").classes("hint")
-                _, lines = run.said
+                _, lines = run.output
                 ui.label("\n".join(lines[-LAST_LINES:])).classes("last-words")
 
 

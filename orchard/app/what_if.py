@@ -11,9 +11,10 @@ import msgspec
 from nicegui import ui
 
 from orchard.app.charts import History
-from orchard.app.draft import Draft, entries, flat
+from orchard.app.control import Control
+from orchard.app.draft import Draft
 from orchard.app.elements import button, heading, several
-from orchard.app.form import Control
+from orchard.app.entries import entries, flat
 from orchard.field.kinds import KINDS, kind_of
 from orchard.field.layout import lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
@@ -28,18 +29,24 @@ CHANGING = (
     "people.visitors",
     "seed",
 )
-MOMENTS = 8  # that are named on a time line
+# Moments that are named on a time line.
+MOMENTS = 8
 
 
 class Fork(NamedTuple):
-    """A run that goes on from a moment of another one."""
+    """A run that goes on from a moment of another one.
+
+    `seconds`: the moment. `words`: what follows `orchard fork` on its command line. `history`: of
+    the other run, up to the moment.
+    """
 
     parent: str
     seconds: float
-    words: list[str]  # for `orchard fork`
-    history: History  # up to the moment
+    words: list[str]
+    history: History
 
 
+#: Starts a fork, with its scenario.
 GoOn = Callable[[Scenario, Fork], Awaitable[None]]
 
 

@@ -11,12 +11,14 @@ from made_surveys import UNEQUAL, orchard_of
 from patience import PATIENCE
 
 from orchard.app.charts import BINS, BUSY, WAITING, course_of
-from orchard.app.command import Files, fresh_files
+from orchard.app.command import Files, PrintedLines, fresh_files
 from orchard.app.desks import MOST, Desks
-from orchard.app.draft import LABELS, Draft, draft_of, entries, flat, query_of, title_of
+from orchard.app.draft import Draft, title_of
+from orchard.app.entries import LABELS, entries, flat
 from orchard.app.harvest_run import HarvestCommand, RunSettings, command
+from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere
-from orchard.app.runs_view import differences, lines, past_runs
+from orchard.app.past_runs import differences, lineages, past_runs
 from orchard.app.study_run import StudyRun, StudySettings, study_command
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
 
@@ -397,7 +399,7 @@ def test_forks_stand_under_their_parent_whatever_summaries_say(tmp_path):
         os.utime(tmp_path / f"{name}.json", (number, number))
     shown = [
         [past.name for past in line]
-        for line in lines({past.name: past for past in past_runs(tmp_path)[0]})
+        for line in lineages({past.name: past for past in past_runs(tmp_path)[0]})
     ]
     assert shown[-4:] == [
         ["old"],
@@ -419,7 +421,10 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
     study = StudyRun(Scenario(), StudySettings(), files)
     study._listener.join(PATIENCE)
     assert (study.is_over, study.result, study.state) == (True, None, "failed")
-    assert study.said[0] == 2 and "odd.json is passed over: JSON is malformed" in study.said[1][-1]
+    assert (
+        study.output.line_count == 2
+        and "odd.json is passed over: JSON is malformed" in study.output.lines[-1]
+    )
 
 
 @pytest.mark.parametrize(
@@ -428,11 +433,11 @@ def test_output_of_a_command_that_is_no_result_is_named(tmp_path, monkeypatch):
 def test_a_summary_that_no_run_can_have_written_is_no_summary(tmp_path, change):
     run = HarvestCommand.__new__(HarvestCommand)
     run.files = Files(tmp_path, "odd")
-    run.said = (0, ())
+    run.output = PrintedLines(0, ())
     run.summary = None
     run.files.summary.write_text(json.dumps(SUMMARY | change))
     run.finish()
-    assert run.summary is None and "odd.json is passed over" in run.said[1][0]
+    assert run.summary is None and "odd.json is passed over" in run.output.lines[0]
 
 
 def test_the_course_is_what_the_charts_show():

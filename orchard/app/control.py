@@ -1,0 +1,129 @@
+"""A control of the form: a labelled value, its limits, and what is wrong with it."""
+
+from typing import Any
+
+from nicegui import ui
+
+from orchard.app.draft import Draft
+from orchard.app.elements import mark_wrong, note
+from orchard.app.entries import Entry
+from orchard.app.typed_numbers import number_of, shown
+
+# Significant digits of a number that the program works out.
+FIGURES = 4
+
+
+class Control:
+    """A switch, a choice, or a number, which may have a slider."""
+
+    def __init__(self, entry: Entry, draft: Draft, where: str = "") -> None:
+        """`draft`: takes what is entered. `where`: goes before the control's name for tests."""
+        self.entry = entry
+        self._draft = draft
+        name = where + entry.path
+        self._slider: ui.slider | None = None
+        self._automatic: ui.checkbox | None = None
+        with ui.element("div").classes("field") as self.box:
+            with ui.element("div").classes("field-head") as head:
+                head.props["title"] = entry.words
+                ui.label(entry.label).classes("field-label")
+                ui.label(entry.limits).classes("field-limits")
+            with ui.element("div").classes("field-body"):
+                self._value = self._build_value()
+                self._value.props(f'data-field={name} aria-label="{entry.label}"')
+            if entry.optional:
+                self._automatic = self._build_automatic(name)
+            self._problem = note(f"data-problem={name} role=alert")
+            self._meaning = note(f"data-meaning={name}", "field-mark")
+            self._mark = note(f"data-mark={name}", "field-mark")
+
+    # -- layout
+
+    def _build_value(self) -> Any:
+        """Add the element that fits the kind of value."""
+        if self.entry.kind is bool:
+            return self._build_switch()
+        if self.entry.choices:
+            return self._build_choice()
+        return self._build_number()
+
+    def _build_switch(self) -> ui.switch:
+        self.box.classes("inline")
+        return ui.switch(on_change=self._entered).props("dense")
+
+    def _build_choice(self) -> ui.select:
+        choice = ui.select([*self.entry.choices], on_change=self._entered)
+        return choice.classes("grow").props("dense outlined options-dense")
+
+    def _build_number(self) -> ui.input:
+        """Add a text field; with a slider before it, if the range is known."""
+        if self.entry.has_slider:
+            self._slider = self._build_slider()
+        text = ui.input(on_change=self._entered)
+        text.classes("grow" if self._slider is None else "number")
+        return text.props("dense outlined autocomplete=off inputmode=decimal input-class=figure")
+
+    def _build_slider(self) -> ui.slider:
+        entry = self.entry
+        slider = ui.slider(min=entry.low, max=entry.high, step=entry.step, value=entry.low)
+        slider.classes("grow").props(f'aria-label="{entry.label}"')
+        slider.on("update:model-value", lambda event: self.show(event.args), throttle=0.05)
+        return slider
+
+    def _build_automatic(self, name: str) -> ui.checkbox:
+        """Add a box to tick for no value. `name`: of the control, for tests."""
+        none = self.entry.none
+        automatic = ui.checkbox(none, on_change=self._entered).classes("field-more")
+        automatic.props(f'dense size=sm aria-label="{self.entry.label}: {none}"')
+        return automatic.props(f"data-field={name}-automatic")
+
+    # -- what it shows
+
+    def show(self, value: Any) -> None:
+        """Show a value of the draft, also one that is invalid there."""
+        if self._automatic is not None:
+            self._automatic.set_value(value is None)
+        if self.entry.choices:
+            self._value.set_options([*dict.fromkeys([*self.entry.choices, value])], value=value)
+        elif self.entry.kind is bool:
+            # Any other value stays in the draft, as a problem.
+            self._value.set_value(value is True)
+        elif value is not None:
+            self._value.set_value(shown(value) if self.entry.kind in (int, float) else value)
+
+    def show_chosen(self, number: float) -> None:
+        """Show the number that the program has worked out, if the user leaves it to it."""
+        if self._automatic is not None and self._automatic.value:
+            self._value.set_value(shown(float(f"{number:.{FIGURES}g}")))
+
+    def explain(self, meaning: str) -> None:
+        """Show what the value means in other terms."""
+        self._meaning.set_text(meaning)
+
+    def complain(self, problem: str) -> None:
+        """Show what is wrong with the value; '' if nothing is."""
+        self._problem.set_text(problem)
+        mark_wrong(self.box, is_wrong=bool(problem))
+
+    def mark(self, running: str) -> None:
+        """Show the value of the harvest that runs; '' if it is the same, or if none runs."""
+        self._mark.set_text(f"the harvest that runs has {running}" if running else "")
+
+    # -- what is entered
+
+    def _entered(self) -> None:
+        """Take what the user has entered into the draft."""
+        is_automatic = self._automatic is not None and bool(self._automatic.value)
+        self._value.set_enabled(not is_automatic)
+        typed = self._value.value
+        value = bool(typed) if self.entry.kind is bool else typed or ""
+        if self._slider is not None:
+            self._slider.set_enabled(not is_automatic)
+            self._move_slider(self._slider, value)
+        self._draft.enter({self.entry.path: None if is_automatic else value})
+
+    def _move_slider(self, slider: ui.slider, value: object) -> None:
+        """Move the slider to a number, as far as it goes. It stays where it is for all else."""
+        number = number_of(str(value))
+        if not isinstance(number, str):
+            slider.set_value(min(max(number, self.entry.low), self.entry.high))

@@ -1,0 +1,172 @@
+"""The entries of the form: a value of a scenario each, with its label, its limits and its words."""
+
+import re
+from dataclasses import dataclass
+from functools import cache, reduce
+from math import floor, inf, log10
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from orchard.app.own_classes import AGENTS
+from orchard.app.typed_numbers import shown
+from orchard.field.scenario import Scenario
+from orchard.study.words import none_words
+
+# These come from a file, and are not entered on the page.
+FROM_FILE = (*AGENTS, "survey")
+# Sections whose names belong to the labels of their values.
+NEEDED = ("laser", "odometry")
+# Labels of values for which the words of the file are too short for a reader of the page.
+LABELS = {
+    "dispatch_errors": "After a refused order",
+    "picking.spread.distribution": "Spread of times",
+    "picking.spread.cv": "Deviation of times",
+    "picking.failure.mean_between": "Time between failures",
+    "picking.failure.mean_repair": "Time of a repair",
+    "carrying.failure.mean_between": "Time between carriers' failures",
+    "carrying.failure.mean_repair": "Time of a carrier's repair",
+    "carrying.battery.hours": "Hours of a battery",
+    "carrying.battery.standing": "Power while standing",
+    "sensors.gnss.white": "GNSS error of a tick",
+    "sensors.gnss.bias": "GNSS error, slow",
+    "sensors.gnss.bias_time": "GNSS correlation time",
+    "bay": "Bay moved east by",
+}
+# The widest range of a slider. A value with a wider one gets a text field only.
+WIDEST = 1e6
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A value that a user can set.
+
+    `path`: dotted path in the scenario file. `words`: its description, with the unit. `kind`: int,
+    float, bool, or str; a str is one of `choices`, or a class of the user's that a file names.
+    `optional`: whether None is allowed, with which the program chooses the value. `low`, `high`:
+    limits, both included.
+    """
+
+    path: str
+    words: str
+    kind: type
+    optional: bool
+    low: float = -inf
+    high: float = inf
+    choices: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The name on the page, such as 'Row width' or 'Laser noise'."""
+        if self.path in LABELS:
+            return LABELS[self.path]
+        *_, section, name = ["", *self.path.split(".")]
+        words = name.replace("_", " ")
+        if section in NEEDED:
+            words = f"{section} {words}"
+        return words[0].upper() + words[1:]
+
+    @property
+    def none(self) -> str:
+        """The word for no value."""
+        return none_words(self.words)
+
+    @property
+    def unit(self) -> str:
+        """The unit in the description, such as m or bins/h; '' if there is none."""
+        match = re.search(r", (m/s|m|s|bins/h|t/ha|kg)(?=;|$)", self.words)
+        return match.group(1) if match else ""
+
+    @property
+    def step(self) -> float:
+        """The step of the slider.
+
+        A hundredth of the range, rounded up to 1, 2 or 5 times a power of ten.
+        """
+        if self.kind is int:
+            return 1
+        hundredth = (self.high - self.low) / 100
+        power = 10.0 ** floor(log10(hundredth))
+        # A hundredth may be a little more than a step, because of its last bits.
+        least = hundredth * 0.999
+        return round(next(digit * power for digit in (1, 2, 5, 10) if digit * power >= least), 10)
+
+    @property
+    def has_slider(self) -> bool:
+        """Whether it is a number with a range that a slider can show."""
+        return self.kind in (int, float) and self.high - self.low <= WIDEST
+
+    @property
+    def limits(self) -> str:
+        """The limits and the unit as text, such as '0 to 0.02 m'; '' without a slider."""
+        if not self.has_slider:
+            return ""
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+
+@cache
+def entries(model: type[BaseModel] = Scenario, before: str = "") -> dict[str, Entry]:
+    """Return all entries by path, in the order of the file.
+
+    `model`: the scenario, or a section of it. `before`: the path of the section, with a dot.
+    """
+    of_model: dict[str, Entry] = {}
+    for name, field in model.model_fields.items():
+        if name in FROM_FILE:
+            continue
+        path = before + name
+        section = _section_of(field)
+        if section is None:
+            of_model[path] = _entry_of(path, field)
+        else:
+            of_model |= entries(section, f"{path}.")
+    return of_model
+
+
+def label_of(path: str) -> str:
+    """Return the label of an entry; of anything else in a scenario, such as a class, its path."""
+    return entries()[path].label if path in entries() else path
+
+
+def _kinds_of(field: FieldInfo) -> tuple[Any, ...]:
+    """Return the types that a value may have."""
+    return get_args(field.annotation) or (field.annotation,)
+
+
+def _section_of(field: FieldInfo) -> type[BaseModel] | None:
+    """Return the section that stands at a field; None for a value."""
+    kind = _kinds_of(field)[0]
+    is_section = isinstance(kind, type) and issubclass(kind, BaseModel)
+    return kind if is_section else None
+
+
+def _entry_of(path: str, field: FieldInfo) -> Entry:
+    """Return the entry for a value of the scenario."""
+    kinds = _kinds_of(field)
+    limits = {type(limit).__name__: limit for limit in field.metadata}
+    return Entry(
+        path=path,
+        words=field.description or "",
+        kind=kinds[0],
+        optional=type(None) in kinds,
+        low=limits["Ge"].ge if "Ge" in limits else -inf,
+        high=limits["Le"].le if "Le" in limits else inf,
+        choices=tuple(map(str, field.examples or ())),
+    )
+
+
+def flat(scenario: Scenario) -> dict[str, Any]:
+    """Return the values of a scenario that the page asks for, by path."""
+    return {path: reduce(getattr, path.split("."), scenario) for path in entries()}
+
+
+def words_of(path: str, value: Any) -> str:
+    """Return a value of an entry as words for a person."""
+    if value is None:
+        return entries()[path].none
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return shown(value)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from orchard.app.entries import entries, flat, words_of
+from orchard.app.entries import entries, flat, label_of, words_of
 from orchard.app.own_classes import AGENTS, CHOICES
 from orchard.app.typed_numbers import number_of, with_point, write_a_point
 from orchard.behaviour.catalogue import check_plugins
@@ -177,7 +177,19 @@ def _by_field(problems: list[Problem]) -> dict[str, str]:
     messages: dict[str, str] = {}
     for problem in problems:
         paths = problem.path.split(", ")
-        text = f"{problem.what}: {problem.text}" if len(paths) > 1 else problem.text
+        text = problem.text
+        if len(paths) > 1:
+            text = f"{_labelled(problem)}: {text}"
         for path in paths:
             messages[path] = f"{messages[path]}; {text}" if path in messages else text
     return messages
+
+
+def _labelled(problem: Problem) -> str:
+    """Return the values that a rule is about, by the labels of the form: Rows = 3, Pickers = 4."""
+    paths = problem.path.split(", ")
+    values = problem.value.split(", ")
+    if len(paths) != len(values):
+        return problem.what
+    parts = [f"{label_of(path)} = {value}" for path, value in zip(paths, values, strict=True)]
+    return ", ".join(parts)

@@ -21,7 +21,7 @@ from orchard.app.study_run import Studies
 from orchard.app.views import ProgressView, Stage
 from orchard.app.what_if import Fork
 from orchard.field.layout import lay_out
-from orchard.field.problems import ScenarioError
+from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, parse, to_yaml
 from orchard.field.shipped import DEFAULT, shipped
 from orchard.field.yaml_file import LARGEST_FILE
@@ -33,6 +33,10 @@ REDRAW_SECONDS = 0.1
 WATCH_SECONDS = 0.3
 # These seconds a browser may be too busy to answer, for example while it loads the Rerun viewer.
 PATIENCE = 30.0
+# Bytes of a file that the page reads. `parse` tells of one above LARGEST_FILE how large it may be.
+LARGEST_UPLOAD = 10 * LARGEST_FILE
+# Characters of the name of a file, as the page shows it.
+LONGEST_NAME = 100
 NOT_OPENED = "This file was not opened"
 TOO_LARGE = "The file is too large for a scenario, or it is not a .yaml file."
 NOT_ALL_UNDERSTOOD = "Not all of the link was understood"
@@ -110,8 +114,7 @@ class Page:
         self._upload = ui.upload(
             on_upload=while_alive(self._open),
             on_rejected=partial(complain, NOT_OPENED, [TOO_LARGE]),
-            # In bytes. Of a file between LARGEST_FILE and this, `parse` tells how large it may be.
-            max_file_size=10 * LARGEST_FILE,
+            max_file_size=LARGEST_UPLOAD,
             auto_upload=True,
         )
         self._upload.props("accept=.yaml,.yml").classes("hidden")
@@ -189,17 +192,25 @@ class Page:
         self.form.show()
 
     async def _open(self, event: events.UploadEventArguments) -> None:
-        """Open a scenario file, or tell why it is not opened."""
-        content = await event.file.read()
+        """Open a scenario file, or tell why it is not opened.
+
+        The browser refuses a file that is too large. A program that takes its place may send one.
+        """
         self._upload.reset()
+        if event.file.size() > LARGEST_UPLOAD:
+            complain(NOT_OPENED, [TOO_LARGE])
+            return
+        name = printable(event.file.name, LONGEST_NAME)
+        content = await event.file.read()
         try:
-            scenario = parse(content.decode("utf-8-sig"), event.file.name)
+            scenario = parse(content.decode("utf-8-sig"), name)
         except UnicodeDecodeError:
-            complain(NOT_OPENED, [f"{event.file.name}: not UTF-8 text"])
+            complain(NOT_OPENED, [f"{name}: not UTF-8 text"])
         except ScenarioError as error:
-            complain(NOT_OPENED, [str(problem) for problem in error.problems])
+            # The message names some problems, and counts the rest of them.
+            complain(NOT_OPENED, str(error).splitlines())
         else:
-            await self._offer(scenario, event.file.name)
+            await self._offer(scenario, name)
 
     async def _offer(self, scenario: Scenario, file: str) -> None:
         """Take a scenario. Ask first if it names own classes: to check them already runs them."""

@@ -1,10 +1,12 @@
 """The page's form, orders, links, desks and past runs, without a browser."""
 
+import asyncio
 import json
 import os
 import sys
 from copy import copy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from made_surveys import UNEQUAL, orchard_of
@@ -18,6 +20,7 @@ from orchard.app.entries import LABELS, entries, flat
 from orchard.app.harvest_run import HarvestCommand, RunSettings, command
 from orchard.app.link import draft_of, query_of
 from orchard.app.own_classes import from_elsewhere
+from orchard.app.page import Page
 from orchard.app.past_runs import differences, lineages, past_runs
 from orchard.app.study_run import StudyRun, StudySettings, study_command
 from orchard.field.scenario import DISPATCH_POLICIES, Scenario, with_changes
@@ -60,6 +63,78 @@ WRONG_FIELDS = [
     ({"rows": 2.0, "laser.noise": 1.0}, {"rows": "from 3", "laser.noise": "to 0.02"}),
     *(({"row_width": typed}, {"row_width": told}) for typed, told in NO_NUMBERS.items()),
 ]
+
+
+def test_a_rule_about_several_values_names_them_by_their_labels():
+    """A rule about several values names them as the form does, and not as the file."""
+    draft = Draft(Scenario())
+    draft.enter({"people.workers": 30, "people.visitors": 30})
+    told = draft.problems["people.workers"]
+    assert told.startswith("Workers = 30, Visitors = 30: ")
+
+
+class Upload:
+    """A file that a page sends, which may be other than a browser's. `was_read`: whether it was."""
+
+    def __init__(self, name, content):
+        self.name, self._content = name, content
+        self.was_read = False
+
+    def size(self):
+        return len(self._content)
+
+    async def read(self):
+        self.was_read = True
+        return self._content
+
+
+@pytest.fixture
+def refused(monkeypatch):
+    """Upload a file to a page that shows nothing. Return the lines with which it is refused."""
+    lines = []
+    monkeypatch.setattr("orchard.app.page.complain", lambda title, told: lines.extend(told))
+    page = Page.__new__(Page)
+    page._upload = SimpleNamespace(reset=lambda: None)
+
+    def upload(name, content):
+        file = Upload(name, content)
+        asyncio.run(page._open(SimpleNamespace(file=file)))
+        return lines, file.was_read
+
+    return upload
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"rows: 5\0", "is not YAML: unacceptable character #x0000"),
+        ("rows: 5".encode("utf-16"), "not UTF-8 text"),
+        (b"\x89PNG\r\n\x1a\n", "not UTF-8 text"),
+        (b"#" * 70_000, "is larger than 65536 bytes"),
+        (b"a: &a [*a]", "aliases (*name): not allowed in a scenario"),
+        (b"!!python/object/apply:os.system ['true']", "tags (!name): not allowed"),
+    ],
+)
+def test_a_file_that_is_no_scenario_is_refused_in_a_line(refused, content, told):
+    (line,), _ = refused("orchard.yaml", content)
+    assert line.startswith("orchard.yaml") and told in line
+
+
+def test_a_file_that_is_far_too_large_is_not_read(refused):
+    """A browser refuses such a file. Another program sends it all the same."""
+    (line,), was_read = refused("orchard.yaml", b"#" * 1_000_000)
+    assert "too large" in line
+    assert not was_read
+
+
+def test_the_name_of_a_file_is_shown_short_and_harmless(refused):
+    (line,), _ = refused("\x1b[31m\u202e" + "x" * 5000, b"\0")
+    assert line.isprintable() and len(line) < 300
+
+
+def test_of_many_mistakes_in_a_file_some_are_named(refused):
+    lines, _ = refused("orchard.yaml", "".join(f"k{n}: 1\n" for n in range(200)).encode())
+    assert len(lines) == 51 and lines[-1] == "and 150 more problems"
 
 
 REFUSED_WITH_A_POINT = [{"row_width": "4,5"}, {"rows": "5,5"}, {"people.workers": "60,0"}]

@@ -24,6 +24,8 @@ from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.routes import ROUTES
 
+# Carries a harvest on to a time, exclusive, and returns why it stopped.
+CarryOn = Callable[[c.Model, int], int]
 # Rows of a log before it grows.
 LOG_ROWS = 4096
 
@@ -182,9 +184,15 @@ def _desk(layout: Layout, program: Program) -> Any:
 class EventHarvest:
     """One harvest. `run` does it; then `seconds` and `delivered` tell how it went."""
 
-    def __init__(self, layout: Layout, is_logged: bool = False, free_roads: bool = False) -> None:
+    def __init__(
+        self,
+        layout: Layout,
+        is_logged: bool = False,
+        free_roads: bool = False,
+        carry_on: CarryOn = run,
+    ) -> None:
         """`is_logged`: note what each robot does when, for a trace. `free_roads`: no robot is in
-        another's way.
+        another's way. `carry_on`: the machine, compiled or as plain Python.
 
         Raises NotImplementedError for what the model does not know: see `lacking`.
         """
@@ -193,6 +201,7 @@ class EventHarvest:
             raise NotImplementedError(f"the event model does not know {unknown}")
         prepared = prepare(layout)
         self.layout = layout
+        self._carry_on = carry_on
         self.program = prepared.program
         self.names = prepared.names
         self.bin_names = prepared.bin_names
@@ -263,7 +272,7 @@ class EventHarvest:
         # Another harvest of this program may have made it grow.
         self._take_program()
         while True:
-            reason = run(self.model, c.QUARTERS * until)
+            reason = self._carry_on(self.model, c.QUARTERS * until)
             if reason == c.LACKS_JOB:
                 desk = self.model.desk[0]
                 self.program.translate_job(int(desk.missing_line), int(desk.missing_end))

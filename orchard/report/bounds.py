@@ -2,7 +2,7 @@
 length.
 
 The rates, bins/s, follow from geometry and speeds alone: docs/bounds.md derives them. The length is
-that of the discrete-event model with roads that each robot has to itself: of `nearest` for a policy
+that of the event model with roads that each robot has to itself: of `nearest` for a policy
 of the user's own, and of the built-in route with the same queue for a route with steps of its own.
 Another policy may be faster: `proven_seconds` is what none can beat.
 """
@@ -12,8 +12,8 @@ from dataclasses import replace
 from functools import cache, lru_cache, partial
 from math import ceil, inf
 from statistics import fmean
+from typing import TYPE_CHECKING
 
-from orchard.discrete.generators import GeneratorHarvest
 from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import is_early, prefers_near
 from orchard.field.geometry import HEADINGS, Pose
@@ -27,6 +27,9 @@ from orchard.plans.jobs import HANDOVER, TimedStep, begin_of, timed_steps
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
 from orchard.plans.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
+
+if TYPE_CHECKING:
+    from orchard.event_model.harvest import EventHarvest
 
 # m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the
 # bay.
@@ -237,9 +240,19 @@ def _ideal(layout: Layout) -> Layout:
     )
 
 
+def _harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
+    """Return a harvest of the event model that is done."""
+    # They load numba, which takes a second. Who asks for limits only needs none of it.
+    from orchard.event_model.harvest import EventHarvest
+    from orchard.event_model.plain import machine_at_hand
+
+    harvest = EventHarvest(layout, free_roads=free_roads, carry_on=machine_at_hand())
+    return harvest.run()
+
+
 def _seconds_on_free_roads(ideal: Layout) -> float:
     stood = {"picker": 0.0, "carrier": 0.0}
-    for name, since in GeneratorHarvest(ideal, free_roads=True).run().stood.items():
+    for name, since in _harvested(ideal, free_roads=True).stood.items():
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
     others = (
         min(ideal.scenario.carrier_count, ideal.queue.places) - 1
@@ -299,11 +312,11 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     )
     own = seconds
     if alone != scenario:
-        own = min(seconds, GeneratorHarvest(lay_out(alone)).run().seconds)
+        own = min(seconds, _harvested(lay_out(alone)).seconds)
     uncharged = own
     if has_batteries:
         endless = with_endless_batteries(lay_out(alone))
-        uncharged = min(own, GeneratorHarvest(endless).run().seconds)
+        uncharged = min(own, _harvested(endless).seconds)
     parts = (
         {"schedule": schedule}
         if proven is None

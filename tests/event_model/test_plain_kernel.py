@@ -1,17 +1,16 @@
 """The machine as plain Python, over arrays that refuse a wrong index."""
 
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from plain_kernel import CheckedArray, kernel_functions, use_plain_python
+from plain_kernel import CheckedArray, run_checked
 from quiet import quiet_layouts
 
 from orchard.event_model import columns as c
 from orchard.event_model import harvest as harvests
 from orchard.event_model.harvest import EventHarvest
-from orchard.event_model.kernel import entry, machine
+from orchard.event_model.plain import PlainMachine
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import Scenario
 
@@ -30,40 +29,44 @@ EVENTFUL: dict[str, Any] = {
 CHANGED = ("robots", "bins", "calls", "timers", "deliveries", "exchanges", "trips")
 
 
-@pytest.fixture
-def in_plain_python() -> Iterator[Callable[[Layout], EventHarvest]]:
-    """Yield what does a harvest in plain Python."""
-
-    def run(layout: Layout) -> EventHarvest:
-        with pytest.MonkeyPatch.context() as patch:
-            use_plain_python(patch)
-            assert not list(kernel_functions(machine))
-            return EventHarvest(layout).run()
-
-    yield run
-    assert vars(harvests)["run"] is entry.run
-
-
 @pytest.mark.parametrize("layout", QUIET, ids=range(len(QUIET)))
-def test_plain_python_does_the_same_and_breaks_no_bounds(
-    layout: Layout, in_plain_python: Callable[[Layout], EventHarvest]
-) -> None:
-    assert_plain_is_compiled(layout, in_plain_python)
+def test_plain_python_does_the_same_and_breaks_no_bounds(layout: Layout) -> None:
+    assert_is_compiled(layout, EventHarvest(layout, carry_on=run_checked))
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_plain_python_does_the_same_where_much_happens(
-    dispatch: str, in_plain_python: Callable[[Layout], EventHarvest]
-) -> None:
+def test_plain_python_does_the_same_where_much_happens(dispatch: str) -> None:
+    layout = eventful(dispatch)
+    assert_is_compiled(layout, EventHarvest(layout, carry_on=run_checked))
+
+
+@pytest.mark.parametrize("layout", QUIET[:4], ids=range(4))
+def test_the_plain_machine_does_the_same(layout: Layout) -> None:
+    assert_is_compiled(layout, EventHarvest(layout, carry_on=PlainMachine()))
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive", "rolling"])
+def test_the_plain_machine_does_the_same_where_much_happens(dispatch: str) -> None:
+    layout = eventful(dispatch)
+    assert_is_compiled(layout, EventHarvest(layout, carry_on=PlainMachine()))
+
+
+def test_the_plain_machine_sees_the_jobs_that_are_translated_later() -> None:
+    """Nothing of the program is translated when it begins, but what waits for no order."""
+    harvests._prepared.cache_clear()
+    layout = eventful("nearest")
+    plain = EventHarvest(layout, free_roads=True, carry_on=PlainMachine()).run()
+    assert plain.delivered == layout.bins
+
+
+def eventful(dispatch: str) -> Layout:
     values = EVENTFUL | {"rows": 6, "pickers": 3, "carriers": 3, "dispatch": dispatch}
-    assert_plain_is_compiled(lay_out(Scenario(**values)), in_plain_python)
+    return lay_out(Scenario(**values))
 
 
-def assert_plain_is_compiled(
-    layout: Layout, in_plain_python: Callable[[Layout], EventHarvest]
-) -> None:
-    """Compare all that a harvest changes."""
-    plain = in_plain_python(layout)
+def assert_is_compiled(layout: Layout, plain: EventHarvest) -> None:
+    """Compare all that a harvest in plain Python changes."""
+    plain.run()
     compiled = EventHarvest(layout).run()
     for name in CHANGED:
         assert_same(name, getattr(plain.model, name), getattr(compiled.model, name))

@@ -6,7 +6,9 @@ import pytest
 
 from orchard.discrete.harvest import get_ready
 from orchard.event_model.kernel import entry
+from orchard.field.layout import lay_out
 from orchard.field.scenario import Scenario
+from orchard.report.bounds import schedule_seconds
 from orchard.sim.kernels import cache
 from orchard.sim.kernels.cache import KernelFiles
 
@@ -40,6 +42,18 @@ def test_compiling_is_said_unless_the_code_is_kept(
 
 def test_nothing_is_compiled_for_harvests_that_generators_do(compiled: list[Any]) -> None:
     get_ready([Scenario(sensors={"odometry": {"distance": 0.02}})])
+    assert compiled == []
+
+
+def test_a_summary_waits_for_no_compiler(
+    compiled: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout = lay_out(Scenario(rows=3, pickers=2, carriers=1))
+    told = schedule_seconds(layout)
+    monkeypatch.setattr(entry, "is_kept", lambda kernel, signature: False)
+    compiled.clear()
+    entry.get_ready.cache_clear()
+    assert schedule_seconds(layout) == told
     assert compiled == []
 
 

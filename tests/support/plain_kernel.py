@@ -4,44 +4,22 @@ Compiled code checks nothing: an index past an array's end reads what lies there
 the array's end. Here both are refused, and so is a value that its column cannot hold.
 """
 
-from collections.abc import Iterator
-from importlib import import_module
-from pkgutil import iter_modules
-from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pytest
 
 from orchard.event_model import columns as c
-from orchard.event_model import harvest as harvests
-from orchard.event_model import kernel
 from orchard.event_model.kernel import machine
+from orchard.event_model.plain import functions
 
-MODULES = [
-    import_module(f"{kernel.__name__}.{module.name}") for module in iter_modules(kernel.__path__)
-]
-
-
-def kernel_functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
-    """Yield the compiled functions that a module uses, by name."""
-    for name, value in list(vars(module).items()):
-        if hasattr(value, "py_func"):
-            yield name, value
+_run = functions(machine.__name__, {})["run"]
 
 
-def use_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let harvests run in plain Python, over checked arrays."""
-    for module in MODULES:
-        for name, function in kernel_functions(module):
-            monkeypatch.setattr(module, name, function.py_func)
-    monkeypatch.setattr(harvests, "run", _run)
-
-
-def _run(model: c.Model, until: int) -> Any:
+def run_checked(model: c.Model, until: int) -> Any:
+    """Carry a harvest on, as the compiled machine does, over checked arrays."""
     arrays = {name: getattr(model, name) for name in c.ARRAYS}
     checked = model._replace(**{name: _checked(array) for name, array in arrays.items()})
-    reason = machine.run(checked, until)
+    reason = _run(checked, until)
     for name, array in arrays.items():
         _write_back(getattr(checked, name), array)
     return reason

@@ -30,6 +30,11 @@ def run(model: Model, until: int) -> int:
     return reason
 
 
+def is_ready() -> bool:
+    """Whether the machine is compiled, in this process or on the disk."""
+    return bool(get_ready.cache_info().currsize) or is_kept(_run, SIGNATURE)
+
+
 @cache
 def get_ready() -> Any:
     """Return the compiled machine. If it must be compiled, which is done once, that is logged.

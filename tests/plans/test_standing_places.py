@@ -2,10 +2,8 @@
 there, and turns are of each other.
 """
 
-from collections.abc import Iterable, Iterator
-from functools import cache
-from itertools import product, zip_longest
-from typing import NamedTuple
+from collections.abc import Iterable
+from itertools import product
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from made_surveys import Row, orchard_of, rows
 from stage import Stage, Standing, empty_orchard
+from walks import Area, outline, train, walks_of
 
 from orchard.behaviour.tractor import EAST_END, WEST_END
 from orchard.field.geometry import EAST, HEADINGS, SOUTH, WEST, angle_between
@@ -22,23 +21,8 @@ from orchard.field.queue import MOST_CARRIERS, ONE_WAY, TWO_WAY, queue_of
 from orchard.field.rows import RULES
 from orchard.field.scenario import NEAREST, Scenario
 from orchard.field.survey import CLOSEST
-from orchard.plans.robot import Step
 from orchard.plans.route import OneWay
-from orchard.plans.routes import route_of
-from orchard.plans.sense import SIDE_MARGIN, STOP_DISTANCE, TURN_MARGIN, Box
-from orchard.plans.steps import (
-    Alone,
-    Confirmed,
-    Deliver,
-    DriveTo,
-    Face,
-    FetchEmpty,
-    Free,
-    LeaveBin,
-    Need,
-    TakeBin,
-    Unload,
-)
+from orchard.plans.sense import SIDE_MARGIN, TURN_MARGIN
 
 COUPLING = OneWay.COUPLING
 D_ROAD = OneWay.D_ROAD
@@ -48,22 +32,6 @@ STOP = OneWay.STOP
 WAITING = OneWay.WAITING
 PITCH = 5.5  # m, at the narrowest rows
 QUARTER = np.pi / 2
-
-
-@cache
-def outline(kind: str, x: float = 0.0) -> np.ndarray:
-    length = KINDS[kind].length / 2
-    width = KINDS[kind].width / 2
-    along = np.arange(-length, length + 0.01, 0.02)
-    across = np.arange(-width, width + 0.01, 0.02)
-    sides = [np.stack([along, np.full(len(along), y)], axis=1) for y in (-width, width)]
-    ends = [np.stack([np.full(len(across), end), across], axis=1) for end in (-length, length)]
-    return np.concatenate([*sides, *ends]) + np.array([x, 0.0])
-
-
-@cache
-def train(kind: str) -> np.ndarray:
-    return np.concatenate([outline(kind), outline("bin", -KINDS[kind].tows)])
 
 
 def swept(shape: np.ndarray, x: float, y: float, start: float, turn: float) -> np.ndarray:
@@ -129,195 +97,6 @@ def test_a_carrier_with_the_full_bin_stays_off_deliveries():
 
 
 LEAST_GAP = 0.01  # m; a float32 of a range is exact to a micrometre
-UNIT = {"EAST": (1, 0), "NORTH": (0, 1), "WEST": (-1, 0), "SOUTH": (0, -1)}
-WAITS = (Need, Alone, Deliver, FetchEmpty, LeaveBin, TakeBin, Unload, Confirmed)
-
-
-class Area(NamedTuple):
-    """An upright rectangle, m: a robot or bin may stand there, or a robot must find it free to
-    drive on.
-    """
-
-    x: float
-    y: float
-    half_x: float
-    half_y: float
-    robot: str
-    picker: str  # a carrier's: for which it works
-    # 2 row while its picker picks a row and leaves the bin, then 2 row + 1; a job for that row has
-    # that number.
-    stage: int
-    heading: str  # of a robot or its bin; '' for a bin that is left
-    places: frozenset[str]  # that the robot holds
-    end: tuple[float, float] = (
-        np.nan,
-        np.nan,
-    )  # of a drive: where the robot turns onto the next road
-    blind_to: tuple[Box, ...] = ()
-
-
-Turn = tuple[
-    Area, np.ndarray, str
-]  # where a robot turns; its outline in its own frame, m; the heading to which it turns
-
-
-class Walk:
-    """A plan, driven without an obstacle: where its robot may stand, and what it must find free."""
-
-    def __init__(
-        self, robot: str, picker: str, x: float, y: float, stage: int = 0, heading: str = "EAST"
-    ) -> None:
-        self.robot = robot
-        self.picker = picker
-        self.x = x
-        self.y = y
-        self.stage = stage
-        self.kind = KINDS["picker" if robot == picker else "carrier"]
-        self.heading = heading
-        self.tows = True
-        self.places = frozenset[str]()
-        self.stands: list[Area] = []
-        self.drives: list[Area] = []
-        self.turns: list[Turn] = []
-        self.stand()
-
-    def stand(self) -> None:
-        self.stands.append(
-            self.area(self.x, self.y, self.kind.length, self.kind.width, self.heading)
-        )
-        if self.tows:
-            self.stands.append(self.bin_behind(self.heading))
-
-    def area(self, x: float, y: float, length: float, width: float, heading: str) -> Area:
-        half = (width / 2, length / 2) if heading in ("NORTH", "SOUTH") else (length / 2, width / 2)
-        return Area(x, y, *half, self.robot, self.picker, self.stage, heading, self.places)
-
-    def outline(self) -> np.ndarray:
-        kind = "picker" if self.robot == self.picker else "carrier"
-        return train(kind) if self.tows else outline(kind)
-
-    def bin_behind(self, heading: str) -> Area:
-        ux, uy = UNIT[self.heading]
-        return self.area(
-            self.x - ux * self.kind.tows, self.y - uy * self.kind.tows, 1.0, 1.0, heading
-        )
-
-    def follow(self, steps: list[Step]) -> None:
-        for step in steps:
-            if isinstance(step, WAITS):
-                self.stand()
-            match step:
-                case DriveTo():
-                    self.drive(step)
-                case Face():
-                    self.turns.append(
-                        (
-                            self.area(self.x, self.y, 0.0, 0.0, self.heading)._replace(
-                                blind_to=tuple(step.blind_to)
-                            ),
-                            self.outline(),
-                            step.heading,
-                        )
-                    )
-                    self.heading = step.heading
-                case Need():
-                    self.places |= set(step.places)
-                case Free():
-                    self.places -= set(step.places)
-                case LeaveBin() | Deliver():
-                    self.tows = False
-                    self.stands.append(self.bin_behind(""))
-                case FetchEmpty():
-                    self.tows = True
-                    self.places = self.places | {step.place}
-                case TakeBin():
-                    self.tows = True
-        self.stand()
-
-    def drive(self, step: DriveTo) -> None:
-        """Drive from gate to gate: before a gate the robot may stand, while it does not hold the
-        places.
-        """
-        ahead = sum(UNIT[self.heading])
-        target = self.along(step)
-        needs = {
-            gate.at: [
-                place for other in step.needs if other.at == gate.at for place in other.places
-            ]
-            for gate in step.needs
-        }
-        gates = [(at, True, places) for at, places in needs.items()] + [
-            (gate.at, False, gate.places) for gate in step.frees
-        ]
-        for at, needed, places in sorted(gates, key=lambda gate: (ahead * gate[0], gate[1])):
-            here = self.y if step.x is None else self.x
-            if ahead * at > ahead * target:
-                break
-            wanted = frozenset(
-                places if needed else ()
-            )  # where it waits for a place, it may as well stand a little earlier
-            self.leg(step, max(here, at) if ahead > 0 else min(here, at), ahead, wanted)
-            if needed:
-                self.stand()
-            self.places = self.places | wanted if needed else self.places - set(places)
-        self.leg(step, target, ahead)
-
-    def along(self, step: DriveTo) -> float:
-        return float(step.y if step.x is None else step.x)
-
-    def leg(
-        self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()
-    ) -> None:
-        here = self.y if step.x is None else self.x
-        length = abs(to - here) + STOP_DISTANCE
-        middle = (here + to + ahead * (STOP_DISTANCE + self.kind.length)) / 2
-        at = (self.x, middle) if step.x is None else (middle, self.y)
-        self.x, self.y = (self.x, to) if step.x is None else (to, self.y)
-        if to != here:
-            area = self.area(*at, length, self.kind.width + 2 * SIDE_MARGIN, self.heading)
-            self.drives.append(
-                area._replace(
-                    places=self.places | wanted, end=(self.x, self.y), blind_to=tuple(step.blind_to)
-                )
-            )
-
-
-def walks_of(layout: Layout) -> Iterator[Walk]:
-    """The work of every picker, a job for every row and from every line of the queue, and the other
-    carriers in the queue.
-    """
-    route = route_of(layout)
-    carriers = range(1, layout.scenario.carrier_count + 1)
-    heads = carriers[:: layout.queue.places]
-    yield from (
-        Walk(
-            f"carrier {number}",
-            "",
-            layout.queue.place(number - 1).x,
-            layout.queue.place(number - 1).y,
-        )
-        for number in carriers
-    )
-    for name, block in layout.blocks.items():
-        start = layout.starts[layout.index[name]].pose
-        walk = Walk(
-            name, name, start.x, start.y, heading="EAST" if block.start == "west" else "WEST"
-        )
-        walk.follow(route.come_in(block))
-        passes = layout.passes(block)
-        for count, (one, after) in enumerate(zip_longest(passes, passes[1:])):
-            row = one.row
-            side = route.sides[one.end]
-            walk.stage = 2 * row
-            walk.follow(route.pick(one, came_over=count > 0 or block.start == "east"))
-            walk.stage = 2 * row + 1
-            walk.follow(route.go_on(one, after))
-            for carrier in heads if row == 1 else [heads[row % len(heads)]]:
-                start = layout.queue.place(carrier - 1)
-                job = Walk(f"carrier for row {row}", name, start.x, start.y, 2 * row + 1)
-                job.follow(route.fetch(carrier, row, side, name, "a bin"))
-                yield job
-        yield walk
 
 
 def may_meet(drive: Area, stand: Area) -> bool:

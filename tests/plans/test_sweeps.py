@@ -1,0 +1,91 @@
+"""The traffic plan at any spacing: what two robots sweep where rows end is apart, or they share a
+place.
+"""
+
+import numpy as np
+import pytest
+from made_surveys import Row, orchard_of
+from stage import empty_orchard
+from sweeps import collisions, in_words
+
+from orchard.field.layout import lay_out
+from orchard.field.queue import ONE_WAY, TWO_WAY
+from orchard.field.rows import RULES
+from orchard.field.scenario import Scenario
+from orchard.field.survey import CLOSEST, FURTHEST, NARROWEST_ROW, TRUNK, WIDEST_ROW
+
+FROM_THE_EAST = "examples.seams.from_the_east.from_the_east"
+# Neighbours that leave their rows at one end, or at both, and bins that fill inside a row.
+CREWS = {
+    "a row each": {"rows": 4, "pickers": 4},
+    "two rows each": {"rows": 6, "pickers": 3},
+    "several bins a row": {"rows": 4, "pickers": 2, "bins_per_row": 1.7},
+}
+NARROWEST = NARROWEST_ROW + TRUNK
+EVERY_5_CM = [
+    round(spacing, 2)
+    for spacing in np.arange(min(NARROWEST, CLOSEST), WIDEST_ROW + TRUNK + 0.001, 0.05)
+]
+# At each of these another pair of sweeps comes apart.
+SOME = [spacing for spacing in EVERY_5_CM if spacing <= 5.5 and round(spacing * 20) % 3 == 1]
+SOME = [EVERY_5_CM[0], *SOME, 5.5, 7.0, 9.35, EVERY_5_CM[-1]]
+
+
+def spaced(spacing: float, route: str, crew: str, rule: str) -> Scenario:
+    """Rows that lie so far apart, drawn if that is allowed, else surveyed."""
+    sizes = dict(CREWS[crew])
+    changes = {"carriers": 9, "route": route, "rows_to_pickers": rule}
+    if spacing >= NARROWEST:
+        width = round(spacing - TRUNK, 2)
+        return empty_orchard(row_width=width, row_length=40.0, **sizes, **changes)
+    rows = [Row(round(spacing * i, 2), 0.0, 40.0) for i in range(sizes.pop("rows"))]
+    return orchard_of(rows, **sizes, **changes)
+
+
+def assert_apart(scenario: Scenario) -> None:
+    pairs = collisions(lay_out(scenario))
+    assert not pairs, in_words(pairs)
+
+
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+@pytest.mark.parametrize("spacing", SOME)
+def test_sweeps_at_some_spacings_are_apart(spacing: float, route: str) -> None:
+    for crew in CREWS:
+        assert_apart(spaced(spacing, route, crew, rule="balanced-ends"))
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+@pytest.mark.parametrize("spacing", EVERY_5_CM)
+def test_soak_sweeps_at_every_spacing_are_apart(spacing: float, route: str) -> None:
+    for crew in CREWS:
+        for rule in (*RULES, FROM_THE_EAST):
+            assert_apart(spaced(spacing, route, crew, rule))
+
+
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+def test_sweeps_at_unequal_rows_are_apart(route: str) -> None:
+    ends = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9), (3.0, 60.0), (0.0, 64.0))
+    gaps = (CLOSEST, FURTHEST, CLOSEST, CLOSEST, 8.4)
+    rows = [
+        Row(round(sum(gaps[:i]), 2), start, round(end - start, 2))
+        for i, (start, end) in enumerate(ends)
+    ]
+    for pickers in (3, 6):
+        for rule in ("balanced-ends", FROM_THE_EAST):
+            crew = {"pickers": pickers, "carriers": 9, "rows_to_pickers": rule}
+            assert_apart(orchard_of(rows, route=route, **crew))
+
+
+def test_two_loops_that_share_no_place_collide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test finds what it looks for: a carrier that stops too far past its lane."""
+    monkeypatch.setattr("orchard.plans.route.OneWay.STOP", 3.2)
+    layout = lay_out(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))
+    assert collisions(layout)
+
+
+def test_a_hold_behind_a_start_is_no_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full bin that asks for the next place on F only where it never is does not have it."""
+    monkeypatch.setattr("orchard.plans.two_way.TwoWay.F_HOLD", 5.9)
+    layout = lay_out(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))
+    assert collisions(layout)

@@ -1,0 +1,284 @@
+"""What robots sweep where rows end: each turn, drive and stand there as boxes, with what says
+whether another robot may be there at the same time.
+
+Two robots may be there together unless they hold a place together, or the order of their work
+keeps one until the other one is gone. Then what they sweep must be apart.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from walks import UNIT, Area, Walk, walks_of
+
+from orchard.field.geometry import HEADINGS, angle_between
+from orchard.field.layout import Layout
+from orchard.plans.robot import Step
+from orchard.plans.steps import Alone, Deliver, DriveTo, Face, FetchEmpty, LeaveBin, TakeBin
+
+# rad between two poses of a turn: between them a corner lies at most 1 mm further out.
+STEP = np.pi / 60
+# m: what is nearer counts as a collision.
+LEAST_GAP = 0.01
+# m further north, spacing changes nothing.
+NORTH = 14.0
+
+
+Road = tuple[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """What a robot, or a bin that is left, covers while it stands, drives or turns."""
+
+    what: str  # 'stand', 'drive', 'turn', or 'bin' of one that is left
+    robot: str
+    picker: str  # for which a carrier works; a picker itself
+    stage: int
+    places: frozenset[str]
+    # Places that it shares with no partner.
+    alone: frozenset[str]
+    # Whether the empty bin is handed over.
+    has_swapped: bool
+    # Whether a carrier has coupled the full bin.
+    has_bin: bool
+    row: int
+    heading: str
+    # The road that a carrier is on, and the one before: its heading, and its coordinate, m.
+    roads: frozenset[Road]
+    line: tuple[float, float]  # x, y where it begins
+    end: tuple[float, float]
+    # (n, 5): x, y, half length, half width (m), yaw (rad).
+    boxes: np.ndarray
+
+    def __str__(self) -> str:
+        at = f"({self.line[0]:.2f}, {self.line[1]:.2f})"
+        to = f"({self.end[0]:.2f}, {self.end[1]:.2f})"
+        held = ", ".join(sorted(self.places)) or "nothing"
+        return f"{self.robot} {self.what} {self.heading} {at} to {to} with {held}"
+
+    @property
+    def is_picker(self) -> bool:
+        return self.robot == self.picker
+
+
+class SweepingWalk(Walk):
+    """A walk that notes what its robot sweeps."""
+
+    def __init__(self, *values: object, **options: object) -> None:
+        self.sweeps: list[Sweep] = []
+        self.alone = frozenset[str]()
+        self.roads: list[Road] = []
+        self.has_swapped = False
+        self.has_bin = False
+        super().__init__(*values, **options)
+
+    def take(self, step: Step) -> None:
+        self.has_bin = self.has_bin or isinstance(step, TakeBin)
+        super().take(step)
+        match step:
+            case Alone():
+                self.alone = frozenset([step.place])
+            case Deliver():
+                self.has_swapped = True
+            case FetchEmpty():
+                self.has_swapped = True
+                self.alone = frozenset()
+            case LeaveBin():
+                self.has_swapped = False
+
+    def note(self, what: str, boxes: np.ndarray, end: tuple[float, float] | None = None) -> None:
+        self.sweeps.append(
+            Sweep(
+                what=what,
+                robot=self.robot,
+                picker=self.picker,
+                stage=self.stage,
+                places=frozenset() if what == "bin" else self.places,
+                alone=self.alone & self.places,
+                has_swapped=self.has_swapped,
+                has_bin=self.has_bin,
+                row=self.row,
+                heading=self.heading,
+                roads=frozenset(self.roads),
+                line=(self.x, self.y),
+                end=end or (self.x, self.y),
+                boxes=boxes,
+            )
+        )
+
+    def bodies(self) -> list[tuple[float, float, float]]:
+        """Metres ahead of the centre, half length and half width of the robot and of its bin."""
+        bodies = [(0.0, self.kind.length / 2, self.kind.width / 2)]
+        if self.tows:
+            bodies.append((-self.kind.tows, 0.5, 0.5))
+        return bodies
+
+    def at_yaw(self, yaw: float) -> list[tuple[float, ...]]:
+        return [
+            (self.x + ahead * np.cos(yaw), self.y + ahead * np.sin(yaw), length, width, yaw)
+            for ahead, length, width in self.bodies()
+        ]
+
+    def stand(self) -> None:
+        super().stand()
+        self.note("stand", np.array(self.at_yaw(HEADINGS[self.heading])))
+
+    def bin_behind(self, heading: str) -> Area:
+        area = super().bin_behind(heading)
+        if not heading and self.robot == self.picker:
+            self.note("bin", np.array([(area.x, area.y, 0.5, 0.5, 0.0)]))
+        return area
+
+    def turn(self, step: Face) -> None:
+        super().turn(step)
+        start = HEADINGS[self.heading]
+        turn = angle_between(start, HEADINGS[step.heading])
+        count = max(1, round(abs(turn) / STEP))
+        poses = [self.at_yaw(start + turn * i / count) for i in range(count + 1)]
+        self.note("turn", np.array([box for pose in poses for box in pose]))
+
+    def leg(
+        self, step: DriveTo, to: float, ahead: int, wanted: frozenset[str] = frozenset()
+    ) -> None:
+        x, y = (self.x, to) if step.x is None else (to, self.y)
+        ux, uy = UNIT[self.heading]
+        yaw = HEADINGS[self.heading]
+        length = abs(x - self.x) + abs(y - self.y)
+        boxes = []
+        for before, half_length, half_width in self.bodies():
+            middle = before + length / 2
+            boxes.append(
+                (
+                    self.x + ux * middle,
+                    self.y + uy * middle,
+                    half_length + length / 2,
+                    half_width,
+                    yaw,
+                )
+            )
+        road = (self.heading, round(y if step.x is not None else x, 6))
+        if length and not step.blind_to and road not in self.roads:
+            self.roads = [*self.roads[-1:], road]
+        self.note("drive", np.array(boxes), (x, y))
+        if step.blind_to:
+            self.roads = []
+        super().leg(step, to, ahead, wanted)
+
+
+def sweeps_at_rows(layout: Layout) -> list[Sweep]:
+    """What is swept near the rows, each thing once."""
+    found = {}
+    for walk in walks_of(layout, SweepingWalk):
+        assert isinstance(walk, SweepingWalk)
+        for sweep in walk.sweeps:
+            if (sweep.boxes[:, 1] - sweep.boxes[:, 2]).min() < NORTH:
+                key = (sweep.what, sweep.robot, sweep.stage, sweep.places, sweep.alone)
+                found[(*key, sweep.has_swapped, sweep.has_bin, sweep.boxes.tobytes())] = sweep
+    return list(found.values())
+
+
+def collisions(layout: Layout) -> list[tuple[Sweep, Sweep]]:
+    """The pairs that may be there at the same time, and are not apart."""
+    sweeps = sweeps_at_rows(layout)
+    reach = np.array([_bounds(sweep.boxes) for sweep in sweeps])
+    return [
+        (sweeps[i], sweeps[j])
+        for i, j in _near(reach)
+        if may_be_together(sweeps[i], sweeps[j]) and not are_apart(sweeps[i].boxes, sweeps[j].boxes)
+    ]
+
+
+def _near(reach: np.ndarray) -> Iterator[tuple[int, int]]:
+    """The pairs, i before j, whose bounds meet. `reach`: (n, 4), least and greatest x and y."""
+    for i in range(len(reach)):
+        rest = reach[i + 1 :]
+        meet = (
+            (rest[:, 0] < reach[i, 1] + LEAST_GAP)
+            & (rest[:, 1] > reach[i, 0] - LEAST_GAP)
+            & (rest[:, 2] < reach[i, 3] + LEAST_GAP)
+            & (rest[:, 3] > reach[i, 2] - LEAST_GAP)
+        )
+        for j in np.flatnonzero(meet):
+            yield i, i + 1 + int(j)
+
+
+def _bounds(boxes: np.ndarray) -> tuple[float, float, float, float]:
+    c, s = np.abs(np.cos(boxes[:, 4])), np.abs(np.sin(boxes[:, 4]))
+    half_x = c * boxes[:, 2] + s * boxes[:, 3]
+    half_y = s * boxes[:, 2] + c * boxes[:, 3]
+    x, y = boxes[:, 0], boxes[:, 1]
+    return (x - half_x).min(), (x + half_x).max(), (y - half_y).min(), (y + half_y).max()
+
+
+def are_apart(some: np.ndarray, others: np.ndarray) -> bool:
+    """Whether each box is further than LEAST_GAP from each other one, along a side of one."""
+    apart = np.zeros((len(some), len(others)), bool)
+    dx = others[None, :, 0] - some[:, None, 0]
+    dy = others[None, :, 1] - some[:, None, 1]
+    turn = others[None, :, 4] - some[:, None, 4]
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    for own, other, yaw in (
+        (some[:, None], others[None, :], some[:, None, 4]),
+        (others[None, :], some[:, None], others[None, :, 4]),
+    ):
+        along = np.abs(np.cos(yaw) * dx + np.sin(yaw) * dy)
+        across = np.abs(np.cos(yaw) * dy - np.sin(yaw) * dx)
+        length = own[..., 2] + c * other[..., 2] + s * other[..., 3]
+        width = own[..., 3] + s * other[..., 2] + c * other[..., 3]
+        apart |= (along > length + LEAST_GAP) | (across > width + LEAST_GAP)
+    return bool(apart.all())
+
+
+def may_be_together(one: Sweep, other: Sweep) -> bool:
+    if one.robot == other.robot and "bin" not in (one.what, other.what):
+        return False
+    if one.what == other.what == "bin" or _follow(one, other):
+        return False
+    if one.picker != other.picker:
+        return not one.places & other.places
+    if one.is_picker and other.is_picker:
+        return _meets_own_bin(one, other)
+    if not one.is_picker and not other.is_picker:
+        return not one.places & other.places
+    picker, job = (one, other) if one.is_picker else (other, one)
+    if picker.what == "bin":
+        return not job.has_bin and picker.stage == job.stage - 1
+    is_back = picker.stage > job.stage and picker.row == job.row and picker.stage % 2 == 0
+    if picker.stage < job.stage or is_back or not _is_in_time(picker, job):
+        return False
+    shared = picker.places & job.places
+    return not (shared & picker.alone or shared - _shareable(picker, job))
+
+
+def _meets_own_bin(one: Sweep, other: Sweep) -> bool:
+    """Whether a picker may meet a bin that it left: not in its row, which it finds without it."""
+    left, moving = (one, other) if one.what == "bin" else (other, one)
+    if left.what != "bin" or moving.what == "bin":
+        return False
+    return moving.stage > left.stage + 1 and moving.row != left.row
+
+
+def _is_in_time(picker: Sweep, job: Sweep) -> bool:
+    """Whether a picker and the carrier that works for it can be so far at the same time."""
+    if picker.stage > job.stage or picker.has_swapped:
+        return job.has_swapped
+    return not job.has_swapped
+
+
+def _shareable(picker: Sweep, job: Sweep) -> frozenset[str]:
+    """The place on D that a picker and its carrier have together, after they swapped."""
+    if picker.stage != job.stage or not (picker.has_swapped and job.has_swapped):
+        return frozenset()
+    return frozenset(place for place in picker.places if "/D/" in place)
+
+
+def _follow(behind: Sweep, ahead: Sweep) -> bool:
+    """Whether lasers keep a carrier behind another one: on one line, or round the next corner."""
+    if behind.is_picker or ahead.is_picker or "bin" in (behind.what, ahead.what):
+        return False
+    return not behind.roads.isdisjoint(ahead.roads)
+
+
+def in_words(pairs: Sequence[tuple[Sweep, Sweep]], most: int = 12) -> str:
+    return "\n".join(f"{one} | {other}" for one, other in pairs[:most])

@@ -220,6 +220,8 @@ class EventHarvest:
         self.model = prepared.model._replace(**own, **self._program_arrays())
         # The tick up to which `run` has carried it on.
         self._until = 0
+        # The bins that were delivered before it began, if it goes on from a run.
+        self.delivered_before = 0
         # The time at which the exchanges were last read, and these.
         self._exchanged: tuple[int, dict[str, list[Exchange]]] = (c.NONE, {})
         self._stops: PolicyStops | None = None
@@ -228,6 +230,16 @@ class EventHarvest:
             if policy.is_early:
                 self.model.desk.policy = c.IN_PYTHON_EARLY
             self._stops = PolicyStops(policy, self.model, self.names, self.bin_names)
+
+    def goes_on_from(self, tick: int) -> None:
+        """Note that the state of a run at a tick was filled in."""
+        self._until = tick
+        self.delivered_before = self.delivered
+
+    @property
+    def asked_policy(self) -> AskedPolicy | None:
+        """The policy in Python that is asked; None if it is compiled."""
+        return None if self._stops is None else self._stops.asked
 
     @property
     def model(self) -> c.Model:
@@ -333,8 +345,9 @@ class EventHarvest:
 
     @property
     def deliveries(self) -> list[float]:
-        """When each bin was unloaded, s."""
-        return [float(tick) * TIME_STEP for tick in self.model.deliveries[: self.delivered]]
+        """When each bin was unloaded, s; of a harvest that goes on from a run, since then."""
+        ticks = self.model.deliveries[self.delivered_before : self.delivered]
+        return [float(tick) * TIME_STEP for tick in ticks]
 
     @property
     def is_over(self) -> bool:

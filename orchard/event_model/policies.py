@@ -57,7 +57,7 @@ class PolicyStops:
         self, asked: AskedPolicy, model: c.Model, names: list[str], bin_names: list[str]
     ) -> None:
         """`names`, `bin_names`: of robots and bins, in the order of their numbers."""
-        self._asked = asked
+        self.asked = asked
         self._names = names
         self._bin_names = bin_names
         self._carriers = []
@@ -78,7 +78,7 @@ class PolicyStops:
         now = int(self._desk["now"][0]) // c.QUARTERS
         bins = self._bins()
         carriers = self._carrier_reports()
-        orders = self._asked.orders(
+        orders = self.asked.orders(
             now, [report for _, report in bins], [report for _, report in carriers]
         )
         pickers = {report.name: picker for picker, report in bins}

@@ -105,6 +105,9 @@ class Program:
         self.passes = Table(c.PASS)
         # Of each op the step, for a trace; None at the end of a plan.
         self.steps: list[Step | None] = []
+        # The first op of a plan -> of each of its steps the op at which it, or what follows it,
+        # begins, and last the op that ends the plan.
+        self.begins: dict[int, list[int]] = {}
         self.place_numbers: dict[str, int] = {}
         self.most_places = PLACES_PER_LANE * lanes + BESIDE_LANES
         self.most_lines = LINES_PER_LANE * lanes + BESIDE_LANES
@@ -112,7 +115,7 @@ class Program:
         self._list_numbers: dict[tuple[str, ...], int] = {}
         self._line_numbers: dict[tuple[int, float, int], int] = {}
         self._lists = np.zeros((64, self.words), np.uint64)
-        self._list_number([])
+        self.list_number([])
         queue = layout.queue
         self.queue_lines = [y for y in queue.used(layout.queue_places)]
         self.jobs = np.full((len(self.queue_lines), 2 * lanes), c.NONE)
@@ -225,16 +228,18 @@ class Program:
 
     def _translate(self, writer: _Writer) -> int:
         first = len(self.ops)
+        begins = self.begins[first] = []
         # Each look-up of a method with many forms costs as much as a short step.
         write = self._write
         for number, step in enumerate(writer.steps):
+            begins.append(len(self.ops))
             writer.number = number
             write(step, writer)
             writer.pose, _ = step.motion(writer.pose)
+        begins.append(len(self.ops))
         self._append(None, c.END)
         for decides, steps, pose in writer.otherwise:
-            begins = self._translate(_Writer(steps, pose))
-            self.ops.array[decides].arg = begins
+            self.ops.array[decides].arg = self._translate(_Writer(steps, pose))
         return first
 
     # -- steps
@@ -310,19 +315,19 @@ class Program:
 
     @_write.register
     def _(self, step: st.Need, writer: _Writer) -> None:
-        self._append(step, c.NEED, ticks=step.ticks, places=self._list_number(step.places))
+        self._append(step, c.NEED, ticks=step.ticks, places=self.list_number(step.places))
 
     @_write.register
     def _(self, step: st.Free, writer: _Writer) -> None:
-        self._append(step, c.FREE, places=self._list_number(step.places))
+        self._append(step, c.FREE, places=self.list_number(step.places))
 
     @_write.register
     def _(self, step: st.Alone, writer: _Writer) -> None:
-        self._append(step, c.ALONE_IN, places=self._list_number([step.place]))
+        self._append(step, c.ALONE_IN, places=self.list_number([step.place]))
 
     @_write.register
     def _(self, step: st.FetchEmpty, writer: _Writer) -> None:
-        places = self._list_number([step.place])
+        places = self.list_number([step.place])
         self._append(step, c.FETCH_EMPTY, ticks=step.ticks, handles=step.handles, places=places)
 
     @_write.register
@@ -418,10 +423,10 @@ class Program:
         self.steps.append(step)
 
     def _append_gate(self, gates: Table, gate: Gate, sign: int) -> None:
-        places = self._list_number(gate.places)
+        places = self.list_number(gate.places)
         gates.append(at=sign * gate.at, places=places, after_bin=gate.bin != "")
 
-    def _list_number(self, places: Iterable[str]) -> int:
+    def list_number(self, places: Iterable[str]) -> int:
         """Return the number of a list of places. The list 0 is empty."""
         key = tuple(sorted(set(places)))
         number = self._list_numbers.get(key)

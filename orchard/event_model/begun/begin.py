@@ -1,0 +1,61 @@
+"""Begin a harvest of the event model where a run is."""
+
+from orchard.event_model import columns as c
+from orchard.event_model.begun.calls import CallsOfBins
+from orchard.event_model.begun.claims import Claims
+from orchard.event_model.begun.lines import LinesOfRobots
+from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.begun.places import PlacesOfRobots
+from orchard.event_model.begun.robots import Doing, NotInPlanError, Robots
+from orchard.event_model.harvest import EventHarvest
+
+
+def begin_at(moment: RunMoment) -> EventHarvest:
+    """Return a harvest that goes on from a moment of a run. Its ticks are those of the run.
+
+    Raises NotImplementedError for what the event model does not know; NotInPlanError, which is one,
+    for a robot that was pushed, or stands because of an emergency stop.
+    """
+    world = moment.world
+    layout = world.layout
+    if world.is_any_stopped:
+        raise NotInPlanError("an emergency stop holds a robot")
+    battery = layout.scenario.carrying.battery
+    if battery.hours:
+        raise NotImplementedError("the event model does not go on with batteries that are in use")
+    harvest = EventHarvest(layout)
+    if moment.tick == 0:
+        return harvest
+    claims = Claims(moment)
+    robots = Robots(moment, harvest, claims)
+    doing = robots.all()
+    lines = LinesOfRobots(harvest, robots.ops)
+    on_lines = [lines.place(me) for me in doing]
+    places = PlacesOfRobots(harvest, robots.ops, claims, moment.tick)
+    for me in doing:
+        places.take_over(me)
+    calls = CallsOfBins(moment, harvest, robots.ops, doing)
+    calls.take_over()
+    for me in doing:
+        _write(harvest, me, moment.tick)
+    lines.line_up(on_lines)
+    calls.take_over_desk()
+    harvest.goes_on_from(moment.tick)
+    return harvest
+
+
+def _write(harvest: EventHarvest, me: Doing, tick: int) -> None:
+    """Write the columns of a robot, and when it goes on."""
+    robot = harvest.model.robots[me.number]
+    robot.x = me.pose.x
+    robot.y = me.pose.y
+    robot.op = me.op
+    robot.state = me.state
+    robot.bin = me.bin
+    robot.counted = tick
+    robot.next_op = c.NONE
+    for column, value in me.more.items():
+        robot[column] = value
+    robot.meeting = me.here + robot.clear
+    alarm = c.NEVER if me.alarm is None else c.QUARTERS * me.alarm
+    harvest.model.timers[c.WAKE, me.number] = alarm

@@ -1,0 +1,320 @@
+"""Calls at a moment: which bins call, which carriers come, and what the dispatcher is about to
+do.
+"""
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from orchard.behaviour.bin import CALL_AGAIN, BinMemory
+from orchard.behaviour.dispatcher import POLL_TICKS, Booking, DispatcherMemory
+from orchard.contract.messages import CarrierStatus, Here, Offer, unpack
+from orchard.dispatch.policies import dispatch_of
+from orchard.event_model import columns as c
+from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.begun.robots import Doing, Ops
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.kernel.calls import HEARD, ORDERED
+from orchard.event_model.kernel.handling import MAIL
+from orchard.field.kinds import DISPATCH
+from orchard.field.scenario import TIME_STEP
+from orchard.sim.world import NONE
+
+EARLY = (c.PREDICTIVE, c.PREDICTIVE_FARTHEST, c.IN_PYTHON_EARLY)
+
+
+class CallsOfBins:
+    """Takes over what bins, carriers and the dispatcher know of calls."""
+
+    def __init__(
+        self, moment: RunMoment, harvest: EventHarvest, ops: Ops, robots: list[Doing]
+    ) -> None:
+        self._moment = moment
+        self._tick = moment.tick
+        self._harvest = harvest
+        self._model = harvest.model
+        self._passes = harvest.program.passes.array
+        self._ops = ops
+        self._robots = robots
+        self._numbers = {me.name: me for me in robots}
+        self._bins = {name: number for number, name in enumerate(harvest.bin_names)}
+        self._coupled = moment.world.coupled.tolist()
+        self._full = moment.world.full.tolist()
+        self._index = moment.world.layout.index
+        policy = int(harvest.model.desk[0].policy)
+        self._is_early = policy in EARLY
+        self._has_dispatcher = policy != c.BY_CALLS
+        self._dispatcher: DispatcherMemory = moment.memories.get(DISPATCH) or DispatcherMemory()
+        self._bookings = self._dispatcher.bookings
+
+    def take_over(self) -> None:
+        """Set the calls of all bins, and when the next ones are heard."""
+        for me in self._robots:
+            if "offered" in me.more:
+                self._take_over_call(me)
+            elif "asked" in me.more:
+                self._hand_over(me)
+        if self._has_dispatcher:
+            self._take_over_policy()
+        else:
+            self._take_over_offers()
+
+    def take_over_desk(self) -> None:
+        """Set what the dispatcher does next. The columns of robots must have been written."""
+        desk = self._model.desk[0]
+        desk.now = c.QUARTERS * (self._tick - 1) + 1
+        desk.deliveries = self._moment.world.delivered
+        if self._has_dispatcher:
+            self._go_on_dispatching(desk)
+
+    # -- bins that are handed over
+
+    def _hand_over(self, carrier: Doing) -> None:
+        """Let the picker of a carrier that has left its empty bin know, or take, that bin."""
+        name = carrier.memory.delivered
+        picker = self._robots[carrier.more["customer"]]
+        picker.more["bringer"] = carrier.number
+        has_taken = picker.memory.taken == name
+        self._model.bins[self._bins[name]].taken = self._tick - 1 if has_taken else c.NEVER
+        requests = self._moment.requests(carrier.name)
+        if any(isinstance(request, Here) for request in requests):
+            brought = c.QUARTERS * (self._tick - 1) + MAIL
+            self._model.timers[c.BROUGHT, picker.number] = brought
+
+    # -- calls
+
+    def _take_over_call(self, picker: Doing) -> None:
+        """Set the call of the bin that a picker fills, or has left."""
+        if picker.bin == c.NONE or picker.kind == c.FETCH_EMPTY:
+            self._call_of_left_bin(picker)
+        elif self._is_early:
+            self._call_of_filling_bin(picker)
+
+    def _call_of_left_bin(self, picker: Doing) -> None:
+        """Set the call of a full bin that stands in its lane."""
+        number = picker.more["full_bin"]
+        left = self._last_op(picker, c.LEAVE_BIN)
+        if number == c.NONE or left is None:
+            return
+        name = self._harvest.bin_names[number]
+        body = self._index[name]
+        if self._coupled[body] == NONE and self._full[body]:
+            self._model.bins[number].is_left = True
+            self._model.bins[number].left_at = self._tick - 1
+        memory = self._begin_call(picker, number, self._passes[self._ops.arg[left]])
+        if memory.since < 0:
+            return
+        call = self._model.calls[picker.number]
+        call.full = memory.since
+        self._go_on_calling(picker, name, memory)
+
+    def _call_of_filling_bin(self, picker: Doing) -> None:
+        """Set the call of a bin that its picker fills."""
+        begun = self._last_op(picker, c.BEGIN_ROW)
+        if begun is None:
+            return
+        drive = self._passes[self._ops.arg[begun]]
+        memory = self._begin_call(picker, picker.bin, drive)
+        call = self._model.calls[picker.number]
+        call.full = self._full_at(picker, begun, drive)
+        is_repaired = picker.state == c.REPAIRED
+        if is_repaired and self._picks(picker):
+            call.failed = self._tick
+        calls_at = ceil(call.full - self._model.desk[0].horizon / TIME_STEP)
+        has_asked_lately = self._tick - memory.asked <= CALL_AGAIN
+        if memory.since < 0 or not (memory.carrier or has_asked_lately):
+            # It has not called yet, or no longer: it thought that its picker would be faster.
+            call.is_reported = False
+            call.since = max(self._tick, calls_at)
+            self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
+        else:
+            self._go_on_calling(picker, self._harvest.bin_names[picker.bin], memory)
+
+    def _begin_call(self, picker: Doing, number: int, drive: Any) -> BinMemory:
+        """Set the call of a bin that is left after a pass. Return the bin's memory."""
+        memory = self._moment.memories.get(self._harvest.bin_names[number]) or BinMemory()
+        call = self._model.calls[picker.number]
+        call.bin = number
+        call.end = drive.end
+        call.failed = c.NONE
+        call.is_reported = memory.since >= 0
+        call.since = memory.since
+        return memory
+
+    def _last_op(self, picker: Doing, kind: int) -> int | None:
+        """Return a picker's last op of a kind since it got its present bin; None if there is
+        none.
+        """
+        for op in range(picker.op - 1, picker.first - 1, -1):
+            found = int(self._ops.kind[op])
+            if found == kind:
+                return op
+            if found == c.FETCH_EMPTY:
+                return None
+        return None
+
+    def _picks(self, picker: Doing) -> bool:
+        """Whether a picker is on a drive on which it picks."""
+        return picker.kind == c.DRIVE and self._ops.speed[picker.op] == 0.0
+
+    def _full_at(self, picker: Doing, begun: int, drive: Any) -> float:
+        """Return the tick at which a bin is full whose picker has begun a row: as
+        `kernel.calls.see_row`.
+        """
+        elapsed = 0.0
+        for op in range(begun, picker.op):
+            elapsed += float(self._ops.ticks[op])
+            if int(self._ops.kind[op]) == c.DRIVE:
+                elapsed += float(self._ops.metres[op]) / self._speed(op) / TIME_STEP
+        if picker.kind == c.DRIVE:
+            ahead = float(self._ops.target[picker.op]) - picker.here
+            driven = float(self._ops.metres[picker.op]) - ahead
+            elapsed += driven / self._speed(picker.op) / TIME_STEP
+        elapsed += picker.turned
+        speed = float(self._model.speeds[drive.row])
+        if self._ops.metres[begun] > 0.0:
+            speed = float(self._model.desk[0].mean_speed)
+        seconds = float(drive.metres) / speed + float(self._ops.seconds[begun])
+        return self._tick - elapsed + seconds / TIME_STEP
+
+    def _speed(self, op: int) -> float:
+        """Return the speed of a drive, m/s."""
+        return float(self._ops.speed[op]) or float(self._model.speeds[self._ops.arg[op]])
+
+    def _go_on_calling(self, picker: Doing, name: str, memory: BinMemory) -> None:
+        """Set when a bin that calls is heard next, and which carrier comes."""
+        if memory.carrier and memory.coming:
+            return
+        if self._has_dispatcher:
+            self._go_on_reporting(picker, name, memory)
+        else:
+            self._go_on_asking_all(picker, name, memory)
+
+    # -- calls that ask all carriers
+
+    def _go_on_asking_all(self, picker: Doing, name: str, memory: BinMemory) -> None:
+        """Set when all carriers hear a bin, or the one that it has chosen."""
+        timers = self._model.timers
+        self._model.bins[self._bins[name]].since = memory.since
+        call = self._model.calls[picker.number]
+        chosen = memory.carrier or self._chosen(name, memory)
+        if chosen:
+            call.carrier = self._numbers[chosen].number
+            # It is sent for two ticks after the call was heard, and hears that a tick later.
+            sent = memory.asked if memory.carrier else self._tick
+            timers[c.COME, picker.number] = c.QUARTERS * max(self._tick, sent + ORDERED)
+        elif memory.asked == self._tick - 1:
+            timers[c.CALL_HEARD, picker.number] = c.QUARTERS * self._tick
+        else:
+            again = memory.asked + CALL_AGAIN + 1
+            timers[c.CALL_HEARD, picker.number] = c.QUARTERS * again
+
+    def _chosen(self, name: str, memory: BinMemory) -> str:
+        """Return the carrier that a bin chooses at the next tick; '' if it hears no offer."""
+        offers = []
+        for sender, answer in self._moment.answers(name):
+            if isinstance(answer, Offer):
+                offers.append((round(answer.distance, 3), sender))
+        return min(offers)[1] if offers else ""
+
+    def _take_over_offers(self) -> None:
+        """Set which calls carriers have heard, and which offers they have made."""
+        for me in self._robots:
+            for name, heard in getattr(me.memory, "calls", {}).items():
+                bin_ = self._model.bins[self._bins[name]]
+                bin_.since = heard.since
+                bin_.called = max(int(bin_.called), heard.tick)
+                self._model.offers[me.number, self._bins[name]] = min(c.NEVER, heard.offered)
+
+    # -- the dispatcher
+
+    def _go_on_reporting(self, picker: Doing, name: str, memory: BinMemory) -> None:
+        """Set what the dispatcher knows of a bin, and when its carrier hears that it was sent."""
+        call = self._model.calls[picker.number]
+        call.is_open = True
+        booking = self._bookings.get(name)
+        if memory.carrier:
+            # It was sent for, and hears that a tick later.
+            self._order(picker, memory.carrier, memory.asked + ORDERED)
+        elif booking is None or self._is_over(name, booking):
+            return
+        elif booking.is_answered:
+            self._order(picker, booking.carrier, booking.told + HEARD)
+        else:
+            is_on_its_way = memory.asked == self._tick - 1
+            asks = memory.asked if is_on_its_way else memory.asked + CALL_AGAIN
+            self._order(picker, booking.carrier, asks + HEARD + ORDERED)
+
+    def _is_over(self, name: str, booking: Booking) -> bool:
+        """Whether a carrier that was booked for a bin has come, and the bin calls anew."""
+        return booking.is_answered and booking.told + HEARD < self._tick
+
+    def _order(self, picker: Doing, carrier: str, tick: int) -> None:
+        """Let a carrier hear at a tick that it was sent."""
+        call = self._model.calls[picker.number]
+        me = self._numbers[carrier]
+        job = me.memory.job
+        if job is not None and job.bin == self._harvest.bin_names[int(call.bin)]:
+            # It has heard, and its bin will hear of that.
+            call.is_open = False
+            return
+        call.is_booked = True
+        call.carrier = me.number
+        me.more["is_booked"] = True
+        self._model.timers[c.ORDER, picker.number] = c.QUARTERS * max(self._tick, tick)
+
+    def _take_over_policy(self) -> None:
+        """Set what the policy remembers."""
+        for booking in self._bookings.values():
+            if booking.is_answered:
+                self._numbers[booking.carrier].more["sent"] = booking.told - ORDERED
+        if not self._dispatcher.policy:
+            return
+        policy = dispatch_of(self._moment.world.layout)
+        memory = unpack(self._dispatcher.policy, policy.Memory)
+        if self._harvest.asked_policy is not None:
+            self._harvest.asked_policy.memory = memory
+            return
+        for name, tick in getattr(memory, "full", {}).items():
+            self._model.bins[self._bins[name]].full = tick
+
+    def _go_on_dispatching(self, desk: Any) -> None:
+        """Set whether the dispatcher asks, decides, or rests."""
+        asked = self._dispatcher.asked
+        desk.asked = asked
+        if asked == self._tick - 1:
+            desk.state = c.ABOUT_TO_ASK
+            self._decide_at(self._tick)
+        elif asked == self._tick - 2:
+            desk.state = c.ABOUT_TO_DECIDE
+            self._decide_at(self._tick)
+            for sender, answer in self._moment.answers(DISPATCH):
+                if isinstance(answer, CarrierStatus):
+                    self._hear_status(self._numbers[sender], answer)
+        else:
+            self._wake_dispatcher(desk)
+
+    def _decide_at(self, tick: int) -> None:
+        """Let the dispatcher hear the carriers, or decide, at a tick."""
+        self._model.timers[c.DISPATCH, 0] = c.QUARTERS * tick
+
+    def _hear_status(self, carrier: Doing, status: CarrierStatus) -> None:
+        """Set what a carrier has answered to the dispatcher."""
+        me = self._model.robots[carrier.number]
+        me.is_ready = status.is_next and not me.is_booked
+        if self._harvest.asked_policy is None:
+            me.answer = int(1000.0 * status.metres + 0.5)
+        else:
+            me.answer = status.metres
+            me.is_told = not me.is_booked
+            me.told_job = self._bins.get(status.job, c.NONE)
+
+    def _wake_dispatcher(self, desk: Any) -> None:
+        """Let the dispatcher ask the carriers, if bins wait: as `kernel.calls.wake_dispatcher`."""
+        calls = self._model.calls.view(np.ndarray)
+        waiting = calls["since"][calls["is_open"] & ~calls["is_booked"]]
+        if waiting.size:
+            desk.asked = max(self._tick, int(waiting.min()) + 1, int(desk.asked) + POLL_TICKS)
+            desk.state = c.ABOUT_TO_ASK
+            self._decide_at(int(desk.asked) + 1)

@@ -1,0 +1,193 @@
+"""Who follows whom at a moment: on which lines robots are, and in which order.
+
+A robot's last ops tell on which line it is: it enters the line of a drive once it has driven so far
+that its bin has left the line before.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchard.event_model import columns as c
+from orchard.event_model.begun.robots import Doing, Ops
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.kernel import roads
+from orchard.event_model.kernel.compiled import in_python
+from orchard.event_model.kernel.drives import NEAR
+from orchard.event_model.kernel.roads import BESIDE, CLEAR
+from orchard.event_model.program import Program
+from orchard.plans import steps as st
+
+# After such an op a robot has no bin on its bar, or has one.
+DROPS = (c.DELIVER, c.LEAVE_BIN)
+TAKES = (c.TAKE_BIN, c.FETCH_EMPTY)
+# Ops before the present one that are looked at: between two of them is a drive that is long enough.
+LOOKED_BACK = 40
+
+
+@dataclass
+class OnLine:
+    """A robot on a line, as others that drive there see it."""
+
+    # NONE: it is on no line.
+    line: int = c.NONE
+    # Along the line, m: where it is, and up to where it drives.
+    at: float = 0.0
+    end: float = 0.0
+    # Whether its bin stands across the line, or has left it.
+    is_across: bool = False
+
+
+class LinesOfRobots:
+    """Finds on which lines robots are, and puts them there in their order."""
+
+    def __init__(self, harvest: EventHarvest, ops: Ops) -> None:
+        self._harvest = harvest
+        self._program: Program = harvest.program
+        self._ops = ops
+        table = self._program.lines
+        lines = table.array.view(np.ndarray)
+        self._axis = lines["axis"]
+        self._other = lines["other"]
+        self._sign = lines["sign"]
+
+    def place(self, me: Doing) -> OnLine:
+        """Return where a robot is on its line. Set what remains of its drive, if it drives."""
+        on_line = OnLine(line=self._first_line(me))
+        has_bin = True
+        for op in range(max(me.first, me.op - LOOKED_BACK), me.op):
+            kind = int(self._ops.kind[op])
+            if kind in DROPS:
+                has_bin = False
+            elif kind in TAKES:
+                has_bin = True
+            elif kind == c.DRIVE:
+                self._arrive(on_line, op, float(self._ops.target[op]))
+            elif kind == c.TURN:
+                self._swing(on_line, me, has_bin)
+        if me.kind == c.TURN:
+            self._go_on_turning(on_line, me)
+        elif me.kind == c.DRIVE and me.state != c.IDLE:
+            self._go_on_driving(on_line, me)
+        return on_line
+
+    def _first_line(self, me: Doing) -> int:
+        """Return the line on which a robot is when its plan begins: a carrier with a job waits in
+        its line of the queue.
+        """
+        waiting = self._program.waiting
+        if "customer" not in me.more or me.op - LOOKED_BACK > me.first:
+            return c.NONE
+        return int(self._ops.line[waiting[me.more["queue_line"]]])
+
+    # -- what was before
+
+    def _left_at(self, on_line: OnLine, op: int, begun: float) -> float:
+        """Return where a robot that began a drive had left the line before it, along the drive."""
+        line = int(self._ops.line[op])
+        if on_line.line == c.NONE or self._axis[on_line.line] == self._axis[line]:
+            return begun
+        return min(begun, float(self._sign[line] * self._other[on_line.line]))
+
+    def _arrive(self, on_line: OnLine, op: int, at: float) -> bool:
+        """Be on the line of a drive at a place, if it is far enough. Return whether it is."""
+        line = int(self._ops.line[op])
+        begun = float(self._ops.target[op] - self._ops.metres[op])
+        driven = at - self._left_at(on_line, op, begun)
+        if on_line.line not in (c.NONE, line) and driven < CLEAR - NEAR:
+            return False
+        if on_line.line != line:
+            on_line.is_across = False
+        on_line.line = line
+        on_line.at = at
+        on_line.end = at
+        return True
+
+    def _swing(self, on_line: OnLine, me: Doing, has_bin: bool) -> None:
+        """Swing the bin across the line, or leave that."""
+        if has_bin and not on_line.is_across:
+            on_line.is_across = True
+        elif on_line.is_across and self._is_beside(on_line, me):
+            on_line.line = c.NONE
+
+    def _is_beside(self, on_line: OnLine, me: Doing) -> bool:
+        """Whether a robot is clear of the line on which it was."""
+        if on_line.line == c.NONE:
+            return False
+        across = me.pose.y if self._axis[on_line.line] == 0 else me.pose.x
+        return abs(across - float(self._other[on_line.line])) > BESIDE
+
+    # -- what goes on
+
+    def _go_on_turning(self, on_line: OnLine, me: Doing) -> None:
+        """Set what remains until the bin, or the robot, is out of the way of those behind."""
+        swings = int(self._ops.swings[me.op])
+        if me.turned >= swings:
+            self._swing(on_line, me, me.bin != c.NONE)
+        elif me.bin != c.NONE and not on_line.is_across:
+            me.state = c.SWINGING_BIN
+            me.alarm = self._until_swung(me, swings)
+        elif on_line.is_across and self._is_beside(on_line, me):
+            me.state = c.SWINGING_OFF
+            me.alarm = self._until_swung(me, swings)
+
+    def _until_swung(self, me: Doing, swings: int) -> int:
+        """Return the tick at which a robot has turned for so many ticks."""
+        assert me.alarm is not None
+        return me.alarm - (int(self._ops.ticks[me.op]) - swings)
+
+    def _go_on_driving(self, on_line: OnLine, me: Doing) -> None:
+        """Set where a robot is on its drive, and up to where it drives."""
+        ops = self._ops
+        line = int(ops.line[me.op])
+        sign = float(self._sign[line])
+        target = float(ops.target[me.op])
+        me.here = sign * (me.pose.x if self._axis[line] == 0 else me.pose.y)
+        begun = target - float(ops.metres[me.op])
+        me.more["here"] = me.here
+        me.more["left_at"] = self._left_at(on_line, me.op, begun)
+        me.more["stop"] = target
+        if me.more.get("fails") and isinstance(me.step, st.DriveTo):
+            at = me.step.x if me.step.y is None else me.step.y
+            me.more["stop"] = sign * float(at or 0.0)
+        me.more["next_need"] = int(ops.first_need[me.op])
+        me.more["next_free"] = int(ops.first_free[me.op])
+        has_arrived = self._arrive(on_line, me.op, me.here)
+        me.more["has_arrived"] = has_arrived
+        course = me.memory.course
+        if has_arrived and course is not None:
+            goal = sign * (course.x if self._axis[line] == 0 else course.y)
+            on_line.end = max(me.here, min(goal, me.more["stop"]))
+
+    # -- the order
+
+    def line_up(self, places: list[OnLine]) -> None:
+        """Put robots on their lines, each behind the one that is further on.
+
+        `places`: of each robot, by its number. Its bin and its size must have been set before.
+        """
+        on_line: dict[int, list[int]] = {}
+        for number, place in enumerate(places):
+            if place.line != c.NONE:
+                on_line.setdefault(place.line, []).append(number)
+        for line, numbers in on_line.items():
+            numbers.sort(key=lambda number: -places[number].at)
+            self._line_up(line, numbers, places)
+
+    def _line_up(self, line: int, numbers: list[int], places: list[OnLine]) -> None:
+        """Put robots on a line, the first one first."""
+        model = self._harvest.model
+        ahead = c.NONE
+        for number in numbers:
+            me = model.robots[number]
+            place = places[number]
+            me.line = line
+            me.is_across = place.is_across
+            me.line_end = place.end
+            me.ahead = ahead
+            if ahead != c.NONE:
+                model.robots[ahead].behind = number
+                room = float(in_python(roads.room)(model, number, ahead))
+                me.line_end = max(place.at, min(place.end, room))
+            ahead = number
+        model.rears[0, line] = ahead

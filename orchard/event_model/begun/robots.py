@@ -1,0 +1,371 @@
+"""What each robot does at a moment: its op, the state in it, and when it goes on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from orchard.contract.messages import Yes
+from orchard.event_model import columns as c
+from orchard.event_model.begun.claims import Claims
+from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.kernel.drives import NEAR
+from orchard.event_model.program import Program
+from orchard.field.geometry import HEADINGS, Pose, angle_between
+from orchard.field.kinds import EIGHTH
+from orchard.field.scenario import TIME_STEP
+from orchard.plans import steps as st
+from orchard.plans.robot import ASK, PATIENCE, Step
+from orchard.sim.world import NONE
+
+# A robot that comes from such an op has just come to stand.
+MOVES = (c.DRIVE, c.TURN)
+# Such ops are over in the tick in which they begin.
+AT_ONCE = (c.BEGIN_ROW, c.END_ROW, c.FREE, c.HOME, c.MAY_CHARGE, c.CHARGE)
+
+
+class NotInPlanError(NotImplementedError):
+    """A robot does something that its plan does not have, such as coming back to its course."""
+
+
+class Ops:
+    """The ops of a program, column by column. Through a recarray each look costs a microsecond."""
+
+    def __init__(self, program: Program) -> None:
+        rows = program.ops.array.view(np.ndarray)
+        self.kind = rows["kind"]
+        self.target = rows["target"]
+        self.metres = rows["metres"]
+        self.speed = rows["speed"]
+        self.seconds = rows["seconds"]
+        self.line = rows["line"]
+        self.first_need = rows["first_need"]
+        self.last_need = rows["last_need"]
+        self.first_free = rows["first_free"]
+        self.ticks = rows["ticks"]
+        self.handles = rows["handles"]
+        self.swings = rows["swings"]
+        self.places = rows["places"]
+        self.arg = rows["arg"]
+
+
+@dataclass
+class Doing:
+    """What a robot does at a moment."""
+
+    name: str
+    number: int
+    memory: Any
+    pose: Pose
+    # The bin on its bar; NONE: none.
+    bin: int
+    # Its plan begins at this op.
+    first: int
+    op: int
+    kind: int
+    # The step that is first in its memory; None: its plan is done.
+    step: Step | None
+    state: int = c.STANDING
+    # The tick at which it goes on; None: something else wakes it.
+    alarm: int | None = None
+    # Of a turn: the ticks for which it has turned.
+    turned: int = 0
+    # Of a drive: where it is along its line, m.
+    here: float = 0.0
+    # More columns of `columns.ROBOT`.
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+class Robots:
+    """Finds what the robots of a harvest do at a moment."""
+
+    def __init__(self, moment: RunMoment, harvest: EventHarvest, claims: Claims) -> None:
+        self.moment = moment
+        self._claims = claims
+        self.tick = moment.tick
+        self.layout = moment.world.layout
+        self.program = harvest.program
+        self.numbers = {name: number for number, name in enumerate(harvest.names)}
+        self.bins = {name: number for number, name in enumerate(harvest.bin_names)}
+        self._pose = moment.world.pose.tolist()
+        self._coupled = moment.world.coupled.tolist()
+        self._full = moment.world.full.tolist()
+        self._translate_jobs()
+        self.ops = Ops(self.program)
+
+    def _translate_jobs(self) -> None:
+        """Translate the jobs that carriers do. The program may grow by that."""
+        for name in self.numbers:
+            if name not in self.layout.blocks:
+                self._plan_of_carrier(name)
+
+    def all(self) -> list[Doing]:
+        """Return what each robot does, in the order of their names.
+
+        Raises NotInPlanError.
+        """
+        found = []
+        for name in self.numbers:
+            if name in self.layout.blocks:
+                found.append(self._picker(name))
+            else:
+                found.append(self._carrier(name))
+        return found
+
+    # -- plans
+
+    def _picker(self, name: str) -> Doing:
+        """Return what a picker does."""
+        memory = self.moment.memories[name]
+        first = self.program.harvests[name]
+        unplanned = len(self.program.begins[first]) - 1 - memory.planned
+        me = self._doing(name, first, max(0, unplanned))
+        me.more["offered"] = self.bins.get(memory.offered, c.NONE)
+        me.more["full_bin"] = self.bins.get(memory.full_bin, c.NONE)
+        if me.bin == c.NONE:
+            me.more["full_since"] = memory.since
+        return me
+
+    def _carrier(self, name: str) -> Doing:
+        """Return what a carrier does."""
+        memory = self.moment.memories[name]
+        me = self._doing(name, self._plan_of_carrier(name), 0)
+        me.more["queue_line"] = self.program.queue_line(name)
+        me.more["is_free"] = memory.job is None
+        me.more["full_bin"] = self.bins.get(memory.delivered, c.NONE)
+        if memory.job is not None:
+            me.more["customer"] = self.numbers[memory.job.picker]
+            me.more["job_bin"] = self.bins[memory.job.bin]
+            me.more["knows_left"] = memory.left == memory.job.bin
+            question = f"StateRequest {memory.job.bin}"
+            if me.kind == c.DRIVE and question in memory.asked:
+                me.more["bin_asked"] = memory.asked[question]
+            # Its way is counted from here.
+            me.more["away"] = self.tick
+        return me
+
+    def _plan_of_carrier(self, name: str) -> int:
+        """Return the op at which a carrier's plan begins: its job, or waiting in the queue."""
+        job = self.moment.memories[name].job
+        line = self.program.queue_line(name)
+        if job is None:
+            return self.program.waiting[line]
+        end = self.program.end_number(job.lane, job.side)
+        first = int(self.program.jobs[line, end])
+        return self.program.translate_job(line, end) if first == c.NONE else first
+
+    def _doing(self, name: str, first: int, unplanned: int) -> Doing:
+        """Return what a robot does. `unplanned`: steps of its plan that its memory has not yet."""
+        memory = self.moment.memories[name]
+        if memory.way:
+            raise NotInPlanError(f"{name} comes back to its course")
+        inserted = _inserted(memory)
+        begins = self.program.begins[first]
+        number = len(begins) - 1 - (len(memory.plan) - inserted) - unplanned
+        step = memory.plan[0] if memory.plan else None
+        # At the start of a run it turns to face along its line.
+        is_at_start = number == -1 and isinstance(step, st.Realign)
+        if number < 0 and not is_at_start:
+            raise NotInPlanError(f"{name} has steps that are not of its plan")
+        body = self.layout.index[name]
+        hitch = self._coupled[body]
+        op = begins[0] if is_at_start else self._lasting(begins[number])
+        me = Doing(
+            name=name,
+            number=self.numbers[name],
+            memory=memory,
+            pose=Pose(*self._pose[body]),
+            bin=c.NONE if hitch == NONE else self.bins[self.layout.names[hitch]],
+            first=first,
+            op=op,
+            kind=int(self.ops.kind[op]),
+            step=step,
+            alarm=self.tick,
+        )
+        me.more["done"] = memory.done
+        me.more["stood"] = self.tick if memory.moving else memory.since
+        me.more["failures"] = memory.failures
+        me.more["worked"] = memory.worked
+        if inserted:
+            self._be_repaired(me, memory.plan[:inserted])
+        else:
+            self._go_on(me)
+        return me
+
+    def _lasting(self, op: int) -> int:
+        """Return the first op from here on that takes time: the step before it has begun."""
+        while int(self.ops.kind[op]) in AT_ONCE:
+            op += 1
+        return op
+
+    # -- ops
+
+    def _go_on(self, me: Doing) -> None:
+        """Set the state of a robot in its op, and when it goes on."""
+        if me.kind == c.DRIVE:
+            return
+        go_on = self._ways_on.get(me.kind, self._begin)
+        go_on(me)
+
+    @property
+    def _ways_on(self) -> dict[int, Callable[[Doing], None]]:
+        """How a robot goes on, by the kind of its op. One that drives looks again."""
+        return {
+            c.END: self._rest,
+            c.TURN: self._turn,
+            c.PAUSE: self._pause,
+            c.NEED: self._await_places,
+            c.ALONE_IN: self._await_partner_gone,
+            c.LEAVE_BIN: self._leave_bin,
+            c.TAKE_BIN: self._take_bin,
+            c.DELIVER: self._deliver,
+            c.FETCH_EMPTY: self._fetch,
+            c.UNLOAD: self._unload,
+        }
+
+    def _begin(self, me: Doing) -> None:
+        """Begin the op at the next tick."""
+        me.state = c.IDLE
+        me.more["next_op"] = me.op
+        me.op -= 1
+
+    def _rest(self, me: Doing) -> None:
+        """Have nothing to do until an order comes."""
+        me.state = c.IDLE
+        me.alarm = None
+
+    def _pause(self, me: Doing) -> None:
+        """Stand for the rest of the time."""
+        self._last(me, me.memory.since + int(self.ops.ticks[me.op]))
+
+    def _await_places(self, me: Doing) -> None:
+        """Ask for the op's places, or go on with them, at the next tick."""
+        me.state = c.WAITING_FOR_PLACES
+
+    def _leave_bin(self, me: Doing) -> None:
+        """Uncouple the full bin for the rest of the time that it takes."""
+        self._handle(me, c.LEAVING_BIN)
+
+    def _last(self, me: Doing, until: int) -> None:
+        """Last up to a tick, and go on then."""
+        me.state = c.LASTING
+        me.alarm = max(self.tick, until)
+
+    def _turn(self, me: Doing) -> None:
+        """Turn for the rest of the turn."""
+        left = 0.0
+        if isinstance(me.step, st.Face):
+            left = abs(angle_between(me.pose.yaw, HEADINGS[me.step.heading]))
+        ticks = ceil(left / (EIGHTH * TIME_STEP) - NEAR)
+        me.turned = int(self.ops.ticks[me.op]) - ticks
+        self._last(me, self.tick + ticks)
+
+    def _await_partner_gone(self, me: Doing) -> None:
+        """Ask again when the robot would ask again."""
+        last_tick = self.tick - 1
+        asked = last_tick - (last_tick - me.memory.since) % PATIENCE
+        me.state = c.WAITING_FOR_PARTNER
+        me.alarm = max(self.tick, asked + PATIENCE)
+
+    def _handle(self, me: Doing, state: int) -> None:
+        """Couple or uncouple for the rest of the time that it takes."""
+        has_moved = int(self.ops.kind[me.op - 1]) in MOVES
+        ticks = int(self.ops.handles[me.op]) if has_moved else 1
+        me.state = state
+        me.alarm = max(self.tick, me.memory.since + ticks)
+
+    def _take_bin(self, me: Doing) -> None:
+        """Couple the full bin for the rest of the time that it takes."""
+        self._handle(me, c.TAKING_BIN)
+        if me.bin != c.NONE:
+            # Physics has coupled it, and the carrier will see that.
+            me.bin = c.NONE
+            me.alarm = self.tick
+
+    def _deliver(self, me: Doing) -> None:
+        """Leave the empty bin, or ask the picker again and again whether it has that."""
+        assert isinstance(me.step, st.Deliver)
+        picker = me.step.picker
+        asked = me.memory.asked.get(f"Here {picker}")
+        if asked is None:
+            self._handle(me, c.DROPPING_BIN)
+            if me.bin == c.NONE:
+                # Physics has uncoupled it, and the carrier will see that.
+                me.bin = self.bins[me.memory.delivered]
+                me.alarm = self.tick
+            return
+        me.more["asked"] = asked
+        if asked + ASK >= self.tick and self._has_taken(
+            me.name, picker, me.memory.delivered, asked
+        ):
+            self._last(me, asked + ASK)
+        else:
+            me.state = c.HANDING_OVER
+            me.alarm = asked + PATIENCE
+
+    def _has_taken(self, carrier: str, picker: str, bin_name: str, asked: int) -> bool:
+        """Whether a picker says yes to a carrier's question of this tick: it has taken the bin."""
+        if self.moment.memories[picker].taken != bin_name:
+            return False
+        if asked == self.tick - 1:
+            return True
+        heard = self.moment.answers(carrier)
+        return any(sender == picker and isinstance(answer, Yes) for sender, answer in heard)
+
+    def _fetch(self, me: Doing) -> None:
+        """Wait for the empty bin, couple it, or take over its place."""
+        if me.memory.offered == "":
+            me.state = c.WAITING_FOR_BIN
+            me.alarm = None
+            return
+        if me.bin != c.NONE and self._has_claimed_place(me):
+            me.state = c.TAKING_PLACE
+        else:
+            # Physics may have coupled it, and the picker will see that.
+            me.state = c.COUPLING
+            me.bin = c.NONE
+
+    def _has_claimed_place(self, me: Doing) -> bool:
+        """Whether a picker has asked for the place of its empty bin."""
+        assert isinstance(me.step, st.FetchEmpty)
+        place = me.step.place
+        return place in me.memory.reserved or self._claims.is_waiting_for(me.name, place)
+
+    def _unload(self, me: Doing) -> None:
+        """Wait until the bin is empty; or, if it is, until the carrier hears of that."""
+        emptied = me.memory.since + int(self.ops.ticks[me.op])
+        body = self._coupled[self.layout.index[me.name]]
+        if body != NONE and self._full[body]:
+            self._last(me, emptied)
+        else:
+            me.op += 1
+            self._last(me, emptied + int(self.ops.ticks[me.op]))
+
+    # -- failures
+
+    def _be_repaired(self, me: Doing, inserted: list[Step]) -> None:
+        """Drive up to where the robot fails, or be repaired there.
+
+        `inserted`: the steps of that, which are not of the plan.
+        """
+        step = inserted[0]
+        repairs = [one.seconds for one in inserted if isinstance(one, st.Repair)]
+        me.more["repair"] = sum(repairs)
+        me.more["fails"] = True
+        if isinstance(step, st.Wait):
+            me.state = c.REPAIRED
+            me.alarm = max(self.tick, me.memory.since + ceil(step.seconds / TIME_STEP - NEAR))
+
+
+def _inserted(memory: Any) -> int:
+    """Return how many steps a failure has put before a plan: those before its MayFail."""
+    is_failing = memory.state == "failed"
+    for step in memory.plan[:2]:
+        is_failing = is_failing or (isinstance(step, st.Say) and step.state == "failed")
+    if not is_failing:
+        return 0
+    kinds = [type(step) for step in memory.plan]
+    return kinds.index(st.MayFail)

@@ -1,0 +1,133 @@
+"""A harvest of the event model that goes on from a moment of a run in the simulator."""
+
+from collections.abc import Iterator
+from random import Random
+from typing import Any
+
+import pytest
+from quiet import NOBODY, quiet_layouts
+
+from orchard.event_model.begun.begin import begin_at
+from orchard.event_model.begun.moment import RunMoment
+from orchard.event_model.begun.robots import NotInPlanError
+from orchard.event_model.harvest import EventHarvest
+from orchard.field.layout import Layout, lay_out
+from orchard.field.scenario import TICKS_PER_SECOND, Scenario
+from orchard.local import Local
+
+# Ticks by which each delivery may differ where no decision does.
+NEAR = 20
+# Ticks that a run of a test may have.
+LONGEST = 4500
+SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 24.0}
+
+
+def moment_of(run: Local) -> RunMoment:
+    return RunMoment(run.engine.world, run.memories, run.post.written)
+
+
+def lay_out_small(**values: Any) -> Layout:
+    return lay_out(Scenario(**(SMALL | values)))
+
+
+def deliveries_from(run: Local, ticks: list[int]) -> tuple[list[int], dict[int, EventHarvest]]:
+    """Run to the end. Return the ticks of its deliveries, and the harvests begun at some ticks."""
+    delivered: list[int] = []
+    begun = {}
+    while not run.ended:
+        tick = run.engine.tick
+        if tick in ticks:
+            begun[tick] = begin_at(moment_of(run)).run()
+        before = run.engine.world.delivered
+        run.tick()
+        delivered += [run.engine.tick] * (run.engine.world.delivered - before)
+    return delivered, begun
+
+
+def farthest_apart(delivered: list[int], begun: EventHarvest) -> int:
+    """Return by how many ticks a delivery of the harvest differs from that of the run, at most."""
+    told = [round(TICKS_PER_SECOND * seconds) for seconds in begun.deliveries]
+    expected = delivered[begun.delivered_before :]
+    assert len(told) == len(expected)
+    return max((abs(a - b) for a, b in zip(told, expected, strict=True)), default=0)
+
+
+def quiet_starts(seed: int, count: int) -> Iterator[tuple[Layout, list[int]]]:
+    """Yield short quiet orchards, each with the ticks at which a harvest begins."""
+    chances = Random(seed)
+    for layout in quiet_layouts(seed, 30 * count):
+        length = round(TICKS_PER_SECOND * EventHarvest(layout).run().seconds)
+        ticks = sorted(chances.sample(range(5, max(20, length - 100)), 5))
+        if length <= LONGEST:
+            yield layout, ticks
+            count -= 1
+        if not count:
+            return
+
+
+def test_deliveries_from_a_moment_on_are_those_of_the_run() -> None:
+    """Each is within 20 ticks, but where a decision differs: that is in a few of 100 starts."""
+    starts = near = 0
+    for layout, ticks in quiet_starts(seed=11, count=4):
+        delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
+        starts += len(begun)
+        near += sum(farthest_apart(delivered, one) <= NEAR for one in begun.values())
+    assert starts >= 18
+    assert near >= 0.9 * starts
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "longest-waiting", "predictive", "rolling"])
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_no_moment_of_a_harvest_is_lost(dispatch: str, route: str) -> None:
+    """Moments of each kind of step: a harvest goes on from each of them, and ends as the run."""
+    layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
+    ticks = [*range(1, 3000, 61)]
+    delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
+    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    assert len(apart) > 15
+    assert not {tick: off for tick, off in apart.items() if off > NEAR}
+
+
+def test_a_robot_under_repair_is_repaired_in_the_harvest() -> None:
+    failures = {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}
+    layout = lay_out_small(picking=failures, carrying=failures, dispatch="predictive", seed=5)
+    run = Local(layout.scenario, is_hashed=False)
+    ticks = [*range(50, 4000, 61)]
+    delivered, begun = deliveries_from(run, ticks)
+    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    assert not {tick: off for tick, off in apart.items() if off > NEAR}
+
+
+def test_with_people_about_all_bins_are_delivered() -> None:
+    layout = lay_out_small(people={"workers": 2, "visitors": 2})
+    run = Local(layout.scenario, is_hashed=False)
+    delivered, begun = deliveries_from(run, [600])
+    assert begun[600].delivered == len(delivered)
+
+
+def test_a_moment_of_tick_zero_is_the_whole_harvest() -> None:
+    layout = lay_out_small()
+    run = Local(layout.scenario, is_hashed=False)
+    assert begin_at(moment_of(run)).run().deliveries == EventHarvest(layout).run().deliveries
+
+
+def test_a_robot_that_was_pushed_is_told() -> None:
+    layout = lay_out_small()
+    run = Local(layout.scenario, is_hashed=False)
+    while run.engine.tick < 200:
+        run.tick()
+    body = layout.index["picker_01"]
+    run.engine.world.pose[body, 1] += 0.3
+    run.engine.wake(["picker_01"])
+    for _ in range(5):
+        run.tick()
+    with pytest.raises(NotInPlanError, match="picker_01 comes back to its course"):
+        begin_at(moment_of(run))
+
+
+def test_batteries_that_are_in_use_are_told() -> None:
+    layout = lay_out_small(carrying={"battery": {"hours": 1.0}}, chargers=1)
+    run = Local(layout.scenario, is_hashed=False)
+    run.tick()
+    with pytest.raises(NotImplementedError, match="batteries"):
+        begin_at(moment_of(run))

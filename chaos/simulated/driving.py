@@ -32,6 +32,7 @@ class Driving:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._wanted: dict[str, list[Deed]] = {}  # robot -> the deeds that came since the last step
+        self._wanted_before: set[str] = set()  # robots with deeds that came before the step before
         self._in_vain: dict[str, int] = {}  # robot -> steps in which it asked for deeds in vain
         self._advised: dict[str, dict[Twist, int]] = {}  # robot -> velocity -> its newest tick
         self.complaints: list[str] = []
@@ -57,11 +58,17 @@ class Driving:
         """Look at a step that physics has reported."""
         if not self.complaints:
             self.complaints += [*self._of_deeds(tick, events), *self._of_advice(tick)]
+        # Physics reports a step when the next tick is published: answers to that may have come.
+        self._wanted_before = set(self._wanted)
         self._wanted = {}
 
     def _of_deeds(self, tick: int, events: Sequence[Event]) -> Iterator[str]:
-        """Complain about a robot whose deeds are neither done nor refused."""
+        """Complain about a robot whose deeds are neither done nor refused, and about one that does
+        what it is not asked for: it may do a deed once.
+        """
         heard = {event.who for event in events if event.what in DONE or event.what == REFUSED}
+        for name in sorted(heard - self._wanted.keys() - self._wanted_before):
+            yield f"{name} does a deed that was not asked for: tick {tick}"
         for name in self._wanted:
             may_act = self._may_act(name)
             count = self._in_vain.get(name, 0) + 1

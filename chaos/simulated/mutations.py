@@ -355,6 +355,17 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a host keeps its old answer at a join": (
         _with_words(host.Host, "join", "self._answer = SentAnswer()", "pass"),
     ),
+    "a robot that is reset is not kept": (
+        _with_words(inbound.Queries, "_stop", "if changed else", "if request.stop else True or"),
+    ),
+    "realtime: a deed is done again": (
+        _with_words(
+            barriers.RealtimeBarrier,
+            "_action",
+            "replace(put.report, deeds=[],",
+            "replace(put.report,",
+        ),
+    ),
     "a paused run does one step too few": (
         _with_words(RunClock, "count_step", "if self._left <= 0:", "if self._left <= 1:"),
     ),

@@ -130,6 +130,12 @@ MISSED = {
     "a paused run does one step too many": replace(
         plan(Fault("pause", CLIENT, 10, 0.0, 0.5)), seed=4
     ),
+    "a robot that is reset is not kept": plan(
+        Fault("stop robots", CLIENT, 10, 0.0, 0.5), Fault("kill", PHYSICS, 10, 0.7), ticks=300
+    ),
+    "realtime: a deed is done again": plan(
+        Fault("think", ONE, 24, 0.0, 1.0), hosts=1, begin=180, mode="realtime"
+    ),
     "a paused run does one step too few": replace(
         plan(Fault("pause", CLIENT, 20, 0.0, 0.5)), seed=2
     ),

@@ -32,7 +32,7 @@ class Observer:
     def begin(self, loop: RunLoop, buses: Sequence[SimulatedBus], is_reset: bool) -> None:
         """Follow a loop of physics, which is about to begin.
 
-        `buses`: the sessions of its process, its own the last.
+        `buses`: the sessions that physics has had so far, its own the last.
         """
         bus = buses[-1]
         if is_reset:
@@ -62,7 +62,7 @@ class Observer:
         """Complain about a run that has begun again with a seed for which nobody has asked it."""
         before = self.course.parts[-1].scenario["seed"]
         since = buses.index(self._begun) if self._begun in buses else 0
-        # More than one session, if a run was reset again before it had begun.
+        # More than one session, if a run was reset again, or killed, before it had begun.
         asked = [query for bus in buses[since:-1] for query in bus.queries]
         wanted = set()
         for key, payload in asked:

@@ -42,7 +42,7 @@ from orchard.server.loop import RunLoop
 from orchard.server.options import RunOptions
 from orchard.sim.engine import Engine
 from orchard.sim.snapshot import SNAPSHOT, SnapshotError, store
-from orchard.wire.keys import LOGGER, Keys
+from orchard.wire.keys import LOGGER, PHYSICS, Keys
 
 log = logging.getLogger("orchard")
 MISTAKES = (
@@ -418,7 +418,13 @@ class World:
         if not is_reset and (fault := wrong_begin(engine.tick, self.found, self.torn)):
             self.wrong_begins.append(fault)
         if self.observer is not None and self.physics is not None:
-            self.observer.begin(loop, self.physics.buses, is_reset)
+            sessions = [
+                bus
+                for process in self.processes.values()
+                if process.spec.name == PHYSICS
+                for bus in process.buses
+            ]
+            self.observer.begin(loop, sessions, is_reset)
 
     def say(self, line: str) -> None:
         """Take a line for the user."""

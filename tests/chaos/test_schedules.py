@@ -323,6 +323,12 @@ def test_hosts_build_agents_again_if_a_reset_was_not_kept():
     )
 
 
+@pytest.mark.parametrize("seed", [2495])
+def test_a_reset_that_begins_in_another_process_was_wanted(seed):
+    """The command is killed just when physics has said that it begins the run again."""
+    assert carry_out(draw(seed)).complaints == []
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_host_waits_for_physics_beside_a_false_client(seed):
     """Physics refuses nobody its run, so a refusal is none of physics."""

@@ -358,6 +358,14 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     "a robot that is reset is not kept": (
         _with_words(inbound.Queries, "_stop", "if changed else", "if request.stop else True or"),
     ),
+    "what a full disk has not taken counts as kept": (
+        _with_words(
+            Run,
+            "is_kept",
+            "return self.account.snapshot_writer.finish(KEPT_SECONDS)",
+            "return self.account.snapshot_writer.finish(KEPT_SECONDS) or True",
+        ),
+    ),
     "realtime: a deed is done again": (
         _with_words(
             barriers.RealtimeBarrier,

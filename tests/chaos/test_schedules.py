@@ -133,6 +133,12 @@ MISSED = {
     "a robot that is reset is not kept": plan(
         Fault("stop robots", CLIENT, 10, 0.0, 0.5), Fault("kill", PHYSICS, 10, 0.7), ticks=300
     ),
+    "what a full disk has not taken counts as kept": plan(
+        Fault("full disk", PHYSICS, 5, 0.0, 500.0),
+        Fault("stop robots", CLIENT, 10, 0.0, 5.0),
+        Fault("kill", PHYSICS, 10, 0.5),
+        ticks=100,
+    ),
     "realtime: a deed is done again": plan(
         Fault("think", ONE, 24, 0.0, 1.0), hosts=1, begin=180, mode="realtime"
     ),

@@ -74,6 +74,7 @@ class Part:
         self._commanded: dict[bytes, Reference] = {}  # packed emergency stops -> what it does
         self.steps: dict[int, Step] = {}  # tick -> the step from it
         self.ended_at = inf  # s: when another part began
+        self.was_reset = False  # whether a user has ended it by a reset
 
     @property
     def tick(self) -> int:
@@ -142,6 +143,7 @@ class Course:
         if is_reset:
             self.is_reset = True
             self.resets += 1
+            self.parts[-1].was_reset = True
             is_that_of_the_scene = scenario == self._scenario
             reference = self._harvest if is_that_of_the_scene else replay_of(pack(scenario))
             self._begin_part(Part(scenario, reference, self._figure_ticks))
@@ -230,7 +232,9 @@ class Course:
                 yield one.reference
 
     def has(self, tick: int, what: str, names: Sequence[str]) -> bool:
-        """Whether robots were stopped or reset at a tick."""
+        """Whether robots were stopped or reset at a tick, or the run was reset in that tick."""
+        if any(part.was_reset and part.first <= tick == part.tick for part in self.parts):
+            return True
         found = {
             event.who
             for part in self.parts

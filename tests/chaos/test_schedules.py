@@ -329,6 +329,11 @@ def test_hosts_build_agents_again_if_a_reset_was_not_kept():
     )
 
 
+def test_a_stop_in_the_tick_of_a_reset_is_of_no_step():
+    """The reset ends the run before the step with the stop is done."""
+    assert carry_out(draw(2571)).complaints == []
+
+
 @pytest.mark.parametrize("seed", [2495])
 def test_a_reset_that_begins_in_another_process_was_wanted(seed):
     """The command is killed just when physics has said that it begins the run again."""

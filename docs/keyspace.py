@@ -21,7 +21,7 @@ from orchard.field.scenario import TIME_STEP
 from orchard.net.bus import GET_SECONDS
 from orchard.net.ending import GOES_SECONDS
 from orchard.net.host import JOIN_TRIES
-from orchard.net.mailbox import DOUBT_SECONDS, STALE_TICKS
+from orchard.net.mailbox import LOST_SECONDS, STALE_TICKS
 from orchard.net.refusals import NO_TOKEN
 from orchard.net.requests import AGAIN_SECONDS as ASK_SECONDS
 from orchard.net.zenoh_bus import CONNECT_SECONDS, FULL_QUEUE_US, LEASE_MS
@@ -56,7 +56,7 @@ def _filled(name: str, **more: Any) -> str:
         "across": ACROSS,
         "again": AGAIN_SECONDS,
         "connect": round(CONNECT_SECONDS * 1000),
-        "doubt": DOUBT_SECONDS,
+        "doubt": LOST_SECONDS,
         "full_queue": FULL_QUEUE_US / 1e6,
         "get": GET_SECONDS,
         "goes": GOES_SECONDS,

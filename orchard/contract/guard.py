@@ -122,6 +122,7 @@ class Guard:
             self._repetition = Repetition(self.name, self.agent)
 
     def _trusted_action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        """Return what a built-in agent does. Of it only velocity and addresses are checked."""
         action: Action = self.agent.tick(observation, mail, memory)
         self._checked_twist(action.twist)
         if action.requests:
@@ -129,6 +130,7 @@ class Guard:
         return action
 
     def _action(self, observation: Observation, mail: Mail, memory: Any) -> Action:
+        """Return what an own agent does, checked. Raises what its mistakes raise."""
         comes_from_elsewhere = memory is not self._memory
         if comes_from_elsewhere:
             self._packed = _packed_or_none(memory)
@@ -149,13 +151,17 @@ class Guard:
             same_memory = self._unpacked_memory()
 
             def ask_again(fresh: Agent) -> Any:
+                """Return what a new agent answers to the same."""
                 return _ask(fresh, observation, same_mail, same_memory)
 
             self._repetition.compare(observation.tick, action, ask_again)
         return action
 
     def _unpacked_memory(self) -> Any:
-        return None if self._packed is None else unpack(self._packed, self.Memory)
+        """Return the memory as its bytes give it back."""
+        if self._packed is None:
+            return None
+        return unpack(self._packed, self.Memory)
 
     def _keep(self, action: Action) -> None:
         """Pack the memory, and put in its place what its bytes give, as after a kill.
@@ -181,6 +187,7 @@ class Guard:
         self._packed = packed
 
     def _checked(self, action: Any) -> Action:
+        """Return what an own agent returned, of plain types. Raises TypeError or ValueError."""
         if not isinstance(action, Action):
             raise TypeError(f"tick returned {type(action).__name__}; it must return an Action")
         twist = self._checked_twist(action.twist)
@@ -201,6 +208,7 @@ class Guard:
         return checked
 
     def _checked_hold(self, hold: Any) -> Hold | None:
+        """Return a hold; None if the agent's class does not say that its holds count."""
         if hold is None or not self._may_hold:
             return None
         if not isinstance(hold, Hold):
@@ -209,6 +217,7 @@ class Guard:
         return checked
 
     def _checked_twist(self, twist: Any) -> Twist:
+        """Return a velocity that the body can have. Raises ValueError or TypeError."""
         checked = Twist(*map(float, twist))
         # This refuses NaN, too.
         if not all(abs(number) <= FASTEST for number in checked):
@@ -244,6 +253,7 @@ class Guard:
         return sound_deeds, letters.requests, sound_answers
 
     def _refuse_addresses(self, recipients: Sequence[str]) -> None:
+        """Raise ValueError for requests to nobody, or too many to one agent."""
         for to, count in Counter(recipients).items():
             if to not in self._names:
                 raise ValueError(f"a request to {printable(to)!r}: no agent has that name")

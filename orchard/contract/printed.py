@@ -24,16 +24,26 @@ class Printed(io.TextIOBase):
     """
 
     def __init__(self, show: Callable[[str], None]) -> None:
-        self._show, self._left, self._begun = show, MOST_LINES, ""
+        self._show = show
+        self._lines_left = MOST_LINES
+        # The begin of a line that has not ended yet.
+        self._begun = ""
 
     def write(self, text: str, /) -> int:
-        *lines, begun = (self._begun + text).split("\n") if self._left else [""]
+        """Show each line that ends in a text, with the place in the user's file that prints it.
+
+        Return the number of characters, as each stream does.
+        """
+        if self._lines_left == 0:
+            return len(text)
+        *lines, begun = (self._begun + text).split("\n")
         self._begun = begun[:LONGEST]
-        for line in lines[: self._left]:
-            self._left -= 1
-            self._show(f"printed{place_in_agent(sys._getframe(1))}: {printable(line)}")
-            if not self._left:
-                self._show("what own classes print from here on is left out; write it to a file")
+        place = place_in_agent(sys._getframe(1))
+        for line in lines[: self._lines_left]:
+            self._lines_left -= 1
+            self._show(f"printed{place}: {printable(line)}")
+        if self._lines_left == 0:
+            self._show("what own classes print from here on is left out; write it to a file")
         return len(text)
 
 
@@ -50,16 +60,18 @@ def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
     """In this context, `show` gets some of what C code writes to the files 1 and 2. Yield stdout
     and stderr for the program's own words.
     """
-    is_over, stream = (
-        Event(),
-        Printed(lambda words: show(words.replace("printed: printed", "printed", 1))),
-    )  # by a worker that says so
+    is_over = Event()
+
+    def show_once(words: str) -> None:
+        # A worker of the run may have said already that a line was printed.
+        show(words.replace("printed: printed", "printed", 1))
+
+    stream = Printed(show_once)
     with ExitStack() as stack:
         own = [os.fdopen(os.dup(number), "w") for number in (1, 2)]
         stack.callback(_close, own)
-        written = stack.enter_context(
-            open(os.memfd_create("printed"), "wb")
-        )  # no pipe: a writer must not wait until it is read
+        # It is no pipe, because a writer must not wait until it is read.
+        written = stack.enter_context(open(os.memfd_create("printed"), "wb"))
         for number in (1, 2):
             os.dup2(written.fileno(), number)
         reader = Thread(target=_follow, args=(written.fileno(), stream, is_over), daemon=True)
@@ -67,7 +79,8 @@ def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
         try:
             yield own
         finally:
-            ctypes.CDLL(None).fflush(None)  # or what C code has in its buffers comes later
+            # Else what C code has in its buffers comes later.
+            ctypes.CDLL(None).fflush(None)
             for number, file in zip((1, 2), own, strict=True):
                 os.dup2(file.fileno(), number)
             is_over.set()
@@ -75,16 +88,21 @@ def diverted(show: Callable[[str], None]) -> Iterator[list[io.TextIOWrapper]]:
 
 
 def _close(files: list[io.TextIOWrapper]) -> None:
+    """Close files. If the disk is full, what they still hold is lost."""
     for file in files:
-        with suppress(OSError):  # the disk is full: what is left is lost
+        with suppress(OSError):
             file.close()
 
 
 def _follow(written: int, stream: Printed, is_over: Event) -> None:
-    at, is_last = 0, False
+    """Pass on what is written into a file, until it is over. `written`: its descriptor."""
+    read_to = 0
+    is_last = False
     while not is_last:
         is_last = is_over.wait(GLANCE)
-        if part := os.pread(written, MOST_BYTES, at):
+        part = os.pread(written, MOST_BYTES, read_to)
+        if part:
             stream.write(part.decode(errors="replace"))
-            at = os.fstat(written).st_size
-            os.ftruncate(written, 0)  # the writer goes on at the same place
+            read_to = os.fstat(written).st_size
+            # The writer goes on at the same place.
+            os.ftruncate(written, 0)

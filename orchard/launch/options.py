@@ -36,7 +36,7 @@ from orchard.terminal.typed import named
 LIVE_SPEED = 4.0
 # Simulated s: the time of the last tick that fits on the wire.
 LONGEST = LAST_TICK * TIME_STEP
-# s; over twice mailbox.DOUBT_SECONDS, or a host that writes to a silent agent goes with it
+# s; over twice mailbox.LOST_SECONDS, or a host that writes to a silent agent goes with it
 LEAST_PATIENCE = 3.0
 Mode = Literal["local", "lockstep", "realtime"]
 

@@ -16,7 +16,7 @@ from threading import Lock, get_ident
 from time import monotonic
 from typing import Any, NamedTuple, Protocol
 
-# Far above mailbox.DOUBT_SECONDS; zenoh keeps some 700 bytes of each get until then.
+# Far above mailbox.LOST_SECONDS; zenoh keeps some 700 bytes of each get until then.
 GET_SECONDS = 10.0
 # The error of a get without an answer in time.
 TIMED_OUT = "Timeout"
@@ -49,14 +49,16 @@ class Query(ABC):
     payload: bytes
 
     @abstractmethod
-    def reply(self, payload: bytes) -> None: ...
+    def reply(self, payload: bytes) -> None:
+        """Send a reply. More may follow."""
 
     @abstractmethod
     def refuse(self, reason: str) -> None:
         """Send an error reply, and drop the query."""
 
     @abstractmethod
-    def drop(self) -> None: ...
+    def drop(self) -> None:
+        """End the query: the querier waits for no more replies."""
 
 
 class Replied(NamedTuple):
@@ -115,7 +117,8 @@ class Inbox:
     def forget(self) -> None:
         """Drop all that an earlier session has left here. Requests to end stay."""
         for _ in range(len(self._items)):
-            if isinstance(item := self._items.popleft(), Signal):
+            item = self._items.popleft()
+            if isinstance(item, Signal):
                 self._items.append(item)
 
     def __len__(self) -> int:
@@ -127,6 +130,7 @@ class Inbox:
             signal.signal(number, lambda number, frame: self.put(Signal(number)))
 
     def put(self, item: Item) -> None:
+        """Put an item, and wake the reader."""
         self._settle()
         self._items.append(item)
         self._wake()
@@ -153,10 +157,10 @@ class Inbox:
         self._enough = enough
         deadline = monotonic() + seconds
         while not self._items:
-            left = deadline - monotonic()
-            if left <= 0.0:
+            remaining = deadline - monotonic()
+            if remaining <= 0.0:
                 return None
-            self._unwoken.acquire(timeout=min(left, look))
+            self._unwoken.acquire(timeout=min(remaining, look))
         return self._items.popleft()
 
 
@@ -179,7 +183,8 @@ class Bus(Protocol):
     def clock(self) -> float:
         """Return the time, s. It never goes back."""
 
-    def sleep(self, seconds: float) -> None: ...
+    def sleep(self, seconds: float) -> None:
+        """Wait for so many seconds of `clock`."""
 
     # -- publish and query
 

@@ -20,7 +20,7 @@ from orchard.net.bin_states import StateBoard
 from orchard.net.bus import Alive, Bus, Final, Item, Query, Replied, Sample, Signal
 from orchard.net.ending import Ending
 from orchard.net.endpoints import BusError
-from orchard.net.mailbox import DOUBT_SECONDS, MAILBOXES, LatestObservations, SentRequest
+from orchard.net.mailbox import LOST_SECONDS, MAILBOXES, LatestObservations, SentRequest
 from orchard.net.refusals import NO_TOKEN, TAKEN, M, Refusals, Refused, read_message
 from orchard.net.requests import (
     AGAIN_SECONDS,
@@ -233,7 +233,7 @@ class Host:
         self._wait(lambda: self.latest.tick > self.mailbox.last)
         tick = self.latest.tick
         if not self.mailbox.is_settled(tick, self.latest.asked):
-            self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), DOUBT_SECONDS)
+            self._wait(lambda: self.mailbox.is_settled(tick, self.latest.asked), LOST_SECONDS)
         mail = self._mail(tick)
         seen = self.latest.observations
         # The digests are made before the agents can change their mail.

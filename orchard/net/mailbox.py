@@ -54,7 +54,7 @@ from orchard.wire.codec import observations_of
 from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 
 # s after which a request without news counts as lost. Physics has a copy.
-DOUBT_SECONDS = 1.0
+LOST_SECONDS = 1.0
 # Requests that wait for their tick.
 MOST_WAITING = 10_000
 # Realtime: the most ticks between two hosts whose agents exchange mail.

@@ -104,6 +104,7 @@ class CommandLine(argparse.ArgumentParser):
     """A command line whose errors are harmless in a terminal, whatever was typed."""
 
     def error(self, message: str) -> NoReturn:
+        """Print what is wrong, as one short line, and end the process with exit code 2."""
         super().error(printable(message, MOST_SHOWN))
 
 
@@ -136,6 +137,7 @@ def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
     words = {"help": note.description, "required": is_required}
 
     def value(text: str) -> Any:
+        """Return the value that a text stands for. Raises ArgumentTypeError."""
         try:
             return msgspec.convert(text, hint, strict=False)
         except msgspec.ValidationError:

@@ -74,11 +74,14 @@ class Comparison:
         )[:1]
 
     def standing(self, i: int) -> Standing:
-        lead = self.leads[i]
+        # Of the best mean itself nothing is certain while one run is all that there is.
+        lead = self.leads[self.best if i == self.top else i]
         if i in self.limited:
             return "worse"
         if lead is None:
             return "unknown"
+        if i == self.top:
+            return "equal"
         if -self.within < lead.low and lead.high < self.within:
             return "equal"
         return "worse" if lead.low >= self.within else "unknown"

@@ -121,6 +121,11 @@ class StudyResult:
         return next((row for row in self.table if row.setting == self.best), None)
 
     @property
+    def best_rows(self) -> list[Row]:
+        """The rows that the answer names: the best one, or one for each of what is given."""
+        return [row for row in self.table if row.standing in ("best", "alone")]
+
+    @property
     def compared(self) -> list[str]:
         """The keys with several values, or all keys if none has. The answer names the others."""
         return [key for key, values in self.varied.items() if len(values) > 1] or list(self.varied)

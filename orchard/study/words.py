@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from math import ceil, floor, log10
 from typing import Any
 
@@ -11,6 +12,7 @@ from orchard.field.scenario import Scenario
 from orchard.report.summary import above_optimum
 from orchard.study.comparing import LOOKS
 from orchard.study.result import Goal, Interval, Row, StudyResult
+from orchard.study.spread import is_number
 
 GOALS = {
     "bins_per_hour": "most bins an hour",
@@ -37,6 +39,8 @@ PHRASES = {
     "order_in_row": "{} in rows",
     "route": "on {}",
 }
+MOST_SECONDS = 120.0  # s: a longer time is told in minutes
+MOST_MINUTES = 120.0  # min: a longer time is told in hours
 SAME = 1e-9  # of the mean: an interval narrower than that is rounding
 NO_DIFFERENCE = 0.0005  # as a share: it would be shown as 0.0 %
 TWO_DIGITS = 2.0  # a spread that begins with a 1 keeps two digits, all others one
@@ -177,8 +181,12 @@ def answer(result: StudyResult) -> str:
     """
     if not result.table:
         return "No setting has been run yet."
-    if result.given:
-        return _given_words(result)
+    words = _given_words(result) if result.given else _chosen_words(result)
+    return f"So far {words}" if result.not_run and result.best_rows else words
+
+
+def _chosen_words(result: StudyResult) -> str:
+    """Return the answer of a study in which all that varies can be chosen."""
     best = result.best_row
     if best is None:
         return _all_jammed(result)
@@ -245,7 +253,16 @@ def _more_runs(tell: str, seconds: float | None) -> str:
     """Return that runs are too few, and how many more would do. `tell`: 'to tell a from b'."""
     if seconds is None:
         return f"{LOOKS[-1]} runs of each are too few {tell}"
-    return f"not enough runs {tell}: {max(1, ceil(seconds)):,} s more would"
+    return f"not enough runs {tell}: {_time_words(seconds)} more would"
+
+
+def _time_words(seconds: float) -> str:
+    """Return a time that more runs need, rounded up: '40 s', '59 min', '3 h'."""
+    if seconds <= MOST_SECONDS:
+        return f"{max(1, ceil(seconds))} s"
+    if seconds <= MOST_MINUTES * 60.0:
+        return f"{ceil(seconds / 60.0)} min"
+    return f"{ceil(seconds / 3600.0):,} h"
 
 
 def _all_jammed(result: StudyResult) -> str:
@@ -280,16 +297,37 @@ def _not_run(result: StudyResult) -> str:
         return ""
     count = len(result.not_run)
     all_of_them = count + len(result.table)
-    some = setting_words(result.not_run[0])
+    some = _in_brackets(_nearest_not_run(result))
     if count == 1:
         words = f"1 of {all_of_them} settings has not run, {some}"
+        them = "it"
     else:
         words = f"{count} of {all_of_them} settings have not run, such as {some}"
+        them = "each once"
     if not result.given:
         words += ", and may be better"
     if result.seconds_needed is None:
         return words
-    return f"{words}: {max(1, ceil(result.seconds_needed)):,} s more would run each once"
+    return f"{words}: {_time_words(result.seconds_needed)} more would run {them}"
+
+
+def _nearest_not_run(result: StudyResult) -> dict[str, Any]:
+    """Return the setting without a run that differs least from the best one so far."""
+    best = result.best
+    if best is None:
+        return result.not_run[0]
+    return min(result.not_run, key=partial(_difference, best))
+
+
+def _difference(setting: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[int, float]:
+    """Return in how many keys two settings differ, and by how much in numbers."""
+    different = [key for key in setting if setting[key] != other[key]]
+    numbers = [
+        abs(setting[key] - other[key])
+        for key in different
+        if is_number(setting[key]) and is_number(other[key])
+    ]
+    return len(different), sum(numbers)
 
 
 def _figures(best: Row, result: StudyResult) -> str:
@@ -309,8 +347,9 @@ def _figures(best: Row, result: StudyResult) -> str:
     words = ", ".join(parts)
     if result.horizon == "long":
         words += " in the long run"
-    if best.replications <= 1 and result.stopped_by in ("budget", "stopped"):
-        words += " in the one run so far"
+    is_cut = result.stopped_by in ("budget", "stopped")
+    if best.replications <= 1 and is_cut and not result.not_run:
+        words += ", known from one run only"
     return words
 
 

@@ -78,7 +78,7 @@ package: $(VENV)/installed-dev $(VENV)/installed-release  ## wheel and source ar
 	bash .ci/package
 
 soak: $(VENV)/installed-dev  ## the long matrix of equal hashes, then all tests with newly drawn examples
-	$(RUN) -m pytest -m soak
+	$(RUN) -m pytest -m soak --hypothesis-profile search
 	$(RUN) -m pytest --hypothesis-profile search --numprocesses 3 --dist worksteal
 
 chaos: $(VENV)/installed-dev  ## ten minutes of kills, freezes, cuts and nonsense, and 100,000 ticks: chaos/results.md; SECONDS=120 is the short one

@@ -11,12 +11,14 @@ plan, and has the rate that follows from them and this limit (`orchard.report.lo
 harvest has its own share of the limit of its own rows, times this limit (`rate_in_mean_rows`).
 
 The limit counts full bins. The last bin of each picker in one harvest may be part full. So the rate
-of a harvest, beside the limit, counts the full bins that its fruit would fill (`full_bins`).
+of a harvest, beside the limit, counts the full bins that its fruit would fill: `full_bins` of a
+whole harvest, `delivered_full_bins` of a run up to now.
 """
 
 from functools import lru_cache
 
 from orchard.field.layout import KEPT_LAYOUTS, Layout, lay_out
+from orchard.field.passes import FULL_WITHIN
 from orchard.field.scenario import Scenario, Spread
 from orchard.report.bounds import Bounds
 
@@ -60,3 +62,14 @@ def full_bins(layout: Layout) -> float:
     if layout.scenario.bin_metres is None:
         return layout.bins
     return sum(lane.length for lane in layout.lanes) / layout.scenario.bin_metres
+
+
+def delivered_full_bins(layout: Layout, bins: int, metres: float) -> float:
+    """Return how many full bins the fruit of the bins that were delivered fills.
+
+    `metres`: of row that are in them.
+    """
+    metres_of_full = layout.scenario.bin_metres
+    if metres_of_full is None or metres >= bins * (metres_of_full - FULL_WITHIN):
+        return bins
+    return metres / metres_of_full

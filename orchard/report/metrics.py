@@ -16,6 +16,7 @@ from orchard.field.kinds import ANIMALS, DISPATCH, HAULERS, PEOPLE, ROBOTS, kind
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.report.bounds import Bounds, schedule_seconds
+from orchard.report.limits import delivered_full_bins
 from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
@@ -168,6 +169,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
     scenario = world.layout.scenario
     bounds, schedule = _ideals(world.layout)
     waits = figures.waits
+    fruit = delivered_full_bins(world.layout, world.delivered, world.delivered_metres)
     return {
         "seed": scenario.seed,
         "ticks": world.tick,
@@ -179,7 +181,7 @@ def harvest_figures(world: World, figures: HarvestFigures) -> dict[str, Any]:
         "metres_picked": float(sum(world.row_picked.tolist())),
         "bins": world.layout.bins,
         "bins_delivered": world.delivered,
-        "bins_per_hour": _ratio(world.delivered, hours),
+        "bins_per_hour": _ratio(fruit, hours),
         "limit_bins_per_hour": bounds.bins_per_hour,
         "schedule_sim_seconds": schedule,
         "bottleneck": bounds.bottleneck,

@@ -18,7 +18,7 @@ UNITS = {
     "metres_picked": "m",
     "sim_seconds": "s",
     "wall_seconds": "s",
-    "bins_per_hour": "bins/h",
+    "bins_per_hour": "bins/h, a part-full bin by its part",
     "limit_bins_per_hour": "bins/h, of this policy in a long harvest of these rows without traffic",
     "schedule_sim_seconds": "s, this harvest without traffic",
     "lost_seconds": "s, which add up to the harvest's length",
@@ -52,6 +52,7 @@ UNUSUAL = (
     "messages_dropped",
     "recording_gaps",
 )
+FEW = 0.001  # of all bins: so little part-full ones may lack without a word
 NAMED = 3  # broken agents that a line of progress names
 # What an empty map of a key means.
 OF_NONE = {
@@ -217,9 +218,10 @@ def sentence(outcome: Outcome) -> str:
     Times are simulated, since the start, also of a resumed run.
     """
     if outcome.finished:
+        bins = _counted_bins(outcome.bins_delivered, outcome.bins_per_hour, outcome.sim_seconds)
         result = (
             f"{outcome.rows_picked} of {outcome.rows} rows in {clock(outcome.sim_seconds)},"
-            f" simulated: {outcome.bins_per_hour:.1f} bins an hour"
+            f" simulated: {outcome.bins_per_hour:.1f} {bins} an hour"
         )
     else:
         result = _unfinished(outcome)
@@ -229,6 +231,12 @@ def sentence(outcome: Outcome) -> str:
         _count(outcome.broken_agents, "broken agent"),
     ]
     return "; ".join(filter(None, parts)) + "."
+
+
+def _counted_bins(delivered: int, per_hour: float, seconds: float) -> str:
+    """Return what the rate of a run counts: "full bins" if some that it delivered are part full."""
+    counted = per_hour * seconds / 3600.0
+    return "full bins" if counted < delivered * (1.0 - FEW) else "bins"
 
 
 # Parts of `lost_seconds` beside what a harvest takes at least, in words.
@@ -272,10 +280,12 @@ def six_figures(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """
     limit = summary["limit_bins_per_hour"]
     schedule = clock(summary["schedule_sim_seconds"])
+    rate = summary["bins_per_hour"]
+    bins = _counted_bins(summary["bins_delivered"], rate, summary["sim_seconds"])
     return [
         (
-            "Bins an hour",
-            f"{summary['bins_per_hour']:.1f}",
+            f"{bins.capitalize()} an hour",
+            f"{rate:.1f}",
             f"at most {limit:.1f} in a long harvest of these rows without traffic",
         ),
         (

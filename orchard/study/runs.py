@@ -139,7 +139,8 @@ class RunResult:
 
     sim_seconds: Amount = 0.0
     bins: Annotated[int, Meta(ge=0)]
-    bins_per_hour: Amount = 0.0  # in a long run for rows that take their mean times
+    # Of bins that may be part full; in a long run of full ones, in rows that take their mean times.
+    bins_per_hour: Amount = 0.0
     picker_waiting_seconds: Amount = 0.0
     carrier_utilisation: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     bound_bins_per_hour: Annotated[
@@ -278,7 +279,6 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
     found, violations = harvest_figures(engine.world, figures), engine.violations()
     names = (
         "sim_seconds",
-        "bins_per_hour",
         "picker_waiting_seconds",
         "carrier_utilisation",
         "bottleneck",
@@ -286,6 +286,7 @@ def _full(scenario: Scenario, until: float) -> RunResult | None:
     return RunResult(
         **{name: found[name] for name in names},
         bins=found["bins_delivered"],
+        bins_per_hour=found["bins_delivered"] * 3600.0 / found["sim_seconds"],
         bound_bins_per_hour=found["limit_bins_per_hour"],
         ended="violated" if violations else "harvested" if engine.over else "jammed",
         violations="\n".join(violations),

@@ -5,7 +5,7 @@ with.
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from stage import empty_orchard
+from stage import Stage, empty_orchard
 
 from orchard.discrete.generators import GeneratorHarvest
 from orchard.discrete.harvest import Jam
@@ -43,18 +43,12 @@ def orchards_whose_rows_differ(draw):
     }
 
 
-@settings(max_examples=12, deadline=None, derandomize=True, database=None)
+@settings(max_examples=12)
 @example(BY_HAND)
 @example(BY_HAND | {"seed": 4})
 @given(orchards_whose_rows_differ())
 def test_no_long_run_exceeds_its_limit_where_rows_differ(values):
-    layout = lay_out(empty_orchard(**values))
-    try:
-        rate = long_run(layout).bins_per_hour
-    except Jam:
-        # A policy that leaves a picker out has no rate.
-        return
-    assert rate <= Bounds(layout).bins_per_hour
+    assert_within_limit(values)
 
 
 # A row fills a little more than four bins. Carriers need longer for those that fill at the east
@@ -145,10 +139,70 @@ def test_a_long_run_keeps_its_limit_where_near_bins_come_first(carriers):
 
 
 @pytest.mark.soak
-@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+@settings(max_examples=150)
 @given(orchards_whose_rows_are_alike())
 def test_no_long_run_exceeds_its_limit_where_rows_are_alike(values):
     """Each example is a long run, of up to a minute: too long for each change."""
+    assert_within_limit(values)
+
+
+# Its last bins are part full: three bins have the fruit of 2.01.
+PART_FULL = {
+    "rows": 3,
+    "pickers": 3,
+    "carriers": 4,
+    "row_length": 30.0,
+    "picking_speed": 0.05,
+    "bins_per_row": 0.67,
+    "dispatch": "predictive",
+    "route": "two-way",
+}
+
+
+@st.composite
+def short_harvests(draw):
+    """Draw a harvest that the simulator does in some seconds."""
+    pickers = draw(st.integers(2, 3))
+    return {
+        "pickers": pickers,
+        "rows": draw(st.integers(3, 5)),
+        "carriers": draw(st.integers(1, 4)),
+        "row_length": draw(st.sampled_from([20.0, 30.0, 45.0])),
+        "picking_speed": draw(st.sampled_from([0.05, 0.2, 1.0])),
+        "bins_per_row": draw(st.sampled_from([None, 0.4, 0.67, 1.3, 2.9])),
+        "dispatch": draw(st.sampled_from(["nearest", "predictive", "rolling", "assignment"])),
+        "route": draw(st.sampled_from(["one-way", "two-way"])),
+        "picking": draw(st.sampled_from([{}, {"spread": DRAWN}])),
+        "seed": draw(st.integers(1, 1000)),
+    }
+
+
+def assert_harvest_within_limit(values) -> None:
+    """Assert that the summary of a whole harvest has at most the rate that is its limit."""
+    stage = Stage(empty_orchard(**values))
+    stage.run_to_the_end()
+    figures = stage.account.figures()
+    assert figures["bins_per_hour"] <= figures["limit_bins_per_hour"]
+
+
+@settings(max_examples=4)
+@example(PART_FULL)
+@given(short_harvests())
+def test_the_summary_of_no_harvest_exceeds_its_limit(values):
+    assert_harvest_within_limit(values)
+
+
+@pytest.mark.soak
+@settings(max_examples=100)
+@given(short_harvests())
+def test_the_summaries_of_many_harvests_keep_their_limits(values):
+    assert_harvest_within_limit(values)
+
+
+@pytest.mark.soak
+@settings(max_examples=150)
+@given(orchards_whose_rows_differ())
+def test_many_long_runs_keep_their_limits_where_rows_differ(values):
     assert_within_limit(values)
 
 

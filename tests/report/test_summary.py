@@ -235,6 +235,13 @@ ENDS = [
 ]
 
 
+def test_a_rate_of_part_full_bins_says_that_it_counts_full_ones():
+    """As the limit beside it does: five bins in this time are 18.6 an hour, if all are full."""
+    told = sentence(harvested(bins_per_hour=12.4))
+    assert told.endswith("simulated: 12.4 full bins an hour.")
+    assert sentence(harvested()).endswith("simulated: 18.6 bins an hour.")
+
+
 @pytest.mark.parametrize(("figures", "told"), ENDS)
 def test_the_first_sentence_tells_how_the_run_ended(figures, told):
     assert sentence(harvested(**figures)) == told

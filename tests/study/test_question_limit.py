@@ -131,12 +131,24 @@ def orchards(draw):
     }
 
 
-@settings(max_examples=10, deadline=None, derandomize=True, database=None)
+@settings(max_examples=10)
 @example("harvest", PART_FULL)
 @example("harvest", FAST_ROWS)
 @example("long", FAST_ROWS)
 @given(st.sampled_from(["long", "harvest"]), orchards())
 def test_no_run_of_a_study_exceeds_the_limit(horizon, values):
+    assert_within_limit(horizon, values)
+
+
+@pytest.mark.soak
+@settings(max_examples=150)
+@given(st.sampled_from(["long", "harvest"]), orchards())
+def test_many_runs_of_studies_keep_their_limits(horizon, values):
+    assert_within_limit(horizon, values)
+
+
+def assert_within_limit(horizon, values) -> None:
+    """Assert that a run of a study has at most the rate that is its limit."""
     scenario = empty_orchard(row_length=60.0, **values)
     record = do(PlannedRun(scenario, "fast", horizon), until=0.0)
     if record.ended == "jammed":

@@ -6,7 +6,8 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import platformdirs
@@ -39,6 +40,29 @@ def regular(path: str | Path) -> Path:
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "is no regular file")
     return Path(path)
+
+
+def real(path: Path) -> Path:
+    """Return the path to which links lead, as far as it is there.
+
+    `Path.resolve` raises RuntimeError where links lead in a circle. Here such a path stays, and
+    whoever opens it is told.
+    """
+    return Path(os.path.realpath(path))
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """In this context a file or a folder is written. An OSError has its path.
+
+    That of a full disk has none, and would be told without the place.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is not None or error.strerror is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def write_whole(path: Path, content: bytes) -> None:

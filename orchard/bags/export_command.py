@@ -10,6 +10,7 @@ from orchard.bags.drives import Drives, RecordingError, read_drives
 from orchard.bags.export import chosen, export
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import TIME_STEP
+from orchard.folders import named
 from orchard.terminal.exits import FINISHED, exit_on_errors
 from orchard.terminal.output import console, print_error, print_line
 
@@ -24,7 +25,8 @@ def export_bag(recording: Path, file: Path, robots: list[str], with_scans: bool)
         names = chosen(drives, robots)
         for note in lacks(drives):
             print_error(f"{recording}: {note}")
-        count = export(drives, names, file, _shown)
+        with named(file):
+            count = export(drives, names, file, _shown)
     print_line(
         f"{file}: {count:,} messages of {', '.join(names)}, {file.stat().st_size / 1e6:.1f} MB"
     )

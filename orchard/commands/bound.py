@@ -4,17 +4,19 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import ROW_RULES, Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.report.bounds import Bounds
 from orchard.report.limits import limit_of_question
-from orchard.report.summary import clock, write_summary
-from orchard.terminal.exits import exit_on_errors, needs_extra
+from orchard.report.summary import clock, why_unwritten
+from orchard.terminal.exits import FAILED, exit_on_errors, needs_extra
 from orchard.terminal.files import check_writable
 from orchard.terminal.options import File, flag, option, with_options
-from orchard.terminal.output import own_classes_run, print_line
+from orchard.terminal.output import own_classes_run, print_error, print_line
 
 if TYPE_CHECKING:
     from orchard.optimum.schedule import Optimum
@@ -53,13 +55,16 @@ def bound(chosen: BoundOptions) -> None:
 
 
 def print_bound(chosen: BoundOptions) -> None:
-    """Print the bound of a scenario, and write it. Raises ScenarioError, NoBound or OSError."""
+    """Print the bound of a scenario, and write it.
+
+    Raises ScenarioError, NoBound or OSError; typer.Exit if the file cannot be written.
+    """
     # OR-Tools is an extra.
     from orchard.optimum.schedule import optimum
 
     scenario = load_or_shipped(chosen.scenario)
     if chosen.summary is not None:
-        check_writable(chosen.summary)
+        check_writable(chosen.summary, chosen.scenario)
     rules = ROW_RULES if chosen.all_rules else (scenario.rows_to_pickers,)
     bounds = {
         rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work)
@@ -73,8 +78,10 @@ def print_bound(chosen: BoundOptions) -> None:
         print_line(f"With any of these rules no harvest is shorter than {clock(proven)}.")
     limit = limit_of_question(scenario)
     print_line(_limit_words(limit))
-    if chosen.summary is not None:
-        write_summary(chosen.summary, _summary(scenario, bounds, proven, best, limit))
+    trouble = why_unwritten(chosen.summary, _summary(scenario, bounds, proven, best, limit))
+    if trouble:
+        print_error(trouble)
+        raise typer.Exit(FAILED)
 
 
 def _limit_words(limit: Bounds) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated
 from typer import Argument
 
 from orchard.field.problems import ScenarioError
+from orchard.folders import named
 from orchard.launch.request import agent_names, shares
 from orchard.launch.scenarios import scenario_of
 from orchard.security.identity import bridge_roles, host_roles, make
@@ -51,6 +52,8 @@ def secure(chosen: SecureOptions) -> None:
         names = agent_names(scenario_of(chosen.scenario, sizes))
         hosts = host_roles(names, chosen.role or (), lambda rest: shares(rest, chosen.hosts))
         bridges = bridge_roles(names, chosen.bridge or ())
-        roles = make(chosen.folder, hosts + bridges, chosen.address or (), chosen.days, chosen.anew)
+        clients = hosts + bridges
+        with named(chosen.folder):
+            roles = make(chosen.folder, clients, chosen.address or (), chosen.days, chosen.anew)
     for role in roles:
         print_line(f"{chosen.folder / role.name}: {', '.join(role.names) or role.duty}")

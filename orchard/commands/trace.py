@@ -3,14 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import typer
+
 from orchard.event_model.known import lacking
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.shipped import load_or_shipped
-from orchard.terminal.exits import exit_on_errors
+from orchard.terminal.exits import FAILED, exit_on_errors
 from orchard.terminal.files import check_writable
 from orchard.terminal.options import File, option, with_options
-from orchard.terminal.output import own_classes_run, print_line
+from orchard.terminal.output import own_classes_run, print_error, print_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +37,14 @@ def print_trace(chosen: TraceOptions) -> None:
     """Print or write the trace of a scenario.
 
     Raises ScenarioError, OSError, PolicyFault, or ValueError for a scenario that the event model
-    does not know.
+    does not know; typer.Exit if the file cannot be written.
     """
     scenario = load_or_shipped(chosen.scenario)
     unknown = lacking(scenario)
     if unknown:
         raise ValueError(f"the event model does not know {unknown}, which this scenario has")
     if chosen.out is not None:
-        check_writable(chosen.out)
+        check_writable(chosen.out, chosen.scenario)
     # It loads numba, which takes a second.
     from orchard.event_model.trace import trace as traced
 
@@ -54,5 +56,9 @@ def print_trace(chosen: TraceOptions) -> None:
         for line in lines:
             print_line(line)
     else:
-        chosen.out.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        try:
+            chosen.out.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        except OSError as error:
+            print_error(f"{chosen.out}: not written: {error.strerror}")
+            raise typer.Exit(FAILED) from None
         print_line(f"{chosen.out}: {len(lines)} lines")

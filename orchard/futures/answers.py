@@ -6,13 +6,13 @@ from orchard.futures.comparison import compare_futures
 from orchard.futures.futures import Futures
 from orchard.futures.options import ForkOptions
 from orchard.launch.run_folder import RunFolder
-from orchard.report.summary import write_summary
+from orchard.report.summary import why_unwritten
 from orchard.sim.snapshot import KEYFRAME, SnapshotError
 from orchard.study.study_command import failures
 from orchard.study.workers import processes
-from orchard.terminal.exits import FINISHED, as_typed, exit_on_errors
+from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors
 from orchard.terminal.files import check_writable
-from orchard.terminal.output import bar, own_classes_run
+from orchard.terminal.output import bar, own_classes_run, print_error
 from orchard.terminal.signals import stoppable
 
 
@@ -38,6 +38,8 @@ def run_futures(chosen: ForkOptions, runs: RunFolder) -> int:
             bar() as progress,
         ):
             summary = answer(chosen, folder, Futures(chosen, workers, is_stopped, progress))
-        if chosen.summary is not None:
-            write_summary(chosen.summary, summary)
+    trouble = why_unwritten(chosen.summary, summary)
+    if trouble:
+        print_error(trouble)
+        return FAILED
     return FINISHED

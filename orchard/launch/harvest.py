@@ -81,7 +81,7 @@ def _check_files(request: RunRequest) -> None:
     """Raise OSError or ValueError for a summary or tables that cannot be written."""
     options = request.options
     if options.summary is not None:
-        check_writable(options.summary)
+        check_writable(options.summary, options.scenario)
     if options.table is not None:
         # pyarrow takes some time to load.
         from orchard.tables.folder import check_folder

@@ -15,7 +15,7 @@ from orchard.report.summary import (
     limit_sentence,
     sentence,
     unusual_figures,
-    write_summary,
+    why_unwritten,
 )
 from orchard.sim.snapshot import SNAPSHOT, SnapshotError, newest, snapshots_in
 from orchard.terminal.exits import FAILED, FINISHED
@@ -67,7 +67,7 @@ def _report_result(request: RunRequest, result: dict[str, Any], why: str) -> int
     if too_slow:
         print_error(too_slow)
     troubles = [
-        *_written_summary(request.options.summary, result),
+        *filter(None, [why_unwritten(request.options.summary, result)]),
         *_troubles(request, result, why),
         *_complete_table(request.options.table, result),
     ]
@@ -113,16 +113,6 @@ def _troubles(request: RunRequest, result: dict[str, Any], why: str) -> list[str
     if request.velocities is not None and why != "stopped":
         troubles += request.velocities.troubles(result["ticks"])
     return troubles
-
-
-def _written_summary(path: Path | None, result: dict[str, Any]) -> list[str]:
-    """Write a summary, if a file is wanted. Return why it is not written, if so."""
-    try:
-        if path is not None:
-            write_summary(path, result)
-    except OSError as error:
-        return [f"{path}: not written: {error.strerror}"]
-    return []
 
 
 def _complete_table(folder: Path | None, result: dict[str, Any]) -> list[str]:

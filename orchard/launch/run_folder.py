@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from orchard.folders import newest_path
+from orchard.folders import newest_path, real
 from orchard.sim.snapshot import SNAPSHOT, SnapshotError, snapshots_in
 from orchard.terminal.files import check_writable
 from orchard.view.files import check_recording
@@ -52,7 +52,7 @@ class RunFolder:
         """
         if recording is None:
             name = _new_name()
-        elif recording.resolve().parent == self.folder.resolve():
+        elif real(recording).parent == real(self.folder):
             name = recording.stem
         else:
             name = f"{recording.stem}-{_new_name()}"

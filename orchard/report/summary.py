@@ -170,6 +170,19 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
     path.write_text(json.dumps(summary, indent=2) + "\n")
 
 
+def why_unwritten(path: Path | None, summary: dict[str, Any]) -> str:
+    """Write a summary, if a file is wanted.
+
+    Return why it is not written, with its path; "" if it is.
+    """
+    try:
+        if path is not None:
+            write_summary(path, summary)
+    except OSError as error:
+        return f"{path}: not written: {error.strerror}"
+    return ""
+
+
 def as_table(summary: dict[str, Any]) -> Table:
     """Return a table of the figures, with their units, in the order of the summary: the violations
     come last.

@@ -12,12 +12,12 @@ from typer import BadParameter
 from orchard.discrete.harvest import get_ready
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.report.summary import write_summary
+from orchard.report.summary import why_unwritten
 from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store, StoreError
 from orchard.study.study import StudyOptions
-from orchard.study.study_command import STOPPED, failures
+from orchard.study.study_command import STOPPED, failures, tell_if_lost
 from orchard.study.workers import processes
 from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors
 from orchard.terminal.files import check_writable, one_file
@@ -38,7 +38,7 @@ CHECKED = "The harvests with {policy}, s; of three seeds the mean."
 def run_benchmark(chosen: BenchmarkOptions) -> int:
     """Do a benchmark, print and write what came out.
 
-    Return the exit code: 1 if harvests fail, or it was stopped.
+    Return the exit code: 1 if harvests fail, a file cannot be written, or it was stopped.
     """
     with (
         own_classes_run(),
@@ -55,9 +55,11 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
             print_error(STOPPED)
             return FAILED
         _print(result)
-        if chosen.summary is not None:
-            write_summary(chosen.summary, asdict(result))
-    return FAILED if [*map(print_error, result.notes)] else FINISHED
+    troubles = [*result.notes, *filter(None, [why_unwritten(chosen.summary, asdict(result))])]
+    for trouble in troubles:
+        print_error(trouble)
+    is_told = tell_if_lost()
+    return FAILED if troubles or not is_told else FINISHED
 
 
 def _known(names: Sequence[str]) -> dict[str, Scenario]:

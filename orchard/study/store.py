@@ -77,6 +77,16 @@ class Store:
         one.
         """
         half = self.path.with_name(f"{self.path.name}.{os.getpid()}")
+        try:
+            self._fill(half)
+        except (OSError, sqlite3.Error):
+            # As on a full disk. SQLite has removed the files that it writes beside it.
+            half.unlink(missing_ok=True)
+            raise
+        return half
+
+    def _fill(self, half: Path) -> None:
+        """Write an empty store into a new file."""
         columns = ", ".join(
             f"{name} PRIMARY KEY" if name == "key" else f"{name} NOT NULL" for name in COLUMNS
         )
@@ -85,7 +95,6 @@ class Store:
             database.execute("CREATE TABLE software (version TEXT NOT NULL)")
             database.execute("INSERT INTO software VALUES (?)", (software(),))
             database.execute(f"CREATE TABLE runs ({columns})")
-        return half
 
     def __enter__(self) -> "Store":
         return self

@@ -26,13 +26,24 @@ from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors
 from orchard.terminal.files import check_writable, one_file
-from orchard.terminal.output import bar, console, own_classes_run, print_error, print_line
+from orchard.terminal.output import (
+    bar,
+    console,
+    is_answer_lost,
+    own_classes_run,
+    print_error,
+    print_line,
+)
 from orchard.terminal.signals import stoppable
 
 # Options whose fields in StudyOptions have other names.
 NAMES = {"budget": "budget_seconds", "out": "store"}
 Save = Callable[[StudyResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"
+LOST = (
+    "stdout could not be written, so the answer is lost; the runs are kept, and the same command"
+    " prints it at once"
+)
 # A context in which runs may fail, or cannot be kept.
 failures = partial(exit_on_errors, WorkersError, RunFailed, StoreFailed, code=FAILED)
 
@@ -53,7 +64,19 @@ def run_study(chosen: StudyArguments) -> int:
     for violation in result.violations:
         print_error(violation)
     unwritten = list(_unwritten(_files(chosen), result))
-    return FAILED if result.violations or unwritten else FINISHED
+    is_told = tell_if_lost()
+    return FAILED if result.violations or unwritten or not is_told else FINISHED
+
+
+def tell_if_lost() -> bool:
+    """Say on stderr if stdout has lost an answer. Return whether stdout has it.
+
+    The warning of the first loss may be minutes old, and says that the run goes on.
+    """
+    if not is_answer_lost():
+        return True
+    print_error(LOST)
+    return False
 
 
 def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
@@ -62,7 +85,7 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     options = _options(chosen)
     of_settings = checked_settings(scenario, varied, options)[1]
     store = options.store_file
-    files = [*_unwritable(chosen.files), *one_file([*chosen.files, store])]
+    files = [*_unwritable(chosen.files, chosen.scenario), *one_file([*chosen.files, store])]
     if store.exists() and (fault := fault_of(store, options.anew)):
         files.append(Problem(str(store), fault))
     problems = [
@@ -103,10 +126,10 @@ def _is_part(path: str, whole: str) -> bool:
     return not whole or f"{path}.".startswith(f"{whole}.")
 
 
-def _unwritable(paths: Iterable[Path]) -> Iterator[Problem]:
+def _unwritable(paths: Iterable[Path], read: Path | None) -> Iterator[Problem]:
     for path in paths:
         try:
-            check_writable(path)
+            check_writable(path, read)
         except OSError as error:
             name, _, why = str(error).partition(": ")
             yield Problem(name, why)

@@ -37,6 +37,9 @@ def exit_on_errors(*mistakes: type[Exception], code: int = BAD_INPUT) -> Iterato
     """
     try:
         yield
+    except typer.Exit:
+        # It is a RuntimeError, and has been told.
+        raise
     except mistakes as error:
         print_error(in_words(error))
         raise typer.Exit(code) from None

@@ -12,17 +12,18 @@ from pathlib import Path
 
 import pytest
 import typer
-from command_line import orchard, starting, summary_of
+from command_line import orchard, scenario_file, starting, summary_of
 from fleet import Process
 from patience import PATIENCE
+from stage import empty_orchard
 
-from orchard.folders import newest_path
+from orchard.folders import named, newest_path
 from orchard.launch.run_folder import RunFolder
 from orchard.launch.run_notes import end_left_over
 from orchard.sim.snapshot import SnapshotError
 from orchard.terminal.catalogue import COMMANDS
-from orchard.terminal.exits import exit_on_errors
-from orchard.terminal.files import check_writable
+from orchard.terminal.exits import exit_on_errors, in_words
+from orchard.terminal.files import check_writable, one_file
 from orchard.terminal.options import NETWORK, ORCHARD, OUTPUT, RUN
 from orchard.view.files import remove_half_packed
 
@@ -186,9 +187,65 @@ def test_a_link_stays_a_link_and_a_broken_one_is_no_recording(tmp_path):
     assert (tmp_path / "gone.rrd").is_symlink() and not (tmp_path / "gone.rrd").exists()
 
 
+READERS = [
+    "FILE --mode local --record none --duration 1 --summary FILE",
+    "bound FILE --work 0.1 --summary FILE",
+    "trace FILE --out FILE",
+    "study FILE --vary carriers=1 --budget 1s --workers 1 --csv FILE --out STORE",
+    "layout export FILE --lif FILE",
+]
+
+
+@pytest.mark.parametrize("command", READERS)
+def test_the_scenario_that_is_read_is_not_written(command, tmp_path):
+    """Whatever links lead to it."""
+    file = scenario_file(tmp_path, empty_orchard(rows=3, pickers=2, carriers=1))
+    content = file.read_bytes()
+    link = tmp_path / "link"
+    link.symlink_to(file)
+    words = command.split()
+    words[-1 if words[-1] == "FILE" else words.index("--csv") + 1] = str(link)
+    places = {"FILE": file, "STORE": tmp_path / "studies.db"}
+    done = orchard(*[places.get(word, word) for word in words], code=2)
+    assert f"{link}" in done.stderr
+    assert "cannot be written: it is the file that is read; expected another" in done.stderr
+    assert file.read_bytes() == content
+
+
+def test_an_error_of_a_full_disk_has_the_path_of_what_is_written(tmp_path):
+    """As of a bag and of certificates. An error that has a path keeps it."""
+    with pytest.raises(OSError, match="No space left") as full, named(tmp_path):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert in_words(full.value) == f"{tmp_path}: No space left on device"
+    with pytest.raises(FileNotFoundError) as missing, named(tmp_path):
+        (tmp_path / "nowhere" / "file").write_text("")
+    assert in_words(missing.value) == f"{tmp_path}/nowhere/file: No such file or directory"
+
+
+def test_links_in_a_circle_are_told_in_words(tmp_path):
+    circle = tmp_path / "circle.json"
+    circle.symlink_to(circle)
+    assert [*one_file([circle, tmp_path / "other.json"])] == []
+    with pytest.raises(OSError, match=f"{circle}: cannot be written: Too many levels"):
+        check_writable(circle)
+    with pytest.raises(OSError, match=f"{circle}: cannot be written: .*--record none"):
+        RunFolder(tmp_path).recording(str(circle.with_suffix(".json")))
+
+
 def test_a_full_disk_loses_the_summary_but_not_what_is_printed():
     done = orchard(*SHORT, "--record", "none", "--summary", "/dev/full", code=1)
     assert "Ended by --duration after 0:01 min" in done.stdout
+    assert done.stderr == "/dev/full: not written: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    "command", ["bound FILE --work 0.1 --summary /dev/full", "trace FILE --out /dev/full"]
+)
+def test_an_answer_that_fits_on_no_disk_is_told_with_its_path(command, tmp_path):
+    """It is no mistake of the user's, so the exit code is 1, as that of a run and of a study."""
+    scenario = empty_orchard(rows=3, pickers=2, carriers=1)
+    file = scenario_file(tmp_path, scenario)
+    done = orchard(*[file if word == "FILE" else word for word in command.split()], code=1)
     assert done.stderr == "/dev/full: not written: No space left on device\n"
 
 

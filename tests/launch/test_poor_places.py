@@ -16,6 +16,7 @@ from patience import PATIENCE
 from secured_run import make_roles
 
 from orchard.security.identity import identity_in
+from orchard.study.study_command import LOST
 from orchard.wire.keys import PREFIX
 
 SHORT = "--rows 3 --duration 1 --hosts 1 --record none"
@@ -86,6 +87,8 @@ def test_an_answer_that_cannot_be_written_is_a_failure(command, to, why, tmp_pat
     code, told = shell(f"orchard {command} {to}", tmp_path)
     assert code == 1, told
     assert f"stdout cannot be written: {why}" in told
+    if command.startswith("study"):
+        assert told.endswith(f"{LOST}\n")
 
 
 @pytest.mark.parametrize("command", [SHORT, "study --budget 1s", "stop", "view"])

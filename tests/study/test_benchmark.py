@@ -4,6 +4,7 @@ import json
 import os
 import re
 from dataclasses import asdict
+from pathlib import Path
 
 import pytest
 from code_blocks import block
@@ -12,9 +13,13 @@ from command_line import orchard
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.layout import lay_out
 from orchard.field.scenario import DISPATCH_POLICIES, with_changes
-from orchard.study.benchmark import ORCHARDS, Benchmark, orchards
+from orchard.study import benchmark_command
+from orchard.study.benchmark import ORCHARDS, Benchmark, BenchmarkResult, Harvests, orchards
+from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store
+from orchard.study.study_command import LOST
 from orchard.study.workers import Workers
+from orchard.terminal.output import console
 
 SMALL = ("--orchard", "small-fast", "--orchard", "small-slow", "--workers", "1")
 POLICY = "own_policies.FarthestOfMine"
@@ -137,6 +142,39 @@ def test_what_a_user_gets_wrong_is_said_in_words(store, words, code, said):
     )
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
+
+
+RESULT = BenchmarkResult(
+    policy="nearest",
+    scores={"nearest": 0.9},
+    harvests=[
+        Harvests(orchard="small-fast", policy="nearest", proven=[9.0], seconds=[10.0], checked=[])
+    ],
+    notes=[],
+    version="1",
+)
+
+
+def benchmark_of(monkeypatch, **options) -> int:
+    """Return the exit code of the command, whose harvests gave `RESULT`."""
+    monkeypatch.setattr(benchmark_command, "_result", lambda chosen, known: RESULT)
+    chosen = BenchmarkOptions(policy="nearest", orchard=None, check=False, workers=1, **options)
+    return benchmark_command.run_benchmark(chosen)
+
+
+def test_a_benchmark_whose_scores_stdout_loses_fails(monkeypatch, capsys):
+    """It says so at its end, too: the warning of the first loss may be hours old."""
+    monkeypatch.setattr(console, "has_lost", True)
+    assert benchmark_of(monkeypatch, out=None, anew=False, summary=None) == 1
+    assert capsys.readouterr().err == f"{LOST}\n"
+
+
+def test_a_benchmark_names_the_file_that_fits_on_no_disk(monkeypatch, capfd, tmp_path):
+    full = Path("/dev/full")
+    assert benchmark_of(monkeypatch, out=tmp_path / "b.db", anew=False, summary=full) == 1
+    told = capfd.readouterr()
+    assert told.err == "/dev/full: not written: No space left on device\n"
+    assert "90.0 % of what is proven possible" in told.out
 
 
 def test_a_carrier_that_failed_beside_its_line_leaves_it():

@@ -101,6 +101,17 @@ def test_a_store_that_another_program_has_changed_is_told(path, record, broken_b
         again.known([record.key])
 
 
+def test_a_store_that_fits_on_no_disk_leaves_nothing(tmp_path, monkeypatch):
+    def fill(store, half):
+        half.write_bytes(b"SQLite")
+        raise sqlite3.OperationalError("disk I/O error")
+
+    monkeypatch.setattr(Store, "_fill", fill)
+    with pytest.raises(StoreError, match=r"full\.db: cannot be used as a store: disk I/O error"):
+        Store(tmp_path / "full.db")
+    assert [*tmp_path.iterdir()] == []
+
+
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="cannot be used as a store"):

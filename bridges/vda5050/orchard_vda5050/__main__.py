@@ -12,7 +12,9 @@ from orchard.net.endpoints import NO_ENDPOINT, check_security
 from orchard.processes import agents
 from orchard_vda5050 import fleet
 
-AGAIN_SECONDS = 1.0  # between two looks for a run
+# Between two looks for a run.
+AGAIN_SECONDS = 1.0
+# Option -> what the help says of it.
 HELP = {
     "broker": "mqtt://host:port, or mqtts://user:password@host:port",
     "interface": "first part of the topics",
@@ -28,7 +30,7 @@ HELP = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Return the exit code: 0 after a run, 2 for what a user can correct."""
+    """Drive the robots of a run. Return the exit code: 0 after a run, 2 for a user's mistake."""
     options = _parser().parse_args(argv)
     try:
         return int(options.do(options))
@@ -63,16 +65,20 @@ def _parser() -> argparse.ArgumentParser:
 def _drive(options: argparse.Namespace) -> int:
     for name in fleet.DEFAULTS:
         os.environ[fleet.ENVIRONMENT + name.upper()] = str(getattr(options, name))
-    fleet.broker(), fleet.timing()  # a mistake in them is said at once
+    # A mistake in them is reported before a run is there.
+    fleet.broker()
+    fleet.timing()
+    robots = list(options.robots)
+    if DISPATCH in wait_for_a_run(options.endpoint, options.secure):
+        robots.append(DISPATCH)
     words = ["--connect", options.endpoint, "--agents", "orchard_vda5050.fleet:vehicles"]
-    agents_there = wait_for_a_run(options.endpoint, options.secure)
-    wanted = [*options.robots, *(name for name in agents_there if name == DISPATCH)]
-    words += [word for robot in wanted for word in ("--only", robot)] + (
-        ["--secure", options.secure] if options.secure else []
-    )
+    for robot in robots:
+        words += ["--only", robot]
+    if options.secure:
+        words += ["--secure", options.secure]
     try:
         code = agents.main(words)
-        if code and DISPATCH in wanted:
+        if code and DISPATCH in robots:
             print(
                 "orchard-vda5050: if dispatch is taken, start the run with --without dispatch too:"
                 " fleet control sends",
@@ -84,22 +90,23 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def wait_for_a_run(endpoint: str, secure: str | None) -> Sequence[str]:
-    """Return the agents of the run when there is one.
+    """Wait until there is a run. Return the names of its agents.
 
-    Say what it waits for. Raises BusError for an endpoint at which none can be.
+    Says meanwhile what it waits for. Raises BusError for an endpoint at which no run can be.
     """
     check_security(endpoint, secure is not None)
-    said = ""
+    reported = ""
     while True:
         try:
             with connect(endpoint, secure=secure) as run:
                 return run.names
-        except BusError as why:
-            if NO_ENDPOINT in str(why):
+        except BusError as error:
+            why = str(error)
+            if NO_ENDPOINT in why:
                 raise
-            if str(why) != said:
-                said = str(why)
-                print(f"orchard-vda5050: waiting for a run: {said}", file=sys.stderr, flush=True)
+            if why != reported:
+                reported = why
+                print(f"orchard-vda5050: waiting for a run: {why}", file=sys.stderr, flush=True)
             time.sleep(AGAIN_SECONDS)
 
 

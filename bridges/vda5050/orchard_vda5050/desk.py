@@ -12,8 +12,7 @@ from orchard_vda5050.calls import Calls
 
 
 class Desk(Dispatcher):
-    """Tells fleet control which full bins wait, and sends the vehicle to a full bin whose order
-    names it.
+    """Tells fleet control which full bins wait, and sends vehicles to those that orders name.
 
     Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is
     never free.
@@ -26,18 +25,20 @@ class Desk(Dispatcher):
         self._calls = calls
 
     def tick(self, seen: Observation, mail: Mail, memory: Any) -> Action:
+        """Dispatch carriers, and note which bins still wait."""
         action = super().tick(seen, mail, memory)
-        self._calls.hear(
-            [heard for heard in mail.requests if heard.sender not in action.memory.bookings],
-            seen.tick,
-        )
+        bookings = action.memory.bookings
+        waiting = [heard for heard in mail.requests if heard.sender not in bookings]
+        self._calls.hear(waiting, seen.tick)
         return action
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
-        full = [name for name, report in memory.bins.items() if not report.seconds_to_full]
-        ordered = {
-            carrier.job: Booking(carrier.name) for carrier in carriers if carrier.job in full
-        }
+        """Book the vehicles whose orders name a full bin, and then all other carriers."""
+        ordered = {}
+        for carrier in carriers:
+            report = memory.bins.get(carrier.job)
+            if report is not None and not report.seconds_to_full:
+                ordered[carrier.job] = Booking(carrier.name)
         memory.bookings = ordered | memory.bookings
         if any(carrier.is_next for carrier in carriers):
             super().decide(memory, carriers, tick)

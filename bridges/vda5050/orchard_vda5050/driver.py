@@ -16,36 +16,42 @@ from orchard.field.scenario import TIME_STEP
 from orchard.plans.steps import Need
 from orchard.roads.actions import WITH_THE_BIN
 from orchard.roads.graph import Graph
-from orchard_vda5050 import order as orders
 from orchard_vda5050.calls import Calls
-from orchard_vda5050.order import ActionOrder, ActionState, Edge, Error, Node, OrderState, Rejected
+from orchard_vda5050.errors import Error, Rejected
+from orchard_vda5050.order_state import ActionState, OrderState, arrive
+from orchard_vda5050.received import ActionOrder, Edge, Node
 
-ACTION_SECONDS = 300.0  # after which an action that is not done has failed
-ASK_AHEAD = (
-    3.0  # m before a node at which it asks for the places of the next edge: so it need not stop
-)
+# After these seconds an action that is not done has failed.
+ACTION_SECONDS = 300.0
+# M before a node at which a vehicle asks for the places of the next edge, so that it need not stop.
+ASK_AHEAD = 3.0
 
 
 class Duty(msgspec.Struct):
     """What a vehicle has to do, and how far it is.
 
-    `phase`: 'edge' or 'action' while it is under way, '' between two.
+    `phase`: 'edge' or 'action' while it is under way, '' between two. `began`: tick at which the
+    newest action began. `instant`: how far instant actions are. `errors`: beside those of orders.
+
+    `is_halted`: by an action that has failed. `is_laden`: the bin on its bar is a full one. `fill`:
+    m of row in a picker's bin when it was weighed. `owes`: the full bin that a carrier has promised
+    to take along; the carrier has left its empty bin for it.
+
+    `is_away`: it clears the roads by itself. `idle_since`: tick since which nothing is released on
+    the roads; -1: it has something to do, or is out of the way.
     """
 
     order: OrderState = msgspec.field(default_factory=OrderState)
     phase: str = ""
-    began: int = 0  # tick at which the newest action began
+    began: int = 0
     instant: list[ActionState] = []
-    errors: list[Error] = []  # beside those of orders
+    errors: list[Error] = []
     is_paused: bool = False
-    is_halted: bool = False  # by an action that has failed
-    is_laden: bool = False  # the bin on its bar is a full one
-    fill: float = 0.0  # m of row in a picker's bin when it was weighed
-    # The full bin that a carrier has promised to take along: it has left its empty bin for it.
+    is_halted: bool = False
+    is_laden: bool = False
+    fill: float = 0.0
     owes: str = ""
-    is_away: bool = False  # it clears the roads by itself
-    # Tick since which nothing is released on the roads; -1: it has something to do, or is out of
-    # the way.
+    is_away: bool = False
     idle_since: int = -1
 
 
@@ -56,6 +62,7 @@ class Onward(Step, frozen=True):
     holds: ClassVar[bool] = True
 
     def act(self, robot: PlanExecutor) -> bool:
+        """Add the steps of what the order has next. Return whether there is anything."""
         return cast(Driver, robot).goes_on()
 
 
@@ -67,6 +74,7 @@ class Driver(PlanExecutor):
         seen: Observation,
         mail: Mail,
         memory: Any,
+        *,
         duty: Duty,
         robot: Any,
         graph: Graph,
@@ -76,7 +84,10 @@ class Driver(PlanExecutor):
         """`robot`: the Orchard's own agent of this kind; `before`: the steps before each drive."""
         super().__init__(seen, mail, memory, robot.bystanders)
         self.route: OneWay = robot.route
-        self.duty, self.graph, self.calls, self._before = duty, graph, calls, before
+        self.duty = duty
+        self.graph = graph
+        self.calls = calls
+        self._before = before
 
     # -- what a kind of vehicle knows
 
@@ -88,7 +99,7 @@ class Driver(PlanExecutor):
         raise NotImplementedError
 
     def why_not(self, action: ActionOrder) -> str:
-        """Why the vehicle cannot begin an action; '' if it can."""
+        """Return why the vehicle cannot begin an action; '' if it can."""
         return ""
 
     def before(self, nodes: Sequence[Node]) -> Sequence[Step]:
@@ -96,14 +107,14 @@ class Driver(PlanExecutor):
         return ()
 
     def why_not_drive(self) -> str:
-        """Why the vehicle cannot leave the last node; '' if it can."""
+        """Return why the vehicle cannot leave the last node; '' if it can."""
         return ""
 
     def finished(self, action: ActionOrder) -> None:
         """Note what a finished action has changed."""
 
-    def is_late(self, action: ActionOrder, seconds: float) -> str:
-        """Why an action that has run for so long has failed; '' if it has not."""
+    def why_late(self, action: ActionOrder, seconds: float) -> str:
+        """Return why an action that has run for so long has failed; '' if it has not."""
         return f"not done within {ACTION_SECONDS:g} s" if seconds > ACTION_SECONDS else ""
 
     def after_failing(self, action: ActionOrder) -> Sequence[Step]:
@@ -123,32 +134,41 @@ class Driver(PlanExecutor):
 
         Return False if there is nothing.
         """
-        duty, order = self.duty, self.duty.order
+        self._finish_phase()
+        duty = self.duty
+        order = duty.order
+        if order.queue and not duty.is_halted:
+            return self._begin(order.queue[0])
+        if order.may_leave and not (duty.is_paused or duty.is_halted):
+            return self._leave(order.nodes[0], order.edges[0])
+        self.hold()
+        self.idles()
+        self.memory.doing = "waiting for an order"
+        self.memory.state = "waiting"
+        return False
+
+    def _finish_phase(self) -> None:
+        """Note that the edge, or the action, that is under way is done."""
+        duty = self.duty
+        order = duty.order
         if duty.phase == "edge":
             for action in order.edges[0].actions:
                 order.set(action.action_id, "FINISHED")
             before = order.last_node
-            orders.arrive(order)
+            arrive(order)
             self.arrived(before)
         elif duty.phase == "action":
             action = order.queue.pop(0)
             order.set(action.action_id, "FINISHED")
             self.finished(action)
         duty.phase = ""
-        if order.queue and not duty.is_halted:
-            return self._begin(order.queue[0])
-        if order.nodes and order.nodes[0].released and not (duty.is_paused or duty.is_halted):
-            return self._leave(order.nodes[0], order.edges[0])
-        self.hold()
-        self.idles()
-        self.memory.doing, self.memory.state = "waiting for an order", "waiting"
-        return False
 
     def _leave(self, node: Node, edge: Edge) -> bool:
-        if why := self.why_not_drive():
-            self._halt(
-                Rejected("NODE_UNREACHABLE", why, {"nodeId": node.node_id}, "CRITICAL").error
-            )
+        """Add the steps of an edge. Return whether the vehicle can drive it."""
+        why = self.why_not_drive()
+        if why:
+            names = {"nodeId": node.node_id}
+            self._halt(Rejected("NODE_UNREACHABLE", why, names, "CRITICAL").error)
             return False
         self.duty.phase = "edge"
         for action in edge.actions:
@@ -157,91 +177,103 @@ class Driver(PlanExecutor):
         return True
 
     def _steps_to(self, node: Node, edge: Edge) -> Iterator[Step]:
-        """The steps of an edge. A node may follow itself."""
-        self.memory.doing, self.memory.state = (
-            f"driving to {node.node_id}",
-            "hauling" if self.duty.is_laden else "driving",
-        )
-        known = self.graph.edges.get((self.duty.order.last_node, node.node_id))
-        for step in known.steps if known else ():
-            if isinstance(step, DriveTo) and not step.queueing:
+        """Yield the steps of an edge. A node may follow itself, without any step."""
+        self.memory.doing = f"driving to {node.node_id}"
+        self.memory.state = "hauling" if self.duty.is_laden else "driving"
+        for step in self._steps_from(self.duty.order.last_node, node.node_id):
+            if not isinstance(step, DriveTo):
+                yield step
+                continue
+            if not step.queueing:
                 yield from self._before
-            slower = (
-                edge.speed is not None and isinstance(step, DriveTo) and edge.speed < step.speed
-            )
-            yield replace(step, speed=edge.speed) if slower else step
+            if edge.speed is not None and edge.speed < step.speed:
+                yield replace(step, speed=edge.speed)
+            else:
+                yield step
+
+    def _steps_from(self, start: str, end: str) -> Sequence[Step]:
+        """Return the steps between two nodes, without any if the second one is the first one."""
+        edge = self.graph.edges.get((start, end))
+        return () if edge is None else edge.steps
 
     def _begin(self, action: ActionOrder) -> bool:
-        kind, load = action.action_type, str(action.value("loadId") or "")
-        self.duty.phase, self.duty.began = "action", self.seen.tick
-        self.memory.doing, self.memory.state = f"{kind} {load}".strip(), "handling a bin"
+        """Add the steps of an action. Return whether the vehicle can do it."""
+        self.duty.phase = "action"
+        self.duty.began = self.seen.tick
+        self.memory.doing = f"{action.action_type} {action.load}".strip()
+        self.memory.state = "handling a bin"
         self.duty.order.set(action.action_id, "RUNNING")
-        if why := self.why_not(action) or self._why_not_this_bin(load, action.action_type):
+        why = self.why_not(action) or self._why_not_this_bin(action)
+        if why:
             self.fails(why)
             return False
         self.next([*self.steps_of(action), Onward()])
         return True
 
-    def _why_not_this_bin(self, load: str, kind: str) -> str:
-        """Why an action with the bin on the bar cannot be done; '' if it can."""
+    def _why_not_this_bin(self, action: ActionOrder) -> str:
+        """Return why an action with the bin on the bar cannot be done; '' if it can."""
         hitch = self.seen.hitch
-        if hitch is None or kind not in WITH_THE_BIN or load in ("", hitch.name):
+        if hitch is None or action.action_type not in WITH_THE_BIN:
             return ""
-        return f"its bin is {hitch.name}, not {load}"
+        if action.load in ("", hitch.name):
+            return ""
+        return f"its bin is {hitch.name}, not {action.load}"
 
     def leave_edge(self) -> None:
-        """Give back the places that the present edge needs at its beginning, which the vehicle has
-        not left.
+        """Give back the places that the present edge needs at its beginning.
+
+        The vehicle has not left that.
         """
         order = self.duty.order
-        edge = self.graph.edges.get((order.last_node, order.nodes[0].node_id))
-        for step in edge.steps if edge else ():
+        for step in self._steps_from(order.last_node, order.nodes[0].node_id):
             if isinstance(step, Need):
                 self.free(step.places)
             elif isinstance(step, DriveTo):
                 self.free([place for gate in step.needs for place in gate.places])
 
     def why_failed(self) -> str:
-        """Why the present action has taken too long; '' if it has not."""
-        return self.is_late(
-            self.duty.order.queue[0], (self.seen.tick - self.duty.began) * TIME_STEP
-        )
+        """Return why the present action has taken too long; '' if it has not."""
+        seconds = (self.seen.tick - self.duty.began) * TIME_STEP
+        return self.why_late(self.duty.order.queue[0], seconds)
 
     def fails(self, why: str) -> None:
-        """The present action has failed.
+        """Note that the present action has failed.
 
         The vehicle stands until fleet control cancels the order.
         """
         action = self.duty.order.queue.pop(0)
         self.duty.order.set(action.action_id, "FAILED")
-        self.duty.owes, self.memory.plan = "", [*self.after_failing(action), Onward()]
+        self.duty.owes = ""
+        self.memory.plan = [*self.after_failing(action), Onward()]
         self._halt(Rejected("ACTION_FAILED", why, {"actionId": action.action_id}, "CRITICAL").error)
 
     def _halt(self, error: Error) -> None:
-        self.duty.phase, self.duty.is_halted = "", True
+        """Stand until fleet control cancels the order."""
+        self.duty.phase = ""
+        self.duty.is_halted = True
         self.duty.order.errors = [*self.duty.order.errors, error]
 
     def ask_ahead(self) -> None:
         """Shortly before a node, ask for the places that the next edge needs at its beginning."""
         order = self.duty.order
-        if (
-            self.duty.phase != "edge"
-            or self.wanting
-            or len(order.nodes) < 2
-            or order.nodes[0].actions
-            or not order.nodes[1].released
-        ):
+        if self.duty.phase != "edge" or self.wanting or not self._drives_through(order):
             return
+        first, second, *_ = order.nodes
         if self.before(order.nodes[1:]):
             return
-        node = self.graph.nodes[order.nodes[0].node_id]
-        after = self.graph.edges.get((order.nodes[0].node_id, order.nodes[1].node_id))
-        drive = after.steps[0] if after else None
-        if (
-            isinstance(drive, DriveTo)
-            and drive.needs
-            and abs(node.x - self.pose.x) + abs(node.y - self.pose.y) < ASK_AHEAD
-        ):
-            places = drive.needs[0].places
-            if not self.has(places):
-                self.want(places)
+        steps = self._steps_from(first.node_id, second.node_id)
+        drive = steps[0] if steps else None
+        if not isinstance(drive, DriveTo) or not drive.needs:
+            return
+        node = self.graph.nodes[first.node_id]
+        is_near = abs(node.x - self.pose.x) + abs(node.y - self.pose.y) < ASK_AHEAD
+        places = drive.needs[0].places
+        if is_near and not self.has(places):
+            self.want(places)
+
+    @staticmethod
+    def _drives_through(order: OrderState) -> bool:
+        """Whether the vehicle passes the next node without a stop there."""
+        if len(order.nodes) < 2:
+            return False
+        return not order.nodes[0].actions and order.nodes[1].released

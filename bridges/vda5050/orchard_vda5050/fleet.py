@@ -1,6 +1,4 @@
-"""The vehicles of a run, as a host process of the Orchard asks for them: `vehicles(layout,
-names)`.
-"""
+"""The vehicles of a run: `vehicles(layout, names)`, for which a host process asks."""
 
 import os
 from collections.abc import Callable, Collection, Mapping
@@ -25,7 +23,8 @@ VEHICLES: Mapping[str, type[CarrierVehicle | PickerVehicle]] = {
     "carrier": CarrierVehicle,
     "picker": PickerVehicle,
 }
-ENVIRONMENT = "ORCHARD_VDA5050_"  # and a name in capitals: the settings of `vehicles`
+# The settings of `vehicles` are in the environment: this, and a name in capitals.
+ENVIRONMENT = "ORCHARD_VDA5050_"
 DEFAULTS: Mapping[str, str | float] = {
     "broker": "mqtt://127.0.0.1:1883",
     "interface": "vda5050",
@@ -44,13 +43,19 @@ def setting(name: str) -> str:
 
 def broker() -> Broker:
     """Return the broker of the settings. Raises ValueError for one that cannot be."""
-    return broker_at(*map(setting, ("broker", "interface", "manufacturer", "version")))
+    return broker_at(
+        setting("broker"), setting("interface"), setting("manufacturer"), setting("version")
+    )
 
 
 def timing() -> Timing:
     """Return the times of the settings. Raises ValueError for one that is no number of seconds."""
     try:
-        times = Timing(*(float(setting(name)) for name in ("state", "visualization", "patience")))
+        times = Timing(
+            state=float(setting("state")),
+            visualization=float(setting("visualization")),
+            patience=float(setting("patience")),
+        )
     except ValueError as error:
         raise ValueError(f"a time must be a number of seconds: {error}") from None
     if not (times.state >= 0.1 and times.visualization >= 0.0 and times.patience > 0.0):
@@ -62,7 +67,9 @@ class Lines:
     """The lines of all vehicles to one broker. A run that is reset keeps them."""
 
     def __init__(self) -> None:
-        self._broker, self._lines = broker(), dict[str, Line]()
+        """Raises ValueError for a broker that cannot be."""
+        self._broker = broker()
+        self._lines = dict[str, Line]()
         self._network = Network()
         self.notices = Notices(self._network, self._broker)
 
@@ -79,6 +86,7 @@ class Lines:
         return self._lines[name]
 
     def close(self) -> None:
+        """Say of all vehicles that they go offline, and close their lines."""
         for line in self._lines.values():
             line.leave()
         self._network.close()
@@ -95,22 +103,23 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
 
     Raises ValueError for what cannot be a vehicle.
     """
-    if wrong := [name for name in names if kind_of(name) not in (*VEHICLES, DISPATCH)]:
-        raise ValueError(f"{', '.join(wrong)}: only carriers and pickers are vehicles")
-    if DISPATCH in layout.agents and DISPATCH not in names and "carrier" in map(kind_of, names):
-        why = (
-            "fleet control sends the carriers; start the run with --without dispatch, or with"
-            " --dispatch nearest"
+    others = [name for name in names if kind_of(name) not in (*VEHICLES, DISPATCH)]
+    if others:
+        raise ValueError(f"{', '.join(others)}: only carriers and pickers are vehicles")
+    is_dispatch_elsewhere = DISPATCH in layout.agents and DISPATCH not in names
+    if is_dispatch_elsewhere and "carrier" in map(kind_of, names):
+        raise ValueError(
+            f"dispatch {layout.scenario.dispatch}: fleet control sends the carriers;"
+            " start the run with --without dispatch, or with --dispatch nearest"
         )
-        raise ValueError(f"dispatch {layout.scenario.dispatch}: {why}")
-    agents = agents_of(
-        layout, names, lambda name: lines().of(name), Calls(lines().notices.tell), timing()
-    )
-    are_ours = (
-        layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
-    )  # the tests of the bridge check its agents
+    all_lines = lines()
+    calls = Calls(all_lines.notices.tell)
+    agents = agents_of(layout, names, all_lines.of, calls, timing())
+    # Agents with classes of the user are checked at each tick. All others are checked by tests.
+    is_built_in = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
     return {
-        name: Guard(name, agent, layout.agents, trusted=are_ours) for name, agent in agents.items()
+        name: Guard(name, agent, layout.agents, trusted=is_built_in)
+        for name, agent in agents.items()
     }
 
 
@@ -121,15 +130,19 @@ def agents_of(
     calls: Calls,
     times: Timing,
 ) -> dict[str, Agent]:
-    """Return an agent for each of these names: a vehicle, or for `dispatch` the one that tells
-    fleet control which bins wait.
+    """Return an agent for each of these names.
+
+    That is a vehicle, or for `dispatch` the one that tells fleet control which bins wait.
+    `port_of`: gives the line of a vehicle.
     """
     graphs = {graph.kind: graph for graph in graphs_of(layout)}
-    desk = {name: Desk(layout, name, calls) for name in names if name == DISPATCH}
-    driven = [name for name in names if name not in desk]
-    return desk | {
-        name: VEHICLES[kind_of(name)](
-            layout, name, graphs[kind_of(name)], port_of(name), calls, times
-        )
-        for name in driven
-    }
+    agents: dict[str, Agent] = {}
+    if DISPATCH in names:
+        agents[DISPATCH] = Desk(layout, DISPATCH, calls)
+    for name in names:
+        if name != DISPATCH:
+            kind = kind_of(name)
+            agents[name] = VEHICLES[kind](
+                layout, name, graph=graphs[kind], port=port_of(name), calls=calls, timing=times
+            )
+    return agents

@@ -1,7 +1,7 @@
-"""The lines to fleet control: one MQTT client for each vehicle, because the broker speaks for each
-one that it loses.
+"""The lines to fleet control: one MQTT client for each vehicle.
 
-What is said while the broker is away is not kept: the next state says all.
+The broker speaks for each client that it loses, so a vehicle needs one of its own. What is sent
+while the broker is away is not kept: the next state says all.
 """
 
 from collections import defaultdict
@@ -21,13 +21,26 @@ from orchard_vda5050.messages import Message, connection_of
 from orchard_vda5050.network import Connection, Network
 from orchard_vda5050.older import older, oldest
 
+
+def newest(_topic: str, message: Message) -> Message:
+    """Return a message as it is: vehicles write version 3.0."""
+    return message
+
+
+# Version -> the function that says a message in its words. It takes the topic, too.
 VERSIONS: Mapping[str, Callable[[str, Message], Message]] = {
-    "3.0.0": lambda _topic, message: message,
+    "3.0.0": newest,
     "2.1.0": older,
     "2.0.0": oldest,
-}  # and its words
+}
+# Topics of which the broker keeps the newest message.
 RETAINED = ("connection", "factsheet")
-AT_LEAST_ONCE = 1  # quality of service of `connection`; of all others 0
+# Quality of service of `connection`; that of all others is 0.
+AT_LEAST_ONCE = 1
+# Characters that mean something in a topic.
+RESERVED = set("/+#$")
+# Scheme of a broker's URL -> its port, unless the URL names one.
+PORTS = {"mqtt": 1883, "mqtts": 8883}
 
 
 @dataclass(frozen=True)
@@ -59,24 +72,35 @@ def broker_at(url: str, interface: str, manufacturer: str, version: str) -> Brok
     if version not in VERSIONS:
         raise ValueError(f"version {version}: there are {', '.join(VERSIONS)}")
     parts = urlsplit(url)
-    if parts.scheme not in ("mqtt", "mqtts") or not parts.hostname or parts.path not in ("", "/"):
+    if parts.scheme not in PORTS or not parts.hostname or parts.path not in ("", "/"):
         raise ValueError(
-            f"broker {url!r}: must be as mqtt://127.0.0.1:1883 or, with TLS, mqtts://user:password@broker.example:8883"
+            f"broker {url!r}: must be as mqtt://127.0.0.1:1883 or, with TLS,"
+            " mqtts://user:password@broker.example:8883"
         )
-    if wrong := [word for word in (interface, manufacturer) if not word or set(word) & set("/+#$")]:
-        raise ValueError(f"{wrong[0]!r}: a part of a topic needs characters, but none of / + # $")
-    is_secure = parts.scheme == "mqtts"
-    port = parts.port or (8883 if is_secure else 1883)
-    user, password = (
-        word if word is None else unquote(word) for word in (parts.username, parts.password)
+    for word in (interface, manufacturer):
+        if not word or RESERVED.intersection(word):
+            raise ValueError(f"{word!r}: a part of a topic needs characters, but none of / + # $")
+    return Broker(
+        host=parts.hostname,
+        port=parts.port or PORTS[parts.scheme],
+        is_secure=parts.scheme == "mqtts",
+        user=_unquoted(parts.username),
+        password=_unquoted(parts.password),
+        interface=interface,
+        manufacturer=manufacturer,
+        version=version,
     )
-    return Broker(parts.hostname, port, is_secure, user, password, interface, manufacturer, version)
+
+
+def _unquoted(word: str | None) -> str | None:
+    """Return a part of a URL as it is meant; None if it is not there."""
+    return None if word is None else unquote(word)
 
 
 def _client(broker: Broker, name: str) -> Client:
-    client = Client(
-        CallbackAPIVersion.VERSION2, client_id=f"{broker.interface}-{broker.manufacturer}-{name}"
-    )
+    """Return a client of a broker, which has not connected. `name`: of what it speaks for."""
+    client_id = f"{broker.interface}-{broker.manufacturer}-{name}"
+    client = Client(CallbackAPIVersion.VERSION2, client_id=client_id)
     client.username_pw_set(broker.user, broker.password)
     if broker.is_secure:
         client.tls_set()
@@ -84,10 +108,7 @@ def _client(broker: Broker, name: str) -> Client:
 
 
 class Line:
-    """A vehicle's port to fleet control.
-
-    `subscribes`: the topics that it takes; `greets`: what it sends when it has connected.
-    """
+    """A vehicle's port to fleet control."""
 
     def __init__(
         self,
@@ -97,15 +118,17 @@ class Line:
         subscribes: Sequence[str],
         greets: Sequence[tuple[str, Message]],
     ) -> None:
-        self._network, self._broker, self._serial, self._subscribes, self._greets = (
-            network,
-            broker,
-            serial,
-            subscribes,
-            greets,
-        )
-        self._taken: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
-        self._numbers: dict[str, Any] = defaultdict(count)  # topic -> the headerIds
+        """`serial`: the name of the vehicle. `subscribes`: the topics that it takes. `greets`: what
+        it sends when it has connected.
+        """
+        self._network = network
+        self._broker = broker
+        self._serial = serial
+        self._subscribes = subscribes
+        self._greets = greets
+        self._inbox: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+        # Topic -> the headerIds of its messages.
+        self._numbers: dict[str, Any] = defaultdict(count)
         self.state_header_id = 0
         client = _client(broker, serial)
         will = self._payload("connection", connection_of("CONNECTION_BROKEN"))
@@ -120,22 +143,21 @@ class Line:
         The first call opens the line.
         """
         self._network.open()
-        taken = []
+        messages = []
         while True:
             try:
-                taken.append(self._taken.get_nowait())
+                messages.append(self._inbox.get_nowait())
             except Empty:
-                return taken
+                return messages
 
     def send(self, topic: str, message: Message) -> None:
         """Send a message, if the broker is there."""
         if self._connection.is_there:
-            quality = AT_LEAST_ONCE if topic == "connection" else 0
             self._connection.publish(
                 self._broker.topic(self._serial, topic),
                 self._payload(topic, message),
-                quality,
-                topic in RETAINED,
+                quality=AT_LEAST_ONCE if topic == "connection" else 0,
+                is_retained=topic in RETAINED,
             )
 
     def leave(self) -> None:
@@ -143,27 +165,31 @@ class Line:
         self.send("connection", connection_of("OFFLINE"))
 
     def _payload(self, topic: str, message: Message) -> bytes:
-        number = next(self._numbers[topic]) % 2**32
+        """Return a message with its header, as JSON in the words of the broker's version."""
+        header_id = next(self._numbers[topic]) % 2**32
         if topic == "state":
-            self.state_header_id = number
-        at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+            self.state_header_id = header_id
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
         header = {
-            "headerId": number,
-            "timestamp": at,
+            "headerId": header_id,
+            "timestamp": now.replace("+00:00", "Z"),
             "version": self._broker.version,
             "manufacturer": self._broker.manufacturer,
+            "serialNumber": self._serial,
         }
         body = VERSIONS[self._broker.version](topic, message)
-        return msgspec.json.encode(header | {"serialNumber": self._serial} | body)
+        return msgspec.json.encode(header | body)
 
     def _greet(self, client: Client) -> None:
+        """Subscribe to what comes, and say who is there."""
         for topic in self._subscribes:
             client.subscribe(self._broker.topic(self._serial, topic))
-        for greeting in self._greets:
-            self.send(*greeting)
+        for topic, message in self._greets:
+            self.send(topic, message)
 
     def _arrived(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
-        self._taken.put((message.topic.rsplit("/", 1)[1], bytes(message.payload)))
+        topic = message.topic.rsplit("/", 1)[1]
+        self._inbox.put((topic, bytes(message.payload)))
 
 
 class Notices:
@@ -173,10 +199,11 @@ class Notices:
     """
 
     def __init__(self, network: Network, broker: Broker) -> None:
-        self._topic, self._newest = f"{broker.interface}/calls", b"[]"
-        self._connection = Connection(
-            _client(broker, "calls"), broker.host, broker.port, lambda _: self._publish()
-        )
+        """`network`: keeps the connection."""
+        self._topic = f"{broker.interface}/calls"
+        self._newest = b"[]"
+        client = _client(broker, "calls")
+        self._connection = Connection(client, broker.host, broker.port, self._greet)
         network.keep(self._connection)
 
     def tell(self, waiting: list[Message]) -> None:
@@ -184,6 +211,10 @@ class Notices:
         self._newest = msgspec.json.encode(waiting)
         self._publish()
 
+    def _greet(self, _client: Client) -> None:
+        self._publish()
+
     def _publish(self) -> None:
+        """Publish the newest list, if the broker is there. When it comes, it gets the list."""
         if self._connection.is_there:
             self._connection.publish(self._topic, self._newest, is_retained=True)

@@ -1,5 +1,6 @@
-"""What a vehicle says of itself, as VDA 5050 writes it: messages without their header, which `line`
-adds when it sends them.
+"""What a vehicle says of itself, as VDA 5050 writes it.
+
+The messages are without their header, which `line` adds when it sends them.
 """
 
 from collections.abc import Sequence
@@ -15,11 +16,18 @@ from orchard.field.scenario import TIME_STEP
 from orchard.roads.actions import ACTIONS, IGNORED, INSTANT, VehicleAction
 from orchard.roads.graph import Graph
 from orchard.roads.lif import MAP, series
-from orchard_vda5050.order import LARGEST, LONGEST_ID, ActionState, Edge, Error, Node, OrderState
+from orchard_vda5050.errors import Error
+from orchard_vda5050.order import WHERE
+from orchard_vda5050.order_state import ActionState, OrderState
+from orchard_vda5050.parts import LONGEST_ID
+from orchard_vda5050.received import LARGEST, Edge, Node
 
 Message = dict[str, Any]
 
-BIN, FULL = "empty bin", "full bin"  # types of loads
+# Types of loads.
+BIN = "empty bin"
+FULL = "full bin"
+# What a factsheet says of each kind.
 DESCRIPTIONS = {
     "carrier": "simulated carrier of bins of kiwifruit; its bin follows it on a bar",
     "picker": "simulated picker of kiwifruit; the bin that it fills follows it on a bar",
@@ -46,6 +54,7 @@ def state_of(
     seen: Observation,
     status: Status,
     order: OrderState,
+    *,
     instant: Sequence[ActionState],
     errors: Sequence[Error],
     waits_for: str,
@@ -53,10 +62,12 @@ def state_of(
 ) -> Message:
     """Return the message `state`.
 
-    `errors`: beside those of orders; `waits_for`: what holds it up, for people.
+    `instant`: how far instant actions are. `errors`: beside those of orders. `waits_for`: what the
+    vehicle waits for, in words for people.
     """
-    nodes, edges = ([], []) if status.is_away else (order.nodes, order.edges)
-    last = graph.nodes.get(order.last_node)
+    # Where a vehicle drives by itself is no part of the order of fleet control.
+    nodes = [] if status.is_away else order.nodes
+    edges = [] if status.is_away else order.edges
     base = [node for node in nodes if node.released]
     return {
         "maps": [MAP_STATE],
@@ -72,19 +83,28 @@ def state_of(
         "driving": status.is_driving,
         "paused": status.is_paused,
         "newBaseRequest": len(base) < len(nodes) and len(base) <= 1,
-        "distanceSinceLastNode": hypot(seen.x - last.x, seen.y - last.y) if last else 0.0,
+        "distanceSinceLastNode": _distance(seen, order.last_node, graph),
         "actionStates": msgspec.to_builtins(order.actions),
         "instantActionStates": msgspec.to_builtins(instant),
         "powerSupply": {"stateOfCharge": 100.0 * seen.charge, "charging": status.is_charging},
         "operatingMode": "MANUAL" if status.is_away else "AUTOMATIC",
         "errors": msgspec.to_builtins([*order.errors, *errors]),
-        "information": (
-            [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}]
-            if waits_for
-            else []
-        ),
+        "information": _information(waits_for),
         "safetyState": {"activeEmergencyStop": "NONE", "fieldViolation": status.is_blocked},
     }
+
+
+def _distance(seen: Observation, node_name: str, graph: Graph) -> float:
+    """Return how far a vehicle is from a node, m; 0.0 if there is no such node."""
+    node = graph.nodes.get(node_name)
+    return 0.0 if node is None else hypot(seen.x - node.x, seen.y - node.y)
+
+
+def _information(waits_for: str) -> list[Message]:
+    """Return what a state says for people."""
+    if not waits_for:
+        return []
+    return [{"infoType": "waitsFor", "infoLevel": "INFO", "infoDescriptor": waits_for}]
 
 
 def visualization_of(seen: Observation, state_header_id: int) -> Message:
@@ -113,7 +133,8 @@ def factsheet_of(kind: str, state_seconds: float) -> Message:
             "seriesDescription": DESCRIPTIONS[kind],
             "mobileRobotKinematics": "DIFFERENTIAL",
             "mobileRobotClass": "TUGGER",
-            "maximumLoadMass": 0.0,  # the mass of bins is not simulated
+            # The mass of bins is not simulated.
+            "maximumLoadMass": 0.0,
             "localizationTypes": ["NATURAL"],
             "navigationTypes": ["VIRTUAL_LINE_GUIDED"],
         },
@@ -156,9 +177,7 @@ def factsheet_of(kind: str, state_seconds: float) -> Message:
             ],
         },
         "mobileRobotGeometry": {
-            "envelopes2d": [
-                {"envelope2dId": "alone", "vertices": _box(0.0, body.length, body.width)}
-            ]
+            "envelopes2d": [{"envelope2dId": "alone", "vertices": _box(body.length, body.width)}]
         },
         "loadSpecification": {
             "loadPositions": ["bar"],
@@ -168,13 +187,15 @@ def factsheet_of(kind: str, state_seconds: float) -> Message:
 
 
 def _node(node: Node) -> Message:
-    at = node.node_position
-    position = {"nodePosition": {"x": at.x, "y": at.y, "mapId": at.map_id}} if at else {}
-    return {
+    message: Message = {
         "nodeId": node.node_id,
         "sequenceId": node.sequence_id,
         "released": node.released,
-    } | position
+    }
+    at = node.node_position
+    if at is not None:
+        message["nodePosition"] = {"x": at.x, "y": at.y, "mapId": at.map_id}
+    return message
 
 
 def _edge(edge: Edge) -> Message:
@@ -182,8 +203,16 @@ def _edge(edge: Edge) -> Message:
 
 
 def _position(seen: Observation) -> Message:
-    here = {"x": seen.x, "y": seen.y, "theta": seen.pose.yaw, "mapId": MAP, "localized": True}
-    return here | ({"deviationRange": seen.accuracy} if seen.accuracy else {})
+    message: Message = {
+        "x": seen.x,
+        "y": seen.y,
+        "theta": seen.pose.yaw,
+        "mapId": MAP,
+        "localized": True,
+    }
+    if seen.accuracy:
+        message["deviationRange"] = seen.accuracy
+    return message
 
 
 def _velocity(seen: Observation) -> Message:
@@ -191,19 +220,19 @@ def _velocity(seen: Observation) -> Message:
 
 
 def _loads(kind: str, seen: Observation, is_laden: bool) -> list[Message]:
+    """Return what is on the bar of a vehicle of this kind."""
+    if seen.hitch is None:
+        return []
     load = FULL if is_laden else BIN
-    return (
-        [{"loadId": seen.hitch.name, "loadType": load, "loadPosition": "bar", **_shape(kind)}]
-        if seen.hitch
-        else []
-    )
+    return [{"loadId": seen.hitch.name, "loadType": load, "loadPosition": "bar", **_shape(kind)}]
 
 
 def _shape(kind: str) -> Message:
-    place, fruit = {"x": -KINDS[kind].tows, "y": 0.0, "z": 0.0}, KINDS["bin"]
+    """Return where the bin on the bar of this kind is, seen from the vehicle, and its size."""
+    body = KINDS["bin"]
     return {
-        "boundingBoxReference": place,
-        "loadDimensions": {"length": fruit.length, "width": fruit.width, "height": fruit.height},
+        "boundingBoxReference": {"x": -KINDS[kind].tows, "y": 0.0, "z": 0.0},
+        "loadDimensions": {"length": body.length, "width": body.width, "height": body.height},
     }
 
 
@@ -211,33 +240,20 @@ def _load_set(kind: str, load: str) -> Message:
     return {"setName": load, "loadType": load, "loadPositions": ["bar"], **_shape(kind)}
 
 
-def _box(x: float, length: float, width: float) -> list[Message]:
-    corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
-    return [{"x": x + a * length / 2, "y": b * width / 2} for a, b in corners]
+def _box(length: float, width: float) -> list[Message]:
+    """Return the corners of a box around the origin, m, from the front left one on."""
+    signs = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+    return [{"x": along * length / 2, "y": across * width / 2} for along, across in signs]
 
 
 def _declared(kind: str, action: VehicleAction) -> Message:
-    load = {
-        "key": "loadId",
-        "valueDataType": "STRING",
-        "isOptional": not action.needs_load,
-        "description": "the name of a bin",
-    }
-    ignored = [
-        {
-            "key": key,
-            "valueDataType": "STRING",
-            "isOptional": True,
-            "description": "changes nothing",
-        }
-        for key in IGNORED
-    ]
+    """Return what a factsheet says of an action."""
+    load = _parameter("loadId", "the name of a bin", is_optional=not action.needs_load)
+    ignored = [_parameter(key, "changes nothing") for key in IGNORED]
+    where = f"{WHERE[action.scope]} {action.nodes}"
     return {
         "actionType": kind,
-        "actionDescription": (
-            f"{action.description}; possible {'at' if action.scope == 'NODE' else 'on the edge to'}"
-            f" {action.nodes}"
-        ),
+        "actionDescription": f"{action.description}; possible {where}",
         "actionScopes": [action.scope],
         "actionParameters": [load, *ignored],
         "blockingTypes": action.blocking,
@@ -246,20 +262,26 @@ def _declared(kind: str, action: VehicleAction) -> Message:
     }
 
 
+def _parameter(key: str, description: str, is_optional: bool = True) -> Message:
+    """Return what a factsheet says of a parameter, which is a text."""
+    return {
+        "key": key,
+        "valueDataType": "STRING",
+        "isOptional": is_optional,
+        "description": description,
+    }
+
+
 def _declared_instant(kind: str) -> Message:
-    order = [
-        {
-            "key": "orderId",
-            "valueDataType": "STRING",
-            "isOptional": True,
-            "description": "fails if the active order is another one",
-        }
-    ]
+    """Return what a factsheet says of an instant action."""
+    parameters = []
+    if kind == "cancelOrder":
+        parameters.append(_parameter("orderId", "fails if the active order is another one"))
     return {
         "actionType": kind,
         "actionDescription": INSTANT[kind],
         "actionScopes": ["INSTANT"],
-        "actionParameters": order if kind == "cancelOrder" else [],
+        "actionParameters": parameters,
         "blockingTypes": ["NONE"],
         "pauseAllowed": False,
         "cancelAllowed": False,

@@ -9,20 +9,25 @@ wake its thread, and wait until that has let go of the interpreter.
 import sys
 from collections.abc import Callable, Sequence
 from select import select
+from ssl import SSLSocket
 from threading import Event, RLock, Thread
 from time import monotonic
 from typing import Any
 
 from paho.mqtt.client import Client
 
-KEEPALIVE_SECONDS = 5  # a broker takes a client for lost after 1.5 times this
-AGAIN_SECONDS = 1.0  # between two tries of a client to connect
-CONNECT_SECONDS = 2.0  # that one try takes, at most: meanwhile nothing is read
-MOST_DROPS = (
-    3  # times that the broker lets a client in and drops it at once, after which that is told
-)
-LOOK_SECONDS = 0.05  # until a socket that has just been opened is read, at most
-CARE_SECONDS = 0.5  # between two looks at what is due
+# A broker takes a client for lost after 1.5 times this.
+KEEPALIVE_SECONDS = 5
+# Between two tries of a client to connect.
+AGAIN_SECONDS = 1.0
+# One try takes at most this long. Meanwhile nothing is read.
+CONNECT_SECONDS = 2.0
+# A client that the broker lets in and drops at once, this often, is told to people.
+MOST_DROPS = 3
+# A socket that has just been opened is read after at most this long.
+LOOK_SECONDS = 0.05
+# Between two looks at what is due.
+CARE_SECONDS = 0.5
 
 
 class Connection:
@@ -38,42 +43,53 @@ class Connection:
         """`greet`: called each time that it is connected."""
         client.connect_timeout = CONNECT_SECONDS
         client.connect_async(host, port, KEEPALIVE_SECONDS)
-        client.on_connect, client.on_disconnect = self._connected, self._dropped
-        self._client, self._greet, self._lock = client, greet, RLock()
-        self._refusal = ""  # why the broker does not let it in
-        self._since, self._drops = (
-            0.0,
-            0,
-        )  # since when it is there, 0: it is not; how often it was dropped at once
-        self.again = 0.0  # when it tries to connect
+        client.on_connect = self._connected
+        client.on_disconnect = self._dropped
+        self._client = client
+        self._greet = greet
+        self._lock = RLock()
+        # Why the broker does not let it in.
+        self._refusal = ""
+        # Since when it is connected; 0: it is not.
+        self._connected_since = 0.0
+        # How often the broker has dropped it at once, one time after the other.
+        self._drops = 0
+        # When it tries to connect next.
+        self.next_try = 0.0
 
-    def _connected(
-        self, client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any
-    ) -> None:
+    # paho gives both functions more than they need.
+
+    def _connected(self, client: Client, _data: Any, _flags: Any, reason: Any, *_: Any) -> None:
         if reason.is_failure:
             self._refusal = f"refuses: {reason}"
         else:
-            self._refusal, self._since = "", monotonic()
+            self._refusal = ""
+            self._connected_since = monotonic()
             self._greet(client)
 
-    def _dropped(
-        self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any
-    ) -> None:
-        if self._since:
-            self._drops = self._drops + 1 if monotonic() - self._since < KEEPALIVE_SECONDS else 0
-            self._since = 0.0
+    def _dropped(self, _client: Client, _data: Any, _flags: Any, reason: Any, *_: Any) -> None:
+        if self._connected_since:
+            self._drops = 0 if self._is_steady else self._drops + 1
+            self._connected_since = 0.0
         elif not self._refusal:
             self._refusal = f"gives no answer to vehicles that connect: {reason}"
 
     @property
+    def _is_steady(self) -> bool:
+        """Whether it has been connected for some time."""
+        if not self._connected_since:
+            return False
+        return monotonic() - self._connected_since >= KEEPALIVE_SECONDS
+
+    @property
     def is_there(self) -> bool:
+        """Whether it is connected, so that it can send."""
         return bool(self._client.is_connected()) and self.socket is not None
 
     @property
     def trouble(self) -> str:
         """What is wrong with the broker, for people; '' for nothing."""
-        is_steady = self._since and monotonic() - self._since >= KEEPALIVE_SECONDS
-        if self._drops >= MOST_DROPS and not is_steady:
+        if self._drops >= MOST_DROPS and not self._is_steady:
             return (
                 "drops vehicles that it has just let in: does another bridge have their names, its"
                 " --interface and its --manufacturer?"
@@ -83,6 +99,7 @@ class Connection:
     def publish(
         self, topic: str, payload: bytes, quality: int = 0, is_retained: bool = False
     ) -> None:
+        """Send a message. `quality`: 1 for at least once, 0 for at most once."""
         with self._lock:
             self._client.publish(topic, payload, quality, is_retained)
 
@@ -105,16 +122,21 @@ class Connection:
         return bool(self._client.want_write())
 
     def write(self) -> None:
+        """Write what was not written at once."""
         with self._lock:
             self._client.loop_write()
 
     def read(self) -> None:
+        """Read what has come, also what TLS has read from the socket already."""
         with self._lock:
             self._client.loop_read()
-            while (socket := self.socket) is not None and getattr(
-                socket, "pending", int
-            )():  # what TLS has read already
+            while self._has_decrypted():
                 self._client.loop_read()
+
+    def _has_decrypted(self) -> bool:
+        """Whether TLS has read more than was taken from it."""
+        socket = self.socket
+        return isinstance(socket, SSLSocket) and socket.pending() > 0
 
     def ping(self) -> None:
         """Send a ping if one is due."""
@@ -122,17 +144,19 @@ class Connection:
             self._client.loop_misc()
 
     def connect(self) -> None:
-        """Raises OSError or ValueError if the broker is not there."""
-        self.again = monotonic() + AGAIN_SECONDS
+        """Connect. Raises OSError or ValueError if the broker is not there."""
+        self.next_try = monotonic() + AGAIN_SECONDS
         with self._lock:
             self._client.reconnect()
 
     def give_up(self, why: Exception) -> None:
         """Close the socket: what came is not MQTT."""
         with self._lock:
-            if (socket := self.socket) is not None:
+            socket = self.socket
+            if socket is not None:
                 socket.close()
-            self._since, self._refusal = 0.0, f"is not one of MQTT: {why!r}"
+            self._connected_since = 0.0
+            self._refusal = f"is not one of MQTT: {why!r}"
 
 
 class Network:
@@ -144,9 +168,13 @@ class Network:
 
     def __init__(self) -> None:
         self._connections: Sequence[Connection] = ()
-        self._told = ""
-        self._due = self._again = 0.0  # when it looks at what is due, and when it tries to connect
-        self._is_open, self._is_over = False, Event()
+        # What people were told last of the broker; '' that it is there, or nothing yet.
+        self._reported = ""
+        # When it looks at what is due, and when it tries to connect.
+        self._next_look = 0.0
+        self._next_try = 0.0
+        self._is_open = False
+        self._is_over = Event()
         self._thread = Thread(target=self._run, name="network", daemon=True)
 
     def open(self) -> None:
@@ -160,6 +188,7 @@ class Network:
         self._connections = [*self._connections, connection]
 
     def close(self) -> None:
+        """Say goodbye to the broker for all, and end the thread."""
         self._is_over.set()
         if self._is_open:
             self._thread.join()
@@ -167,34 +196,38 @@ class Network:
             connection.close()
 
     def _run(self) -> None:
+        """Keep the connections, and read for them, until all is closed."""
         while not self._is_over.is_set():
-            if (now := monotonic()) >= self._due:
-                self._due = now + CARE_SECONDS
+            now = monotonic()
+            if now >= self._next_look:
+                self._next_look = now + CARE_SECONDS
                 self._care(now)
-            open_ones = {
-                socket: connection
-                for connection in self._connections
-                if (socket := connection.socket) is not None
-            }
-            waiting = [
-                socket for socket, connection in open_ones.items() if connection.has_to_write
-            ]
-            try:
-                readable, writable, _ = select(open_ones, waiting, [], LOOK_SECONDS)
-            except (
-                OSError,
-                ValueError,
-            ):  # a write that failed in the other thread has closed one of them
-                continue
-            for socket in readable:
-                self._read(open_ones[socket])
-            for socket in writable:
-                open_ones[socket].write()
+            self._read_and_write()
+
+    def _read_and_write(self) -> None:
+        """Read what comes within a moment, and write what is left to write."""
+        by_socket: dict[Any, Connection] = {}
+        for connection in self._connections:
+            socket = connection.socket
+            if socket is not None:
+                by_socket[socket] = connection
+        to_write = [socket for socket in by_socket if by_socket[socket].has_to_write]
+        try:
+            readable, writable, _ = select(by_socket, to_write, [], LOOK_SECONDS)
+        except (OSError, ValueError):
+            # A write that failed in the other thread has closed one of them.
+            return
+        for socket in readable:
+            self._read(by_socket[socket])
+        for socket in writable:
+            by_socket[socket].write()
 
     @staticmethod
     def _read(connection: Connection) -> None:
-        """What a server that is no broker sends may raise any error in the client: the others must
-        go on.
+        """Read what has come for a connection.
+
+        What a server that is no broker sends may raise any error in the client. The other
+        connections must go on.
         """
         try:
             connection.read()
@@ -202,34 +235,49 @@ class Network:
             connection.give_up(error)
 
     def _care(self, now: float) -> None:
-        """Look after all connections."""
+        """Look after all connections, and tell people what is wrong with the broker."""
         for connection in self._connections:
             if connection.socket is not None:
                 connection.ping()
-        why = self._connect(now) if now >= self._again else ""
-        why = why or next((one.trouble for one in self._connections if one.trouble), "")
-        if why != self._told and (why or all(one.is_there for one in self._connections)):
-            said = f"{why}; trying again" if why else "is there"
-            print(f"orchard-vda5050: the broker {said}", file=sys.stderr, flush=True)
-            self._told = why
+        trouble = self._connect(now) if now >= self._next_try else ""
+        trouble = trouble or self._trouble()
+        if trouble == self._reported:
+            return
+        if trouble:
+            self._report(trouble, f"{trouble}; trying again")
+        elif all(connection.is_there for connection in self._connections):
+            self._report("", "is there")
+
+    def _trouble(self) -> str:
+        """Return what is wrong with the first connection that has trouble; '' if none has."""
+        for connection in self._connections:
+            trouble = connection.trouble
+            if trouble:
+                return trouble
+        return ""
+
+    def _report(self, trouble: str, predicate: str) -> None:
+        """Tell people how the broker is. `predicate`: the rest of a sentence on it."""
+        print(f"orchard-vda5050: the broker {predicate}", file=sys.stderr, flush=True)
+        self._reported = trouble
 
     def _connect(self, now: float) -> str:
         """Connect those that are away, for as long as the others need not be read.
 
-        While the broker is away, one of them tries it for all.
-
-        Return why it is not there; '' if it is.
+        While the broker is away, one of them tries it for all. Return why the broker is not there;
+        '' if it is.
         """
-        away = [one for one in self._connections if one.socket is None and now >= one.again]
-        for connection in sorted(away, key=lambda one: one.again):
+        due = []
+        for connection in self._connections:
+            if connection.socket is None and now >= connection.next_try:
+                due.append(connection)
+        for connection in sorted(due, key=lambda connection: connection.next_try):
             if monotonic() - now > CARE_SECONDS:
                 break
             try:
                 connection.connect()
-            except (
-                OSError,
-                ValueError,
-            ) as error:  # ValueError: a name that cannot be one of a host
-                self._again = monotonic() + AGAIN_SECONDS
+            except (OSError, ValueError) as error:
+                # A name that cannot be one of a host raises ValueError.
+                self._next_try = monotonic() + AGAIN_SECONDS
                 return f"is not there: {error}"
         return ""

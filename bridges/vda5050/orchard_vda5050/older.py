@@ -3,16 +3,18 @@
 Fleet control's orders are read in the words of all versions.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from orchard_vda5050.messages import Message
 
+# Level of an error in version 3.0 -> the one that says the same in older versions.
 LEVELS: Mapping[str, str] = {
     "WARNING": "WARNING",
     "URGENT": "WARNING",
     "CRITICAL": "FATAL",
     "FATAL": "FATAL",
 }
+# Type of an error in version 3.0 -> that of older versions. Any other one keeps its name.
 ERRORS: Mapping[str, str] = {
     "VALIDATION_FAILURE": "validationError",
     "UNSUPPORTED_PARAMETER": "validationError",
@@ -28,13 +30,12 @@ ERRORS: Mapping[str, str] = {
     "INSUFFICIENT_MEMORY": "orderError",
     "MOBILE_ROBOT_NOT_AVAILABLE": "orderError",
     "NO_ORDER_TO_CANCEL": "noOrderToCancel",
-}  # any other one keeps its name
-
-UNSAID = (
-    "pauseAllowed",
-    "cancelAllowed",
-    "blockingTypes",
-)  # of an action; no list of blocking types is valid by the schema of 2.1
+}
+# What a factsheet of an older version does not say of an action. By the schema of 2.1, no list of
+# blocking types is valid.
+UNSAID = ("pauseAllowed", "cancelAllowed", "blockingTypes")
+# Fields of a state that have another place in older versions.
+MOVED = ("mobileRobotPosition", "powerSupply", "instantActionStates")
 
 
 def older(topic: str, message: Message) -> Message:
@@ -65,26 +66,20 @@ def _connection(message: Message) -> Message:
     return {"connectionState": message["connectionState"].replace("_", "")}
 
 
+def _without(message: Message, keys: Collection[str]) -> Message:
+    """Return a message without some fields."""
+    return {key: value for key, value in message.items() if key not in keys}
+
+
 def _state(message: Message) -> Message:
-    power, safety = message["powerSupply"], message["safetyState"]
-    same = {
-        key: value
-        for key, value in message.items()
-        if key not in ("mobileRobotPosition", "powerSupply", "instantActionStates")
-    }
-    return same | {
+    power = message["powerSupply"]
+    safety = message["safetyState"]
+    return _without(message, MOVED) | {
         "agvPosition": _position(message["mobileRobotPosition"]),
         "batteryState": {"batteryCharge": power["stateOfCharge"], "charging": power["charging"]},
         "actionStates": [*message["actionStates"], *message["instantActionStates"]],
         "errors": [_error(error) for error in message["errors"]],
-        "information": [
-            {
-                "infoType": info["infoType"],
-                "infoLevel": info["infoLevel"],
-                "infoDescription": info["infoDescriptor"],
-            }
-            for info in message["information"]
-        ],
+        "information": [_information(info) for info in message["information"]],
         "safetyState": {
             "eStop": safety["activeEmergencyStop"],
             "fieldViolation": safety["fieldViolation"],
@@ -97,10 +92,16 @@ def _error(error: Message) -> Message:
     return error | {"errorType": ERRORS.get(kind, kind), "errorLevel": LEVELS[error["errorLevel"]]}
 
 
-def _position(position: Message) -> Message:
-    return {key: value for key, value in position.items() if key != "localized"} | {
-        "positionInitialized": position["localized"]
+def _information(info: Message) -> Message:
+    return {
+        "infoType": info["infoType"],
+        "infoLevel": info["infoLevel"],
+        "infoDescription": info["infoDescriptor"],
     }
+
+
+def _position(position: Message) -> Message:
+    return _without(position, ["localized"]) | {"positionInitialized": position["localized"]}
 
 
 def _visualization(message: Message) -> Message:
@@ -111,65 +112,71 @@ def _visualization(message: Message) -> Message:
 
 
 def _factsheet(message: Message) -> Message:
-    kind, physical, timing = (
-        message["typeSpecification"],
-        message["physicalParameters"],
-        message["protocolLimits"]["timing"],
-    )
-    features, longest = (
-        message["protocolFeatures"],
-        message["protocolLimits"]["maximumStringLengths"],
-    )
+    envelopes = message["mobileRobotGeometry"]["envelopes2d"]
     return {
-        "typeSpecification": {
-            "seriesName": kind["seriesName"],
-            "seriesDescription": kind["seriesDescription"],
-            "agvKinematic": "DIFF",
-            "agvClass": kind["mobileRobotClass"],
-            "maxLoadMass": kind["maximumLoadMass"],
-            "localizationTypes": kind["localizationTypes"],
-            "navigationTypes": kind["navigationTypes"],
-        },
-        "physicalParameters": {
-            "speedMin": physical["minimumSpeed"],
-            "speedMax": physical["maximumSpeed"],
-            "accelerationMax": physical["maximumAcceleration"],
-            "decelerationMax": physical["maximumDeceleration"],
-            "heightMin": physical["minimumHeight"],
-            "heightMax": physical["maximumHeight"],
-            "width": physical["width"],
-            "length": physical["length"],
-        },
-        "protocolLimits": {
-            "maxStringLens": {
-                "msgLen": longest["maximumMessageLength"],
-                "idLen": longest["maximumIdLength"],
-            },
-            "maxArrayLens": {},
-            "timing": {
-                "minOrderInterval": timing["minimumOrderInterval"],
-                "minStateInterval": timing["minimumStateInterval"],
-                "defaultStateInterval": timing["defaultStateInterval"],
-            },
-        },
-        "protocolFeatures": {
-            "optionalParameters": [
-                optional | {"parameter": optional["parameter"].replace("maximumSpeed", "maxSpeed")}
-                for optional in features["optionalParameters"]
-            ],
-            "agvActions": [
-                {key: value for key, value in action.items() if key not in UNSAID}
-                for action in features["mobileRobotActions"]
-            ],
-        },
+        "typeSpecification": _type_specification(message["typeSpecification"]),
+        "physicalParameters": _physical_parameters(message["physicalParameters"]),
+        "protocolLimits": _protocol_limits(message["protocolLimits"]),
+        "protocolFeatures": _protocol_features(message["protocolFeatures"]),
         "agvGeometry": {
             "envelopes2d": [
                 {"set": envelope["envelope2dId"], "polygonPoints": envelope["vertices"]}
-                for envelope in message["mobileRobotGeometry"]["envelopes2d"]
+                for envelope in envelopes
             ]
         },
         "loadSpecification": message["loadSpecification"],
     }
+
+
+def _type_specification(kind: Message) -> Message:
+    return {
+        "seriesName": kind["seriesName"],
+        "seriesDescription": kind["seriesDescription"],
+        "agvKinematic": "DIFF",
+        "agvClass": kind["mobileRobotClass"],
+        "maxLoadMass": kind["maximumLoadMass"],
+        "localizationTypes": kind["localizationTypes"],
+        "navigationTypes": kind["navigationTypes"],
+    }
+
+
+def _physical_parameters(physical: Message) -> Message:
+    return {
+        "speedMin": physical["minimumSpeed"],
+        "speedMax": physical["maximumSpeed"],
+        "accelerationMax": physical["maximumAcceleration"],
+        "decelerationMax": physical["maximumDeceleration"],
+        "heightMin": physical["minimumHeight"],
+        "heightMax": physical["maximumHeight"],
+        "width": physical["width"],
+        "length": physical["length"],
+    }
+
+
+def _protocol_limits(limits: Message) -> Message:
+    longest = limits["maximumStringLengths"]
+    timing = limits["timing"]
+    return {
+        "maxStringLens": {
+            "msgLen": longest["maximumMessageLength"],
+            "idLen": longest["maximumIdLength"],
+        },
+        "maxArrayLens": {},
+        "timing": {
+            "minOrderInterval": timing["minimumOrderInterval"],
+            "minStateInterval": timing["minimumStateInterval"],
+            "defaultStateInterval": timing["defaultStateInterval"],
+        },
+    }
+
+
+def _protocol_features(features: Message) -> Message:
+    optional_parameters = []
+    for optional in features["optionalParameters"]:
+        name = optional["parameter"].replace("maximumSpeed", "maxSpeed")
+        optional_parameters.append(optional | {"parameter": name})
+    actions = [_without(action, UNSAID) for action in features["mobileRobotActions"]]
+    return {"optionalParameters": optional_parameters, "agvActions": actions}
 
 
 _WORDS: Mapping[str, Callable[[Message], Message]] = {

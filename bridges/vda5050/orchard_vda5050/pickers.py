@@ -1,5 +1,6 @@
-"""Pickers as vehicles: they pick rows, leave full bins and couple empty ones, as fleet control
-orders it.
+"""Pickers as vehicles.
+
+They pick rows, leave full bins and couple empty ones, as fleet control orders it.
 """
 
 from collections.abc import Sequence
@@ -13,11 +14,11 @@ from orchard.roads.graph import Graph
 from orchard.roads.pickers import FreeWithout, Weigh, pass_at
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.driver import Driver
-from orchard_vda5050.order import ActionOrder
+from orchard_vda5050.received import ActionOrder
 from orchard_vda5050.vehicle import Port, Timing, Vehicle
 
 
-class VehicleMemory(PickerMemory):
+class PickerVehicleMemory(PickerMemory):
     """A picker's memory. `duty`: a Duty as packed msgpack."""
 
     duty: bytes = b""
@@ -27,71 +28,88 @@ class PickerDriver(Driver):
     """A picker at one tick."""
 
     def steps_of(self, action: ActionOrder) -> Sequence[Step]:
+        """Return the steps of an action at the end of a row."""
         name, _, number = self.duty.order.last_node.split("/")
-        side, row = self.route.sides[name], int(number)
+        side = self.route.sides[name]
+        row = int(number)
         if action.action_type == PICK:
             return [FetchEmpty(side.place("D", row))]
-        one = pass_at(row, side, self.pose.x, self.pose.x, self.duty.fill, self.duty.is_laden)
-        return self.route.leave(one, side, self.route.cross(side, row, self.route.hold(row, side)))
+        x = self.pose.x
+        end_of_pass = pass_at(row, side, x, x, self.duty.fill, self.duty.is_laden)
+        stop_line = self.route.hold(row, side)
+        return self.route.leave(end_of_pass, side, self.route.cross(side, row, stop_line))
 
     def why_not(self, action: ActionOrder) -> str:
-        has_bin = self.seen.hitch is not None
+        """Return why the vehicle cannot begin an action; '' if it can."""
         if action.action_type == PICK:
-            return (
-                "it has a bin already"
-                if has_bin
-                else ""
-                if self.memory.full_bin
-                else "it has left no bin"
-            )
-        if action.action_type == DROP and not (has_bin and self.duty.fill):
-            return "its bin is empty: no carrier would come" if has_bin else "it has no bin"
+            return self._why_not_pick()
+        if action.action_type == DROP:
+            return self._why_not_drop()
         return ""
 
+    def _why_not_pick(self) -> str:
+        if self.seen.hitch is not None:
+            return "it has a bin already"
+        return "" if self.memory.full_bin else "it has left no bin"
+
+    def _why_not_drop(self) -> str:
+        if self.seen.hitch is None:
+            return "it has no bin"
+        return "" if self.duty.fill else "its bin is empty: no carrier would come"
+
     def why_not_drive(self) -> str:
-        is_to_fetch = "/wait/" in self.duty.order.last_node and self.seen.hitch is None
-        return "it must first couple the empty bin that a carrier brings" if is_to_fetch else ""
+        """Return why the vehicle cannot leave the last node; '' if it can."""
+        if "/wait/" in self.duty.order.last_node and self.seen.hitch is None:
+            return "it must first couple the empty bin that a carrier brings"
+        return ""
 
     def finished(self, action: ActionOrder) -> None:
-        self.duty.is_laden, self.duty.fill = False, 0.0
+        """Note that the bin on the bar, if there is one, is empty after each action."""
+        self.duty.is_laden = False
+        self.duty.fill = 0.0
 
-    def is_late(self, action: ActionOrder, seconds: float) -> str:
-        """It waits for a carrier for as long as it takes."""
-        return "" if action.action_type == PICK else super().is_late(action, seconds)
+    def why_late(self, action: ActionOrder, seconds: float) -> str:
+        """Return why an action has failed. The picker waits for a carrier as long as it takes."""
+        return "" if action.action_type == PICK else super().why_late(action, seconds)
 
 
 class PickerVehicle(Vehicle):
     """A picker as a vehicle of VDA 5050."""
 
-    Memory: type[VehicleMemory] = VehicleMemory
+    Memory: type[PickerVehicleMemory] = PickerVehicleMemory
     Steps = (Weigh, FreeWithout)
     drives_with = PickerDriver
     holds = True
 
     def __init__(
-        self, layout: Layout, name: str, graph: Graph, port: Port, calls: Calls, timing: Timing
+        self, layout: Layout, name: str, *, graph: Graph, port: Port, calls: Calls, timing: Timing
     ) -> None:
-        super().__init__(Picker(layout, name), name, graph, port, calls, timing)
+        """`graph`: the roads as this kind drives them. `port`: the line to fleet control."""
+        robot = Picker(layout, name)
+        super().__init__(robot, name, graph=graph, port=port, calls=calls, timing=timing)
 
     def answer(self, robot: PickerDriver, heard: Heard) -> Answer:
+        """Answer as the Orchard's own pickers do."""
         return Picker.answer(cast(Picker, self.robot), robot, heard)
 
     def is_home(self, robot: PickerDriver) -> bool:
+        """Whether a vehicle that clears the roads by itself has nothing left to do."""
         return robot.duty.order.is_idle and not robot.duty.phase
 
     def is_out_of_the_way(self, robot: PickerDriver) -> bool:
-        return not robot.memory.reserved and (
-            robot.seen.hitch is not None or "/wait/" not in robot.duty.order.last_node
-        )
+        """Whether the vehicle has no place on the roads, and waits for no carrier."""
+        waits_for_carrier = robot.seen.hitch is None and "/wait/" in robot.duty.order.last_node
+        return not robot.memory.reserved and not waits_for_carrier
 
     def clear_the_roads(self, robot: PickerDriver) -> None:
-        """Drive out of the row, couple an empty bin if it has left one, for which a carrier would
-        wait, and drive aside.
+        """Drive out of the row, and aside.
+
+        A vehicle that has left its bin, or is about to, couples an empty one first: a carrier would
+        wait for that.
         """
         order = robot.duty.order
         side, _, row = order.decision_point[0].split("/")
-        is_left = robot.seen.hitch is None or any(
-            action.action_type == DROP for action in order.queue
-        )
-        self.add(order, [f"{side}/wait/{row}"], PICK if is_left else "")
+        drops = any(action.action_type == DROP for action in order.queue)
+        needs_bin = drops or robot.seen.hitch is None
+        self.add(order, [f"{side}/wait/{row}"], PICK if needs_bin else "")
         self.add(order, [f"{side}/aside/{row}"])

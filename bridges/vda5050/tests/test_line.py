@@ -269,11 +269,11 @@ def test_connecting_many_vehicles_lets_the_others_be_read(monkeypatch):
     monkeypatch.setattr(lines_to_broker, "monotonic", lambda: clock[0])
 
     class Slow:
-        socket, is_there, trouble, again = None, False, "", 0.0
+        socket, is_there, trouble, next_try = None, False, "", 0.0
 
         def connect(self):
             clock[0] += 0.3
-            self.again = clock[0] + 100.0
+            self.next_try = clock[0] + 100.0
             tried.append(self)
 
     for _ in range(9):

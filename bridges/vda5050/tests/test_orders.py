@@ -7,8 +7,11 @@ from functools import reduce
 
 import pytest
 from msgspec.structs import fields
-from orchard_vda5050 import order as orders
-from orchard_vda5050.order import OrderState, Rejected
+from orchard_vda5050 import received
+from orchard_vda5050.errors import Rejected
+from orchard_vda5050.order import take
+from orchard_vda5050.order_state import OrderState, arrive, cancel
+from orchard_vda5050.received import read_instant_actions, read_order
 
 from orchard import Carrier, Scenario, lay_out
 from orchard.roads.graph import graph_of
@@ -59,9 +62,7 @@ def order(update=0, first=0, released=99, actions=(), order_id="one"):
 
 
 def taken(state, message):
-    return orders.take(
-        state, orders.read(json.dumps(message).encode()), GRAPH, BINS, START.x, START.y
-    )
+    return take(state, read_order(json.dumps(message).encode()), GRAPH, BINS, x=START.x, y=START.y)
 
 
 def changed(message, path, value):
@@ -91,7 +92,7 @@ def placed(**more):
 
 BEGUN = taken(OrderState(), order(released=2))
 CANCELLED = taken(OrderState(), order(released=2))
-orders.cancel(CANCELLED, is_driving=False)
+cancel(CANCELLED, is_driving=False)
 WITH_ACTION = taken(OrderState(), order(actions=[action()]))
 AGAIN = [
     node(WAY[-1], 2 * len(WAY) - 2),
@@ -193,13 +194,23 @@ def test_what_is_done_while_driving_cannot_forbid_to_drive(blocking):
     }
     start = graph.nodes[way[0]]
     with pytest.raises(Rejected, match="its blockingType must be NONE or SINGLE"):
-        orders.take(
-            OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y
+        take(
+            OrderState(),
+            read_order(json.dumps(message).encode()),
+            graph,
+            BINS,
+            x=start.x,
+            y=start.y,
         )
     edge["actions"][0]["blockingType"] = "NONE"
     assert (
-        orders.take(
-            OrderState(), orders.read(json.dumps(message).encode()), graph, BINS, start.x, start.y
+        take(
+            OrderState(),
+            read_order(json.dumps(message).encode()),
+            graph,
+            BINS,
+            x=start.x,
+            y=start.y,
         ).order_id
         == "one"
     )
@@ -221,7 +232,7 @@ def test_what_is_done_while_driving_cannot_forbid_to_drive(blocking):
 )
 def test_what_is_no_order_is_rejected(payload):
     with pytest.raises(Rejected, match="not an order"):
-        orders.read(payload)
+        read_order(payload)
 
 
 def test_a_rejected_order_is_named():
@@ -286,10 +297,10 @@ def test_the_first_node_may_allow_a_vehicle_further_away():
         "mapId": "orchard",
         "allowedDeviationXY": {"a": 4.0, "b": 4.0, "theta": 0.0},
     }
-    message = orders.read(
+    message = read_order(
         json.dumps(changed(order(), ["nodes", 0, "nodePosition"], position)).encode()
     )
-    assert orders.take(OrderState(), message, GRAPH, BINS, far, START.y).order_id == "one"
+    assert take(OrderState(), message, GRAPH, BINS, x=far, y=START.y).order_id == "one"
 
 
 @pytest.mark.parametrize(("x", "y"), [(-6.0, 0.0), (0.0, 1.0), (-1.0, 3.0)])
@@ -304,9 +315,9 @@ def test_an_allowed_deviation_lets_no_vehicle_off_the_roads(x, y):
         "mapId": "orchard",
         "allowedDeviationXY": {"a": 500.0, "b": 500.0, "theta": 0.0},
     }
-    message = orders.read(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], far)).encode())
+    message = read_order(json.dumps(changed(order(), ["nodes", 0, "nodePosition"], far)).encode())
     with pytest.raises(Rejected, match="m away"):
-        orders.take(OrderState(), message, GRAPH, BINS, START.x + x, START.y + y)
+        take(OrderState(), message, GRAPH, BINS, x=START.x + x, y=START.y + y)
 
 
 def nulls(kind):
@@ -315,23 +326,23 @@ def nulls(kind):
 
 
 def test_a_field_that_is_null_is_not_there():
-    message = order(actions=[action("drop", key="") | nulls(orders.ActionOrder)])
+    message = order(actions=[action("drop", key="") | nulls(received.ActionOrder)])
     assert message["nodes"][-1]["actions"][0]["actionParameters"] is None
     for edge in message["edges"]:
-        edge.update(nulls(orders.Edge) | dict.fromkeys(orders.UNUSABLE))
-    message["nodes"][0] |= nulls(orders.Node)
-    place = {"x": START.x, "y": START.y, "mapId": "orchard"} | nulls(orders.NodePosition)
+        edge.update(nulls(received.Edge) | dict.fromkeys(received.UNUSABLE))
+    message["nodes"][0] |= nulls(received.Node)
+    place = {"x": START.x, "y": START.y, "mapId": "orchard"} | nulls(received.NodePosition)
     message["nodes"][0]["nodePosition"] = place
     plain = placed()
     plain["nodes"][-1]["actions"] = [action("drop", key="")]
-    state = taken(OrderState(), message | nulls(orders.Order))
+    state = taken(OrderState(), message | nulls(received.Order))
     assert state == taken(OrderState(), plain)
     assert [one.action_type for one in state.actions] == ["drop"]
 
 
 def test_a_field_that_must_be_there_may_not_be_null():
     with pytest.raises(Rejected, match="missing required field `nodeId`"):
-        orders.read(json.dumps(order() | {"nodes": [node(None, 0)], "edges": []}).encode())
+        read_order(json.dumps(order() | {"nodes": [node(None, 0)], "edges": []}).encode())
 
 
 @pytest.mark.parametrize("field", ["actions", "instantActions"])
@@ -341,8 +352,8 @@ def test_instant_actions_are_read_under_both_names(field):
     Version 1.1, and software for 2.0 that keeps to it, say `instantActions`.
     """
     pause = {"actionType": "startPause", "actionId": "a", "blockingType": "HARD"}
-    message = HEADER | {field: [pause | nulls(orders.ActionOrder)]}
-    (read,) = orders.read_instant_actions(json.dumps(message).encode()).actions
+    message = HEADER | {field: [pause | nulls(received.ActionOrder)]}
+    (read,) = read_instant_actions(json.dumps(message).encode()).actions
     assert (read.action_type, read.action_parameters) == ("startPause", [])
 
 
@@ -379,7 +390,7 @@ def test_an_update_cannot_change_the_last_node_of_the_base(actions, why, is_ther
     """An update cannot change what is done at the last node of the base."""
     begun = with_actions_at(TO_STOP, [UNLOAD])
     while is_there and begun.nodes:
-        orders.arrive(begun)
+        arrive(begun)
     update = at_the_last_node(actions, TO_STOP)
     with pytest.raises(Rejected, match=why) as rejected:
         taken(begun, update)
@@ -399,7 +410,7 @@ def test_an_update_may_repeat_or_omit_actions_at_its_first_node(actions, is_done
     """An update may repeat or leave out the actions at its first node."""
     begun = with_actions_at(TO_STOP, [UNLOAD])
     while is_done and begun.nodes:
-        orders.arrive(begun)
+        arrive(begun)
     if is_done:
         begun.queue.clear()
         begun.set(UNLOAD["actionId"], "FINISHED")
@@ -421,8 +432,8 @@ def test_an_update_leaves_the_error_with_which_a_vehicle_stands():
 def test_a_cancelled_order_leaves_a_vehicle_its_next_node():
     """A cancelled order leaves a vehicle that drives its next node."""
     begun = taken(OrderState(), order(released=2, actions=[action()]))
-    orders.cancel(begun, is_driving=True)
+    cancel(begun, is_driving=True)
     assert [one.node_id for one in begun.nodes] == WAY[1:2] and not begun.is_idle
     assert [one.action_status for one in begun.actions] == ["FAILED"]
-    orders.arrive(begun)
+    arrive(begun)
     assert begun.is_idle and begun.order_id == "one"

@@ -14,24 +14,29 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from orchard_ros2.bridge import Bridge
 from orchard_ros2.client import Refused, connected
 
-AGAIN_SECONDS = 1.0  # between two queries for a run that has not begun
-LOOK_SECONDS = 1.0  # between two looks at whether the run is over
+# Between two queries for a run that has not begun.
+AGAIN_SECONDS = 1.0
+# Between two looks at whether the run is over.
+LOOK_SECONDS = 1.0
 
 
 def main() -> int:
-    """Return the exit code: 0 after a run, 2 for a parameter that does not fit."""
+    """Serve a run, once there is one. Return the exit code: 0, or 2 for a user's mistake."""
     rclpy.init()
     try:
         bridge = Bridge()
-        while (code := attempt(bridge)) is None:
+        code = attempt(bridge)
+        while code is None:
             time.sleep(AGAIN_SECONDS)
+            code = attempt(bridge)
         return code
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except RuntimeError:
         if rclpy.ok():
             raise
-        return 0  # a signal has shut rclpy down, and what was under way in it fails
+        # A signal has shut rclpy down, and what was under way in it fails.
+        return 0
     except ValueError as error:
         print(f"orchard-ros2: {error}", file=sys.stderr)
         return 2

@@ -1,56 +1,31 @@
-"""The bridge, a ROS 2 node: it publishes what the Orchard sends, and sends the Orchard what ROS
-wants of its robots.
+"""The bridge, a ROS 2 node between a run of the Orchard and the programs of ROS.
+
+It publishes what the Orchard sends, and sends the Orchard what ROS wants of its robots.
 
 Two threads. The executor's takes velocities and service calls. `listen` takes what the Orchard
 sends, in the order in which it comes. A service that asks the run has a thread of its own while it
 waits.
 """
 
-import importlib
-from collections.abc import Callable
-from contextlib import suppress
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from functools import partial
 from math import isfinite
-from threading import Thread
-from time import monotonic, sleep
 from typing import Any
 
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
-from std_srvs.srv import Trigger
 
-from orchard_ros2 import deeds, wire
-from orchard_ros2.client import PREFIX, Client, Heard, Refused
-from orchard_ros2.plain import bodies, cdr, field, messages, topics
+from orchard_ros2 import wire
+from orchard_ros2.client import PREFIX, Client, Heard
+from orchard_ros2.control import Control
+from orchard_ros2.coupling import Coupling
+from orchard_ros2.physics import PhysicsWatch
+from orchard_ros2.plain import bodies, field, messages, topics
 from orchard_ros2.plain.messages import Message
-from orchard_ros2.plain.topics import QoS, Topic
+from orchard_ros2.publishers import Publishers, profile, type_of
 from orchard_ros2.role import MADE_BY, role_in
-
-GOES_SECONDS = 3.0  # an `end` counts if the token of physics goes within this time
-BEGIN_SECONDS = 60.0  # that a run which is reset may take to begin again
-LOOK_SECONDS = 0.02  # between two looks at whether it has
-NO_TF2 = (
-    "tf2_msgs cannot be imported: /tf and /tf_static are not published. Install ROS 2's package"
-    " tf2_msgs, and source its setup"
-)
-
-
-@lru_cache
-def type_of(name: str) -> Any:
-    """Return the class of a message type. Raises ImportError if its package is not installed."""
-    package, _, kind = name.partition("/msg/")
-    return getattr(importlib.import_module(f"{package}.msg"), kind)
-
-
-def profile(qos: QoS) -> QoSProfile:
-    """Return a quality of service as rclpy knows it."""
-    reliability = ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT
-    durability = DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=qos.depth, reliability=reliability, durability=durability)
+from orchard_ros2.services import Services
 
 
 def _within(value: float, limit: float) -> float:
@@ -61,11 +36,10 @@ class Bridge:
     """One run of the Orchard, and the node for it.
 
     Parameters: docs/ros2.md. `ended` is done when the run is over; its result says why.
-
-    Raises ValueError for a directory without the role of a bridge.
     """
 
     def __init__(self) -> None:
+        """Raises ValueError for a directory without the role of a bridge."""
         self.node = Node("orchard")
         self.log = self.node.get_logger()
         self.ended: Future = Future()
@@ -73,24 +47,24 @@ class Bridge:
         self.prefix = self._text("prefix", PREFIX)
         secure = self._text("secure", "")
         self.role = role_in(secure) if secure else None
-        self._robots = self._texts("robots", [])
-        self._driven, self._advised = self._texts("driven", []), self._texts("advised", [])
+        self._robots = self._texts("robots")
+        self._driven = self._texts("driven")
+        self._advised = self._texts("advised")
         self._is_stamped = bool(self.node.declare_parameter("enable_stamped_cmd_vel", True).value)
         self._shows_truth = bool(self.node.declare_parameter("ground_truth", False).value)
         self.node.declare_parameter("steps", 1)
-        self._out: dict[str, Publisher] = {}
-        self._services = ReentrantCallbackGroup()
+        self._publishers = Publishers(self.node)
+        self._services = Services(self.node)
 
     def _text(self, name: str, default: str) -> str:
         return str(self.node.declare_parameter(name, default).value)
 
-    def _texts(self, name: str, default: list[str]) -> list[str]:
-        """A list; '' in it stands for nothing, because ROS 2 has no empty list of texts."""
+    def _texts(self, name: str) -> list[str]:
+        """Return a list. '' in it stands for nothing: ROS 2 has no empty list of texts."""
         self.node.declare_parameter(name, Parameter.Type.STRING_ARRAY)
-        given = self.node.get_parameter_or(
-            name, Parameter(name, Parameter.Type.STRING_ARRAY, default)
-        ).value
-        return [word for word in given if word]
+        default = Parameter(name, Parameter.Type.STRING_ARRAY, [])
+        words = self.node.get_parameter_or(name, default).value
+        return [word for word in words if word]
 
     # -- the beginning
 
@@ -101,52 +75,115 @@ class Bridge:
 
         Raises ValueError for an unknown robot, or one that the role may not drive.
         """
-        self.client, self.run, self.tick = client, str(layout["run"]), int(layout["tick"])
+        self.client = client
+        self.run = str(layout["run"])
+        self.tick = int(layout["tick"])
+        self._select_robots(layout)
+        self._has_errors = wire.has_errors(scenario)
+        carriers = {body["name"] for body in layout["bodies"] if body["kind"] == "carrier"}
+        has_batteries = wire.has_batteries(scenario)
+        self._powered = carriers.intersection(self._names) if has_batteries else set()
+        self._views = wire.views_of(self._has_errors, self._shows_truth)
+        # Key -> body -> its newest message.
+        self._newest: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in self._views}
+        self._physics = PhysicsWatch(are_names_reused=self.role is not None)
+        self._coupling = Coupling(
+            self._services, self._newest["pose"], lambda: self.tick, self._stand
+        )
+        self._control = Control(
+            self.node,
+            self._services,
+            client,
+            run=self.run,
+            physics=self._physics,
+            role=self.role,
+            begin=self._begin_at_tick_0,
+        )
+        self._has_tf = self._publishers.can_publish_tf()
+        self._announce(layout["walls"])
+        self._offer_services()
+        self._subscribe()
+        self._begin()
+
+    def _select_robots(self, layout: dict[str, Any]) -> None:
+        """Find which bodies ROS sees, drives and advises. Raises ValueError."""
         kinds = layout["kinds"]
         self._kinds = {body["name"]: kinds[body["kind"]] for body in layout["bodies"]}
         robots = self._robots or [name for name, kind in kinds.items() if kind["robot"]]
-        self._names, self._driven, self._advised = (
-            bodies.selected(words, tuple(self._kinds), kinds)
-            for words in (robots, self._driven, self._advised)
-        )
-        if both := set(self._driven) & set(self._advised):
+        all_names = tuple(self._kinds)
+        self._names = bodies.selected(robots, all_names, kinds)
+        self._driven = bodies.selected(self._driven, all_names, kinds)
+        self._advised = bodies.selected(self._advised, all_names, kinds)
+        both = sorted(set(self._driven).intersection(self._advised))
+        if both:
             raise ValueError(
-                f"driven and advised: {', '.join(sorted(both))}: a robot is driven, or its agent is"
-                " advised"
+                f"driven and advised: {', '.join(both)}: a robot is driven, or its agent is advised"
             )
         self._check_rights()
-        self._errs = wire.has_errors(scenario)
-        carriers = {body["name"] for body in layout["bodies"] if body["kind"] == "carrier"}
-        self._powered = carriers & set(self._names) if wire.has_batteries(scenario) else set()
-        self._views = wire.views_of(self._errs, self._shows_truth)
-        self._newest: dict[str, dict[str, dict[str, Any]]] = {
-            key: {} for key in self._views
-        }  # key -> body -> its newest message
-        self._handling: dict[str, tuple[deeds.Handling, Future]] = {}
-        self._over, self._over_since, self._is_up = "", 0.0, True
-        # Of physics: two while the router has not noticed that a dead one's link is closed.
-        self._tokens = frozenset[str]()
-        # The tokens of physics before the newest reset. One that is not among them is of the new
-        # run.
-        self._reset_tokens = frozenset[str]()
-        # The same of the reset that this bridge has asked for.
-        self._tokens_before = frozenset[str]()
-        self._is_resetting = False
-        self._has_tf = self._can_publish_tf()
-        for name in self._names:
-            self._announce(name)
-        for name in (*self._driven, *self._advised):
-            self._take_orders(name)
+
+    def _check_rights(self) -> None:
+        """Raise ValueError for robots that the role may not drive.
+
+        The router drops in silence what a role may not send.
+        """
+        if self.role is None:
+            return
+        robots = self.role.robots
+        forbidden = [name for name in (*self._driven, *self._advised) if name not in robots]
+        if forbidden:
+            may = ", ".join(robots) or "none"
+            raise ValueError(
+                f"{', '.join(forbidden)}: the role {self.role.name} may drive {may}; {MADE_BY}"
+            )
+
+    def _begin_at_tick_0(self) -> None:
+        if self.tick == 0:
+            self._begin()
+
+    def _begin(self) -> None:
+        """Have all driven robots stand: then physics begins."""
         for name in self._driven:
-            self._offer_deeds(name)
-        self._offer_control()
-        self._publish(topics.GRID, lambda: field.grid_of(layout["walls"]))
+            self._stand(name, [])
+
+    def _announce(self, walls: Sequence[Sequence[float]]) -> None:
+        """Announce all topics, and publish what does not change."""
+        publish = self._publishers.publish
+        for name in self._names:
+            description = partial(self._description, name)
+            publish(topics.ROBOT_DESCRIPTION, description, name)
+            for topic, _ in self._views.values():
+                self._publishers.announce(topic, name)
+        for name in self._powered:
+            self._publishers.announce(topics.BATTERY_STATE, name)
+        publish(topics.GRID, partial(field.grid_of, walls))
         if self._has_tf:
             lasers = [(name, self._kinds[name]["laser"]["x"]) for name in self._names]
-            self._publish(
-                topics.TF_STATIC,
-                lambda: messages.static_transforms(lasers, self._names if self._errs else ()),
+            drifting = self._names if self._has_errors else ()
+            publish(topics.TF_STATIC, partial(messages.static_transforms, lasers, drifting))
+
+    def _description(self, name: str) -> Message:
+        """Return the message `robot_description` of a body."""
+        kind = self._kinds[name]
+        size = (kind["length"], kind["width"], kind["height"])
+        return messages.text(bodies.description(name, size, kind["colour"], kind["laser"]["x"]))
+
+    def _offer_services(self) -> None:
+        """Take velocities and service calls."""
+        for name in (*self._driven, *self._advised):
+            topic = topics.CMD_VEL if self._is_stamped else topics.CMD_VEL_UNSTAMPED
+            self.node.create_subscription(
+                type_of(topic.type),
+                topic.of(name),
+                partial(self._take_velocity, name),
+                profile(topic.qos),
             )
+        for name in self._driven:
+            if self._kinds[name]["tows"]:
+                self._coupling.offer(name, self._kinds[name]["tows"])
+        self._control.offer()
+
+    def _subscribe(self) -> None:
+        """Subscribe to what the Orchard sends."""
         self.client.watch(f"alive/physics/{self.run}/*")
         for key in self._views:
             self.client.hear(f"*/{key}", quietly=True)
@@ -154,86 +191,6 @@ class Bridge:
             self.client.hear(key)
         for name in self._advised:
             self.client.hear(f"{name}/velocity")
-        self._begin()
-
-    def _check_rights(self) -> None:
-        """The router drops in silence what a role may not send."""
-        wanted = [
-            name
-            for name in (*self._driven, *self._advised)
-            if self.role and name not in self.role.robots
-        ]
-        if self.role and wanted:
-            may = ", ".join(self.role.robots) or "none"
-            raise ValueError(
-                f"{', '.join(wanted)}: the role {self.role.name} may drive {may}; {MADE_BY}"
-            )
-
-    def _begin(self) -> None:
-        """Physics begins when all robots that are left to others are driven."""
-        for name in self._driven:
-            self._stand(name, [])
-
-    def _announce(self, name: str) -> None:
-        self._publish(
-            topics.ROBOT_DESCRIPTION, lambda: messages.text(self._description(name)), name
-        )
-        for topic in (
-            *(topic for topic, _ in self._views.values()),
-            *([topics.BATTERY_STATE] if name in self._powered else []),
-        ):
-            self._publisher(topic, name)
-
-    def _description(self, name: str) -> str:
-        kind = self._kinds[name]
-        return bodies.description(
-            name,
-            (kind["length"], kind["width"], kind["height"]),
-            kind["colour"],
-            kind["laser"]["x"],
-        )
-
-    def _can_publish_tf(self) -> bool:
-        try:
-            type_of(topics.TF.type)
-        except ImportError:
-            self.log.warning(NO_TF2)
-            return False
-        return True
-
-    def _take_orders(self, name: str) -> None:
-        topic = topics.CMD_VEL if self._is_stamped else topics.CMD_VEL_UNSTAMPED
-        self.node.create_subscription(
-            type_of(topic.type), topic.of(name), partial(self._order, name), profile(topic.qos)
-        )
-
-    def _offer_deeds(self, name: str) -> None:
-        for what in (deeds.COUPLE, deeds.UNCOUPLE) if self._kinds[name]["tows"] else ():
-            self._offer(f"{name}/{what}", partial(self._handle, name, what))
-
-    def _offer_control(self) -> None:
-        """Services as simulation_interfaces names them.
-
-        A Trigger has no argument: the state is in the name, the steps are a parameter.
-        """
-        self._offer(
-            "get_simulation_state", partial(self._control, "simulation_state", lambda: None)
-        )
-        self._offer("reset_simulation", partial(self._control, "reset_simulation", dict))
-        self._offer("step_simulation", partial(self._control, "step_simulation", self._steps))
-        for state in ("playing", "paused", "quitting"):
-            wish = {"run": self.run, "state": state}
-            self._offer(
-                f"set_simulation_state/{state}",
-                partial(self._control, "set_simulation_state", wish.copy),
-            )
-
-    def _offer(self, service: str, callback: Callable[..., Any]) -> None:
-        """Offer a service. One that is waiting holds up neither velocities nor other services."""
-        self.node.create_service(Trigger, service, callback, callback_group=self._services)
-
-    def _steps(self) -> dict[str, Any]:
-        return {"run": self.run, "steps": self.node.get_parameter("steps").value}
 
     # -- from the Orchard to ROS
 
@@ -245,16 +202,25 @@ class Bridge:
         try:
             for heard in self.client.arrivals():
                 self._check(heard)
-                if why := self._why_over(heard):
+                why = self._why_over(heard)
+                if why:
                     self.ended.set_result(why)
                     return
         except Exception as error:
-            if self.node.context.ok():  # else ROS has been shut down meanwhile, as by Ctrl-C
+            # Else ROS has been shut down meanwhile, as by Ctrl-C.
+            if self.node.context.ok():
                 self.ended.set_exception(error)
 
+    def _why_over(self, heard: Heard) -> str:
+        """Return why the run is over; '' while it is not."""
+        if heard.key == ("clock",) and heard.message.get("run", self.run) != self.run:
+            return "another run is under way"
+        return self._physics.why_over
+
     def _check(self, heard: Heard) -> None:
-        """In an open run any client may publish anything: a message that is not as it should be is
-        told, and passed over.
+        """Hear a message. One that is not as it should be is told, and passed over.
+
+        In an open run any client may publish anything.
         """
         try:
             self._hear(heard)
@@ -267,18 +233,14 @@ class Bridge:
     def _hear(self, heard: Heard) -> None:
         match heard:
             case Heard(("alive", *token), {"up": up}):
-                name = frozenset(["/".join(token)])
-                if up:
-                    self._tokens |= name
-                else:
-                    self._lose_token(name)
-                self._note_physics(bool(self._tokens))
+                self._hear_token("/".join(token), up)
             case Heard(_, {"run": run}) if run != self.run:
                 pass
             case Heard((name, key), message) if key in self._views:
                 self._hear_of(name, key, message)
             case Heard((name, "velocity"), message):
-                self._publish(topics.CMD_VEL_AGENT, partial(wire.velocity_of, name, message), name)
+                velocity = partial(wire.velocity_of, name, message)
+                self._publishers.publish(topics.CMD_VEL_AGENT, velocity, name)
             case Heard(("clock",), message):
                 self._hear_clock(message["tick"])
             case Heard(("events",), message):
@@ -286,125 +248,95 @@ class Bridge:
             case Heard(("end",), {"why": "reset"}):
                 self._forget()
             case Heard(("end",), message):
-                self._over, self._over_since = message["why"], monotonic()
+                self._physics.note_end(message["why"])
 
-    def _lose_token(self, name: frozenset[str]) -> None:
-        """Note that a token of physics is gone.
-
-        In a secured run all sessions of physics have one id. So a token that comes back has the
-        name of the one before, and is that of the new run.
-        """
-        self._tokens -= name
-        if self.role is not None:
-            self._reset_tokens -= name
-            self._tokens_before -= name
+    def _hear_token(self, token: str, is_up: bool) -> None:
+        """Note that a token of physics has come, or is gone."""
+        was_up = self._physics.is_up
+        self._physics.note_token(token, is_up)
+        if self._physics.is_up != was_up:
+            self.log.info("physics is away" if was_up else "physics is back")
+        if self._physics.is_up and not self._control.is_resetting:
+            self._begin_at_tick_0()
 
     def _forget(self) -> None:
-        """The run begins again at tick 0. What is known of its bodies is of the run before."""
+        """Forget the bodies: the run begins again at tick 0."""
         self.tick = 0
-        self._reset_tokens = self._tokens
+        self._physics.note_reset()
         for newest in self._newest.values():
             newest.clear()
-        for robot in list(self._handling):
-            self._finish(robot, f"{robot}: the run has been reset")
+        self._coupling.forget()
 
     def _hear_of(self, name: str, key: str, message: dict[str, Any]) -> None:
+        """Publish what a body is seen to do."""
         self._newest[key][name] = message
         if name in self._names:
             topic, message_of = self._views[key]
-            self._publish(topic, partial(message_of, name, message), name)
-        if key == "pose" and name in self._powered:
-            self._publish(topics.BATTERY_STATE, partial(wire.battery_state_of, name, message), name)
-        if key == "pose" and name in self._handling:
-            self._go_on(*self._handling[name], message)
+            self._publishers.publish(topic, partial(message_of, name, message), name)
+        if key != "pose":
+            return
+        if name in self._powered:
+            battery_state = partial(wire.battery_state_of, name, message)
+            self._publishers.publish(topics.BATTERY_STATE, battery_state, name)
+        self._coupling.note_pose(name, message)
 
     def _hear_clock(self, tick: int) -> None:
-        """The clock comes after all that is told of the bodies at its tick."""
+        """Publish the time. It comes after all that is sent of the bodies at its tick."""
         self.tick = tick
-        self._publish(topics.CLOCK, partial(messages.clock, tick))
+        self._publishers.publish(topics.CLOCK, partial(messages.clock, tick))
         if self._has_tf:
-            self._publish(topics.TF, partial(self._transforms, tick))
+            self._publishers.publish(topics.TF, partial(self._transforms, tick))
 
     def _transforms(self, tick: int) -> Message:
-        odometry = self._newest["odometry" if self._errs else "pose"]
+        """Return the message `tf` of a tick."""
+        odometry = self._newest["odometry" if self._has_errors else "pose"]
         states = {name: wire.state_of(odometry[name]) for name in self._names if name in odometry}
-        return messages.transforms(tick, states, self._measured() if self._errs else {})
+        return messages.transforms(tick, states, self._measured() if self._has_errors else {})
 
     def _measured(self) -> dict[str, wire.State]:
-        """The states in `map` of the bodies of which pose and odometry are of the same tick: in
-        real time one of them may be missing.
+        """Return the states in `map` of the bodies of which pose and odometry are of one tick.
+
+        In real time one of them may be missing.
         """
-        poses, odometry = self._newest["pose"], self._newest["odometry"]
-        known = [name for name in self._names if name in poses and name in odometry]
-        return {
-            name: wire.state_of(poses[name])
-            for name in known
-            if poses[name]["tick"] == odometry[name]["tick"]
-        }
+        poses = self._newest["pose"]
+        odometry = self._newest["odometry"]
+        states = {}
+        for name in self._names:
+            is_known = name in poses and name in odometry
+            if is_known and poses[name]["tick"] == odometry[name]["tick"]:
+                states[name] = wire.state_of(poses[name])
+        return states
 
     def _hear_events(self, events: list[dict[str, Any]]) -> None:
         for event in events:
-            if event["what"] == "deed refused" and event["who"] in self._handling:
-                self._finish(event["who"], f"{event['who']}: {event['detail']}")
-
-    def _publish(self, topic: Topic, made: Callable[[], Message], robot: str = "") -> None:
-        """Publish a message, as bytes: rclpy's objects cost five times as much.
-
-        One that nothing subscribes to is not made.
-        """
-        publisher = self._publisher(topic, robot)
-        if topic.qos.latched or publisher.get_subscription_count():
-            publisher.publish(cdr.encoded(made()))
-
-    def _publisher(self, topic: Topic, robot: str = "") -> Publisher:
-        name = topic.of(robot)
-        if name not in self._out:
-            self._out[name] = self.node.create_publisher(
-                type_of(topic.type), name, profile(topic.qos)
-            )
-        return self._out[name]
-
-    # -- the end
-
-    def _note_physics(self, up: bool) -> None:
-        if up != self._is_up:
-            self.log.info("physics is back" if up else "physics is away")
-        self._is_up = up
-        if up and self.tick == 0 and not self._is_resetting:
-            self._begin()
-
-    def _why_over(self, heard: Heard) -> str:
-        """Why the run is over; '' while it is not.
-
-        An `end` counts only with the token of physics, which only physics can take away.
-        """
-        if heard.key == ("clock",) and heard.message.get("run", self.run) != self.run:
-            return "another run is under way"
-        is_recent = self._over and monotonic() - self._over_since < GOES_SECONDS
-        return f"the run is over: {self._over}" if is_recent and not self._is_up else ""
+            if event["what"] == "deed refused":
+                self._coupling.note_refusal(event["who"], event["detail"])
 
     # -- from ROS to the Orchard
 
-    def _order(self, name: str, message: Any) -> None:
-        """A velocity from ROS.
+    def _take_velocity(self, name: str, message: Any) -> None:
+        """Send a robot a velocity from ROS.
 
         It counts for 0.5 s at most: then a driven robot stands, and an advised one does what its
         agent wants.
         """
         twist = message.twist if self._is_stamped else message
-        kind, wanted = self._kinds[name], (float(twist.linear.x), float(twist.angular.z))
-        forward, turn = (
-            _within(wanted[0], kind["max_linear"]),
-            _within(wanted[1], kind["max_angular"]),
-        )
-        if not all(map(isfinite, wanted)):
+        forward = float(twist.linear.x)
+        turn = float(twist.angular.z)
+        if not (isfinite(forward) and isfinite(turn)):
             self.log.warning(f"{name}: cmd_vel is not finite: ignored", throttle_duration_sec=5.0)
-        elif name in self._advised:
-            self.client.put(f"{name}/advice", self._velocity(forward, turn))
-        elif name not in self._handling:
-            self.client.put(f"{name}/velocity", self._velocity(forward, turn))
+            return
+        kind = self._kinds[name]
+        velocity = self._velocity(
+            _within(forward, kind["max_linear"]), _within(turn, kind["max_angular"])
+        )
+        if name in self._advised:
+            self.client.put(f"{name}/advice", velocity)
+        elif not self._coupling.is_busy(name):
+            self.client.put(f"{name}/velocity", velocity)
 
     def _velocity(self, forward: float, turn: float) -> dict[str, Any]:
+        """Return a velocity as the Orchard takes it. `forward`: m/s. `turn`: rad/s."""
         return {
             "run": self.run,
             "tick": self.tick,
@@ -413,133 +345,5 @@ class Bridge:
         }
 
     def _stand(self, name: str, wanted: list[dict[str, str]]) -> None:
+        """Send a driven robot a velocity of 0, and deeds."""
         self.client.put(f"{name}/velocity", self._velocity(0.0, 0.0) | {"deeds": wanted})
-
-    async def _control(
-        self,
-        key: str,
-        wish: Callable[[], dict[str, Any] | None],
-        _: Trigger.Request,
-        response: Trigger.Response,
-    ) -> Trigger.Response:
-        try:
-            if key != "simulation_state" and self.role and not self.role.may_operate:
-                raise Refused(
-                    f"the role {self.role.name} may not control the run; `orchard secure --bridge"
-                    " NAME=simulation` makes one that may"
-                )
-            if key == "reset_simulation":
-                state = await self._in_background(self._begin_again)
-            else:
-                state = await self._in_background(partial(self._ask, key, wish()))
-            response.success, response.message = True, f"{state['state']}, tick {state['tick']}"
-        except Refused as why:
-            response.message = str(why)
-        return response
-
-    async def _in_background(self, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """Return what `work` returns, or raise its error. The executor goes on meanwhile."""
-        future: Future = Future(executor=self.node.executor)
-
-        def carry_out() -> None:
-            try:
-                future.set_result(work())
-            except Exception as error:
-                future.set_exception(error)
-            self._wake()
-
-        Thread(target=carry_out, daemon=True).start()
-        return dict(await future)
-
-    def _ask(self, key: str, wish: dict[str, Any] | None) -> dict[str, Any]:
-        """Return the run's answer to a query.
-
-        A run that begins again is waited for. Raises Refused.
-        """
-        self._await_physics(lambda: self._reset_tokens)
-        return self.client.ask(key, wish)
-
-    def _begin_again(self) -> dict[str, Any]:
-        """Reset the run. Return the state of the run that begins then. Raises Refused.
-
-        The driven robots stand for the new run only after that: so it is still at tick 0.
-        """
-        self._await_physics(lambda: self._reset_tokens)
-        self._tokens_before = self._tokens
-        self._is_resetting = True
-        try:
-            self.client.ask("reset_simulation", {"run": self.run})
-            return self._state_of_new_run()
-        finally:
-            self._is_resetting = False
-            if self.tick == 0:
-                self._begin()
-
-    def _state_of_new_run(self) -> dict[str, Any]:
-        """Return the state of the run whose physics has a token that was not there before.
-
-        Raises Refused.
-        """
-        end = monotonic() + BEGIN_SECONDS
-        self._await_physics(lambda: self._tokens_before)
-        # A query just after physics has come back can find no session.
-        while self._tokens - self._tokens_before and monotonic() < end:
-            with suppress(Refused):
-                return self.client.ask("simulation_state")
-            sleep(LOOK_SECONDS)
-        raise Refused(f"the run has been reset, and has not begun again in {BEGIN_SECONDS:g} s")
-
-    def _await_physics(self, before: Callable[[], frozenset[str]]) -> None:
-        """Wait until physics has a token that is not among those `before`, or has had its time."""
-        end = monotonic() + BEGIN_SECONDS
-        while not self._tokens - before():
-            if monotonic() > end:
-                # No service waits again for what does not come.
-                self._reset_tokens = frozenset()
-                return
-            sleep(LOOK_SECONDS)
-
-    async def _handle(
-        self, robot: str, what: str, _: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        """Couple or uncouple: answer when physics has done it, has refused it, or has had
-        its time.
-        """
-        poses = self._newest["pose"]
-        target = (
-            deeds.bin_behind(robot, self._kinds[robot]["tows"], poses)
-            if robot in poses and what == deeds.COUPLE
-            else ""
-        )
-        if robot not in poses or robot in self._handling or (what == deeds.COUPLE and not target):
-            response.message = (
-                f"{robot}: busy with a service call, or its pose or a bin is not known yet"
-            )
-            return response
-        future: Future = Future(executor=self.node.executor)
-        self._handling[robot] = deeds.Handling(robot, what, target, self.tick), future
-        why_not = await future
-        response.success, response.message = (
-            not why_not,
-            why_not or f"{robot}: {what}d {target}".strip(),
-        )
-        return response
-
-    def _go_on(self, handling: deeds.Handling, _: Future, pose: deeds.Pose) -> None:
-        if (outcome := handling.outcome(pose)) is None:
-            self._stand(handling.robot, handling.deeds(pose))
-        else:
-            self._finish(handling.robot, outcome)
-
-    def _finish(self, robot: str, why_not: str) -> None:
-        """End a couple or uncouple. `why_not`: '' if it is done."""
-        _, future = self._handling.pop(robot)
-        future.set_result(why_not)
-        self._wake()
-
-    def _wake(self) -> None:
-        """Let the executor look at what coroutines await: a future that is done does not
-        wake it.
-        """
-        with suppress(AttributeError):  # there is none when the bridge ends
-            self.node.executor.wake()

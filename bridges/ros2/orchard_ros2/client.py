@@ -9,7 +9,7 @@ message that is heard `quietly` waits for the next one that is not, as the clock
 import ctypes
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from queue import Full, Queue
 from threading import Lock, get_ident
 from typing import Any, NamedTuple
@@ -20,20 +20,25 @@ from zenoh.handlers import Callback
 
 from orchard_ros2.role import MADE_BY, Role
 
-PREFIX = "orchard"  # of the keys, if a run is not told another one
-CONNECT_MS = 2000  # how long it tries to connect
-LEASE_MS = 2000  # a neighbour that is silent for this long counts as gone
-ASK_SECONDS = 5.0  # how long a query waits for its reply
-ROOM_SECONDS = 0.5  # between two looks at whether the session closes
-TIMED_OUT = "Timeout"  # zenoh's error for a query without a reply in time
-MOST_QUIET = 100  # messages that wait for the clock
-WAITING = (
-    10  # times MOST_QUIET messages; a run in lockstep waits for a client that is slower than it
-)
+# The prefix of the keys, unless a run is started with another one.
+PREFIX = "orchard"
+# For this long it tries to connect.
+CONNECT_MS = 2000
+# A neighbour that is silent for this long counts as gone.
+LEASE_MS = 2000
+# For this long a query waits for its reply.
+ASK_SECONDS = 5.0
+# Between two looks at whether the session closes.
+ROOM_SECONDS = 0.5
+# Zenoh's error for a query without a reply in time.
+TIMED_OUT = "Timeout"
+# Messages that wait for the clock.
+MOST_QUIET = 100
+# Times that many messages wait in the queue. A run in lockstep waits for a slower client.
+WAITING = 10
 
-Arrived = tuple[
-    str, bytes | bool
-]  # the key, and the payload, or whether a liveliness token is there
+#: A key, and the payload there, or whether a liveliness token is there.
+Arrived = tuple[str, bytes | bool]
 
 
 class Refused(Exception):
@@ -54,29 +59,33 @@ class Client:
     """A session in the runs below a prefix."""
 
     def __init__(self, session: "zenoh.Session", prefix: str) -> None:
-        self._session, self._prefix, self._declared = session, prefix, []  # type: ignore[var-annotated]
+        """`prefix`: of all keys."""
+        self._session = session
+        self._prefix = prefix
+        # Zenoh ends a subscription that nothing refers to.
+        self._subscriptions: list[Any] = []
         self._queue: Queue[list[Arrived]] = Queue(WAITING)
         self._quiet: list[Arrived] = []
-        self._lock = Lock()  # Zenoh calls from more than one thread
-        self._settled: set[int] = set()  # the ids of Zenoh's threads
+        # Zenoh calls from more than one thread.
+        self._lock = Lock()
+        self._zenoh_threads: set[int] = set()
         self._is_gone = False
 
     def hear(self, key: str, quietly: bool = False) -> None:
         """Subscribe to a key, in which * stands for any part, such as */pose.
 
-        `quietly`: with the next one that is not.
+        `quietly`: what arrives waits for the next message that is not quiet.
         """
         handler = Callback(self._arrived_quietly if quietly else self._arrived, indirect=False)
-        self._declared.append(self._session.declare_subscriber(f"{self._prefix}/{key}", handler))
+        subscription = self._session.declare_subscriber(f"{self._prefix}/{key}", handler)
+        self._subscriptions.append(subscription)
 
     def watch(self, key: str) -> None:
         """Subscribe to a liveliness token."""
+        handler = Callback(self._changed, indirect=False)
         liveliness = self._session.liveliness()
-        self._declared.append(
-            liveliness.declare_subscriber(
-                f"{self._prefix}/{key}", Callback(self._changed, indirect=False), history=True
-            )
-        )
+        subscription = liveliness.declare_subscriber(f"{self._prefix}/{key}", handler, history=True)
+        self._subscriptions.append(subscription)
 
     def leave(self) -> None:
         """Take no more of what arrives."""
@@ -94,7 +103,7 @@ class Client:
     def _keep(self, item: Arrived, enough: int = 1) -> None:
         """Keep what has arrived, in order, until there is enough to hand over.
 
-        Zenoh's thread is here.
+        This runs in a thread of Zenoh.
         """
         self._settle()
         with self._lock:
@@ -104,17 +113,23 @@ class Client:
 
     def _hand_over(self) -> None:
         """Wait for room in the queue. The thread must come free when the session closes."""
-        together, self._quiet = self._quiet, []
+        batch = self._quiet
+        self._quiet = []
         while not self._is_gone:
-            with suppress(Full):
-                return self._queue.put(together, timeout=ROOM_SECONDS)
+            try:
+                self._queue.put(batch, timeout=ROOM_SECONDS)
+            except Full:
+                continue
+            return
 
     def _settle(self) -> None:
-        """Keep the Python state of a Zenoh thread, which else is made and deleted at each call:
-        that costs more than the message.
+        """Keep the Python state of a thread of Zenoh.
+
+        Else it is made and deleted at each call, which costs more than the message.
         """
-        if (thread := get_ident()) not in self._settled:
-            self._settled.add(thread)
+        thread = get_ident()
+        if thread not in self._zenoh_threads:
+            self._zenoh_threads.add(thread)
             ctypes.pythonapi.PyGILState_Ensure()
 
     def arrivals(self) -> Iterator[Heard]:
@@ -123,7 +138,8 @@ class Client:
             for key, payload in self._queue.get():
                 message = {"up": payload} if isinstance(payload, bool) else unpacked(payload)
                 if isinstance(message, dict):
-                    yield Heard(tuple(key.removeprefix(f"{self._prefix}/").split("/")), message)
+                    parts = key.removeprefix(f"{self._prefix}/").split("/")
+                    yield Heard(tuple(parts), message)
 
     def put(self, key: str, message: dict[str, Any]) -> None:
         """Publish a message that must not be lost."""
@@ -147,13 +163,13 @@ class Client:
         if reply.ok is not None:
             return dict(unpacked(reply.ok.payload.to_bytes()))
         why = reply.err.payload.to_string() if reply.err is not None else ""
-        raise Refused(
-            f"{self._prefix}/{key}: no reply within {ASK_SECONDS:g} s" if why == TIMED_OUT else why
-        )
+        if why == TIMED_OUT:
+            why = f"{self._prefix}/{key}: no reply within {ASK_SECONDS:g} s"
+        raise Refused(why)
 
 
 def unpacked(payload: bytes) -> Any:
-    """Return what is in a payload; nil if it is not msgpack."""
+    """Return what is in a payload; None if it is not msgpack."""
     try:
         return msgpack.unpackb(payload)
     except ValueError:
@@ -168,37 +184,56 @@ def connected(endpoint: str, prefix: str, role: Role | None = None) -> Iterator[
 
     Raises Refused if none does (yet), ValueError if that is no endpoint, or not one for this role.
     """
-    if role is None and endpoint.startswith("tls/"):
-        raise ValueError(f"{endpoint}: tls needs certificates: -p secure:=DIR/NAME; {MADE_BY}")
-    if role is not None and (not endpoint.startswith("tls/") or prefix != PREFIX):
-        raise ValueError(
-            f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as"
-            f" tls/127.0.0.1:7447, and the prefix {PREFIX}"
-        )
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("connect/timeout_ms", str(CONNECT_MS))
-    config.insert_json5("transport/link/tx/lease", str(LEASE_MS))
-    for setting, value in (role.settings() if role else {}).items():
-        config.insert_json5(setting, json.dumps(value))
-    try:
-        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-    except zenoh.ZError:
-        raise ValueError(f"endpoint {endpoint!r}: must be as tcp/127.0.0.1:7447") from None
+    _check_endpoint(endpoint, prefix, role)
+    config = _config(endpoint, role)
     try:
         session = zenoh.open(config)
     except zenoh.ZError:
-        if role is None:
-            raise Refused(f"nothing answers at {endpoint}") from None
-        if why := role.why_no_trust(endpoint):
-            raise ValueError(f"{endpoint}: {why}") from None
-        raise Refused(
-            f"nothing at {endpoint} accepts the role {role.name} yet; does another process use it?"
-        ) from None
+        raise _why_not_open(endpoint, role) from None
     with session:
         client = Client(session, prefix)
         try:
             yield client
         finally:
             client.leave()
+
+
+def _check_endpoint(endpoint: str, prefix: str, role: Role | None) -> None:
+    """Raise ValueError for an endpoint, or a prefix, that does not fit the role."""
+    is_secure = endpoint.startswith("tls/")
+    if role is None and is_secure:
+        raise ValueError(f"{endpoint}: tls needs certificates: -p secure:=DIR/NAME; {MADE_BY}")
+    if role is not None and (not is_secure or prefix != PREFIX):
+        raise ValueError(
+            f"{endpoint}, prefix {prefix}: a secured run has an endpoint such as"
+            f" tls/127.0.0.1:7447, and the prefix {PREFIX}"
+        )
+
+
+def _config(endpoint: str, role: Role | None) -> "zenoh.Config":
+    """Return the settings of a session. Raises ValueError if that is no endpoint."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("connect/timeout_ms", str(CONNECT_MS))
+    config.insert_json5("transport/link/tx/lease", str(LEASE_MS))
+    if role is not None:
+        for setting, value in role.settings().items():
+            config.insert_json5(setting, json.dumps(value))
+    try:
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    except zenoh.ZError:
+        raise ValueError(f"endpoint {endpoint!r}: must be as tcp/127.0.0.1:7447") from None
+    return config
+
+
+def _why_not_open(endpoint: str, role: Role | None) -> Exception:
+    """Return the error of a session that does not open: ValueError if it never will."""
+    if role is None:
+        return Refused(f"nothing answers at {endpoint}")
+    why = role.why_no_trust(endpoint)
+    if why:
+        return ValueError(f"{endpoint}: {why}")
+    return Refused(
+        f"nothing at {endpoint} accepts the role {role.name} yet; does another process use it?"
+    )

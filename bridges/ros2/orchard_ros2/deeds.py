@@ -1,5 +1,6 @@
-"""Coupling and uncoupling by a robot that ROS drives: its velocity is 0, and its deed is sent until
-physics has done or refused it.
+"""Coupling and uncoupling by a robot that ROS drives.
+
+Its velocity is 0, and its deed is sent until physics has done or refused it.
 """
 
 from collections.abc import Mapping
@@ -10,54 +11,69 @@ from typing import Any
 from orchard_ros2.plain.bodies import kind_of
 from orchard_ros2.wire import state_of
 
-Pose = Mapping[str, Any]  # the Orchard's message `pose`
+#: The Orchard's message `pose`.
+Pose = Mapping[str, Any]
 
-# 5 s of simulated time: a step ends a motion, and the next one does the deed; the rest is for the
-# network.
+# Ticks after which it is given up, 5 s of simulated time. A step ends a motion, and the next one
+# does the deed; the rest is for the network.
 PATIENCE_TICKS = 50
-COUPLE, UNCOUPLE = "couple", "uncouple"
+COUPLE = "couple"
+UNCOUPLE = "uncouple"
 
 
 @dataclass
 class Handling:
-    """A couple or uncouple that is under way."""
+    """A couple or uncouple that is under way.
+
+    `action`: COUPLE or UNCOUPLE. `bin`: the one to couple; '' to uncouple. `began`: tick.
+    """
 
     robot: str
-    what: str  #: COUPLE or UNCOUPLE
-    bin: str  #: for COUPLE
-    began: int  #: tick
+    action: str
+    bin: str
+    began: int
 
     def outcome(self, pose: Pose) -> str | None:
         """Return '' if it is done at this pose, why it is given up, or None if it goes on."""
         hitch = pose.get("hitch")
-        if (hitch["name"] if hitch else "") == self.bin:
+        coupled_bin = hitch["name"] if hitch else ""
+        if coupled_bin == self.bin:
             return ""
         if pose["tick"] - self.began > PATIENCE_TICKS:
             return (
-                f"{self.robot}: not done within {PATIENCE_TICKS / 10:g} s: a robot can {self.what}"
-                " only while it and its bin stand"
+                f"{self.robot}: not done within {PATIENCE_TICKS / 10:g} s: a robot can"
+                f" {self.action} only while it and its bin stand"
             )
         return None
 
     def deeds(self, pose: Pose) -> list[dict[str, str]]:
         """Return the deeds to send with a velocity of 0: none while something still moves."""
         hitch = pose.get("hitch")
-        if any(state_of(pose)[4:]) or (hitch and any(state_of(hitch)[4:])):
+        if _moves(pose) or (hitch and _moves(hitch)):
             return []
-        return [{"type": COUPLE, "bin": self.bin} if self.what == COUPLE else {"type": UNCOUPLE}]
+        if self.action == COUPLE:
+            return [{"type": COUPLE, "bin": self.bin}]
+        return [{"type": UNCOUPLE}]
+
+
+def _moves(pose: Pose) -> bool:
+    """Whether a body has any velocity."""
+    return any(state_of(pose)[4:])
 
 
 def bin_behind(robot: str, tows: float, poses: Mapping[str, Pose]) -> str:
-    """Return the bin whose centre is nearest to the coupling point of a robot; '' if no bin is
-    known.
+    """Return the bin whose centre is nearest to the coupling point of a robot.
 
-    `tows`: the coupling point behind the robot's centre, m; `poses`: name -> its newest pose.
+    Return '' if no bin is known. `tows`: the coupling point behind the robot's centre, m. `poses`:
+    name -> its newest pose.
     """
     x, y, z, w, *_ = state_of(poses[robot])
-    at = x - tows * (w * w - z * z), y - tows * 2.0 * z * w
-    bins = {name: state_of(pose) for name, pose in poses.items() if kind_of(name) == "bin"}
-    return min(
-        bins,
-        key=lambda name: (hypot(bins[name][0] - at[0], bins[name][1] - at[1]), name),
-        default="",
-    )
+    point_x = x - tows * (w * w - z * z)
+    point_y = y - tows * 2.0 * z * w
+    distances = []
+    for name, pose in poses.items():
+        if kind_of(name) == "bin":
+            bin_x, bin_y, *_ = state_of(pose)
+            distances.append((hypot(bin_x - point_x, bin_y - point_y), name))
+    _, nearest = min(distances, default=(0.0, ""))
+    return nearest

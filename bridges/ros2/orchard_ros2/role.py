@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-# Time that the other side has for each step, when the bridge finds out why it cannot connect.
+# Seconds that the other side has for each step, when the bridge finds out why it cannot connect.
 SECONDS = 3.0
 MADE_BY = "`orchard secure DIR --bridge NAME=...` makes one, as DIR/NAME"
-DUTIES = {
-    "bridge": False,
-    "operating-bridge": True,
-}  # whether it may pause, step, reset and end the run
+# Duty of a role -> whether it may pause, step, reset and end the run.
+DUTIES = {"bridge": False, "operating-bridge": True}
+# Files of a role, without their ending.
+FILES = ("authority", "certificate", "key")
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,20 @@ class Role:
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of Zenoh with which the router knows this role."""
-        files = {
-            "root_ca_certificate": "authority",
-            "connect_certificate": "certificate",
-            "connect_private_key": "key",
-        }
-        tls = {setting: self.file(name) for setting, name in files.items()} | {
-            "enable_mtls": True,
-            "close_link_on_expiration": True,
-        }
-        return {"id": self.session} | {
-            f"transport/link/tls/{setting}": value for setting, value in tls.items()
+        tls = "transport/link/tls"
+        return {
+            "id": self.session,
+            f"{tls}/root_ca_certificate": self.file("authority"),
+            f"{tls}/connect_certificate": self.file("certificate"),
+            f"{tls}/connect_private_key": self.file("key"),
+            f"{tls}/enable_mtls": True,
+            f"{tls}/close_link_on_expiration": True,
         }
 
     def why_no_trust(self, endpoint: str) -> str:
-        """Return why this role and the process at tls/host:port refuse each other's certificates;
-        '' if they do not, or nothing listens.
+        """Return why this role and the process at tls/host:port do not trust each other.
+
+        Return '' if they accept each other's certificates, or nothing listens.
         """
         host, _, port = endpoint.partition("/")[2].rpartition(":")
         host = host.strip("[]")
@@ -61,11 +59,11 @@ class Role:
                 socket.create_connection((host, int(port)), SECONDS) as plain,
                 trust.wrap_socket(plain, server_hostname=host) as secured,
             ):
-                secured.recv(
-                    1
-                )  # the other side reports on this certificate only after the handshake
+                # The other side reports on this certificate only after the handshake.
+                secured.recv(1)
         except ssl.SSLEOFError:
-            pass  # that process begins, or ends
+            # That process begins, or ends.
+            pass
         except ssl.SSLError as error:
             return (
                 f"it and the certificates in {self.folder} do not accept each other:"
@@ -81,11 +79,11 @@ def role_in(folder: str) -> Role:
     try:
         data = json.loads((Path(folder) / "role.json").read_text())
         role = Role(
-            data["name"],
-            data["session"],
-            tuple(data["names"]),
-            DUTIES[data["duty"]],
-            Path(folder).resolve(),
+            name=data["name"],
+            session=data["session"],
+            robots=tuple(data["names"]),
+            may_operate=DUTIES[data["duty"]],
+            folder=Path(folder).resolve(),
         )
     except FileNotFoundError:
         raise ValueError(
@@ -95,8 +93,7 @@ def role_in(folder: str) -> Role:
         raise ValueError(f"{folder}: not the role of a bridge ({error}); {MADE_BY}") from None
     except (OSError, ValueError, TypeError) as error:
         raise ValueError(f"{folder}/role.json: not as `orchard secure` wrote it: {error}") from None
-    if missing := [
-        name for name in ("authority", "certificate", "key") if not Path(role.file(name)).is_file()
-    ]:
+    missing = [name for name in FILES if not Path(role.file(name)).is_file()]
+    if missing:
         raise ValueError(f"{folder}: {', '.join(missing)}.pem is missing; {MADE_BY}")
     return role

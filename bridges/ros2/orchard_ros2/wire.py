@@ -18,13 +18,15 @@ View = tuple[Topic, Callable[[str, Mapping[str, Any]], Message]]
 
 def state_of(pose: Mapping[str, Any]) -> State:
     """Return the state of a body from its `pose`, `odometry` or `truth`: see `messages`."""
-    position, orientation = pose["pose"]["position"], pose["pose"]["orientation"]
-    linear, angular = pose["twist"]["linear"], pose["twist"]["angular"]
-    turned = (float(orientation["z"]), float(orientation["w"]))
+    position = pose["pose"]["position"]
+    orientation = pose["pose"]["orientation"]
+    linear = pose["twist"]["linear"]
+    angular = pose["twist"]["angular"]
     return (
         float(position["x"]),
         float(position["y"]),
-        *turned,
+        float(orientation["z"]),
+        float(orientation["w"]),
         float(linear["x"]),
         float(linear.get("y", 0.0)),
         float(angular["z"]),
@@ -41,9 +43,15 @@ def ranges_of(raw: bytes) -> "array[float]":
 
 def scan_of(robot: str, scan: Mapping[str, Any]) -> Message:
     """Return the `sensor_msgs/msg/LaserScan` of a `scan`."""
-    angles = float(scan["angle_min"]), float(scan["angle_increment"])
-    limits = float(scan.get("range_min", 0.0)), float(scan["range_max"])
-    return messages.scan(robot, scan["tick"], ranges_of(scan["ranges"]), *angles, *limits)
+    return messages.scan(
+        robot,
+        scan["tick"],
+        ranges_of(scan["ranges"]),
+        angle_min=float(scan["angle_min"]),
+        angle_increment=float(scan["angle_increment"]),
+        range_min=float(scan.get("range_min", 0.0)),
+        range_max=float(scan["range_max"]),
+    )
 
 
 def battery_state_of(robot: str, pose: Mapping[str, Any]) -> Message:
@@ -58,7 +66,8 @@ def has_batteries(scenario: Mapping[str, Any]) -> bool:
 
 def has_errors(scenario: Mapping[str, Any]) -> bool:
     """Return whether robots of a scenario measure where they are with errors."""
-    gnss, odometry = scenario["sensors"]["gnss"], scenario["sensors"]["odometry"]
+    gnss = scenario["sensors"]["gnss"]
+    odometry = scenario["sensors"]["odometry"]
     return any((gnss["white"], gnss["bias"], odometry["distance"], odometry["heading"]))
 
 
@@ -69,14 +78,15 @@ def views_of(has_errors: bool, shows_truth: bool) -> dict[str, View]:
     """
     views: dict[str, View] = {"pose": (topics.ODOM, odometry_of), "scan": (topics.SCAN, scan_of)}
     if has_errors:
-        views |= {"pose": (topics.POSE, measured_pose_of), "odometry": (topics.ODOM, odometry_of)}
-    return views | {"truth": (topics.GROUND_TRUTH, ground_truth_of)} if shows_truth else views
+        views["pose"] = (topics.POSE, measured_pose_of)
+        views["odometry"] = (topics.ODOM, odometry_of)
+    if shows_truth:
+        views["truth"] = (topics.GROUND_TRUTH, ground_truth_of)
+    return views
 
 
 def odometry_of(robot: str, odometry: Mapping[str, Any]) -> Message:
-    """Return the `nav_msgs/msg/Odometry` of an `odometry`, or of a `pose` if sensors have no
-    errors.
-    """
+    """Return the `nav_msgs/msg/Odometry` of an `odometry`; without errors, of a `pose`."""
     return messages.odometry(robot, odometry["tick"], state_of(odometry))
 
 
@@ -92,11 +102,11 @@ def measured_pose_of(_robot: str, pose: Mapping[str, Any]) -> Message:
 
 def velocity_of(robot: str, velocity: Mapping[str, Any]) -> Message:
     """Return the `geometry_msgs/msg/TwistStamped` of a `velocity`."""
-    linear, angular = velocity["linear"], velocity["angular"]
+    linear = velocity["linear"]
     return messages.velocity(
         robot,
         velocity["tick"],
-        float(linear["x"]),
-        float(angular["z"]),
-        float(linear.get("y", 0.0)),
+        forward=float(linear["x"]),
+        turn=float(velocity["angular"]["z"]),
+        left=float(linear.get("y", 0.0)),
     )

@@ -18,8 +18,11 @@ def selected(words: Sequence[str], names: Sequence[str], kinds: Collection[str])
 
     `names`: all bodies; `kinds`: all kinds. Raises ValueError for words that are neither.
     """
-    if wrong := [word for word in words if word not in names and word not in kinds]:
-        raise ValueError(f"{', '.join(wrong)}: no such body or kind; there are {', '.join(names)}")
+    unknown = [word for word in words if word not in names and word not in kinds]
+    if unknown:
+        raise ValueError(
+            f"{', '.join(unknown)}: no such body or kind; there are {', '.join(names)}"
+        )
     return [name for name in names if name in words or kind_of(name) in words]
 
 
@@ -38,9 +41,8 @@ def description(name: str, size: Sequence[float], colour: Sequence[int], laser_a
         Xml.SubElement(shape, "origin", xyz=f"0 0 {size[2] / 2}", rpy="0 0 0")
         Xml.SubElement(Xml.SubElement(shape, "geometry"), "box", size=" ".join(map(str, size)))
     material = Xml.SubElement(base[0], "material", name=kind_of(name))
-    Xml.SubElement(
-        material, "color", rgba=" ".join(f"{level / 255:.3f}" for level in colour) + " 1"
-    )
+    levels = " ".join(f"{level / 255:.3f}" for level in colour)
+    Xml.SubElement(material, "color", rgba=f"{levels} 1")
     Xml.SubElement(robot, "link", name=topics.laser(name))
     joint = Xml.SubElement(robot, "joint", name=f"{name}/laser_joint", type="fixed")
     Xml.SubElement(joint, "parent", link=topics.base_link(name))

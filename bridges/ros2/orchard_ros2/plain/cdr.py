@@ -1,5 +1,6 @@
-"""Messages as the bytes that ROS 2 sends and keeps in bags: CDR, version 1 of XCDR, plain, in the
-byte order of this machine.
+"""Messages as the bytes that ROS 2 sends and keeps in bags.
+
+They are plain CDR, version 1 of XCDR, in the byte order of this machine.
 
 Each value begins at a multiple of its own size, counted from after the four bytes at the beginning.
 An array, here, is of fixed length if it is of float64, as the covariances are; all others have
@@ -15,11 +16,12 @@ from typing import Any
 from .messages import Message, UInt8
 
 HEAD = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
+# The types whose numbers with a point are float32.
 OF_FLOAT32 = {
     "sensor_msgs/msg/LaserScan",
     "sensor_msgs/msg/BatteryState",
     "nav_msgs/msg/MapMetaData",
-}  # the types whose numbers with a point are float32
+}
 
 
 def encoded(message: Message) -> bytes:
@@ -30,7 +32,9 @@ def encoded(message: Message) -> bytes:
 
 
 def _align(out: bytearray, size: int) -> None:
-    if (over := (len(out) - len(HEAD)) % size) != 0:
+    """Fill up to a multiple of a size."""
+    over = (len(out) - len(HEAD)) % size
+    if over:
         out += bytes(size - over)
 
 
@@ -45,6 +49,8 @@ def _put_byte(out: bytearray, value: int) -> None:
 
 
 def _put_as(number: Struct) -> Callable[[bytearray, float], None]:
+    """Return a function that adds a number in a format."""
+
     def put(out: bytearray, value: float) -> None:
         _align(out, number.size)
         out += number.pack(value)
@@ -52,7 +58,9 @@ def _put_as(number: Struct) -> Callable[[bytearray, float], None]:
     return put
 
 
-_put_int32, _put_float32, _put_float64 = map(_put_as, (Struct("=i"), Struct("=f"), Struct("=d")))
+_put_int32 = _put_as(Struct("=i"))
+_put_float32 = _put_as(Struct("=f"))
+_put_float64 = _put_as(Struct("=d"))
 
 
 def _put_text(out: bytearray, value: str) -> None:

@@ -7,9 +7,11 @@ from math import ceil, floor
 from . import messages
 from .messages import Message
 
-RESOLUTION = 0.1  # m, the side of a cell
+# M, the side of a cell.
+RESOLUTION = 0.1
 OCCUPIED = 100
-NOISE = 1e-6  # cells; a wall that ends on the border of a cell is not in the next one
+# Cells by which a wall may pass the border of a cell without being in the next one.
+NOISE = 1e-6
 
 
 def grid_of(walls: Sequence[Sequence[float]]) -> Message:
@@ -18,9 +20,12 @@ def grid_of(walls: Sequence[Sequence[float]]) -> Message:
     `walls`: as in the Orchard's `layout`: x, y of the middle, half the length along x, half the
     width along y; m, in `map`.
     """
-    west, south = min(x - half for x, _, half, _ in walls), min(y - half for _, y, _, half in walls)
-    width = _cells(west, west, max(x + half for x, _, half, _ in walls)).stop
-    height = _cells(south, south, max(y + half for _, y, _, half in walls)).stop
+    west = min(x - half_x for x, _, half_x, _ in walls)
+    east = max(x + half_x for x, _, half_x, _ in walls)
+    south = min(y - half_y for _, y, _, half_y in walls)
+    north = max(y + half_y for _, y, _, half_y in walls)
+    width = _cells(west, west, east).stop
+    height = _cells(south, south, north).stop
     cells = array("b", bytes(width * height))
     for x, y, half_x, half_y in walls:
         columns = _cells(west, x - half_x, x + half_x)
@@ -32,6 +37,6 @@ def grid_of(walls: Sequence[Sequence[float]]) -> Message:
 
 def _cells(origin: float, low: float, high: float) -> range:
     """Return the numbers of the cells from `low` to `high`; cell 0 begins at `origin`."""
-    return range(
-        floor((low - origin) / RESOLUTION + NOISE), ceil((high - origin) / RESOLUTION - NOISE)
-    )
+    first = floor((low - origin) / RESOLUTION + NOISE)
+    stop = ceil((high - origin) / RESOLUTION - NOISE)
+    return range(first, stop)

@@ -28,8 +28,7 @@ class UInt8(int):
 
 
 class Message(NamedTuple):
-    """A message: `type` is its name, as `nav_msgs/msg/Odometry`; `fields` has all fields, in their
-    order.
+    """A message: the name of its type, such as `nav_msgs/msg/Odometry`, and all fields in order.
 
     A field is a number, a truth value, a text, a `Message`, a list of them, or an array. A number
     with a point is a float, also where it is whole; other numbers are int32 or `UInt8`.
@@ -39,7 +38,7 @@ class Message(NamedTuple):
     fields: dict[str, Any]
 
 
-# what is inside others
+# -- messages that stand inside others
 
 
 def stamp(tick: int) -> Message:
@@ -51,10 +50,12 @@ def stamp(tick: int) -> Message:
 
 
 def header(tick: int, frame: str) -> Message:
+    """Return the head of a message: when it is of, and in which frame."""
     return Message("std_msgs/msg/Header", {"stamp": stamp(tick), "frame_id": frame})
 
 
 def vector(x: float, y: float, z: float) -> Message:
+    """Return three numbers, in the unit of what they are of."""
     return Message("geometry_msgs/msg/Vector3", {"x": x, "y": y, "z": z})
 
 
@@ -64,6 +65,7 @@ def quaternion(z: float, w: float) -> Message:
 
 
 def pose(x: float, y: float, z: float = 0.0, w: float = 1.0) -> Message:
+    """Return a pose on the ground. `x`, `y`: m. `z`, `w`: of the quaternion."""
     position = Message("geometry_msgs/msg/Point", {"x": x, "y": y, "z": 0.0})
     return Message(
         "geometry_msgs/msg/Pose", {"position": position, "orientation": quaternion(z, w)}
@@ -71,6 +73,7 @@ def pose(x: float, y: float, z: float = 0.0, w: float = 1.0) -> Message:
 
 
 def twist(forward: float, left: float, turn: float) -> Message:
+    """Return a velocity on the ground, m/s and rad/s."""
     return Message(
         "geometry_msgs/msg/Twist",
         {"linear": vector(forward, left, 0.0), "angular": vector(0.0, 0.0, turn)},
@@ -84,23 +87,26 @@ def covariance(accuracy: float = 0.0) -> "array[float]":
     `accuracy`: the standard deviation of x and of y, m; 0: they are exact. The other four are
     exact.
     """
+    matrix = array("d", bytes(36 * 8))
     variances = [max(EXACT, accuracy * accuracy)] * 2 + [EXACT] * 4
-    return array(
-        "d", [variances[row] if row == column else 0.0 for row in range(6) for column in range(6)]
-    )
+    for row, variance in enumerate(variances):
+        matrix[6 * row + row] = variance
+    return matrix
 
 
 def pose_with_covariance(state: Sequence[float], accuracy: float = 0.0) -> Message:
+    """Return the pose in a state of a body. `accuracy`: as for `covariance`."""
     return Message(
         "geometry_msgs/msg/PoseWithCovariance",
         {"pose": pose(*state[:4]), "covariance": covariance(accuracy)},
     )
 
 
-# what is published
+# -- messages that are published
 
 
 def clock(tick: int) -> Message:
+    """Return the simulated time of a tick, for /clock."""
     return Message("rosgraph_msgs/msg/Clock", {"clock": stamp(tick)})
 
 
@@ -153,7 +159,8 @@ def scan(
         "angle_min": angle_min,
         "angle_max": angle_min + (len(ranges) - 1) * angle_increment,
         "angle_increment": angle_increment,
-        "time_increment": 0.0,  # all beams are measured at once
+        # All beams are measured at once.
+        "time_increment": 0.0,
         "scan_time": 1.0 / TICKS_PER_SECOND,
         "range_min": range_min,
         "range_max": range_max,
@@ -168,21 +175,25 @@ def battery_state(robot: str, tick: int, percentage: float) -> Message:
 
     NaN and 0 say that nothing else is measured.
     """
-    unmeasured = dict.fromkeys(
-        ("voltage", "temperature", "current", "charge", "capacity", "design_capacity"), math.nan
-    )
-    unknown = {f"power_supply_{what}": UInt8(0) for what in ("status", "health", "technology")}
-    cells = {"cell_voltage": array("f"), "cell_temperature": array("f")}
-    known = {
+    fields = {
         "header": header(tick, topics.base_link(robot)),
-        **unmeasured,
+        "voltage": math.nan,
+        "temperature": math.nan,
+        "current": math.nan,
+        "charge": math.nan,
+        "capacity": math.nan,
+        "design_capacity": math.nan,
         "percentage": percentage,
-        **unknown,
+        "power_supply_status": UInt8(0),
+        "power_supply_health": UInt8(0),
+        "power_supply_technology": UInt8(0),
         "present": True,
+        "cell_voltage": array("f"),
+        "cell_temperature": array("f"),
+        "location": "",
+        "serial_number": "",
     }
-    return Message(
-        "sensor_msgs/msg/BatteryState", {**known, **cells, "location": "", "serial_number": ""}
-    )
+    return Message("sensor_msgs/msg/BatteryState", fields)
 
 
 def transform(
@@ -206,12 +217,16 @@ def transform(
 def odom_in_map(
     pose: Sequence[float], odometry: Sequence[float]
 ) -> tuple[float, float, float, float]:
-    """Return pose * odometry^-1: x, y, z, w of the frame NAME/odom in `map`, of two states of a
-    body at the same tick.
+    """Return the frame NAME/odom in `map`: pose * odometry^-1, as x, y, z, w.
+
+    `pose`, `odometry`: states of a body at one tick, in `map` and in NAME/odom.
     """
-    (x, y, z, w), (ahead, left, z_odom, w_odom) = pose[:4], odometry[:4]
-    z, w = z * w_odom - w * z_odom, w * w_odom + z * z_odom
-    sine, cosine = 2.0 * z * w, w * w - z * z
+    x, y, z_map, w_map = pose[:4]
+    ahead, left, z_odom, w_odom = odometry[:4]
+    z = z_map * w_odom - w_map * z_odom
+    w = w_map * w_odom + z_map * z_odom
+    sine = 2.0 * z * w
+    cosine = w * w - z * z
     return x - (cosine * ahead - sine * left), y - (sine * ahead + cosine * left), z, w
 
 
@@ -225,14 +240,12 @@ def transforms(
     `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those whose NAME/odom
     moves in `map`.
     """
-    moved = [
-        _moved(tick, topics.odom(name), topics.base_link(name), state)
-        for name, state in states.items()
-    ]
-    moved += [
-        _moved(tick, topics.MAP, topics.odom(name), odom_in_map(pose, states[name]))
-        for name, pose in (poses or {}).items()
-    ]
+    moved = []
+    for name, state in states.items():
+        moved.append(_moved(tick, topics.odom(name), topics.base_link(name), state))
+    for name, pose in (poses or {}).items():
+        in_map = odom_in_map(pose, states[name])
+        moved.append(_moved(tick, topics.MAP, topics.odom(name), in_map))
     return Message("tf2_msgs/msg/TFMessage", {"transforms": moved})
 
 
@@ -253,11 +266,8 @@ def static_transforms(
     for name, ahead in lasers:
         if name not in drifting:
             fixed.append(transform(0, topics.MAP, topics.odom(name), (0.0, 0.0, 0.0)))
-        fixed.append(
-            transform(
-                0, topics.base_link(name), topics.laser(name), (ahead, 0.0, topics.LASER_HEIGHT)
-            )
-        )
+        at = (ahead, 0.0, topics.LASER_HEIGHT)
+        fixed.append(transform(0, topics.base_link(name), topics.laser(name), at))
     return Message("tf2_msgs/msg/TFMessage", {"transforms": fixed})
 
 
@@ -285,4 +295,5 @@ def occupancy(cells: "array[int]", width: int, resolution: float, x: float, y: f
 
 
 def text(words: str) -> Message:
+    """Return a message that is a text."""
     return Message("std_msgs/msg/String", {"data": words})

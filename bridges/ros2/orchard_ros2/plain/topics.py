@@ -11,7 +11,8 @@ NAME/odom moves in `map`.
 from dataclasses import dataclass
 
 MAP = "map"
-LASER_HEIGHT = 0.2  # m above the ground: the scan plane (docs/reference.md)
+# M above the ground, the scan plane (docs/reference.md).
+LASER_HEIGHT = 0.2
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,9 @@ class QoS:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic: its name, in which {robot} stands for the name of a robot; the type of its messages;
-    its quality of service.
+    """A topic.
+
+    `name`: {robot} in it stands for the name of a robot. `type`: of its messages.
     """
 
     name: str
@@ -42,28 +44,25 @@ class Topic:
         return self.name.format(robot=robot)
 
 
-SENSOR_DATA = QoS(5, reliable=False)  # as rmw_qos_profile_sensor_data
+# As rmw_qos_profile_sensor_data.
+SENSOR_DATA = QoS(5, reliable=False)
 LATCHED = QoS(1, latched=True)
 
 ODOM = Topic("{robot}/odom", "nav_msgs/msg/Odometry", QoS(10))
-POSE = Topic(
-    "{robot}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", QoS(10)
-)  # if sensors have errors: as it is measured
+# As it is measured, if sensors have errors.
+POSE = Topic("{robot}/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", QoS(10))
 GROUND_TRUTH = Topic("{robot}/ground_truth", "nav_msgs/msg/Odometry", QoS(10))
 SCAN = Topic("{robot}/scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
-BATTERY_STATE = Topic(
-    "{robot}/battery_state", "sensor_msgs/msg/BatteryState", QoS(10)
-)  # of carriers, if they have batteries
+# Of carriers, if they have batteries.
+BATTERY_STATE = Topic("{robot}/battery_state", "sensor_msgs/msg/BatteryState", QoS(10))
 CMD_VEL = Topic("{robot}/cmd_vel", "geometry_msgs/msg/TwistStamped", QoS(1))
 CMD_VEL_UNSTAMPED = Topic("{robot}/cmd_vel", "geometry_msgs/msg/Twist", QoS(1))
-CMD_VEL_AGENT = Topic(
-    "{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1)
-)  # what the agent of an advised robot wants
+# What the agent of an advised robot wants.
+CMD_VEL_AGENT = Topic("{robot}/cmd_vel_agent", "geometry_msgs/msg/TwistStamped", QoS(1))
 ROBOT_DESCRIPTION = Topic("{robot}/robot_description", "std_msgs/msg/String", LATCHED)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", LATCHED)
-CLOCK = Topic(
-    "/clock", "rosgraph_msgs/msg/Clock", QoS(1)
-)  # reliable: that suits subscribers of both kinds
+# Reliable: that suits subscribers of both kinds.
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", QoS(1))
 TF = Topic("/tf", "tf2_msgs/msg/TFMessage", QoS(100))
 TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", LATCHED)
 

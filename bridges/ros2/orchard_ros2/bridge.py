@@ -18,7 +18,7 @@ from rclpy.task import Future
 
 from orchard_ros2 import wire
 from orchard_ros2.client import PREFIX, Client, Heard
-from orchard_ros2.control import Control
+from orchard_ros2.control import RunControl
 from orchard_ros2.coupling import Coupling
 from orchard_ros2.physics import PhysicsWatch
 from orchard_ros2.plain import bodies, field, messages, topics
@@ -90,7 +90,7 @@ class Bridge:
         self._coupling = Coupling(
             self._services, self._newest["pose"], lambda: self.tick, self._stand
         )
-        self._control = Control(
+        self._control = RunControl(
             self.node,
             self._services,
             client,

@@ -20,7 +20,7 @@ from orchard_ros2.services import Services
 STATES = ("playing", "paused", "quitting")
 
 
-class Control:
+class RunControl:
     """The services of one run.
 
     A query waits while the run begins again. `is_resetting`: while this bridge resets it.

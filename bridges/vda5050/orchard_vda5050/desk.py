@@ -11,7 +11,7 @@ from orchard.dispatch.policy import CarrierReport
 from orchard_vda5050.calls import Calls
 
 
-class Desk(Dispatcher):
+class FleetDesk(Dispatcher):
     """Tells fleet control which full bins wait, and sends vehicles to those that orders name.
 
     Carriers with agents of their own are sent by the scenario's policy, as without it: a vehicle is

@@ -12,7 +12,7 @@ from orchard.plans.routes import ROUTES
 from orchard.roads.pickers import graphs_of
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.carriers import CarrierVehicle
-from orchard_vda5050.desk import Desk
+from orchard_vda5050.desk import FleetDesk
 from orchard_vda5050.line import Broker, Line, Notices, broker_at
 from orchard_vda5050.messages import connection_of, factsheet_of
 from orchard_vda5050.network import Network
@@ -138,7 +138,7 @@ def agents_of(
     graphs = {graph.kind: graph for graph in graphs_of(layout)}
     agents: dict[str, Agent] = {}
     if DISPATCH in names:
-        agents[DISPATCH] = Desk(layout, DISPATCH, calls)
+        agents[DISPATCH] = FleetDesk(layout, DISPATCH, calls)
     for name in names:
         if name != DISPATCH:
             kind = kind_of(name)

@@ -184,8 +184,8 @@ class Logger:
 
         What comes often is read together: to wake a thread for each costs more than what it does.
         """
-        for what in ("bundle", "lost", "refusals", "simulation_state", "end"):
-            self.bus.subscribe(self.keys.of(what), quietly=what == "bundle")
+        for key in ("bundle", "lost", "refusals", "simulation_state", "end"):
+            self.bus.subscribe(self.keys.of(key), quietly=key == "bundle")
         self.bus.watch(self.keys.of("physics", self.run_id))
 
     def run(self, writing: Future[Path | None]) -> tuple[int, Path | None]:

@@ -177,7 +177,8 @@ def indices(layout: Layout, kinds: Container[str]) -> list[int]:
     return [i for i, start in enumerate(layout.starts) if start.kind in kinds]
 
 
-CHUNKS = 35  # pieces of a row, 2 m each with rows of the usual length, picked or not
+# Pieces of a row, each picked or not. With rows of the usual length a piece has 2 m.
+CHUNKS = 35
 FRUIT_IN_A_CHUNK = 8
 FRUIT_Z = 1.95  # m, just below the pergola
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from orchard.folders import newest_path
 
-HEAD = b"RRF"  # with which each recording begins
+# The bytes with which each recording begins.
+HEAD = b"RRF"
 
 
 def part(path: Path, number: int) -> Path:
@@ -145,7 +146,8 @@ def _packaged_viewer() -> Path:
     return Path(package.origin).with_name("rerun")
 
 
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # variables that name a screen on Linux
+# Variables that name a screen on Linux.
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 IN_A_BROWSER = "to watch in a browser on this machine, give --web 9090, or another port"
 
 

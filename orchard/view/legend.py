@@ -19,7 +19,8 @@ RISE = 12.0  # Rerun writes a label this far below its point.
 HEADING: Colour = (200, 200, 205)
 
 
-Form = list[tuple[float, float]]  # the corners of a mark, in units of its width
+#: The corners of a mark, in units of its width.
+Form = list[tuple[float, float]]
 FORMS: dict[str, Form] = {
     "line": [(0.0, 0.0), (1.2, 0.0)],
     "flag": [(0.2, 0.8), (0.2, -0.7), (1.2, -0.3), (0.2, 0.1)],
@@ -61,12 +62,16 @@ LINES: tuple[tuple[Word, ...], ...] = (
 
 
 class Placed(NamedTuple):
-    """A word and where it stands, screen points from the legend's top left."""
+    """A word and where it stands, screen points from the legend's top left.
+
+    `x`: of the left end. `y`: of the middle. `middle`: x of the middle of the word, which is to the
+    right of its mark.
+    """
 
     word: Word
-    x: float  # of the left end
-    y: float  # of the middle
-    middle: float  # x of the middle of the word, which is to the right of its mark
+    x: float
+    y: float
+    middle: float
 
 
 def _placed() -> tuple[list[Placed], float]:
@@ -86,7 +91,8 @@ def _placed() -> tuple[list[Placed], float]:
 
 
 PLACED, WIDTH = _placed()
-HEIGHT = LINE * len(LINES)  # screen points
+# Screen points.
+HEIGHT = LINE * len(LINES)
 
 
 def log_legend(rec: rr.RecordingStream) -> None:

@@ -12,7 +12,8 @@ from orchard.view import palette
 from orchard.view.columns import Columns
 from orchard.view.scenery import MARGIN, plan_size
 
-RENEWED_TICKS = 5  # interval at which the names follow the robots
+# Interval at which the names follow the robots.
+RENEWED_TICKS = 5
 NAME_Z = 4.4  # m
 ROW_Z = 4.0  # m
 
@@ -57,12 +58,16 @@ class NameView:
         self.rec = columns.rec
         self.columns = columns
         self.scale = points_to_metres(layout)
-        robots = [start for kind in VEHICLES for start in layout.starts if start.kind == kind]
-        self._index = np.array([layout.index[start.name] for start in robots])
-        self._labels = [short_name(start.name) for start in robots]
+        robots: list[str] = []
+        for kind in VEHICLES:
+            robots += [start.name for start in layout.starts if start.kind == kind]
+        self._index = np.array([layout.index[name] for name in robots])
+        self._labels = [short_name(name) for name in robots]
         self._halves = np.array([self._half(label) for label in self._labels])
-        self._places = np.zeros(len(robots), int)  # the place of each name, an index of PLACES
-        self._shown = np.full((len(robots), 2), np.nan)  # the pins that were last named
+        # The place of each name, an index of PLACES, (r,).
+        self._places = np.zeros(len(robots), int)
+        # The pins as they were named last, (r, 2) m.
+        self._shown = np.full((len(robots), 2), np.nan)
         self._rows = self._log_rows(layout)
         look = rr.Points3D.from_fields(radii=[0.01], colors=[palette.ROAD_EDGE], show_labels=True)
         self.rec.log("plan/names", look, static=True)

@@ -22,12 +22,16 @@ STATES: dict[State, Colour] = {
 
 
 class Arc(NamedTuple):
-    """The look of an arc, which shows a message between two bodies."""
+    """The look of an arc, which shows a message between two bodies.
+
+    `seconds`: for how long it is shown. `radius`: screen points. `rank`: if there are too many
+    arcs, those of lower rank are left out.
+    """
 
     colour: Colour
-    seconds: float  # for which it is shown
-    radius: float  # screen points
-    rank: int  # if there are too many arcs, those of lower rank are left out
+    seconds: float
+    radius: float
+    rank: int
 
 
 _ASKED = Arc(colour=(255, 90, 170), seconds=1.5, radius=1.0, rank=1)

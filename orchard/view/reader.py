@@ -19,15 +19,20 @@ from orchard.field.scenario import TIME_STEP
 from orchard.view.files import QUIET, packing, part, parts_of, viewer_program
 from orchard.view.palette import Colour
 
-POSES = "/tf"  # entity with a value at the last tick of a part
-MISSING = "recording/missing"  # entity that records what a part lacks
-SCENARIO = "recording/scenario"  # entity: the scenario as JSON
-# Entity: a body's number, and its `Velocities`, whenever these change.
+# Entities of a recording. The first one has a value at the last tick of a part.
+POSES = "/tf"
+# What a part lacks.
+MISSING = "recording/missing"
+# The scenario as JSON.
+SCENARIO = "recording/scenario"
+# A body's number, and its `Velocities`, whenever these change.
 VELOCITIES = "recording/velocities"
-LETTERS = "recording/letters"  # entity: each message between agents, with its fields as JSON
+# Each message between agents, with its fields as JSON.
+LETTERS = "recording/letters"
 # From Rerun's reader: the file is torn, empty, or without an end.
 UNREADABLE = (RuntimeError, ValueError, Warning)
-PACK_SECONDS = 600  # that packing may take
+# Packing may take this long.
+PACK_SECONDS = 600
 WORDS = "StateConfiguration:values"
 COLOURS = "StateConfiguration:colors"
 log = logging.getLogger("orchard")
@@ -37,22 +42,31 @@ LEFT_OUT = "left_out"
 
 
 class RecordingPart(NamedTuple):
-    """The readable content of one file."""
+    """The readable content of one file.
 
-    run: str  # the run's id
-    last: int  # last tick in the file; 0: none
-    gaps: tuple[tuple[int, int], ...]  # (last tick before, first tick after)
-    left_out: int  # frames missing besides, because the writer was too slow
-    colours: dict[str, dict[str, Colour]]  # entity -> its state texts and their colours
-    is_torn: bool = False  # whether its end was missing, and it had to be repaired
+    `run`: the run's id. `last`: the last tick in the file; 0 for none. `gaps`: for each, the last
+    tick before it and the first tick after it. `left_out`: frames missing besides, because the
+    writer was too slow. `colours`: entity -> its state texts and their colours. `is_torn`: whether
+    its end was missing, and had to be repaired.
+    """
+
+    run: str
+    last: int
+    gaps: tuple[tuple[int, int], ...]
+    left_out: int
+    colours: dict[str, dict[str, Colour]]
+    is_torn: bool = False
 
 
 class Before(NamedTuple):
-    """The point from which a recording continues."""
+    """The point from which a recording continues.
 
-    file: Path  # where to write
-    last: int  # last tick in the earlier parts; 0 if there are none
-    # Entity -> its state texts in the earlier parts, and their colours.
+    `file`: where to write. `last`: the last tick in the earlier parts; 0 if there are none.
+    `colours`: entity -> its state texts in the earlier parts, and their colours.
+    """
+
+    file: Path
+    last: int
     colours: Mapping[str, dict[str, Colour]]
 
 
@@ -130,8 +144,13 @@ def missing(path: Path, ticks: int) -> dict[str, Any]:
     """
     contents = {file: read_part(file) for file in parts_of(path)}
     parts = {file: content for file, content in contents.items() if content is not None}
-    gaps = [gap for content in parts.values() for gap in content.gaps]
-    last = max((content.last for content in parts.values()), default=0)
+    gaps: list[tuple[int, int]] = []
+    last = 0
+    messages_dropped = 0
+    for content in parts.values():
+        gaps += content.gaps
+        last = max(last, content.last)
+        messages_dropped += content.left_out
     if last < ticks:
         gaps.append((last, ticks))
     return {
@@ -139,7 +158,7 @@ def missing(path: Path, ticks: int) -> dict[str, Any]:
         "recording_gaps": [
             [round(since * TIME_STEP, 1), round(until * TIME_STEP, 1)] for since, until in gaps
         ],
-        "messages_dropped": sum(content.left_out for content in parts.values()),
+        "messages_dropped": messages_dropped,
     }
 
 

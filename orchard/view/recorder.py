@@ -32,10 +32,14 @@ CHUNK_TICKS = 10  # A second.
 MOST_TICKS = 250
 # To wait for the end of the file: a program that an own agent has started may hold the pipe.
 END_SECONDS = 30.0
-SCANS = 10  # sweeps that are sent together without a live server: a third less to write
-SCAN_BEAMS = 2  # every second beam
-SCAN_GRID = 32.0  # positions are rounded to 1/32 m
-SCAN_Z = 0.25  # m, of laser hits
+# Sweeps that are sent together without a live server: a third less to write.
+SCANS = 10
+# Of this many beams one is recorded.
+SCAN_BEAMS = 2
+# Positions are rounded to 1/32 m.
+SCAN_GRID = 32.0
+# M above the ground, of laser hits.
+SCAN_Z = 0.25
 
 # Path -> (name in the legend, colour, width): the plots of the blueprint
 SERIES: dict[str, tuple[str, palette.Colour, float]] = {

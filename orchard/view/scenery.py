@@ -28,11 +28,15 @@ Coordinate = float | Sequence[float] | np.ndarray
 
 
 class Part(NamedTuple):
-    """A form of one size and colour; or several copies of it in a grid."""
+    """A form of one size and colour; or several copies of it in a grid.
 
-    size: tuple[float, float, float]  # m along x, y, z
+    `size`: m along x, y, z. `at`: its middle. `colour`: sRGB, and perhaps how opaque it is, each up
+    to 255.
+    """
+
+    size: tuple[float, float, float]
     at: tuple[Coordinate, Coordinate, Coordinate]
-    colour: Colour | tuple[int, int, int, int]  # sRGB, and perhaps how opaque it is, up to 255
+    colour: Colour | tuple[int, int, int, int]
 
 
 def model(name: str) -> rr.Asset3D:
@@ -85,11 +89,15 @@ SHADE_Z = 0.02
 
 def log_scenery(rec: rr.RecordingStream, layout: Layout) -> None:
     """Log all that does not move, in 3-D and for the plan."""
-    trees = [(x, line.y, 1.0) for line in layout.lines for x in line.trees_x]
-    posts = [(x, line.y, 1.0) for line in layout.lines for x in line.posts_x]
-    patches = [
-        (x, lane.y, (lane.width - 0.5) / PATCH) for lane in layout.lanes for x in trees_over(lane)
-    ]
+    # Copies of a model: x, y, and how large.
+    trees: list[tuple[float, float, float]] = []
+    posts: list[tuple[float, float, float]] = []
+    for line in layout.lines:
+        trees += [(x, line.y, 1.0) for x in line.trees_x]
+        posts += [(x, line.y, 1.0) for x in line.posts_x]
+    patches: list[tuple[float, float, float]] = []
+    for lane in layout.lanes:
+        patches += [(x, lane.y, (lane.width - 0.5) / PATCH) for x in trees_over(lane)]
     rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     rec.log("world/ground", boxes(_ground(layout)), static=True)
     rec.log("world/fences", boxes(_fences(layout)), static=True)
@@ -282,7 +290,8 @@ def _fences(layout: Layout) -> list[Part]:
 def _wires(layout: Layout) -> list[np.ndarray]:
     """Return the wires along each line of trees, and across the lines from post to post."""
     wires = []
-    posts: dict[float, list[float]] = {}  # x -> y of the posts there
+    # x -> y of the posts there.
+    posts: dict[float, list[float]] = {}
     for line in layout.lines:
         first = (line.trees_x[0], line.y, 2.75)
         last = (line.trees_x[-1], line.y, 2.75)

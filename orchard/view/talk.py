@@ -17,11 +17,16 @@ from orchard.view.columns import Columns
 
 # Arcs at once. Those to carriers that are sent count more than those to carriers that are asked.
 MOST_ARCS = 40
-RENEWED_TICKS = 5  # interval at which the arcs follow the robots
-REPEAT_TICKS = 300  # within it, a repeated message is not news
-MOST_NAMES = 3  # in one line of the log
-MOST_REMEMBERED = 10_000  # messages that are remembered, to find repeats
-ARC_POINTS = 9  # of the line that draws an arc
+# Interval at which the arcs follow the robots.
+RENEWED_TICKS = 5
+# A message that is repeated within this time is not news.
+REPEAT_TICKS = 300
+# Names in one line of the log.
+MOST_NAMES = 3
+# Messages that are remembered, to find repeats.
+MOST_REMEMBERED = 10_000
+# Points of the line that draws an arc.
+ARC_POINTS = 9
 WARNINGS = ("collision", "refused", "stopped", "nothing recorded", "left out")
 ERRORS = ("lost", "jam")
 LEVELS = {
@@ -101,11 +106,11 @@ def _text(alike: Sequence[Event]) -> str:
 
 
 class Drawn(NamedTuple):
-    """An arc that is shown now."""
+    """An arc that is shown now, until a tick. `start`, `end`: the indices of two bodies."""
 
-    until: int  # tick
-    start: int  # body
-    end: int  # body
+    until: int
+    start: int
+    end: int
     look: palette.Arc
 
 

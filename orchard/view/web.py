@@ -27,9 +27,11 @@ from orchard.start_module import command_for
 from orchard.view.files import QUIET, viewer_program
 
 LOOPBACK = "127.0.0.1"
-LOCAL = (LOOPBACK, "localhost")  # the names under which a browser may ask
+# The names under which a browser may ask.
+LOCAL = (LOOPBACK, "localhost")
 ROOT = Path(__file__).parents[2]
-LOOK_SECONDS = 1.0  # between two checks that the server still runs
+# Between two checks that the server still runs.
+LOOK_SECONDS = 1.0
 
 
 def data_uri(port: int) -> str:
@@ -146,7 +148,8 @@ class _Recording(BaseHTTPRequestHandler):
         host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
         origin = self.headers.get("Origin", "")
         if host not in LOCAL or urlsplit(self.path).path != f"/{quote(self.parts[0].name)}":
-            return self.send_error(HTTPStatus.NOT_FOUND)
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Length", str(sum(part.stat().st_size for part in self.parts)))
         if urlsplit(origin).hostname in LOCAL:

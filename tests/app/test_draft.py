@@ -77,7 +77,8 @@ class Upload:
     """A file that a page sends, which may be other than a browser's. `was_read`: whether it was."""
 
     def __init__(self, name, content):
-        self.name, self._content = name, content
+        self.name = name
+        self._content = content
         self.was_read = False
 
     def size(self):
@@ -264,6 +265,19 @@ def test_own_classes_are_of_the_start_directory_and_do_not_run(tmp_path, monkeyp
     refused = from_elsewhere(Scenario(agents=inside | outside).own_classes, tmp_path)
     assert [words.partition(":")[0] for words in refused] == list(outside)
     assert from_elsewhere({"weed": "bench.field.Weed"}, Path.cwd()) == []
+
+
+def test_a_module_that_is_found_elsewhere_first_is_no_own_one(tmp_path, monkeypatch):
+    """A file of that name in the folder is not the one that would run. Nor is one that lacks."""
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "shadowed.py").touch()
+    (tmp_path / "shadowed.py").touch()
+    (tmp_path / "plain.py").touch()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.syspath_prepend(str(tmp_path / "lib"))
+    classes = {"picker": "shadowed.Picker", "carrier": "plain.inner.Carrier", "bin": "plain.Bin"}
+    refused = from_elsewhere(classes, tmp_path)
+    assert [words.partition(":")[0] for words in refused] == ["picker", "carrier"]
 
 
 WRONG_PACES = [

@@ -15,8 +15,8 @@ import psutil
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from orchard_ros2.bridge import profile, type_of
 from orchard_ros2.plain import topics
+from orchard_ros2.publishers import profile, type_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 
@@ -31,8 +31,9 @@ def rest(user, seconds):
 
 
 def latencies(user, odom, orders):
-    """Seconds from a changed cmd_vel until odom shows it, at random moments of a tick."""
-    chance, found = random.Random(1), []
+    """Seconds from a changed cmd_vel until odom shows it, at random moments of a tick, sorted."""
+    chance = random.Random(1)
+    seconds = []
     for i in range(CHANGES):
         message = TwistStamped()
         message.twist.linear.x = 0.1 if i % 2 else -0.1
@@ -40,8 +41,8 @@ def latencies(user, odom, orders):
         begin = time.monotonic()
         orders.publish(message)
         user.until(lambda wanted=message.twist.linear.x: odom[-1].twist.twist.linear.x == wanted)
-        found.append(time.monotonic() - begin)
-    return sorted(found)
+        seconds.append(time.monotonic() - begin)
+    return sorted(seconds)
 
 
 def share_of_core(user, bridge, names):
@@ -53,12 +54,13 @@ def share_of_core(user, bridge, names):
     with suppress(ImportError):
         heard.append(user.hear("/tf", type_of(topics.TF.type), profile(topics.TF.qos)))
     user.until(lambda: all(heard))
-    process, before = psutil.Process(bridge.pid), sum(map(len, heard))
-    used = sum(process.cpu_times()[:2])
+    process = psutil.Process(bridge.pid)
+    messages_before = sum(map(len, heard))
+    used_before = sum(process.cpu_times()[:2])
     rest(user, SECONDS)
-    return (sum(process.cpu_times()[:2]) - used) / SECONDS, (
-        sum(map(len, heard)) - before
-    ) / SECONDS
+    used = sum(process.cpu_times()[:2]) - used_before
+    messages = sum(map(len, heard)) - messages_before
+    return used / SECONDS, messages / SECONDS
 
 
 def main():
@@ -71,7 +73,7 @@ def main():
         orders = user.node.create_publisher(TwistStamped, "picker_01/cmd_vel", 1)
         user.until(lambda: odom, BEGIN_SECONDS)
         user.until(orders.get_subscription_count)
-        found = latencies(user, odom, orders)
+        latency = latencies(user, odom, orders)
         names = sorted(
             {
                 name.split("/")[1]
@@ -80,7 +82,8 @@ def main():
             }
         )
         share, rate = share_of_core(user, run.bridge, names)
-    median, most = statistics.median(found), found[-1]
+    median = statistics.median(latency)
+    most = latency[-1]
     print(
         f"changed cmd_vel until odom shows it: median {1e3 * median:.0f} ms, most {1e3 * most:.0f}"
         f" ms, of {CHANGES}"

@@ -7,9 +7,9 @@ import pytest
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
-from orchard_ros2.bridge import profile
 from orchard_ros2.client import connected
 from orchard_ros2.plain import topics
+from orchard_ros2.publishers import profile
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy, qos_profile_sensor_data

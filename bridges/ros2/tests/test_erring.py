@@ -8,8 +8,8 @@ import pytest
 from conftest import BEGIN_SECONDS, scene
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from orchard_ros2.bridge import profile
 from orchard_ros2.plain import topics
+from orchard_ros2.publishers import profile
 
 ERRING = """
 rows: 3

@@ -34,13 +34,22 @@ class Master:
         self.onward = {name: [] for name in self.map}
         for start, end in self.edges:
             self.onward[start].append(end)
-        self.newest, self.jobs, self.calls = {}, {}, []
+        # Topic -> vehicle -> its newest message.
+        self.newest = {}
+        # Vehicle -> what it has to do.
+        self.jobs = {}
+        # The full bins that wait.
+        self.calls = []
         # Vehicle -> the line of the queue in which it was first seen: it goes back there.
         self.homes = {}
-        # Row -> the picker that picks it: first the one at which it is first seen; rows that are
-        # picked.
-        self.rows, self.picked = ({}, set())
-        self.send, self.released, self.headers, self.finished = send, released, count(), []
+        # Row -> the picker that picks it: first the picker that was first seen there.
+        self.rows = {}
+        # Rows that are picked.
+        self.picked = set()
+        self.send = send
+        self.released = released
+        self.headers = count()
+        self.finished = []
 
     def hear(self, serial, topic, message):
         """A message of a vehicle."""
@@ -85,48 +94,45 @@ class Master:
 
     def is_free(self, serial):
         state = self.states[serial]
-        is_idle = not state["nodeStates"] and all(
-            one["actionStatus"] in ("FINISHED", "FAILED") for one in state["actionStates"]
-        )
-        is_mine = (
-            state["operatingMode"] == "AUTOMATIC"
-            and not state["paused"]
-            and serial not in self.jobs
-        )
-        is_here = (
-            self.newest.get("connection", {}).get(serial, {}).get("connectionState", "ONLINE")
-            == "ONLINE"
-        )
-        return is_here and is_idle and is_mine and (state["loads"] or is_picker(serial))
+        statuses = {action["actionStatus"] for action in state["actionStates"]}
+        is_idle = not state["nodeStates"] and statuses <= {"FINISHED", "FAILED"}
+        is_automatic = state["operatingMode"] == "AUTOMATIC" and not state["paused"]
+        connection = self.newest.get("connection", {}).get(serial, {})
+        is_here = connection.get("connectionState", "ONLINE") == "ONLINE"
+        # A carrier needs an empty bin.
+        is_ready = bool(state["loads"]) or is_picker(serial)
+        return is_here and is_idle and is_automatic and serial not in self.jobs and is_ready
 
     def send_on(self, serial):
         """Order a picker's next piece of work: to pick a row, to change bins at its end, or to park
         after the last one.
         """
         state = self.states[serial]
-        last, loads, row = state["lastNodeId"], state["loads"], row_of(state["lastNodeId"])
-        side, what, _ = last.split("/")
+        last = state["lastNodeId"]
+        loads = state["loads"]
+        row = row_of(last)
+        side, spot, _ = last.split("/")
+        other_side = "west" if side == "east" else "east"
         has_next = f"row/{row + 1}" in self.stations and self.rows.get(row + 1, serial) == serial
-        wait, through = (
-            f"{side}/wait/{row}",
-            (last, f"{'west' if side == 'east' else 'east'}/out/{row}"),
-        )
-        if what == "out":
+        is_full = bool(loads) and loads[0]["loadType"] == "full bin"
+        wait = f"{side}/wait/{row}"
+        through = (last, f"{other_side}/out/{row}")
+        if spot == "out":
             self.picked.add(row)
-            is_left = loads and (loads[0]["loadType"] == "full bin" or not has_next)
-            self.drive(serial, "", [last, wait], {last: ("drop", None)} if is_left else {})
-        elif what == "aside":
+            drops = is_full or (loads and not has_next)
+            self.drive(serial, "", [last, wait], {last: ("drop", None)} if drops else {})
+        elif spot == "aside":
             self.drive(serial, "", [last, wait], {})
-        elif what == "wait" and not loads:
+        elif spot == "wait" and not loads:
             self.drive(serial, "", [wait], {wait: ("pick", None)})
-        elif what == "wait" and loads[0]["loadType"] == "full bin":
+        elif spot == "wait" and is_full:
             self.drive(serial, "", [*through], {})
-        elif what == "wait" and row in self.picked and has_next:
+        elif spot == "wait" and row in self.picked and has_next:
             self.rows[row + 1] = serial
             self.drive(serial, "", [wait, f"{side}/wait/{row + 1}"], {})
-        elif what == "wait" and row in self.picked:
+        elif spot == "wait" and row in self.picked:
             self.drive(serial, "", [wait, f"{side}/park/{row}"], {})
-        elif what != "park":
+        elif spot != "park":
             self.drive(serial, "", [*through], {through: ("harvest", None)})
 
     def begin(self, serial, call):

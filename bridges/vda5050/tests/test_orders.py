@@ -437,3 +437,31 @@ def test_a_cancelled_order_leaves_a_vehicle_its_next_node():
     assert [one.action_status for one in begun.actions] == ["FAILED"]
     arrive(begun)
     assert begun.is_idle and begun.order_id == "one"
+
+
+def base_with_a_gap():
+    """An order whose base goes on after a part of the horizon."""
+    message = order(released=1)
+    message["edges"][2]["released"] = True
+    message["nodes"][3]["released"] = True
+    return message
+
+
+@pytest.mark.parametrize(
+    ("message", "told"),
+    [
+        (changed(order(), ["nodes", -1, "sequenceId"], 99), "must grow by 1"),
+        (changed(order(), ["edges", 0, "endNodeId"], "bay"), "between which it stands"),
+        (base_with_a_gap(), "the base must come first"),
+    ],
+)
+def test_parts_of_an_order_out_of_sequence_are_rejected(message, told):
+    with pytest.raises(Rejected, match=told):
+        read_order(json.dumps(message).encode())
+
+
+def test_cancelling_leaves_a_finished_action_finished():
+    state = taken(OrderState(), order(actions=[action()]))
+    state.set("action 1", "FINISHED")
+    cancel(state, is_driving=False)
+    assert [known.action_status for known in state.actions] == ["FINISHED"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import typer
 
-from orchard.event_model.known import lacking
+from orchard.event_model.known import refuse_unknown
 from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.shipped import load_or_shipped
@@ -40,9 +40,7 @@ def print_trace(chosen: TraceOptions) -> None:
     does not know; typer.Exit if the file cannot be written.
     """
     scenario = load_or_shipped(chosen.scenario)
-    unknown = lacking(scenario)
-    if unknown:
-        raise ValueError(f"the event model does not know {unknown}, which this scenario has")
+    refuse_unknown(scenario)
     if chosen.out is not None:
         check_writable(chosen.out, chosen.scenario)
     # It loads numba, which takes a second.

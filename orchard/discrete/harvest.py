@@ -1,24 +1,15 @@
-"""A whole harvest in the discrete-event model, and what it gives.
-
-This is the door to two models of the same harvest: `orchard.event_model`, which is compiled, and
-that of generators, which knows more. `is_known` decides between them.
-"""
+"""A whole harvest in the event model, and what it gives: the door to `orchard.event_model`."""
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import cycle, islice
 from math import inf
-from typing import TYPE_CHECKING
 
-from orchard.discrete.generators import GeneratorHarvest
-from orchard.event_model.known import lacking
+from orchard.event_model.known import refuse_unknown
 from orchard.event_model.results import Exchange
 from orchard.field.layout import Layout
 from orchard.field.scenario import Scenario
-from orchard.plans.routes import ROUTES
-
-if TYPE_CHECKING:
-    from orchard.event_model.harvest import EventHarvest
 
 
 class Jam(RuntimeError):
@@ -32,37 +23,31 @@ class DiscreteFigures:
     """What a harvest, or its long run, gives. All figures are of the same time."""
 
     bins_per_hour: float
-    picker_waiting_seconds: float  # for which a picker stands until it has an empty bin, mean
-    carrier_utilisation: float  # share of the time outside the queue, 0 to 1
-    sim_seconds: float  # that were measured
+    # For which a picker stands until it has an empty bin, mean.
+    picker_waiting_seconds: float
+    # Share of the time outside the queue, 0 to 1.
+    carrier_utilisation: float
+    # That were measured.
+    sim_seconds: float
     bins: int
-
-
-def is_known(layout: Layout) -> bool:
-    """Whether the event model knows all of an orchard. Else generators do its harvests."""
-    if lacking(layout.scenario):
-        return False
-    # It loads numba, which takes a second. Who does no harvest needs none of it.
-    from orchard.event_model.harvest import prepare
-
-    try:
-        program = prepare(layout).program
-        if layout.scenario.route not in ROUTES:
-            # A route of the user's own may have steps of its own in any job.
-            program.translate_all()
-    except NotImplementedError:
-        return False
-    return True
 
 
 def get_ready(scenarios: Iterable[Scenario]) -> None:
     """Compile what harvests of these scenarios need, if anything, before several processes would
     each do it.
     """
-    if any(not lacking(scenario) for scenario in scenarios):
+    if any(map(_is_known, scenarios)):
         from orchard.event_model.kernel import entry
 
         entry.get_ready()
+
+
+def _is_known(scenario: Scenario) -> bool:
+    """Whether the event model knows the sensors and agents of a scenario."""
+    with suppress(ValueError):
+        refuse_unknown(scenario)
+        return True
+    return False
 
 
 class DiscreteHarvest:
@@ -72,10 +57,15 @@ class DiscreteHarvest:
         """`rows_each`: how many rows each picker picks, its own again and again; None: each of its
         own once.
 
-        Raises ValueError for agents of the user's own, and for sensors that are not exact.
+        Raises ValueError for agents of the user's own, and for sensors that are not exact;
+        NotImplementedError for steps that the model does not know.
         """
+        refuse_unknown(layout.scenario)
+        # It loads numba, which takes a second. Who does no harvest needs none of it.
+        from orchard.event_model.harvest import EventHarvest
+
         self.layout = layout if rows_each is None else _picked_again(layout, rows_each)
-        self.model = _model_of(self.layout)
+        self.model = EventHarvest(self.layout)
 
     def run(self, goes_on: Callable[[], bool] = lambda: True) -> "DiscreteHarvest":
         """Do the whole harvest, or all until robots wait for each other, or it no longer `goes_on`,
@@ -173,14 +163,6 @@ class DiscreteHarvest:
         the carriers; None: to the end.
         """
         return self.model.carrier_utilisation(since, until)
-
-
-def _model_of(layout: Layout) -> "EventHarvest | GeneratorHarvest":
-    if not is_known(layout):
-        return GeneratorHarvest(layout)
-    from orchard.event_model.harvest import EventHarvest
-
-    return EventHarvest(layout)
 
 
 def _picked_again(layout: Layout, rows_each: int) -> Layout:

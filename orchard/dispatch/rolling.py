@@ -22,15 +22,19 @@ AHEAD = 4
 # Ticks by which a plan must be better than that of `predictive`; if all bins get a carrier at once.
 GAIN, GAIN_OF_ORDER = (25.0, 100.0)
 WAIT = 0.02  # ticks of a plan's length for each tick that a picker waits
-MOST = 5  # bins, the latest ones, that may be first
-MOST_PICKERS = 20  # of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %
+# Bins, the latest ones, that may be first.
+MOST = 5
+# Of which a decision takes 30 ms; of 50, it takes a second, and gains 1 %.
+MOST_PICKERS = 20
 
 
 class NextBin(NamedTuple):
     """A bin that a picker fills, or has left."""
 
-    number: int  # of the picker's bins, from 0
-    stop: int  # tick from which on a carrier can stop at the lane
+    # Of the picker's bins, from 0.
+    number: int
+    # Tick from which on a carrier can stop at the lane.
+    stop: int
 
 
 class Trip(NamedTuple):
@@ -38,13 +42,15 @@ class Trip(NamedTuple):
 
     picker: str
     bin: NextBin
-    sent: int  # tick of the decision
+    # Tick of the decision.
+    sent: int
 
 
 class RollingMemory(PredictiveMemory):
     """When bins are full, and what was decided."""
 
-    trips: dict[str, Trip] = {}  # carrier under way
+    # Carrier under way.
+    trips: dict[str, Trip] = {}
     after: dict[
         str, NextBin
     ] = {}  # picker -> the bin after the one to which a carrier was sent, if roads are free
@@ -64,13 +70,14 @@ class Rolling(Predictive):
             and not layout.is_picked_again
         )
         self.courses = courses_of(layout) if plans else {}  # of none: it decides as `predictive`
-        self.starts = {
-            picker: NextBin(0, courses[0].job.ready) for picker, courses in self.courses.items()
-        }
-        carriers = [start.name for start in layout.starts if start.kind == "carrier"]
-        self.lines = {
-            name: (number_of(name) - 1) // layout.queue.places for name in carriers
-        }  # of the queue
+        self.starts = {}
+        for picker, courses in self.courses.items():
+            self.starts[picker] = NextBin(0, courses[0].job.ready)
+        # Of the queue, by the carriers' names.
+        self.lines = {}
+        for start in layout.starts:
+            if start.kind == "carrier":
+                self.lines[start.name] = (number_of(start.name) - 1) // layout.queue.places
 
     def assign(
         self,
@@ -163,11 +170,14 @@ class Rolling(Predictive):
 
     def ends(self, expected: Mapping[str, NextBin]) -> dict[str, int]:
         """Return how many bins of each picker are planned."""
-        total = {picker: len(courses) for picker, courses in self.courses.items()}
-        level = AHEAD + min(
-            (one.number for picker, one in expected.items() if one.number < total[picker]),
-            default=0,
-        )
+        total = {}
+        for picker, courses in self.courses.items():
+            total[picker] = len(courses)
+        numbers = []
+        for picker, next_bin in expected.items():
+            if next_bin.number < total[picker]:
+                numbers.append(next_bin.number)
+        level = AHEAD + min(numbers, default=0)
         return {picker: min(level, total[picker]) for picker in total}
 
     def best(self, due: Sequence[BinReport], line: int, plan: RollOut) -> BinReport:

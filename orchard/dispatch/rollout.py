@@ -26,24 +26,32 @@ ORDERED = 12  # ticks from a decision until the carrier leaves, on average
 MOVING_UP = 10  # ticks after which the carrier behind can leave
 IN_BAY = Unload.ticks + 45  # ticks from one carrier in the bay to the next, which is behind its bin
 EARLY = round(MARGIN / TIME_STEP)
-AWAY = -1  # in place of a line: a picker
+# In place of a line: a picker.
+AWAY = -1
 
 
 class What(Enum):
     """What a robot does on its way."""
 
-    FREE = auto()  # it gives a place back
-    MEET = auto()  # a carrier needs its picker to have come out of the row
-    NEED = auto()  # it waits until it has a place
-    STOP = auto()  # a carrier stops at the lane
-    OUT = auto()  # it is out of its line: the next one can leave
-    HOME = auto()  # it is back in its line
+    # It gives a place back.
+    FREE = auto()
+    # A carrier needs its picker to have come out of the row.
+    MEET = auto()
+    # It waits until it has a place.
+    NEED = auto()
+    # A carrier stops at the lane.
+    STOP = auto()
+    # It is out of its line: the next one can leave.
+    OUT = auto()
+    # It is back in its line.
+    HOME = auto()
 
 
 class CourseEvent(NamedTuple):
     """Something that a robot does."""
 
-    tick: int  # from the stop at the lane on
+    # From the stop at the lane on.
+    tick: int
     what: What
     place: str = ""
 
@@ -81,11 +89,13 @@ class JobCourse:
 
 
 def _events(uses: Sequence[Use]) -> list[CourseEvent]:
-    needs = [CourseEvent(round(use.at / TIME_STEP), What.NEED, use.place) for use in uses]
-    return needs + [
-        CourseEvent(need.tick + use.ticks, What.FREE, use.place)
-        for need, use in zip(needs, uses, strict=True)
-    ]
+    needs = []
+    frees = []
+    for use in uses:
+        need = CourseEvent(round(use.at / TIME_STEP), What.NEED, use.place)
+        needs.append(need)
+        frees.append(CourseEvent(need.tick + use.ticks, What.FREE, use.place))
+    return needs + frees
 
 
 def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
@@ -95,14 +105,14 @@ def _in_order(events: Sequence[CourseEvent]) -> list[CourseEvent]:
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     """Return the courses of each picker's jobs, with rows that are all picked at the mean speed."""
-    lanes = [
-        replace(lane, picking_speed=layout.scenario.mean_picking_speed) for lane in layout.lanes
-    ]
+    lanes = []
+    for lane in layout.lanes:
+        lanes.append(replace(lane, picking_speed=layout.scenario.mean_picking_speed))
     jobs = jobs_of(replace(layout, lanes=tuple(lanes)))
-    return {
-        picker: [JobCourse(job) for job in of_picker]
-        for picker, of_picker in groupby(jobs, lambda job: job.picker)
-    }
+    courses = {}
+    for picker, of_picker in groupby(jobs, lambda job: job.picker):
+        courses[picker] = list(map(JobCourse, of_picker))
+    return courses
 
 
 class RobotUnderWay(NamedTuple):
@@ -110,8 +120,10 @@ class RobotUnderWay(NamedTuple):
 
     course: list[CourseEvent]
     picker: str
-    number: int  # of the picker's bin, from 0
-    line: int  # of the queue; AWAY: it is the picker
+    # Of the picker's bin, from 0.
+    number: int
+    # Of the queue; AWAY: it is the picker.
+    line: int
 
 
 class RollOut:
@@ -143,11 +155,14 @@ class RollOut:
         )  # tick, and the robot that goes on then; or a line in which a carrier may leave, below 0
         self.taken = dict[
             str, list[int]
-        ]()  # place -> the robots that wait for it; without a key it is free
+            # Place -> the robots that wait for it; without a key it is free.
+        ]()
         self.wanted = dict[
             str, int
-        ]()  # picker that needs a carrier -> tick from which on it can stop there
-        self.number = dict.fromkeys(courses, -1)  # picker -> its bin with which it came out last
+            # Picker that needs a carrier -> tick from which on it can stop there.
+        ]()
+        # Picker -> its bin with which it came out last.
+        self.number = dict.fromkeys(courses, -1)
         self.home = Counter(lines)  # line -> the carriers in it
         self.is_open = dict.fromkeys(self.home, True)  # line -> whether the first of them can leave
         self.end = self.waited = (
@@ -156,11 +171,13 @@ class RollOut:
 
     def fork(self) -> "RollOut":
         """Return a copy that goes on by itself."""
-        other = copy(self)
+        twin = copy(self)
         for name in ("robots", "begun", "done", "next", "home", "is_open", "wanted", "number"):
-            setattr(other, name, copy(getattr(self, name)))
-        other.taken = {place: list(robots) for place, robots in self.taken.items()}
-        return other
+            setattr(twin, name, copy(getattr(self, name)))
+        twin.taken = {}
+        for place, robots in self.taken.items():
+            twin.taken[place] = list(robots)
+        return twin
 
     def come_out(self, picker: str, number: int, stop: int) -> None:
         """Let a picker come out of its row with a bin, so that a carrier can stop there from a tick
@@ -276,7 +293,7 @@ class RollOut:
         """Let the first carrier of a line leave, once it is time for a bin."""
         if tick < self.now or not self.wanted or not self.is_open[line] or not self.home[line]:
             return
-        due, picker = min((self._due(picker), picker) for picker in self.wanted)
+        due, picker = min(zip(map(self._due, self.wanted), self.wanted, strict=True))
         if due > tick:
             self._look(due, line)
         else:

@@ -22,14 +22,15 @@ class Bystanders:
     """The people and animals of one orchard."""
 
     def __init__(self, layout: Layout) -> None:
-        bystanders, area = (
-            bystanders_of(layout),
-            (layout.east - X_WEST) * (layout.top - layout.bottom),
-        )
-        self.seed, self.density = layout.scenario.seed, len(bystanders) / area  # per m2
-        self.radius = (
-            sum(one.radius for one in bystanders) / len(bystanders) if bystanders else 0.0
-        )  # m, mean
+        bystanders = bystanders_of(layout)
+        area = (layout.east - X_WEST) * (layout.top - layout.bottom)
+        self.seed = layout.scenario.seed
+        # Per m2.
+        self.density = len(bystanders) / area
+        # m, mean.
+        self.radius = 0.0
+        if bystanders:
+            self.radius = sum(body.radius for body in bystanders) / len(bystanders)
 
     def metres_to(self, robot: str, number: int) -> float:
         """Return the metres that a robot drives from one meeting to the next, for its meeting with

@@ -202,7 +202,8 @@ ROBOT = np.dtype(
         ("is_free", np.bool_),
         ("is_ready", np.bool_),
         ("is_booked", np.bool_),
-        # mm from its line's head when the dispatcher last asked; for a policy in Python m.
+        # mm from its line's head when the dispatcher last asked; for a policy in Python m; for a
+        # measure of the user's own its x.
         ("answer", np.float64),
         # What it told a policy in Python then: whether the dispatcher knows its job, and the bin
         # that it fetches.
@@ -427,6 +428,10 @@ DESK = np.dtype(
         ("exchanges", np.int64),
         ("trips", np.int64),
         ("logged", np.int64),
+        # Whether Python must tell how far carriers are from the bins that call: the route has a
+        # measure of its own. Whether it has told so for the calls of this time.
+        ("asks_ways", np.bool_),
+        ("knows_ways", np.bool_),
         # A robot has used its last draw.
         ("lacks_draws", np.bool_),
         # The job that is not translated yet.
@@ -469,6 +474,7 @@ LACKS_JOB = 2
 LOG_IS_FULL = 3
 LACKS_DRAWS = 4
 ASKS_POLICY = 5
+ASKS_WAYS = 6
 
 
 # Of each array of a model what its items are, and its number of dimensions.
@@ -493,6 +499,7 @@ ARRAYS = {
     "bins": (BIN, 1),
     "calls": (CALL, 1),
     "offers": (np.int64, 2),
+    "distances": (np.float64, 2),
     "timers": (np.int64, 2),
     "desk": (DESK, 1),
     "deliveries": (np.int64, 1),
@@ -538,6 +545,8 @@ class Model(NamedTuple):
     calls: Any
     # (r, b) tick of a carrier's first offer to a bin.
     offers: Any
+    # (r, lane's ends): m by road, as a route of the user's own measures it.
+    distances: Any
     # (EVENTS, r) times.
     timers: Any
     # (1,)

@@ -17,11 +17,16 @@ from orchard.field.scenario import Scenario
 FIRST = 8
 
 
-def draws(layout: Layout, names: Sequence[str], count: int) -> dict[str, np.ndarray]:
-    """Return arrays of a model with so many draws for each robot; none of what does not happen."""
+def draws(
+    layout: Layout, names: Sequence[str], count: int, failure_seed: int | None
+) -> dict[str, np.ndarray]:
+    """Return arrays of a model with so many draws for each robot; none of what does not happen.
+
+    `failure_seed`: that of failures; None: no robot fails.
+    """
     bystanders = Bystanders(layout)
     return {
-        "failures": _failures(layout.scenario, names, count),
+        "failures": _failures(failure_seed, names, count),
         "encounters": _encounters(bystanders, names, count),
         "looks": _looks(bystanders, names, count),
     }
@@ -32,14 +37,15 @@ def has_failures(scenario: Scenario) -> bool:
     return bool(scenario.picking.failure.mean_between or scenario.carrying.failure.mean_between)
 
 
-def _failures(scenario: Scenario, names: Sequence[str], count: int) -> np.ndarray:
+def _failures(seed: int | None, names: Sequence[str], count: int) -> np.ndarray:
     """Return the failures of robots, as shares of the mean times, (r, count)."""
-    if not has_failures(scenario):
+    if seed is None:
         count = 0
     failures = np.zeros((len(names), count), c.FAILURE).view(np.recarray)
     for robot, name in enumerate(names):
         for number in range(count):
-            failures[robot, number] = failure(scenario.seed, name, number, 1.0, 1.0)
+            assert seed is not None
+            failures[robot, number] = failure(seed, name, number, 1.0, 1.0)
     return failures
 
 

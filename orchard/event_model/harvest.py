@@ -1,21 +1,23 @@
 """A whole harvest in the event model: the state at its start, and what came of it."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import inf
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 
+from orchard.dispatch.policy import Assignment
 from orchard.event_model import columns as c
 from orchard.event_model.draws import FIRST, draws
 from orchard.event_model.kernel.drives import FAR
 from orchard.event_model.kernel.entry import addressed, run
-from orchard.event_model.known import COMPILED, lacking
-from orchard.event_model.policies import AskedPolicy, PolicyStops
-from orchard.event_model.program import Program
+from orchard.event_model.known import COMPILED, refuse_unknown
+from orchard.event_model.policies import AskedPolicy, PolicyQuestion, PolicyQuestions
+from orchard.event_model.program import SIDES, Program
 from orchard.event_model.results import JAM, LONGEST, Exchange
 from orchard.field.kinds import DISPATCH, KINDS, kind_of
 from orchard.field.layout import KEPT_LAYOUTS, Layout
@@ -55,7 +57,7 @@ class Prepared:
 def prepare(layout: Layout) -> Prepared:
     """Return the program of an orchard and its state at the start: the same ones for all seeds.
 
-    Raises NotImplementedError for a step, or a distance, that the model does not know.
+    Raises NotImplementedError for a step that the model does not know.
     """
     scenario = layout.scenario
     if scenario.route in ROUTES:
@@ -68,6 +70,9 @@ def prepare(layout: Layout) -> Prepared:
 def _prepared(geometry: _Geometry) -> Prepared:
     layout = geometry.layout
     program = Program(layout)
+    if layout.scenario.route not in ROUTES:
+        # A route of the user's own may have steps that the model does not know in any job.
+        program.translate_all()
     starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
     starts.sort(key=lambda start: start.name)
     bin_names = sorted(start.bin for start in starts)
@@ -84,6 +89,7 @@ STATE = (
     "bins",
     "calls",
     "offers",
+    "distances",
     "timers",
     "desk",
     "deliveries",
@@ -118,7 +124,7 @@ def _initial(
         jobs=program.jobs,
         ways=program.ways,
         speeds=np.zeros(len(layout.lanes)),
-        **draws(layout, [start.name for start in starts], 0),
+        **draws(layout, [start.name for start in starts], 0, None),
         robots=_robots(program, starts, bin_names),
         sets=np.zeros((c.SETS, count, program.words), np.uint64),
         scratch=np.zeros((2, program.words), np.uint64),
@@ -126,6 +132,7 @@ def _initial(
         bins=bins,
         calls=calls,
         offers=np.full((count, len(bins)), c.NEVER),
+        distances=np.zeros((count, len(program.ends))),
         timers=timers,
         desk=_desk(layout, program),
         deliveries=np.zeros(program.bins, np.int64),
@@ -168,6 +175,7 @@ def _desk(layout: Layout, program: Program) -> Any:
     # A policy in Python is asked by whoever begins the harvest.
     if has_dispatcher:
         desk.policy = COMPILED.get(scenario.dispatch, c.IN_PYTHON)
+    desk.asks_ways = program.has_own_measure
     desk.asked = -c.NEVER // 2
     desk.horizon = program.horizon
     desk.mean_speed = scenario.mean_picking_speed
@@ -194,11 +202,10 @@ class EventHarvest:
         """`is_logged`: note what each robot does when, for a trace. `free_roads`: no robot is in
         another's way. `carry_on`: the machine, compiled or as plain Python.
 
-        Raises NotImplementedError for what the model does not know: see `lacking`.
+        Raises ValueError for what the model does not know: see `refuse_unknown`;
+        NotImplementedError for a step that it does not know.
         """
-        unknown = lacking(layout.scenario)
-        if unknown:
-            raise NotImplementedError(f"the event model does not know {unknown}")
+        refuse_unknown(layout.scenario)
         prepared = prepare(layout)
         self.layout = layout
         self._carry_on = carry_on
@@ -208,7 +215,7 @@ class EventHarvest:
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
         self._drawn = FIRST
-        own |= draws(layout, self.names, self._drawn)
+        own |= self._draws()
         own["robots"].clear = FAR
         if own["encounters"].size:
             own["robots"].clear = own["encounters"][:, 0].metres
@@ -217,19 +224,50 @@ class EventHarvest:
             own["rears"] = np.repeat(own["rears"], len(self.names), axis=0)
         if is_logged:
             own["log"] = np.zeros(LOG_ROWS, c.LOG).view(np.recarray)
-        self.model = prepared.model._replace(**own, **self._program_arrays())
+        self.model = prepared.model._replace(**own, **self.program.arrays())
         # The tick up to which `run` has carried it on.
         self._until = 0
         # The bins that were delivered before it began, if it goes on from a run.
         self.delivered_before = 0
         # The time at which the exchanges were last read, and these.
         self._exchanged: tuple[int, dict[str, list[Exchange]]] = (c.NONE, {})
-        self._stops: PolicyStops | None = None
+        self._policy: AskedPolicy | None = None
         if self.model.desk[0].policy == c.IN_PYTHON:
-            policy = AskedPolicy(layout)
-            if policy.is_early:
-                self.model.desk.policy = c.IN_PYTHON_EARLY
-            self._stops = PolicyStops(policy, self.model, self.names, self.bin_names)
+            self._policy = AskedPolicy(layout)
+            self._ask_python(self._policy.is_early)
+
+    @classmethod
+    def paused(cls, layout: Layout, is_early: bool) -> "EventHarvest":
+        """Return a harvest that `advance` carries on to each decision, for whoever makes it.
+
+        `is_early`: whether bins report before they are full. Raises as the class does.
+        """
+        harvest = cls(layout)
+        harvest._policy = None
+        harvest._ask_python(is_early)
+        return harvest
+
+    def _ask_python(self, is_early: bool) -> None:
+        """Stop at each decision."""
+        self.model.desk.policy = c.IN_PYTHON_EARLY if is_early else c.IN_PYTHON
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the addresses of the arrays, which are those of this process."""
+        state = {name: value for name, value in vars(self).items() if name != "_decisions"}
+        return state | {"_model": self._model._replace(addresses=None)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be a harvest that goes on from a state."""
+        vars(self).update(state)
+        self.model = self._model
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "EventHarvest":
+        """Return a harvest that goes on from here by itself. Both share the program."""
+        twin = copy(self)
+        own = {name: getattr(self.model, name).copy() for name in (*STATE, "log")}
+        twin.model = self.model._replace(**own)
+        twin._policy = copy(self._policy)
+        return twin
 
     def goes_on_from(self, tick: int) -> None:
         """Note that the state of a run at a tick was filled in."""
@@ -249,6 +287,11 @@ class EventHarvest:
     @model.setter
     def model(self, model: c.Model) -> None:
         self._model = addressed(model)
+
+    @cached_property
+    def _decisions(self) -> PolicyQuestions:
+        """The decisions of this harvest. They look at arrays of the state."""
+        return PolicyQuestions(self.model, self.names, self.bin_names)
 
     def spread_charges(self) -> None:
         """Let carriers begin with batteries charged differently, as they are after some days, and
@@ -271,15 +314,29 @@ class EventHarvest:
         while goes_on() and self._until < longest and (self.done > before or self.drives):
             before = self.done
             self._until = min(longest, self._until + JAM)
-            if self._run(self._until) == c.ENDED:
+            if self.advance(self._until) == c.ENDED:
                 break
         return self
 
-    def _run(self, until: int) -> int:
-        """Carry the harvest on to a tick. Translate the jobs that it lacks, and ask a policy in
-        Python.
+    @property
+    def now(self) -> float:
+        """The time of the last event, in ticks."""
+        return float(self.model.desk[0].now) / c.QUARTERS
 
-        Raises PolicyFault.
+    @property
+    def decision(self) -> PolicyQuestion:
+        """The decision at which `advance` has stopped."""
+        return self._decisions.read()
+
+    def decide(self, decision: PolicyQuestion, orders: Sequence[Assignment]) -> None:
+        """Make the decision at which `advance` has stopped."""
+        self._decisions.note(decision, orders)
+
+    def advance(self, until: int) -> int:
+        """Carry the harvest on to a tick, exclusive. Return why it stopped: see `columns.PAUSED`.
+
+        It translates the jobs that it lacks, and asks the policy; a harvest that is `paused` stops
+        for that. Raises PolicyFault.
         """
         # Another harvest of this program may have made it grow.
         self._take_program()
@@ -291,8 +348,12 @@ class EventHarvest:
                 self._take_program()
             elif reason == c.LACKS_DRAWS:
                 self._draw_more()
-            elif reason == c.ASKS_POLICY and self._stops is not None:
-                self._stops.decide()
+            elif reason == c.ASKS_POLICY and self._policy is not None:
+                decision = self.decision
+                orders = self._policy.orders(decision.now, decision.bins, decision.carriers)
+                self.decide(decision, orders)
+            elif reason == c.ASKS_WAYS:
+                self._tell_ways()
             elif reason == c.LOG_IS_FULL:
                 longer = np.concatenate([self.model.log, np.zeros_like(self.model.log)])
                 self.model = self.model._replace(log=longer.view(np.recarray))
@@ -302,22 +363,31 @@ class EventHarvest:
     def _draw_more(self) -> None:
         """Draw twice as much of what happens at random."""
         self._drawn *= 2
-        self.model = self.model._replace(**draws(self.layout, self.names, self._drawn))
+        self.model = self.model._replace(**self._draws())
         self.model.desk.lacks_draws = False
+
+    def _draws(self) -> dict[str, np.ndarray]:
+        """Return what happens at random."""
+        seed = self.program.failure_seed(self.layout.scenario)
+        return draws(self.layout, self.names, self._drawn, seed)
+
+    def _tell_ways(self) -> None:
+        """Tell how far free carriers are from the bins that call, as the route measures it."""
+        route = self.program.route
+        ends = {int(call.end) for call in self.model.calls if call.bin != c.NONE}
+        for carrier in np.flatnonzero(self.model.robots.is_free):
+            robot = self.model.robots[carrier]
+            for end in ends:
+                lane, side = divmod(end, 2)
+                metres = route.distance(
+                    float(robot.answer), float(robot.y), lane + 1, route.sides[SIDES[side]]
+                )
+                self.model.distances[carrier, end] = metres
+        self.model.desk.knows_ways = True
 
     def _take_program(self) -> None:
         """Take over the arrays of the program, which may be new ones because it has grown."""
-        self.model = self.model._replace(**self._program_arrays())
-
-    def _program_arrays(self) -> dict[str, np.ndarray]:
-        program = self.program
-        return {
-            "ops": program.ops.array,
-            "needs": program.needs.array,
-            "frees": program.frees.array,
-            "places": program.lists,
-            "lines": program.lines.array,
-        }
+        self.model = self.model._replace(**self.program.arrays())
 
     # -- what came of it
 

@@ -18,10 +18,14 @@ COMPILED = {
 }
 
 
-def lacking(scenario: Scenario) -> str:
-    """Return what of a scenario the event model as data does not know yet; '' if it knows all."""
+def refuse_unknown(scenario: Scenario) -> None:
+    """Raise ValueError for a scenario with agents of the user's own, or sensors that are not exact:
+    the event model knows neither.
+    """
     if not scenario.sensors.are_exact:
-        return "errors of sensors"
-    if scenario.agents or scenario.agents_without_body:
-        return "agents of your own"
-    return ""
+        raise ValueError("the discrete-event model knows no errors of sensors; run the simulator")
+    if own := {**scenario.agents, **scenario.agents_without_body}:
+        raise ValueError(
+            "the discrete-event model knows built-in agents only, and not"
+            f" {', '.join(sorted(own))}; run the simulator"
+        )

@@ -69,7 +69,7 @@ class PlainMachine:
 
     def __init__(self) -> None:
         # Of each array of CONSTANT the one that was read last, and its rows.
-        self._constant: dict[str, tuple[np.ndarray, Rows]] = {}
+        self._constant: dict[str, tuple[np.ndarray, RowsAsRead]] = {}
 
     def __call__(self, model: c.Model, until: int) -> int:
         """Carry a harvest on to a time, exclusive, and return why it stopped."""
@@ -81,11 +81,11 @@ class PlainMachine:
             _write(lists[name], getattr(model, name))
         return reason
 
-    def _rows(self, name: str, array: np.ndarray) -> "Rows":
+    def _rows(self, name: str, array: np.ndarray) -> "RowsAsRead":
         """Return the rows of a constant array: the same ones while it is the same array."""
         known = self._constant.get(name)
         if known is None or known[0] is not array:
-            known = self._constant[name] = (array, Rows(array))
+            known = self._constant[name] = (array, RowsAsRead(array))
         return known[1]
 
 
@@ -99,7 +99,7 @@ def _next_event(model: Any) -> tuple[int, int]:
     return 0, 0
 
 
-class Rows(dict[Any, Any]):
+class RowsAsRead(dict[Any, Any]):
     """An array of which each row is read when it is first asked for, by its index or indices."""
 
     def __init__(self, array: np.ndarray) -> None:
@@ -117,7 +117,7 @@ class Rows(dict[Any, Any]):
         return row
 
 
-class Grid:
+class ListGrid:
     """An array in several dimensions, as lists of lists."""
 
     __slots__ = ("lists", "shape")
@@ -150,6 +150,7 @@ def _row_class(dtype: np.dtype[Any]) -> Any:
     names = dtype.names or ()
 
     def fill(row: Any, values: tuple[Any, ...]) -> None:
+        """Set the columns of a new row."""
         for name, value in zip(names, values, strict=True):
             setattr(row, name, value)
 
@@ -162,7 +163,7 @@ def _as_lists(array: np.ndarray) -> Any:
     if plain.dtype.names is not None:
         row = _row_class(plain.dtype)
         return [row(values) for values in plain.tolist()]
-    return plain.tolist() if plain.ndim == 1 else Grid(plain)
+    return plain.tolist() if plain.ndim == 1 else ListGrid(plain)
 
 
 def _write(lists: Any, array: np.ndarray) -> None:
@@ -172,4 +173,4 @@ def _write(lists: Any, array: np.ndarray) -> None:
         values = attrgetter(*plain.dtype.names)
         plain[:] = [values(row) for row in lists]
     else:
-        plain[...] = lists.lists if isinstance(lists, Grid) else lists
+        plain[...] = lists.lists if isinstance(lists, ListGrid) else lists

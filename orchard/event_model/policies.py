@@ -1,12 +1,14 @@
 """Policies in Python: each is asked as the dispatcher asks it, and its orders are checked."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
 from orchard.behaviour.dispatcher import PolicyFault, as_kept, checked, fault_of
-from orchard.contract.messages import unpack
+from orchard.contract.messages import pack, unpack
 from orchard.dispatch.policies import POLICIES, dispatch_of
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport, is_early
 from orchard.event_model import columns as c
@@ -25,11 +27,21 @@ class AskedPolicy:
 
     def __init__(self, layout: Layout) -> None:
         """Raises ScenarioError if the policy cannot be used."""
+        self._layout = layout
         self.policy = dispatch_of(layout)
         self.memory = self.policy.Memory()
         self.is_early = is_early(self.policy)
         self.is_built_in = type(self.policy) in POLICIES.values()
         self._name = layout.scenario.dispatch
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy needs: what the policy remembers is all that it may change."""
+        return {"layout": self._layout, "memory": pack(self.memory)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be a copy, with a policy of the same class."""
+        AskedPolicy.__init__(self, state["layout"])
+        self.memory = unpack(state["memory"], self.policy.Memory)
 
     def orders(
         self, now: int, bins: Sequence[BinReport], carriers: Sequence[CarrierReport]
@@ -50,14 +62,31 @@ class AskedPolicy:
         return orders
 
 
-class PolicyStops:
-    """Lets a policy in Python decide where the machine has stopped for that."""
+@dataclass
+class PolicyQuestion:
+    """A time at which carriers can be sent to bins: what a policy is told, and whom that is
+    about.
+    """
 
-    def __init__(
-        self, asked: AskedPolicy, model: c.Model, names: list[str], bin_names: list[str]
-    ) -> None:
+    #: The tick.
+    now: int
+    bins: list[BinReport]
+    carriers: list[CarrierReport]
+    #: The number of the picker of each bin, and of each carrier.
+    pickers: dict[str, int]
+    numbers: dict[str, int]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a carrier can be sent to a bin."""
+        return bool(self.bins) and any(carrier.is_next for carrier in self.carriers)
+
+
+class PolicyQuestions:
+    """The decisions at which the machine stops for a policy in Python."""
+
+    def __init__(self, model: c.Model, names: list[str], bin_names: list[str]) -> None:
         """`names`, `bin_names`: of robots and bins, in the order of their numbers."""
-        self.asked = asked
         self._names = names
         self._bin_names = bin_names
         self._carriers = []
@@ -73,21 +102,25 @@ class PolicyStops:
             lane, side = divmod(number, 2)
             self._ends.append((lane + 1, SIDES[side], float(end.metres), float(end.seconds)))
 
-    def decide(self) -> None:
-        """Ask the policy, and note its orders. Raises PolicyFault."""
-        now = int(self._desk["now"][0]) // c.QUARTERS
+    def read(self) -> PolicyQuestion:
+        """Return the decision at which the machine has stopped."""
         bins = self._bins()
         carriers = self._carrier_reports()
-        orders = self.asked.orders(
-            now, [report for _, report in bins], [report for _, report in carriers]
+        return PolicyQuestion(
+            now=int(self._desk["now"][0]) // c.QUARTERS,
+            bins=[report for _, report in bins],
+            carriers=[report for _, report in carriers],
+            pickers={report.name: picker for picker, report in bins},
+            numbers={report.name: carrier for carrier, report in carriers},
         )
-        pickers = {report.name: picker for picker, report in bins}
-        numbers = {report.name: carrier for carrier, report in carriers}
+
+    def note(self, decision: PolicyQuestion, orders: Sequence[Assignment]) -> None:
+        """Note the orders of a decision. The machine carries them out when it goes on."""
         self._calls["is_asked"][:] = False
         for order in orders:
-            picker = pickers[order.bin]
+            picker = decision.pickers[order.bin]
             self._calls["is_asked"][picker] = True
-            self._calls["carrier"][picker] = numbers[order.carrier]
+            self._calls["carrier"][picker] = decision.numbers[order.carrier]
         self._desk["state"][0] = c.DECIDED
 
     def _bins(self) -> list[tuple[int, BinReport]]:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from functools import singledispatchmethod
 from itertools import repeat
 from math import ceil, floor
-from typing import Any
+from threading import RLock
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,12 +23,12 @@ from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
 from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE
-from orchard.field.scenario import TIME_STEP
+from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.plans import steps as st
 from orchard.plans.forecast import EARLIER, until_full
 from orchard.plans.robot import Gate, Step
 from orchard.plans.route import OneWay
-from orchard.plans.routes import route_of, way_to
+from orchard.plans.routes import ROUTES, route_of, way_to
 
 # Ticks of rounding.
 ROUNDING = 1e-6
@@ -36,6 +37,10 @@ BESIDE_LANES = 128
 # A lane has a place of each road on each side.
 PLACES_PER_LANE = 4
 LINES_PER_LANE = 12
+# A route of the user's own may have so many times as many.
+OWN_SHARE = 8
+# Steps that put others in their place.
+INSERTING = (st.Ahead, st.MoveTo, st.Repair)
 SIDES = ("east", "west")
 # What stands in a job for its picker and its full bin.
 THE_PICKER = "the picker"
@@ -73,7 +78,7 @@ class _Writer:
     before.
     """
 
-    steps: Sequence[Step]
+    steps: list[Step]
     pose: Pose
     number: int = 0
     # What the robot does, as it said.
@@ -95,6 +100,8 @@ class Program:
         Raises NotImplementedError for a step that the model does not know, and for a route with
         very many places.
         """
+        # Harvests in several threads may share a program, which grows.
+        self._lock = RLock()
         self.layout = layout
         self.route: OneWay = route_of(layout)
         lanes = len(layout.lanes)
@@ -109,8 +116,11 @@ class Program:
         # begins, and last the op that ends the plan.
         self.begins: dict[int, list[int]] = {}
         self.place_numbers: dict[str, int] = {}
-        self.most_places = PLACES_PER_LANE * lanes + BESIDE_LANES
-        self.most_lines = LINES_PER_LANE * lanes + BESIDE_LANES
+        share = 1 if layout.scenario.route in ROUTES else OWN_SHARE
+        self.most_places = share * (PLACES_PER_LANE * lanes + BESIDE_LANES)
+        self.most_lines = share * (LINES_PER_LANE * lanes + BESIDE_LANES)
+        # Of the failures on a route of the user's own; None: that of the scenario.
+        self._own_failure_seed: int | None = None
         self.words = -(-self.most_places // 64)
         self._list_numbers: dict[tuple[str, ...], int] = {}
         self._line_numbers: dict[tuple[int, float, int], int] = {}
@@ -124,13 +134,15 @@ class Program:
             for side in SIDES:
                 metres, seconds = way_to(self.route, lane.number, self.route.sides[side])
                 self.ends[self.end_number(lane.number, side)] = (metres, seconds)
+        # From each line's head. A route of the user's own may measure otherwise behind it.
         self.ways = np.zeros(self.jobs.shape)
+        self.has_own_measure = False
         for queue_line, y in enumerate(self.queue_lines):
             for end in range(2 * lanes):
                 self.ways[queue_line, end] = self._metres_to(queue.head, y, end)
                 longer = self._metres_to(queue.head - 1.0, y, end) - self.ways[queue_line, end]
                 if abs(longer - 1.0) > ROUNDING:
-                    raise NotImplementedError("the event model knows no distance of your own")
+                    self.has_own_measure = True
         # s before it is full at which a bin calls, as `forecast.horizon` says.
         self.horizon = float(max(self.ends.seconds)) + EARLIER
         self.bins = 0
@@ -139,6 +151,29 @@ class Program:
         self.harvests = {name: self._translate_harvest(name) for name in layout.blocks}
         # Of each line of the queue, the op at which waiting begins.
         self.waiting = [self._translate_waiting(y) for y in self.queue_lines]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the lock, which is of this process."""
+        return {name: value for name, value in vars(self).items() if name != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be a copy, with a lock of its own."""
+        vars(self).update(state)
+        self._lock = RLock()
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays of a model that grow, as they are now. Those of a harvest are these
+        until it takes them anew.
+        """
+        with self._lock:
+            return {
+                "ops": self.ops.array,
+                "needs": self.needs.array,
+                "frees": self.frees.array,
+                "places": self.lists,
+                "lines": self.lines.array,
+                "jobs": self.jobs.copy(),
+            }
 
     @property
     def lists(self) -> np.ndarray:
@@ -158,11 +193,22 @@ class Program:
         y = self.layout.queue.place(number_of(carrier) - 1).y
         return self.queue_lines.index(y)
 
+    def failure_seed(self, scenario: Scenario) -> int | None:
+        """Return the seed by which robots fail in a harvest of a scenario; None: none fails."""
+        if self._own_failure_seed is not None:
+            return self._own_failure_seed
+        return scenario.seed if has_failures(scenario) else None
+
     def translate_job(self, queue_line: int, end: int) -> int:
         """Translate a carrier's job, from a line of the queue to a lane's end.
 
         Return its first op.
         """
+        with self._lock:
+            return self._translate_job(queue_line, end)
+
+    def _translate_job(self, queue_line: int, end: int) -> int:
+        """Translate a job, while no other thread does."""
         lane, side = divmod(end, 2)
         place = queue_line * self.layout.queue.places
         job = self.route.fetch(
@@ -231,15 +277,19 @@ class Program:
         begins = self.begins[first] = []
         # Each look-up of a method with many forms costs as much as a short step.
         write = self._write
-        for number, step in enumerate(writer.steps):
+        while writer.number < len(writer.steps):
+            step = writer.steps[writer.number]
+            if isinstance(step, INSERTING):
+                writer.steps[writer.number : writer.number + 1] = _put_by(step, writer.pose)
+                continue
             begins.append(len(self.ops))
-            writer.number = number
             write(step, writer)
             writer.pose, _ = step.motion(writer.pose)
+            writer.number += 1
         begins.append(len(self.ops))
         self._append(None, c.END)
         for decides, steps, pose in writer.otherwise:
-            self.ops.array[decides].arg = self._translate(_Writer(steps, pose))
+            self.ops.array[decides].arg = self._translate(_Writer(list(steps), pose))
         return first
 
     # -- steps
@@ -248,7 +298,7 @@ class Program:
     def _write(self, step: Step, writer: _Writer) -> None:
         """Translate a step."""
         name = type(step).__name__
-        raise NotImplementedError(f"the event model does not know the step {name}")
+        raise NotImplementedError(f"the discrete-event model does not know the step {name}")
 
     @_write.register
     def _(self, step: st.DriveTo, writer: _Writer) -> None:
@@ -368,8 +418,11 @@ class Program:
 
     @_write.register
     def _(self, step: st.MayFail, writer: _Writer) -> None:
-        if step.seed != self.layout.scenario.seed or not has_failures(self.layout.scenario):
-            raise NotImplementedError("the event model knows no failures of your own")
+        scenario = self.layout.scenario
+        if step.seed != scenario.seed or not has_failures(scenario):
+            if self._own_failure_seed not in (None, step.seed):
+                raise NotImplementedError("the event model knows one seed of failures")
+            self._own_failure_seed = step.seed
         if not isinstance(writer.steps[writer.number + 1], st.DriveTo):
             raise NotImplementedError("the event model knows failures on drives only")
         writer.may_fail = step
@@ -463,6 +516,25 @@ class Program:
                 f"the event model knows {most} places, or lines on which robots drive, and no more"
             )
         return numbers.setdefault(key, len(numbers))
+
+
+class _StandsAt:
+    """What a step may ask that puts others in its place: where its robot is."""
+
+    def __init__(self, pose: Pose) -> None:
+        self.pose = pose
+        self.steps: list[Step] = []
+
+    def next(self, steps: Sequence[Step]) -> None:
+        """Hear which steps take its place."""
+        self.steps = list(steps)
+
+
+def _put_by(step: Step, pose: Pose) -> list[Step]:
+    """Return the steps that a step of INSERTING puts in its place."""
+    robot = _StandsAt(pose)
+    step.act(cast(Any, robot))
+    return robot.steps
 
 
 def _failing(writer: _Writer) -> dict[str, float]:

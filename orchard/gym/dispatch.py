@@ -1,4 +1,4 @@
-"""Dispatch as a Gymnasium Env of events, over the fast model: at each decision an action names the
+"""Dispatch as a Gymnasium Env of events, over the event model: at each decision an action names the
 carrier that fetches a bin, or none.
 
 The decisions are those of a dispatch policy (`orchard.dispatch.policy`): the same reports, at the
@@ -14,9 +14,11 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from orchard.discrete.calls import DispatchDecision, Dispatched
-from orchard.discrete.generators import GeneratorHarvest
 from orchard.dispatch.policy import Assignment, BinReport, CarrierReport
+from orchard.event_model import columns as c
+from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.known import refuse_unknown
+from orchard.event_model.policies import AskedPolicy, PolicyQuestion
 from orchard.event_model.results import JAM, LONGEST
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario, with_changes
@@ -26,6 +28,7 @@ from orchard.gym.spaces import FAR, MOST_LANES, Arrays
 
 NO_ORDER = 0  # the action that sends no carrier, and ends the decision
 LONG = 1e6  # s: no harvest takes so long
+LOOK_AT = JAM // 20  # ticks: so often it is looked whether robots move on
 
 Choose = Callable[[Arrays, np.ndarray], int]  # observation and mask -> action
 
@@ -180,23 +183,6 @@ def delivery(happened: Transition) -> float:
 REWARDS: Mapping[str, Reward] = {"time": time, "waiting": waiting, "delivery": delivery}
 
 
-class Paused(Dispatched):
-    """Dispatch that waits for what learns: a decision is kept, and nothing is sent until it is
-    taken.
-    """
-
-    pending: DispatchDecision | None = None
-    scripted: Sequence[Assignment] = ()
-
-    def decide(self, decision: DispatchDecision) -> None:
-        """Keep a decision, unless nothing can be sent, and what the scenario's policy decides.
-
-        Raises PolicyFault.
-        """
-        self.scripted = self.orders(decision)
-        self.pending = decision if decision.is_open else None
-
-
 class DispatchEnv(gymnasium.Env[Arrays, Any]):
     """The dispatch of a scenario, over the fast model: which carrier fetches which bin.
 
@@ -209,7 +195,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
-    harvest: GeneratorHarvest
+    harvest: EventHarvest
 
     def __init__(
         self, scenario: Scenario, *, reward: str | Reward = "time", longest: int = LONGEST
@@ -227,12 +213,16 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         self._longest = longest
         self._episode = Episode(scenario.seed, -1)
         self._is_over = True
-        # Those of this episode, by which a copy comes to the same decision.
-        self._actions: list[int] = []
+        # The decision that waits, and the orders at it so far; None: nothing can be decided.
+        self._pending: PolicyQuestion | None = None
+        self._orders: list[Assignment] = []
+        # What the scenario's policy decides there.
+        self._scripted: Sequence[Assignment] = ()
         # The steps of all robots, and the tick at which one of them moved on last.
         self._moved = (0, 0.0)
+        refuse_unknown(scenario)
         layout = lay_out(scenario)
-        GeneratorHarvest(layout)  # raises ValueError
+        self._policy = AskedPolicy(layout)
         self.dispatching = Dispatching(layout)
         self.observation_space: spaces.Space[Any] = self.dispatching.observation_space
         self.action_space: spaces.Space[Any] = self.dispatching.action_space
@@ -259,28 +249,13 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         If the scenario's policy fails, the episode is over.
         """
         layout = lay_out(with_changes(self.scenario, seed=episode.seed))
-        self.harvest = GeneratorHarvest(layout, calls=Paused)
+        self._policy = AskedPolicy(layout)
+        self.harvest = EventHarvest.paused(layout, self._policy.is_early)
         self._episode = episode
         self._is_over = True
-        self._actions = []
+        self._pending = None
         self._moved = (0, 0.0)
         self._until_decision()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return all but the model: its robots are generators, which Python cannot copy."""
-        return {name: value for name, value in vars(self).items() if name != "harvest"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Be a copy: begin the same episode, and do the same actions."""
-        vars(self).update(state)
-        if self._episode.number < 0:
-            return
-        is_over = self._is_over
-        actions = self._actions
-        self._begin(self._episode)
-        for action in actions:
-            self._act(action)
-        self._is_over = is_over
 
     def step(self, action: Any) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         """Do an action, and move on to the next decision if this one is taken.
@@ -301,7 +276,7 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
             waited=now.waited - before.waited,
             delivered=now.delivered - before.delivered,
         )
-        self._is_over = self._calls.pending is None
+        self._is_over = self._pending is None
         reward = float(self._reward(happened))
         terminated = self._is_over and self.harvest.is_over
         truncated = self._is_over and not terminated
@@ -313,71 +288,84 @@ class DispatchEnv(gymnasium.Env[Arrays, Any]):
         """
         return self.dispatching.mask(*self._reports()).astype(bool)
 
-    @property
-    def _calls(self) -> Paused:
-        """The calls of bins in this episode's model."""
-        calls = self.harvest.calls
-        assert isinstance(calls, Paused)
-        return calls
-
     def _act(self, action: int) -> None:
         """Do an action, and move on to the next decision if this one is taken."""
-        self._take(action)
-        self._until_decision()
-        self._actions.append(action)
-
-    def _take(self, action: int) -> None:
-        """Do an action at the decision that waits; drop the decision if it sends no carrier."""
-        decision = self._calls.pending
+        decision = self._pending
+        if decision is None:
+            return
         order = self.dispatching.order(action)
-        self._calls.pending = None
-        if decision is None or order is None:
-            return
-        if not self.dispatching.mask(decision.bins, decision.carriers)[action]:
-            return
-        self._calls.send(decision, [order])
-        decision.bins = without(decision.bins, order.bin)
-        decision.carriers = without(decision.carriers, order.carrier)
-        if decision.is_open:
-            self._calls.pending = decision
+        if order is not None and self.dispatching.mask(*self._reports())[action]:
+            self._orders.append(order)
+            decision.bins = without(decision.bins, order.bin)
+            decision.carriers = without(decision.carriers, order.carrier)
+            if decision.is_open:
+                return
+        self._pending = None
+        self.harvest.decide(decision, self._orders)
+        self._until_decision()
 
     def _until_decision(self) -> None:
-        """Let the model go on until something is to be decided, or the episode is over."""
+        """Let the model go on until something is to be decided, or the episode is over.
+
+        Raises PolicyFault.
+        """
         harvest = self.harvest
-        env = harvest.env
-        while self._calls.pending is None and not harvest.is_over and env.peek() < self._longest:
-            env.step()
-            done, since = self._moved
-            if harvest.done > done or harvest.drives:
-                self._moved = harvest.done, env.now
-            elif env.now - since > JAM:
-                self._calls.pending = None
-                break
+        goes_on = True
+        until = int(harvest.now)
+        while goes_on and self._pending is None:
+            until = min(self._longest, until + LOOK_AT)
+            reason = harvest.advance(until)
+            goes_on = self._has_moved(harvest.now if reason == c.ASKS_POLICY else float(until))
+            if reason == c.ASKS_POLICY:
+                self._come_to(harvest.decision, goes_on)
+            elif reason == c.ENDED or until == self._longest:
+                goes_on = False
         if harvest.is_over:
             # The last robots drive home.
             harvest.run()
 
+    def _has_moved(self, now: float) -> bool:
+        """Note whether a robot has moved on by a tick. Return False if none has for long."""
+        done, since = self._moved
+        if self.harvest.done > done or self.harvest.drives:
+            self._moved = (self.harvest.done, now)
+            return True
+        return now - since <= JAM
+
+    def _come_to(self, decision: PolicyQuestion, goes_on: bool) -> None:
+        """Ask the scenario's policy, and let the decision wait if a carrier can be sent.
+
+        `goes_on`: whether the episode does.
+        """
+        now, bins, carriers = decision.now, decision.bins, decision.carriers
+        self._scripted = self._policy.orders(now, bins, carriers)
+        self._orders = []
+        if goes_on and decision.is_open:
+            self._pending = decision
+        else:
+            self.harvest.decide(decision, [])
+
     def _so_far(self) -> Transition:
         """Return what has happened since the start."""
         harvest = self.harvest
-        seconds = harvest.seconds if harvest.is_over else harvest.env.now * TIME_STEP
+        seconds = harvest.seconds if harvest.is_over else harvest.now * TIME_STEP
         return Transition(seconds, harvest.waited_seconds, harvest.delivered)
 
     def _reports(self) -> tuple[Sequence[BinReport], Sequence[CarrierReport]]:
         """Return the bins and carriers of the decision that waits; none without one."""
-        decision = self._calls.pending
+        decision = self._pending
         if decision is None:
             return (), ()
         return decision.bins, decision.carriers
 
     def _observed(self) -> Arrays:
         """Return what there is to decide about."""
-        return self.dispatching.observation(int(self.harvest.env.now), *self._reports())
+        return self.dispatching.observation(int(self.harvest.now), *self._reports())
 
     def _info(self) -> dict[str, Any]:
         """Return which actions can be, and the first one of the scenario's policy that can."""
         mask = self.action_masks()
-        scripted = (self.dispatching.action(order) for order in self._calls.scripted)
+        scripted = (self.dispatching.action(order) for order in self._scripted)
         return {
             "action_mask": mask.astype(np.int8),
             "scripted": next((action for action in scripted if mask[action]), NO_ORDER),

@@ -22,9 +22,12 @@ class Ripening(NamedTuple):
     """Where and when a bin will be full."""
 
     lane: int
-    side: str  # end of the lane
-    seconds: float  # until it is full, and at the furthest end of a row there; 0 once it is
-    before: float  # m that its picker still has to drive, and does not pick
+    # End of the lane.
+    side: str
+    # Until it is full, and at the furthest end of a row there; 0 once it is.
+    seconds: float
+    # M that its picker still has to drive, and does not pick.
+    before: float
 
 
 class Forecast:
@@ -94,11 +97,9 @@ def horizon(layout: Layout) -> float:
     then comes in time.
     """
     route = route_of(layout)
-    return (
-        max(
-            way_to(route, lane.number, side)[1]
-            for lane in layout.lanes
-            for side in route.sides.values()
-        )
-        + EARLIER
-    )
+    longest = 0.0
+    for lane in layout.lanes:
+        for side in route.sides.values():
+            _, seconds = way_to(route, lane.number, side)
+            longest = max(longest, seconds)
+    return longest + EARLIER

@@ -176,20 +176,15 @@ def _seconds(
         approach - (entering + picking + leaving if early else 0.0),
         begin_of(Deliver, job),
     )
-    hold = next(
-        (at for moment in job for place, at in moment.needs if place == side.place("D", one.row)),
-        stop,
-    )
+    hold = _claimed(job, side.place("D", one.row), stop)
     wait = max(coming, coming_out + stop - hold) + HANDOVER
-    driven = sum(
-        moment.ends - moment.begins
-        for moment in job
-        if isinstance(moment.step, DriveTo) and not moment.step.queueing
-    )
-    battery, repairs = (
-        layout.scenario.carrying.battery,
-        layout.scenario.carrying.failure.share * driven,
-    )
+    driven = 0.0
+    for moment in job:
+        if isinstance(moment.step, DriveTo) and not moment.step.queueing:
+            driven += moment.ends - moment.begins
+    carrying = layout.scenario.carrying
+    battery = carrying.battery
+    repairs = carrying.failure.share * driven
     cycle, stands = job[-1].ends + repairs, _handling(job) + repairs
     charging = (
         battery.hours_to_charge
@@ -197,6 +192,15 @@ def _seconds(
         / (battery.hours or inf)
     )
     return picking, all_of_it - coming_out, wait, cycle, row_end, charging
+
+
+def _claimed(job: Sequence[TimedStep], place: str, never: float) -> float:
+    """Return when a job needs a place for the first time, s; `never` if it does not."""
+    for moment in job:
+        for needed, seconds in moment.needs:
+            if needed == place:
+                return seconds
+    return never
 
 
 def _handling(plan: Sequence[TimedStep]) -> float:
@@ -234,9 +238,11 @@ def _ideal(layout: Layout) -> Layout:
     """Return the layout without all that disturbs, and with rules that the fast model knows."""
     scenario, route = layout.scenario, route_of(layout)
     dispatch = scenario.dispatch if scenario.dispatch in POLICIES else NEAREST
-    way = route.QUEUE if route.Steps else scenario.route
+    known_route = route.QUEUE if route.Steps else scenario.route
     return lay_out(
-        undisturbed(scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=way)
+        undisturbed(
+            scenario, agents={}, agents_without_body={}, dispatch=dispatch, route=known_route
+        )
     )
 
 
@@ -254,27 +260,24 @@ def _seconds_on_free_roads(ideal: Layout) -> float:
     stood = {"picker": 0.0, "carrier": 0.0}
     for name, since in _harvested(ideal, free_roads=True).stood.items():
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
-    others = (
-        min(ideal.scenario.carrier_count, ideal.queue.places) - 1
-    )  # before the last carrier, which stops behind them in its line
-    return max(stood["picker"], stood["carrier"] - others * PITCH)
+    # The last carrier stops behind the others in its line.
+    before = min(ideal.scenario.carrier_count, ideal.queue.places) - 1
+    return max(stood["picker"], stood["carrier"] - before * PITCH)
 
 
 def proven_seconds(layout: Layout) -> float | None:
     """Return what is proven of the shortest time of the harvest without traffic, s; None if the
     extra `optimum` is missing, and for agents, steps and some routes of the user's own.
     """
-    return _proven(
-        lay_out(undisturbed(layout.scenario, dispatch=NEAREST))
-    )  # the same for each policy
+    # It is the same for each policy.
+    return _proven(lay_out(undisturbed(layout.scenario, dispatch=NEAREST)))
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
 def _proven(layout: Layout) -> float | None:
     try:
-        from orchard.optimum.schedule import (
-            optimum,
-        )  # not at the top: it is an extra, and takes half a second to load
+        # It is an extra, and takes half a second to load.
+        from orchard.optimum.schedule import optimum
     except ModuleNotFoundError:
         return None
     try:

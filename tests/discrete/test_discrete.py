@@ -4,14 +4,9 @@ from statistics import fmean
 from typing import Any
 
 import pytest
-
-pytest.importorskip("simpy", reason="the extra `study` is not installed")
-
 from stage import ONE_WAY
 
 from examples.fast_and_full import CELLS, both, error, fast, full, scenario_of
-from orchard.discrete.calls import Dispatched
-from orchard.discrete.generators import GeneratorHarvest
 from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.geometry import HEADINGS, Pose
 from orchard.field.layout import Layout, lay_out
@@ -191,57 +186,6 @@ def test_with_people_the_mean_is_that_of_the_simulator(cell: str) -> None:
     assert abs(error([both(scenario_of(cell, seed)) for seed in range(1, 9)])) <= 0.02
 
 
-@pytest.mark.parametrize(
-    "dispatch", ["predictive", "predictive-farthest", "rolling", "longest-waiting"]
-)
-def test_a_policy_not_asked_while_nothing_is_due_decides_alike(
-    dispatch: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A policy that is not asked while nothing is due decides the same."""
-
-    class Always(Dispatched):
-        """Asks at each question, as for a policy of the user's own."""
-
-    often = {
-        "spread": {"distribution": "lognormal", "cv": 0.8},
-        "failure": {"mean_between": 100.0, "mean_repair": 5.0},
-    }
-    slow = {
-        "rows": 9,
-        "pickers": 5,
-        "carriers": 1,
-        "row_length": 40.0,
-        "picking_speed": 0.1,
-        "metres_per_bin": 15.0,
-        "picking": often,
-    }
-    layout = lay_out(orchard(**slow, dispatch=dispatch))
-    always = GeneratorHarvest(layout, calls=Always).run()
-    seldom = GeneratorHarvest(layout)
-    asked: list[int] = []
-    orders = Dispatched.orders
-    monkeypatch.setattr(
-        Dispatched,
-        "orders",
-        lambda calls, decision: asked.append(decision.now) or orders(calls, decision),
-    )
-    seldom.run()
-    assert (seldom.deliveries, seldom.waited_seconds) == (always.deliveries, always.waited_seconds)
-    assert seldom.calls.asked.memory == always.calls.asked.memory  # type: ignore[attr-defined]
-    assert len(asked) == seldom.bins
-
-
-def test_robots_that_wait_for_places_cost_few_events() -> None:
-    harvest = GeneratorHarvest(lay_out(scenario_of("10/5/5:one-way:predictive", **NOBODY)))
-    events = 0
-    while not harvest.is_over:
-        harvest.env.step()
-        events += 1
-    assert (
-        events < 350 * harvest.delivered
-    )  # twice as many if each claim that a robot repeats is an event
-
-
 def seconds_with(workers: int, seed: int) -> float:
     values = {"people": {"workers": workers, "visitors": 0}, "seed": seed}
     return DiscreteHarvest(lay_out(orchard(rows=4, pickers=2, carriers=2, **values))).run().seconds
@@ -333,14 +277,12 @@ def _trip_seconds(layout: Layout) -> float:
     return harvest.carrier_utilisation() * harvest.seconds / harvest.delivered
 
 
-def test_a_harvest_that_waits_for_ever_ends_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_harvest_that_waits_for_ever_ends_soon() -> None:
     """A harvest in which robots wait for ever ends soon and is not over."""
-    monkeypatch.setattr("orchard.discrete.places.grant", lambda table: None)
-    monkeypatch.setattr("orchard.discrete.harvest.is_known", lambda layout: False)
-    layout = lay_out(orchard(rows=4, pickers=2, carriers=1))
-    harvest = GeneratorHarvest(layout).run()
+    layout = lay_out(orchard(rows=4, pickers=2, carriers=1, dispatch="own_policies.Idle"))
+    harvest = DiscreteHarvest(layout).run()
     assert (harvest.is_over, harvest.delivered) == (False, 0)
-    assert harvest.env.now < 20_000
+    assert harvest.model.now < 20_000
     with pytest.raises(RuntimeError, match="only 0 bins were delivered: some robots wait for ever"):
         long_run(layout)
 

@@ -8,8 +8,6 @@ from stage import empty_orchard
 
 from orchard import Assignment, BinReport, CarrierReport, lay_out
 from orchard.contract.messages import pack, unpack
-from orchard.discrete.calls import Dispatched
-from orchard.discrete.generators import GeneratorHarvest
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.dispatch.rolling import AHEAD, Rolling
 from orchard.dispatch.rollout import AWAY, RollOut
@@ -82,16 +80,13 @@ def test_it_decides_as_predictive_where_it_cannot_look_ahead():
 
 
 def test_no_picker_is_left_out_while_others_go_on():
-    class Counted(Dispatched):
-        def start(self, call, carrier):
-            served[call.picker] += 1
-            ahead.append(max(served.values()) - min(served[picker] for picker in layout.blocks))
-            super().start(call, carrier)
-
     layout = orchard(rows=36, pickers=3, carriers=1, row_length=30.0)
     served = Counter[str]()
     ahead = list[int]()
-    GeneratorHarvest(layout, calls=Counted).run()
+    exchanges = DiscreteHarvest(layout).run().exchanges
+    for _, picker in sorted((one.tick, name) for name, of_it in exchanges.items() for one in of_it):
+        served[picker] += 1
+        ahead.append(max(served.values()) - min(served[name] for name in layout.blocks))
     assert set(served.values()) == {12}
     assert max(ahead) <= AHEAD
 

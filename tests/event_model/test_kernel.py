@@ -1,20 +1,16 @@
-"""The event model as data beside the one of generators."""
+"""The machine of the event model: what it shares, where it stops, and what it tells."""
 
 import ast
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip("simpy", reason="the extra `study` is not installed")
-
-from both_models import differences
-from quiet import NOBODY, quiet_layouts
+from quiet import NOBODY
 
 from orchard.event_model import harvest as harvests
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import compiled, machine
-from orchard.event_model.known import lacking
 from orchard.event_model.results import JAM
 from orchard.event_model.trace import trace
 from orchard.field.layout import Layout, lay_out
@@ -35,18 +31,6 @@ def figures(harvest: EventHarvest) -> tuple[Any, ...]:
         harvest.carrier_utilisation(),
         harvest.exchanges,
     )
-
-
-def test_most_deliveries_have_the_same_tick_in_both_models() -> None:
-    """Most harvests have each delivery in the same tick in both models."""
-    layouts = list(quiet_layouts(seed=2, count=40))
-    differ = [layout for layout in layouts if differences(layout)]
-    assert len(differ) <= 7
-
-
-@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_all_figures_are_those_of_the_model_of_generators(dispatch: str) -> None:
-    assert not differences(small(dispatch))
 
 
 def test_a_second_seed_uses_the_jobs_that_were_translated() -> None:
@@ -73,6 +57,17 @@ def test_a_harvest_sees_jobs_that_another_has_translated() -> None:
     assert figures(second.run()) == figures(alone)
 
 
+def test_harvests_in_threads_that_share_a_program_are_the_same() -> None:
+    values = NOBODY | {"rows": 12, "pickers": 6, "carriers": 6, "dispatch": "nearest"}
+    layouts = [lay_out(Scenario(**values, row_length=29.0, seed=seed)) for seed in range(8)]
+    alone = [figures(EventHarvest(layout).run()) for layout in layouts]
+    harvests._prepared.cache_clear()
+    shared = [EventHarvest(layout) for layout in layouts]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(EventHarvest.run, shared))
+    assert [figures(harvest) for harvest in together] == alone
+
+
 def test_a_harvest_that_was_stopped_goes_on() -> None:
     layout = lay_out(Scenario(**SMALL, dispatch="predictive", picking_speed=0.02))
     whole = EventHarvest(layout).run()
@@ -89,7 +84,7 @@ def test_a_harvest_that_is_done_in_parts_is_the_same() -> None:
     whole = EventHarvest(layout).run()
     parts = EventHarvest(layout)
     for tick in range(0, 20_000, 37):
-        parts._run(tick)
+        parts.advance(tick)
     assert figures(parts) == figures(whole)
 
 
@@ -108,7 +103,7 @@ def test_a_trace_tells_a_job_from_the_order_to_the_way_home() -> None:
 
 def test_what_the_model_does_not_know_is_refused() -> None:
     layout = lay_out(Scenario(**SMALL, sensors={"odometry": {"distance": 0.02}}))
-    with pytest.raises(NotImplementedError, match=lacking(layout.scenario)):
+    with pytest.raises(ValueError, match="errors of sensors; run the simulator"):
         EventHarvest(layout)
 
 
@@ -126,5 +121,5 @@ def test_a_carrier_behind_one_that_is_called_stands_too() -> None:
     values = NOBODY | {"rows": 10, "pickers": 10, "carriers": 10, "dispatch": "predictive"}
     harvest = EventHarvest(lay_out(Scenario(**values)))
     # In the simulator all ten have been sent by then.
-    harvest._run(100)
+    harvest.advance(100)
     assert not harvest.model.robots.is_free.any()

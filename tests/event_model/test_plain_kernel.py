@@ -51,7 +51,7 @@ def test_the_plain_machine_does_the_same_where_much_happens(dispatch: str) -> No
     assert_is_compiled(layout, EventHarvest(layout, carry_on=PlainMachine()))
 
 
-def test_the_plain_machine_sees_the_jobs_that_are_translated_later() -> None:
+def test_the_plain_machine_sees_jobs_that_are_translated_later() -> None:
     """Nothing of the program is translated when it begins, but what waits for no order."""
     harvests._prepared.cache_clear()
     layout = eventful("nearest")

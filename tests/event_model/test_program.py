@@ -11,7 +11,7 @@ from orchard.field.scenario import TIME_STEP, Scenario
 from orchard.plans.jobs import timed_steps
 from orchard.plans.route import OneWay
 from orchard.plans.routes import route_of
-from orchard.plans.steps import Ahead
+from orchard.plans.steps import Fill
 
 LAYOUTS = list(quiet_layouts(seed=1, count=20))
 
@@ -50,9 +50,9 @@ def test_a_program_has_each_bin_that_a_harvest_fills() -> None:
 
 
 def test_a_step_that_the_model_does_not_know_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def harvest(self: OneWay, block: Block) -> list[Ahead]:
-        return [Ahead(1.0)]
+    def harvest(self: OneWay, block: Block) -> list[Fill]:
+        return [Fill(1.0, 1.0)]
 
     monkeypatch.setattr(OneWay, "harvest", harvest)
-    with pytest.raises(NotImplementedError, match="does not know the step Ahead"):
+    with pytest.raises(NotImplementedError, match="does not know the step Fill"):
         Program(lay_out(Scenario(rows=3, pickers=2, carriers=1)))

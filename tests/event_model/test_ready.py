@@ -40,7 +40,7 @@ def test_compiling_is_said_unless_the_code_is_kept(
     assert caplog.messages == ([] if is_kept else [entry.COMPILING])
 
 
-def test_nothing_is_compiled_for_harvests_that_generators_do(compiled: list[Any]) -> None:
+def test_nothing_is_compiled_for_harvests_of_the_simulator(compiled: list[Any]) -> None:
     get_ready([Scenario(sensors={"odometry": {"distance": 0.02}})])
     assert compiled == []
 

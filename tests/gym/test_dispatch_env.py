@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from stage import empty_orchard
 
 from examples.learned_dispatch import SCALE, AnyOrchard
-from orchard.discrete.generators import GeneratorHarvest
+from orchard.discrete.harvest import DiscreteHarvest
 from orchard.dispatch.policy import BinReport, CarrierReport
 from orchard.dispatch.ranking import Predictive
 from orchard.event_model.results import LONGEST
@@ -53,7 +53,7 @@ def test_scripted_actions_give_the_harvest_of_the_fast_model(policy, metres_per_
         metres_per_bin=metres_per_bin,
         picking={"failure": {"mean_between": 300.0}},
     )
-    model = GeneratorHarvest(lay_out(scenario)).run()
+    model = DiscreteHarvest(lay_out(scenario)).run()
     env = dispatch_env(scenario)
     total, terminated = played(env, scripted)
     assert (
@@ -76,12 +76,12 @@ def test_an_episode_goes_on_while_all_carriers_charge():
     env = dispatch_env(scenario)
     assert (
         played(env, scripted)[1]
-        and env.harvest.seconds == GeneratorHarvest(lay_out(scenario)).run().seconds
+        and env.harvest.seconds == DiscreteHarvest(lay_out(scenario)).run().seconds
     )
 
 
 def test_rewards():
-    model = GeneratorHarvest(lay_out(SMALL)).run()
+    model = DiscreteHarvest(lay_out(SMALL)).run()
     assert (
         played(dispatch_env(SMALL, reward="delivery"), scripted)[0] == model.delivered == SMALL.rows
     )
@@ -118,7 +118,7 @@ def test_who_never_sends_a_carrier_is_truncated(longest, until):
     assert (
         not played(env, lambda info: 0)[1]
         and env.harvest.delivered == 0
-        and env.harvest.env.now <= until
+        and env.harvest.now <= until
     )
     with pytest.raises(ResetNeeded):
         env.step(0)
@@ -238,5 +238,5 @@ def test_the_examples_choices_suffice_for_a_good_harvest():
         ended = any(ends)
     assert env.env.harvest.is_over
     assert env.env.harvest.seconds == pytest.approx(
-        GeneratorHarvest(lay_out(env.env.scenario)).run().seconds, rel=0.1
+        DiscreteHarvest(lay_out(env.env.scenario)).run().seconds, rel=0.1
     )

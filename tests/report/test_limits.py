@@ -7,8 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from stage import Stage, empty_orchard
 
-from orchard.discrete.generators import GeneratorHarvest
-from orchard.discrete.harvest import Jam
+from orchard.discrete.harvest import DiscreteHarvest, Jam
 from orchard.field.layout import lay_out
 from orchard.report.bounds import Bounds, lost_seconds
 from orchard.report.long_run import long_run
@@ -252,7 +251,7 @@ def test_a_battery_that_never_runs_down_costs_nothing():
             carrying={"battery": battery},
         )
     )
-    seconds = GeneratorHarvest(layout).run().seconds
+    seconds = DiscreteHarvest(layout).run().seconds
     lost = lost_seconds(layout, seconds)
     assert lost["charging"] == 0.0
     assert lost["traffic"] >= 0.0

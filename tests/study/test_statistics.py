@@ -1,14 +1,11 @@
 """Intervals and comparisons, against published figures and against truths that the test knows."""
 
-from collections.abc import Generator
-from itertools import count
+from heapq import heapify, heappop, heappush
 from math import sqrt
 from statistics import fmean
-from typing import Any
 
 import numpy as np
 import pytest
-import simpy
 from made_studies import compared
 from scipy import stats
 
@@ -220,25 +217,22 @@ END = 250.0
 
 def shop(seed: int) -> tuple[float, float]:
     """Return what was repaired in a unit of time, and the mean wait for the repairman."""
-    env = simpy.Environment()
-    repairman = simpy.Resource(env)
     waits = list[float]()
-
-    def machine(name: str) -> Generator[simpy.Event, Any, None]:
-        for number in count():
-            runs, takes = draw(seed, name, number, 2)
-            yield env.timeout(exponential(runs, RUNS))
-            failed = env.now
-            with repairman.request() as turn:
-                yield turn
-                waited = env.now - failed
-                yield env.timeout(exponential(takes, REPAIR))
-            if env.now > WARM_UP:
-                waits.append(waited)
-
+    # Of each machine when it fails, its name, and how often it has failed before.
+    failures = []
     for number in range(MACHINES):
-        env.process(machine(f"machine {number}"))
-    env.run(until=END)
+        name = f"machine {number}"
+        failures.append((exponential(draw(seed, name, 0, 2)[0], RUNS), name, 0))
+    heapify(failures)
+    is_free_at = 0.0
+    while failures[0][0] < END:
+        failed, name, number = heappop(failures)
+        begins = max(failed, is_free_at)
+        is_free_at = begins + exponential(draw(seed, name, number, 2)[1], REPAIR)
+        if WARM_UP < is_free_at < END:
+            waits.append(begins - failed)
+        runs = exponential(draw(seed, name, number + 1, 2)[0], RUNS)
+        heappush(failures, (is_free_at + runs, name, number + 1))
     return len(waits) / (END - WARM_UP), fmean(waits)
 
 

@@ -52,7 +52,8 @@ def start_job(m, carrier, picker):
     me.away = c.NEVER
     me.parked = c.NEVER
     # It waits in its line or drives up, and hears the order there.
-    if me.state != c.MEETING:
+    drives = me.state == c.DRIVING or me.state == c.STANDING
+    if me.state == c.IDLE or (drives and m.ops[me.op].is_queueing):
         m.timers[c.WAKE, carrier] = m.desk[0].now
 
 
@@ -140,12 +141,25 @@ def call_carriers(m, picker, end):
 
 
 @inner
+def asks_ways(m):
+    """Whether Python must first tell how far the free carriers are. Then note where these are."""
+    desk = m.desk[0]
+    if not desk.asks_ways or desk.knows_ways:
+        return False
+    for carrier in range(len(m.robots)):
+        if m.robots[carrier].is_free:
+            m.robots[carrier].answer = x_now(m, carrier)
+    return True
+
+
+@inner
 def hear_calls(m):
     """Let all carriers hear the calls of the last tick, and let each bin choose one that offers to
     come.
     """
     now = m.desk[0].now
     tick = now // c.QUARTERS
+    m.desk[0].knows_ways = False
     for picker in range(len(m.robots)):
         if m.timers[c.CALL_HEARD, picker] == now:
             call = m.calls[picker]
@@ -205,6 +219,8 @@ def is_nearer(m, carrier, other, end):
 @inner
 def millimetres_to(m, carrier, end):
     """Return how far a carrier in the queue is from a lane's end by road, in whole millimetres."""
+    if m.desk[0].asks_ways:
+        return floor(1000.0 * m.distances[carrier, end] + 0.5)
     way = m.ways[m.robots[carrier].queue_line, end]
     return floor(1000.0 * (way + m.desk[0].head - x_now(m, carrier)) + 0.5)
 

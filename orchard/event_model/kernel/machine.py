@@ -52,6 +52,7 @@ from orchard.event_model.kernel.batteries import (
 )
 from orchard.event_model.kernel.calls import (
     asks_python,
+    asks_ways,
     come,
     dispatch,
     hear_calls,
@@ -112,6 +113,8 @@ def run(m, until):
             return c.LACKS_DRAWS
         if kind == c.DISPATCH and asks_python(m):
             return c.ASKS_POLICY
+        if kind == c.CALL_HEARD and asks_ways(m):
+            return c.ASKS_WAYS
         if len(m.log) > 0 and m.desk[0].logged + MOST_NOTES > len(m.log):
             return c.LOG_IS_FULL
         happen(m, kind, robot)

@@ -1,0 +1,40 @@
+"""Routes of a user's own, of steps that any plan may have, in a file that each process of a test
+finds.
+"""
+
+from orchard import OneWay, Say, Wait
+from orchard.plans.steps import Ahead, MoveTo, Repair
+from orchard.plans.two_way import TwoWay
+
+
+class Wider(OneWay):
+    """Its loop around the bottom is wider."""
+
+    F_BOTTOM = 5.5
+    D_BOTTOM = 7.6
+
+
+class Pausing(OneWay):
+    """A carrier stops for a second before it turns to the bay."""
+
+    PARKED = 44.0
+
+    def go_to_bay(self, lane, side):
+        *way, last = super().go_to_bay(lane, side)
+        return [*way, Say("about to enter the bay", "waiting"), Wait(1.0), last]
+
+
+class Onward(TwoWay):
+    """A picker drives on after its last row, stands for repairs, and comes a little back."""
+
+    def harvest(self, block):
+        *plan, last = super().harvest(block)
+        end = self.east.x(self.PARKED)
+        return [*plan, last, Ahead(1.5), Repair(400.0), MoveTo(end, self.layout.top + 1.0)]
+
+
+class Farther(OneWay):
+    """Takes the ways in the queue to be twice as long as they are."""
+
+    def distance(self, x, y, lane, side):
+        return super().distance(x, y, lane, side) + (self.queue.head - x)

@@ -1,6 +1,4 @@
-"""The discrete-event model: the same plans, places and policies without ticks and lasers; people
-and animals are random delays.
+"""The door to the event model: a whole harvest, or a long run of it, and its figures.
 
-A copy of a duration, a place or a rule may not live here: the model reads them from `orchard.plans`
-and `orchard.field`.
+People and animals are random delays there, and there are neither ticks nor lasers.
 """

@@ -277,7 +277,7 @@ class EventHarvest:
     @property
     def asked_policy(self) -> AskedPolicy | None:
         """The policy in Python that is asked; None if it is compiled."""
-        return None if self._stops is None else self._stops.asked
+        return self._policy
 
     @property
     def model(self) -> c.Model:

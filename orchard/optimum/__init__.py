@@ -2,7 +2,7 @@
 of them that ends first.
 
 A copy of a duration or a place may not live here: jobs are read from the plans that robots follow,
-as in `orchard.discrete`.
+as in `orchard.event_model`.
 """
 
 

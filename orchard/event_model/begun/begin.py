@@ -8,6 +8,7 @@ from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.places import PlacesOfRobots
 from orchard.event_model.begun.robots import Doing, NotInPlanError, Robots
 from orchard.event_model.harvest import EventHarvest
+from orchard.plans.routes import ROUTES
 
 
 def begin_at(moment: RunMoment) -> EventHarvest:
@@ -23,6 +24,8 @@ def begin_at(moment: RunMoment) -> EventHarvest:
     battery = layout.scenario.carrying.battery
     if battery.hours:
         raise NotImplementedError("the event model does not go on with batteries that are in use")
+    if layout.scenario.route not in ROUTES:
+        raise NotImplementedError("the event model does not go on with a route of your own")
     harvest = EventHarvest(layout)
     if moment.tick == 0:
         return harvest

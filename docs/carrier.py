@@ -39,8 +39,9 @@ def chapter() -> str:
     )
     return f"""## The job of a carrier, letter by letter
 
-`examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m,
-with zenoh, msgpack and the standard library of Python.
+`examples/foreign_carrier.py` does all this on one-way roads (`--route one-way`) with rows of 70 m
+that are {_ROUTE.ZONES["D"]:g} m apart or more, with zenoh, msgpack and the standard library of
+Python. In closer rows an exchange needs places of the next lane too, see [traffic.md](traffic.md).
 
 1. It waits in the queue with an empty bin. With the default dispatch policy, `rolling`, the agent
    `dispatch` asks all carriers by `carrierquery`, and sends one to a bin. Answer `carrierstatus`;

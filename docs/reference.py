@@ -127,8 +127,9 @@ def _field(layout: Layout) -> str:
         ),
         (
             "tree lines",
-            f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, each next
-            one row_width + {TRUNK:g} m further south""",
+            f"""one more than rows; the first at y = {field.TREE_TOP_LINE:g}, or so far south
+            that the first lane lies at y = {field.FIRST_LANE:g}; each next one
+            row_width + {TRUNK:g} m further south""",
         ),
         ("trees in a line", _every(layout.lines[0].trees_x)),
         ("posts in a line", f"{_every(layout.lines[0].posts_x)}: halfway between trees"),
@@ -391,7 +392,8 @@ def _places(route: OneWay) -> str:
         (
             "picker waits to cross",
             route.PICKER_HOLD,
-            f"until it holds both roads' places; its front is {front:g} m further",
+            f"""until it holds both roads' places; its front is {front:g} m further; x =
+            {route.INNER_HOLD:g} if the row before is nearer than {route.LOOP_ZONE:g} m""",
         ),
         ("carrier couples", route.COUPLING, "with the full bin right behind it"),
         ("full-bin road F", route.F_ROAD, "from there to the bay"),
@@ -411,7 +413,8 @@ def _places(route: OneWay) -> str:
         ("carrier's tail has left a lane's place", f"{route.CLEAR:g} m past the lane"),
         (
             "roads along the bottom",
-            f"F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line",
+            f"""F {route.F_BOTTOM:g} m and D {route.D_BOTTOM:g} m south of the last tree line, or of
+            {route.LAST_LANE:g} m south of the last lane, whichever lies further south""",
         ),
         ("wait for the south-west corner, on D", f"x = {route.CORNER_HOLD_X:g}"),
         (

@@ -40,8 +40,10 @@ TOP = 34.0
 ABOVE_QUEUE = 3.5
 FENCE_THICKNESS = 1.0
 FENCE_HEIGHT = 2.5
-# y of the northernmost line of trees.
+# y of the northernmost line of trees, unless the first lane would lie further north than roads and
+# turns north of it allow.
 TREE_TOP_LINE = 13.5
+FIRST_LANE = 10.85
 # x of the first tree.
 FIRST_TREE = -34.5
 # From tree to tree.
@@ -328,6 +330,11 @@ def lay_out(scenario: Scenario) -> Layout:
     return _laid_out(scenario.model_dump_json())
 
 
+def top_line(to_first_lane: float) -> float:
+    """Return y of the northernmost line of trees, m. `to_first_lane`: from it to the first lane."""
+    return min(TREE_TOP_LINE, FIRST_LANE + to_first_lane)
+
+
 Rows = tuple[tuple[Lane, ...], tuple[TreeLine, ...]]
 
 
@@ -351,7 +358,7 @@ def _laid_out(text: str) -> Layout:
     machines = _machines(bare)
     half = FENCE_THICKNESS / 2
     inside = Rect(X_WEST + half, bare.bottom + half, bare.east - half, bare.top - half)
-    rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, TREE_TOP_LINE)
+    rows = Rect(ROW_WEST, bare.tree_lines[-1], bare.row_east, bare.tree_lines[0])
     keep_off = bare.queue.in_use(bare.queue_places)
     starts = machines + guests(scenario, machines, walls, inside, rows, keep_off)
     starts.sort(key=_moving_order)
@@ -369,15 +376,15 @@ def _moving_order(start: Start) -> tuple[bool, bool, str]:
 def _alike(scenario: Scenario) -> Rows:
     """Return the lanes and lines of trees of rows that are all alike."""
     pitch = scenario.row_width + TRUNK
+    top = top_line(pitch / 2)
     length = scenario.row_length
     lanes = []
     for number in range(1, scenario.rows + 1):
-        y = TREE_TOP_LINE - (number - 0.5) * pitch
+        y = top - (number - 0.5) * pitch
         speed = picking_speed_of(scenario, number)
         lanes.append(Lane(number, y, speed, ROW_WEST, length, scenario.row_width))
     lines = [
-        TreeLine(TREE_TOP_LINE - i * pitch, ROW_WEST, ROW_WEST + length)
-        for i in range(scenario.rows + 1)
+        TreeLine(top - i * pitch, ROW_WEST, ROW_WEST + length) for i in range(scenario.rows + 1)
     ]
     return tuple(lanes), tuple(lines)
 
@@ -389,9 +396,10 @@ def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
     first = 2 * souths[0] - between[0]
     last = 2 * souths[-1] - between[-1]
     souths_of_lines = [first, *between, last]
-    ys = [TREE_TOP_LINE - (south - first) for south in souths_of_lines]
+    top = top_line(souths[0] - first)
+    ys = [top - (south - first) for south in souths_of_lines]
     lanes = [
-        _lane(scenario, number, row, row.south - first, ys)
+        _lane(scenario, number, row, top - (row.south - first), ys)
         for number, row in enumerate(survey.rows, start=1)
     ]
     lines = []
@@ -403,14 +411,8 @@ def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
     return tuple(lanes), tuple(lines)
 
 
-def _lane(
-    scenario: Scenario, number: int, row: SurveyedRow, south: float, lines: list[float]
-) -> Lane:
-    """Return the lane of a surveyed row.
-
-    `south`: how far it lies south of the first line of trees, m; `lines`: y of all lines, m.
-    """
-    y = TREE_TOP_LINE - south
+def _lane(scenario: Scenario, number: int, row: SurveyedRow, y: float, lines: list[float]) -> Lane:
+    """Return the lane of a surveyed row. `y`: of its centre line, and `lines` of all lines, m."""
     nearer_side = min(lines[number - 1] - y, y - lines[number])
     return Lane(
         number=number,

@@ -20,12 +20,13 @@ FEWEST_ROWS = 3
 MOST_ROWS = 100
 # m, square; posts too.
 TRUNK = 0.5
+# m from a row's centre line to the next one's. A picker that turns out of its row with its bin
+# stays 5 cm and more off one that stands straight at the next row: docs/traffic.md.
+CLOSEST = 3.65
 # m between the trees of a row.
-NARROWEST_ROW = 5.0
+NARROWEST_ROW = CLOSEST - TRUNK
+USUAL_WIDTH = 5.0
 WIDEST_ROW = 12.0
-# m from a row's centre line to the next one's. Turns and exchanges at neighbouring rows stay 1 cm
-# and more apart.
-CLOSEST = 5.3
 FURTHEST = WIDEST_ROW + TRUNK  # m
 # m, at most, from a row's end to the furthest end on that side, where the road is.
 SET_BACK = 30.0

@@ -122,7 +122,7 @@ class HarvestOptions:
     scenario: File = None
     rows: Rows = None
     pickers: Pickers = None
-    row_width: float | None = option(ORCHARD, "Width of a row, 5 to 12 m.")
+    row_width: float | None = option(ORCHARD, "Width of a row, 3.15 to 12 m.")
     carriers: int | None = option(ORCHARD, "Carriers, 1 to 120. Default: 7 for every 10 pickers.")
     seed: int | None = option(ORCHARD, "The same seed gives the same run.")
     dispatch: str | None = _rule("Which carrier fetches which bin, and when", DISPATCH_POLICIES)

@@ -5,7 +5,9 @@ docs/traffic.md explains the roads and the places on them.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from functools import cached_property
+from itertools import pairwise, zip_longest
+from math import inf
 from typing import ClassVar, NamedTuple
 
 from msgspec.structs import replace
@@ -16,6 +18,7 @@ from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE, ONE_WAY, TOP_ROAD
 from orchard.field.rows import Block
 from orchard.field.scenario import Failure
+from orchard.field.survey import ROUNDING
 from orchard.plans import steps as st
 from orchard.plans.robot import Gate, Step
 from orchard.plans.sense import STOP_DISTANCE, Box
@@ -117,6 +120,13 @@ class OneWay:
     HOLD = 3.75
     #: Distance past a lane at which a carrier's tail has left the place.
     CLEAR = 5.7
+    #: Road -> how far past its lane an exchange sweeps, to the lanes there: it needs their places.
+    ZONES: ClassVar[Mapping[str, float]] = {"D": 5.3, "F": 5.3}
+    #: Distance from a lane, south of the one into which a picker turns, within which a picker that
+    #: drives out and turns there would meet it. It needs that lane's place on D too.
+    TURN_ZONE = 4.35
+    #: Distance north of such a lane at which a picker waits to turn in.
+    TURN_HOLD = 4.15
     #: x at which a delivering carrier that turned in towards the lane has left the delivery road.
     LOOP_CLEAR = 36.8
     #: x at which a picker that drives into a row, and its bin, have left these roads.
@@ -126,10 +136,18 @@ class OneWay:
     PARKING_CLEAR = 42.5
     #: x at which a picker waits to cross the roads; its front is at 34.95.
     PICKER_HOLD = 33.7
+    #: The same, and x at which one that drives in has left the full-bin road, if the exchange at a
+    #: row nearer than `LOOP_ZONE` sweeps over it there.
+    INNER_HOLD = 32.1
+    INNER_CLEAR_F = 32.0
+    LOOP_ZONE = 3.95
     #: Distance of the full-bin road along the bottom, south of the last tree line.
     F_BOTTOM = 3.5
     #: The same of the delivery road.
     D_BOTTOM = 5.6
+    #: From the last lane to the last tree line at least: with closer rows, both roads lie as if the
+    #: line were there.
+    LAST_LANE = 2.65
     #: x before which a carrier on the outer bottom road waits for the south-west corner.
     CORNER_HOLD_X = -35.5
     #: x on the inner bottom road at which a full bin has left the south-east corner.
@@ -294,16 +312,25 @@ class OneWay:
         It is the end of its row, if that lies just before `PICKER_HOLD`.
         """
         usual = side.x(self.PICKER_HOLD)
+        if self._is_swept(row, side):
+            usual = side.x(self.INNER_HOLD)
         end = self.end(row, side)
         is_just_before = 0.0 < side.sign * (usual - end) < STOP_DISTANCE
         return end if is_just_before else usual
 
+    def _is_swept(self, row: int, side: Side) -> bool:
+        """Whether the exchange at the row before sweeps over pickers in the mouth of a row."""
+        return bool(self._within(row, self.LOOP_ZONE, past=-side.south))
+
     def come_in(self, block: Block) -> list[Step]:
         """Return a picker's way from its start to the head of its first row.
 
-        In the west it starts there; in the east it drives over the roads.
+        In the west it starts there, with its place if the exchange at the row before could sweep
+        over it; in the east it drives over the roads.
         """
         row = block.rows[0]
+        if block.start == "west" and self._is_swept(row, self.west):
+            return [st.Need([self.west.place("F", row)])]
         if block.start == "west":
             return []
         return [st.Say(f"driving to row {row}", "driving"), *self.turn_in(row, self.east)]
@@ -319,7 +346,8 @@ class OneWay:
         opposite = self.west if side is self.east else self.east
         end = self.end(row, side)
         speed = self.layout.lane(row).picking_speed
-        frees = self.cleared(row, opposite) if came_over else []
+        has_places = came_over or self._is_swept(row, opposite)
+        frees = self.cleared(row, opposite) if has_places else []
         cross = self.cross(side, row, self.hold(row, side))
         through = st.Say(f"driving through row {row}", "driving")
         steps: list[Step] = []
@@ -376,7 +404,9 @@ class OneWay:
 
     def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
         """Return the places that a picker needs to drive over both roads, from x = `at` on."""
-        return [Gate(side.crossing(lane), at)]
+        if self.takes_both:
+            return [Gate(side.crossing(lane), at)]
+        return [Gate([side.place("D", lane)], at), Gate([side.place("F", lane)], at)]
 
     def swap_bins(self, row: int, side: Side) -> list[Step]:
         """Drive out of the lane and over the roads, and wait there for an empty bin."""
@@ -396,25 +426,82 @@ class OneWay:
         """
         swings_over_place = side.south < 0 or next_row == row
         wait: list[Step] = [st.Alone(side.place("D", row))] if swings_over_place else []
+        heading = "SOUTH" if next_row >= row else "NORTH"
+        place = [side.place("D", row)]
+        turn: list[Step] = [st.Face(heading), st.Free(place)]
+        over = st.DriveTo(y=self.layout.lane(next_row).y)
+        if next_row == row and self._turn_zone(row):
+            turn = self._turn_aside(row, side)
+        elif next_row > row and self.has_zones:
+            turn = [st.Face(heading)]
+            over = self._over_to(next_row, side)
         return [
             st.Say(f"driving to row {next_row}", "driving"),
             *wait,
-            st.Face("SOUTH" if next_row >= row else "NORTH"),
-            st.Free([side.place("D", row)]),
-            st.DriveTo(y=self.layout.lane(next_row).y),
+            *turn,
+            over,
             *self.turn_in(next_row, side),
         ]
 
+    def _over_to(self, row: int, side: Side) -> st.DriveTo:
+        """Drive south from the row before to the head of a row, where rows are close.
+
+        The picker has the row before's place until one that turns in north of it cannot meet it.
+        It stops for the places that its own turn needs where one that turns out cannot meet it.
+        """
+        y = self.layout.lane(row).y
+        before = self.layout.lane(row - 1).y
+        leaves = before - max(0.0, self.TURN_ZONE - self._to_the_south(row - 2))
+        waits = y + max(0.0, self.TURN_HOLD - self._to_the_south(row))
+        needs = [Gate(need.places, waits) for need in self._need_to_turn(row, side)]
+        frees = [Gate([side.place("D", row - 1)], leaves)]
+        return st.DriveTo(y=y, needs=needs, frees=frees)
+
+    def _turn_aside(self, row: int, side: Side) -> list[Step]:
+        """Drive away from the roads and turn there, to come back to the same row.
+
+        At the usual place a picker that drives out of the row to the south would meet this one.
+        """
+        place = [side.place("D", row)]
+        aside = st.DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(self.PARKING_CLEAR))])
+        on_d = self._need_to_turn(row, side)
+        return [st.Face(side.heading("EAST")), aside, st.Free(place), *on_d, st.Face("SOUTH")]
+
     def turn_in(self, row: int, side: Side) -> list[Step]:
         """Turn to the head of a row, and drive there, once both roads are free."""
+        turn: list[Step] = [st.Face(side.heading("WEST"))]
+        for lane in self._turn_zone(row):
+            turn.append(st.Free([side.place("D", lane)]))
         drive = st.DriveTo(x=self.end(row, side), frees=self.cleared(row, side))
-        return [st.Need(side.crossing(row)), st.Face(side.heading("WEST")), drive]
+        if self.takes_both:
+            return [st.Need(side.crossing(row)), *turn, drive]
+        on_d = self._need_to_turn(row, side)
+        return [*on_d, st.Need([side.place("F", row)]), *turn, drive]
+
+    def _need_to_turn(self, row: int, side: Side) -> list[st.Need]:
+        """Return the steps that ask for D's places to turn into a row, in the direction of D."""
+        lanes = [row, *self._turn_zone(row)]
+        return [st.Need([side.place("D", lane)]) for lane in lanes[:: side.south]]
+
+    def _turn_zone(self, row: int) -> list[int]:
+        """Return the lane from which a picker that turns out would meet one that turns in."""
+        return self._within(row, self.TURN_ZONE, past=1)
+
+    def _to_the_south(self, row: int) -> float:
+        """Return the distance from a lane to the next one in the south, m; far if one is none."""
+        lanes = self.layout.lanes
+        if not 0 < row < len(lanes):
+            return inf
+        return lanes[row - 1].y - lanes[row].y
 
     def cleared(self, row: int, side: Side) -> list[Gate]:
         """Return where a picker that drives into a row gives the places of both roads back."""
+        clear_f = self.PICKER_CLEAR_F
+        if self._is_swept(row, side):
+            clear_f = self.INNER_CLEAR_F
         return [
             Gate([side.place("D", row)], side.x(self.PICKER_CLEAR_D)),
-            Gate([side.place("F", row)], side.x(self.PICKER_CLEAR_F)),
+            Gate([side.place("F", row)], side.x(clear_f)),
         ]
 
     def park(self, row: int, side: Side) -> list[Step]:
@@ -438,8 +525,9 @@ class OneWay:
         """Drive along the delivery road to a lane, to one on the west side around the bottom."""
         top = [Gate([TOP], self.top_clear)]
         stop = side.y(self.layout.lane(lane).y, self.STOP)
+        last = self._swept("D", lane, side)[-1]
         if side is self.east:
-            return [self._along(side, "D", self._lanes(side, last=lane), stop=stop, frees=top)]
+            return [self._along(side, "D", self._lanes(side, last=last), stop=stop, frees=top)]
         needs = [Gate(["corner/south-east"], self.inner_bottom + self.HOLD)]
         lanes = self._lanes(self.east)
         next_corner = [Gate(["corner/south-west"], self.CORNER_HOLD_X)]
@@ -450,15 +538,15 @@ class OneWay:
             st.DriveTo(x=self.west.x(self.D_ROAD), needs=next_corner),
             st.Face("NORTH"),
             st.Free(["corner/south-west"]),
-            self._along(side, "D", self._lanes(side, last=lane), stop=stop),
+            self._along(side, "D", self._lanes(side, last=last), stop=stop),
         ]
 
     def loop_to_full_bin(self, lane: int, side: Side) -> list[Step]:
         """Drive from the stop over the full-bin road to where the full bin stands right behind."""
         blind = self.at_work(lane, side)
-        frees = [Gate([side.place("D", lane)], side.x(self.LOOP_CLEAR))]
+        frees = [Gate(self.held_at_stop(lane, side), side.x(self.LOOP_CLEAR))]
         return [
-            st.Need([side.place("F", lane)]),
+            *(st.Need([place]) for place in self.zone("F", lane, side)),
             st.Face(side.heading("WEST"), blind),
             st.DriveTo(x=side.x(self.COUPLING), frees=frees, blind_to=blind),
             st.Face(side.heading("NORTH"), blind),
@@ -572,12 +660,68 @@ class OneWay:
     @property
     def inner_bottom(self) -> float:
         """y of the full-bin road along the bottom, m."""
-        return self.layout.tree_lines[-1] - self.F_BOTTOM
+        return self._south - self.F_BOTTOM
 
     @property
     def outer_bottom(self) -> float:
         """y of the delivery road along the bottom, m."""
-        return self.layout.tree_lines[-1] - self.D_BOTTOM
+        return self._south - self.D_BOTTOM
+
+    @property
+    def _south(self) -> float:
+        """y south of which the bottom roads lie, m."""
+        line = self.layout.tree_lines[-1]
+        lacks = self.LAST_LANE - (self.layout.lanes[-1].y - line)
+        if lacks < ROUNDING:
+            return line
+        return line - lacks
+
+    @cached_property
+    def has_zones(self) -> bool:
+        """Whether rows are so close that an exchange, or a picker, needs places of other lanes."""
+        reach = max(*self.ZONES.values(), self.TURN_ZONE) - ROUNDING
+        return any(north.y - south.y < reach for north, south in pairwise(self.layout.lanes))
+
+    @property
+    def takes_both(self) -> bool:
+        """Whether a picker that crosses asks for the places of both roads at once.
+
+        Else it asks for one after the other, D first. It must where exchanges need several places.
+        """
+        return not self.has_zones
+
+    def zone(self, road: str, lane: int, side: Side) -> list[str]:
+        """Return a road's places that an exchange at a lane needs, in the direction of travel.
+
+        They are that of the lane, and those of the lanes past it over which the exchange sweeps.
+        """
+        return [side.place(road, number) for number in self._swept(road, lane, side)]
+
+    def _swept(self, road: str, lane: int, side: Side) -> list[int]:
+        """Return the lanes of `zone`: the lane itself, then those past it."""
+        return [lane, *self._within(lane, self.ZONES[road], past=side.south)]
+
+    def _within(self, lane: int, reach: float, past: int) -> list[int]:
+        """Return the lanes nearer to a lane than `reach`, m, on one side: south of it if past = 1.
+
+        The nearest one comes first.
+        """
+        lanes = self.layout.lanes
+        y = self.layout.lane(lane).y
+        near = []
+        number = lane + past
+        while 1 <= number <= len(lanes) and abs(y - lanes[number - 1].y) < reach - ROUNDING:
+            near.append(number)
+            number += past
+        return near
+
+    def held_at_stop(self, lane: int, side: Side) -> list[str]:
+        """Return the places on D that a carrier has where it stops to deliver."""
+        places = self.zone("D", lane, side)
+        reach = self.CLEAR - self.STOP + 2.0 * ROUNDING
+        for behind in self._within(lane, reach, past=-side.south):
+            places.append(side.place("D", behind))
+        return places
 
     def _lanes(self, side: Side, first: int | None = None, last: int | None = None) -> list[int]:
         """Return the lanes that a carrier passes on this side, in its order.

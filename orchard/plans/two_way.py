@@ -32,6 +32,7 @@ class TwoWay(OneWay):
     """
 
     QUEUE = TWO_WAY
+    ZONES: ClassVar = {"D": 5.3, "F": 4.3}
     SOUTH: ClassVar = {"east": 1, "west": 1}
     # Distance before a lane, from the north, at which a delivery waits while the lane's place is
     # taken.
@@ -139,17 +140,10 @@ class TwoWay(OneWay):
 
     # -- pickers
 
-    def cross(self, side: Side, lane: int, at: float) -> list[Gate]:
-        """Return the places that a picker needs to drive over both roads.
-
-        It waits for the second one while it has the first.
-        """
-        return [Gate([side.place("D", lane)], at), Gate([side.place("F", lane)], at)]
-
-    def turn_in(self, row: int, side: Side) -> list[Step]:
-        """Turn to the head of a row, and drive there, once one road after the other is free."""
-        _both, *turn = super().turn_in(row, side)
-        return [Need([side.place("D", row)]), Need([side.place("F", row)]), *turn]
+    @property
+    def takes_both(self) -> bool:
+        """Never: a picker waits for the second place while it has the first."""
+        return False
 
     # -- carriers
 
@@ -167,11 +161,19 @@ class TwoWay(OneWay):
         straight = [Gate([place], self.queue.head) for place, _ in exits]
         passed = [Gate([place], self._exit_clear(side)) for place, _ in exits]
         onward = [Gate([place], line + self.LINE_HOLD) for place, line in entries[2:]]
-        corner = [Gate([side.place("D", 1)], self.CORNER_HOLD), Gate([CORNER], self.CORNER_HOLD)]
+        # No delivery waits for a lane while it has the corner.
+        corner = []
+        last = 0
+        for number in range(1, self._swept("D", lane, side)[-1] + 1):
+            if number == 1 or self.layout.lane(number).y + self.HOLD > self.CORNER_CLEAR:
+                corner.append(Gate([side.place("D", number)], self.CORNER_HOLD))
+                last = number
+        corner.append(Gate([CORNER], self.CORNER_HOLD))
         frees = [Gate([place], line - self.TOP_CLEAR) for place, line in entries]
         frees.append(Gate([CORNER], self.CORNER_CLEAR))
         drive = DriveTo(x=side.x(self.D_ROAD), needs=[*straight, *turn], frees=passed)
-        return [drive, Face("SOUTH"), self._deliver(lane, side, [*onward, *corner], frees)]
+        onward += corner
+        return [drive, Face("SOUTH"), self._deliver(lane, side, onward, frees, after=last)]
 
     def _exit_clear(self, side: Side) -> float:
         """Return x at which a carrier that drives on gives its line's place back, m.
@@ -208,8 +210,12 @@ class TwoWay(OneWay):
         From the east side the way leads along the top to the west.
         """
         blind = self.at_work(lane, side)
-        out: list[Step] = [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face("NORTH", blind)]
         enter, leave = self._northward(lane, side)
+        # Holds that lie behind the entry to the road: their places are needed before it.
+        out: list[Step] = []
+        while enter and enter[0].at < self.layout.lane(lane).y:
+            out.append(Need(enter.pop(0).places))
+        out += [DriveTo(x=side.x(self.F_ROAD), blind_to=blind), Face("NORTH", blind)]
         if side is self.west:
             merge = Gate([MERGE], self.MERGE_HOLD)
             return [*out, *self._to_bay([*enter, merge], leave)]
@@ -240,22 +246,34 @@ class TwoWay(OneWay):
         return [(f"{where}/{lines.index(line) + 1}", line) for line in passed]
 
     def _deliver(
-        self, lane: int, side: Side, needs: Sequence[Gate] = (), frees: Sequence[Gate] = ()
+        self,
+        lane: int,
+        side: Side,
+        needs: Sequence[Gate] = (),
+        frees: Sequence[Gate] = (),
+        after: int = 1,
     ) -> Step:
         """Drive south past lanes to the stop at this one.
 
-        The first lane's place is among `needs`, or is reserved already.
+        The places of the lanes up to `after` are among `needs`, or are reserved already.
         """
         stop = side.y(self.layout.lane(lane).y, self.STOP)
         enter = []
         leave = []
-        for number in range(1, lane + 1):
+        for number in range(1, self._swept("D", lane, side)[-1] + 1):
             place = [side.place("D", number)]
             y = self.layout.lane(number).y
-            if number > 1:
+            if number > after:
                 enter.append(Gate(place, y + self.HOLD))
             leave.append(Gate(place, side.y(y, self.CLEAR)))
         return DriveTo(y=stop, needs=[*needs, *enter], frees=[*leave, *frees])
+
+    def zone(self, road: str, lane: int, side: Side) -> list[str]:
+        """Return a road's places that an exchange at a lane needs, in the direction of travel."""
+        places = super().zone(road, lane, side)
+        if road == "F":
+            places.reverse()
+        return places
 
     def _northward(self, lane: int, side: Side) -> tuple[list[Gate], list[Gate]]:
         """Return the gates of a full bin's way north from a lane.
@@ -264,10 +282,10 @@ class TwoWay(OneWay):
         """
         enter = []
         leave = []
-        for number in range(lane, 0, -1):
+        for number in range(self._swept("F", lane, side)[-1], 0, -1):
             place = [side.place("F", number)]
             y = self.layout.lane(number).y
-            if number != lane:
+            if number < lane:
                 enter.append(Gate(place, y - self.F_HOLD))
             leave.append(Gate(place, y + self.F_CLEAR))
         return enter, leave

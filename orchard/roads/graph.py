@@ -10,7 +10,7 @@ obstacles.
 import heapq
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import dropwhile, pairwise
 from math import hypot, inf
 
 from msgspec import structs
@@ -217,7 +217,7 @@ def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) ->
         Face(side.heading("WEST")),
         DriveTo(x=side.x(route.F_ROAD)),
         Face(turn.heading),
-        Free([side.place("D", lane)]),
+        Free(route.held_at_stop(lane, side)),
         along,
         *onward,
     ]
@@ -233,7 +233,11 @@ def _longest_way_to_bay(route: OneWay, side: Side) -> tuple[Face, DriveTo, list[
         along = way[2]
         return len(along.frees) if isinstance(along, DriveTo) else 0
 
-    ways = [route.go_to_bay(lane.number, side) for lane in route.layout.lanes]
+    ways = []
+    for lane in route.layout.lanes:
+        way = route.go_to_bay(lane.number, side)
+        # A carrier that comes from the stop asks for its places by itself.
+        ways.append(list(dropwhile(lambda step: isinstance(step, Need), way)))
     _, turn, along, *onward = max(ways, key=place_count)
     assert isinstance(turn, Face) and isinstance(along, DriveTo)
     return turn, along, onward

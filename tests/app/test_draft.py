@@ -48,7 +48,7 @@ def test_labels_are_words_of_a_reader():
     )
 
 
-NO_NUMBERS = {"5,5": "write a point: 5.5", "abc": "from 5.0 to 12", "": "number", "1e999": "to 12"}
+NO_NUMBERS = {"5,5": "write a point: 5.5", "abc": "from 3.15 to 12", "": "number", "1e999": "to 12"}
 WRONG_FIELDS = [
     ({"rows": 101.0}, {"rows": "from 3 to 100"}),
     ({"rows": 5.5}, {"rows": "a whole number"}),
@@ -138,7 +138,7 @@ def test_of_many_mistakes_in_a_file_some_are_named(refused):
     assert len(lines) == 51 and lines[-1] == "and 150 more problems"
 
 
-REFUSED_WITH_A_POINT = [{"row_width": "4,5"}, {"rows": "5,5"}, {"people.workers": "60,0"}]
+REFUSED_WITH_A_POINT = [{"row_width": "3,1"}, {"rows": "5,5"}, {"people.workers": "60,0"}]
 
 
 @pytest.mark.parametrize("changes", REFUSED_WITH_A_POINT)

@@ -20,10 +20,11 @@ OUT_OF_RANGE = [
     ("rows: 126", "of a larger orchard, simulate each block by itself)"),
     ("pickers: 1", "pickers = 1: must be a whole number from 2 to 60"),
     (
-        "row_width: 4.99",
-        "row_width = 4.99: must be a number from 5.0 to 12.0 (width of a row between its trees, m)",
+        "row_width: 3.14",
+        "row_width = 3.14: must be a number from 3.15 to 12.0 (width of a row between its trees, m;"
+        " from row to row it is 0.5 m more)",
     ),
-    ("row_width: 12.01", "row_width = 12.01: must be a number from 5.0 to 12.0"),
+    ("row_width: 12.01", "row_width = 12.01: must be a number from 3.15 to 12.0"),
     ("carriers: 0", "carriers = 0: must be null or a whole number from 1 to 120"),
     ("carriers: 121", "carriers = 121: must be null or a whole number from 1 to 120"),
     ("picking_speed: 0.0005", "picking_speed = 0.0005: must be null or a number from 0.001 to 1.0"),

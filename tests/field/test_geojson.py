@@ -20,6 +20,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import parse, to_short_yaml, with_changes
+from orchard.field.survey import CLOSEST
 
 pyproj = pytest.importorskip(
     "pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'"
@@ -245,7 +246,7 @@ def test_a_line_outside_the_limits_is_refused_with_its_id(
 
 
 @settings(max_examples=15)
-@given(drawn=rows(fewest=4), by=st.floats(0.05, 5.0), yaw=st.floats(-1.5, 1.5), data=st.data())
+@given(drawn=rows(fewest=4), by=st.floats(0.05, 3.3), yaw=st.floats(-1.5, 1.5), data=st.data())
 def test_rows_too_near_or_too_far_are_refused_with_the_id(
     file: Path, drawn: list[Row], by: float, yaw: float, data
 ):
@@ -253,13 +254,13 @@ def test_rows_too_near_or_too_far_are_refused_with_the_id(
     sign = data.draw(st.sampled_from([-1, 1]))
     gap = drawn[number - 1].south - drawn[number - 2].south
     off = (
-        (gap - 5.3 + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j
+        (gap - CLOSEST + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j
     )  # the row, and all south of it, move
     lines = {
         name: [p + (off if i >= number else 0) for p in points]
         for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)
     }
-    words = "must be 5.3 to 12.5 m from centre line to centre line"
+    words = "must be 3.65 to 12.5 m from centre line to centre line"
     assert any(
         f"feature r{number}: " in problem and words in problem
         for problem in told(write_geojson(file, lines, yaw)).splitlines()

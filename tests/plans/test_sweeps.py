@@ -7,6 +7,7 @@ import pytest
 from made_surveys import Row, orchard_of
 from stage import empty_orchard
 from sweeps import collisions, in_words
+from walks import walks_of
 
 from orchard.field.layout import lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY
@@ -64,6 +65,15 @@ def test_soak_sweeps_at_every_spacing_are_apart(spacing: float, route: str) -> N
 
 
 @pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+@pytest.mark.parametrize("spacing", [NARROWEST, 3.8, 4.2, 5.0, 5.5])
+def test_each_place_is_given_back(spacing: float, route: str) -> None:
+    for crew in CREWS:
+        layout = lay_out(spaced(spacing, route, crew, rule="balanced-ends"))
+        for walk in walks_of(layout):
+            assert not walk.places, walk.robot
+
+
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
 def test_sweeps_at_unequal_rows_are_apart(route: str) -> None:
     ends = ((0.0, 64.0), (1.3, 63.1), (2.6, 62.6), (0.9, 63.9), (3.0, 60.0), (0.0, 64.0))
     gaps = (CLOSEST, FURTHEST, CLOSEST, CLOSEST, 8.4)
@@ -84,8 +94,6 @@ def test_two_loops_that_share_no_place_collide(monkeypatch: pytest.MonkeyPatch) 
     assert collisions(layout)
 
 
-def test_a_hold_behind_a_start_is_no_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full bin that asks for the next place on F only where it never is does not have it."""
+def test_a_hold_behind_the_entry_is_needed_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orchard.plans.two_way.TwoWay.F_HOLD", 5.9)
-    layout = lay_out(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))
-    assert collisions(layout)
+    assert_apart(spaced(5.5, TWO_WAY, "a row each", rule="balanced-ends"))

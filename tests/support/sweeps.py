@@ -122,6 +122,9 @@ class SweepingWalk(Walk):
 
     def stand(self) -> None:
         super().stand()
+        if self.robot == self.picker and self.stage == 0 and self.heading == "EAST":
+            # It leaves its start in the west before a carrier comes there.
+            return
         self.note("stand", np.array(self.at_yaw(HEADINGS[self.heading])))
 
     def bin_behind(self, heading: str) -> Area:

@@ -59,11 +59,13 @@ from orchard.field.survey import (
     NARROWEST_ROW,
     ROUNDING,
     TRUNK,
+    USUAL_WIDTH,
     WIDEST_ROW,
     Survey,
 )
 
 ROWS = "number of rows to pick; of a larger orchard, simulate each block by itself"
+ROW_WIDTH = f"width of a row between its trees, m; from row to row it is {TRUNK:g} m more"
 METRES_PER_BIN = (
     "length of row that fills a bin, m; null: what bins_per_row or crop say, else each row"
     " fills one"
@@ -126,9 +128,9 @@ class Scenario(Section):
     ] = Crop()
     row_width: Annotated[
         float,
-        Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description="width of a row between its trees, m"),
+        Field(ge=NARROWEST_ROW, le=WIDEST_ROW, description=ROW_WIDTH),
         CIRCUMSTANCE,
-    ] = NARROWEST_ROW
+    ] = USUAL_WIDTH
     carriers: Annotated[int | None, Field(ge=1, le=MOST_CARRIERS, description=CARRIERS), CHOICE] = (
         None
     )
@@ -437,7 +439,7 @@ class Scenario(Section):
         if self.survey is None:
             return
         length = round(self.survey.length, 6)
-        wanted = {"rows": len(self.survey.rows), "row_length": length, "row_width": NARROWEST_ROW}
+        wanted = {"rows": len(self.survey.rows), "row_length": length, "row_width": USUAL_WIDTH}
         wrong = [name for name in SURVEYED if abs(getattr(self, name) - wanted[name]) > ROUNDING]
         numbers = " and ".join(f"{wanted[name]:.10g}" for name in wrong)
         self._demand(not wrong, f"must be {numbers} with this survey", *wrong)

@@ -87,6 +87,7 @@ def _progress(headline: Headline, state: RunState) -> str:
     seconds_left = math.inf if state.is_over else headline.seconds_left()
     if seconds_left < math.inf:
         parts.append(f"{clock(seconds_left)} left")
+        parts += [headline.done_words] if headline.done_words else []
     return ", ".join(parts)
 
 

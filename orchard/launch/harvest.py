@@ -9,6 +9,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.folders import runs_folder
 from orchard.launch.beginning import Beginning
+from orchard.launch.end_forecast import EndForecast
 from orchard.launch.options import HarvestOptions
 from orchard.launch.request import Credentials, RunRequest
 from orchard.launch.result import report
@@ -132,6 +133,7 @@ def _run_processes(request: RunRequest) -> Result:
         exit_on_errors(BusError, OSError, ValueError),
         Progress(console, options.progress == "json", options.duration) as progress,
     ):
+        progress.tell_end(EndForecast(lay_out(request.scenario), request.snapshots))
         return run(request, progress)
 
 

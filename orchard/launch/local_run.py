@@ -14,6 +14,7 @@ from orchard.contract.agent import Agent
 from orchard.contract.events import Frame, talk_of
 from orchard.contract.guard import place_in_agent
 from orchard.field.layout import lay_out
+from orchard.launch.end_forecast import EndForecast
 from orchard.launch.request import RunRequest
 from orchard.launch.supervisor import let_go, open_viewer
 from orchard.local import Local
@@ -187,6 +188,7 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
         with Progress(console, options.progress == "json", options.duration) as progress:
             if options.progress == "text":
                 progress.say(CTRL_C)
+            progress.tell_end(EndForecast(lay_out(request.scenario), request.snapshots))
             if not are_compiled():
                 progress.get_ready(COMPILING)
             look = None if recorder is None else recorder.tick

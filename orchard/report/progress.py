@@ -5,7 +5,8 @@ terminal.
 import math
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -26,6 +27,14 @@ SILENT = "no agent"  # shown for a robot whose agent was lost
 STANDS = (STOPPED, SILENT)  # shown in red
 
 
+@dataclass(frozen=True)
+class EndOfRun:
+    """When a run will be done, simulated s, and within what about 19 of 20 such runs are."""
+
+    seconds: float
+    within: float
+
+
 class Progress:
     """Shows the progress of a run, in a context: a live table on a terminal, else a line now and
     then.
@@ -38,6 +47,7 @@ class Progress:
         self.console = console
         self._as_json = as_json
         self._until = until
+        self._end_of_run: Callable[[], EndOfRun | None] = lambda: None
         live = Live(
             console=console,
             refresh_per_second=4,
@@ -80,6 +90,10 @@ class Progress:
             else:
                 self.say(words)
 
+    def tell_end(self, end_of_run: Callable[[], EndOfRun | None]) -> None:
+        """Show from now on when the run will be done. `end_of_run`: returns that, or None."""
+        self._end_of_run = end_of_run
+
     def show(
         self, figures: Mapping[str, Any], doing: Mapping[str, str], waits_for: Mapping[str, str]
     ) -> None:
@@ -89,6 +103,10 @@ class Progress:
         """
         self._has_begun.set()
         headline = headline_of(figures)
+        end = self._end_of_run()
+        if end is not None:
+            headline.done_seconds = end.seconds
+            headline.done_within_seconds = end.within
         if self._live:
             self._seen |= dict.fromkeys(doing)
             all_doing = dict.fromkeys(self._seen, SILENT) | dict(doing)

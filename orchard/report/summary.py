@@ -53,6 +53,7 @@ UNUSUAL = (
     "recording_gaps",
 )
 FEW = 0.001  # of all bins: so little part-full ones may lack without a word
+LINE_COLUMNS = 80  # of a line of progress
 NAMED = 3  # broken agents that a line of progress names
 # What an empty map of a key means.
 OF_NONE = {
@@ -81,6 +82,9 @@ class Headline(msgspec.Struct, kw_only=True):
     # Kind of robot -> state -> s, all robots of the kind together.
     state_seconds: dict[str, dict[str, float]]
     broken_agents: list[str] = []  # each with the tick since which it is
+    # Simulated s at which the harvest will be done, and within what; None: it is not known.
+    done_seconds: float | None = None
+    done_within_seconds: float = 0.0
 
     @property
     def pickers_waited_seconds(self) -> float:
@@ -107,29 +111,61 @@ class Headline(msgspec.Struct, kw_only=True):
         """
         if not self.times_real_time:
             return math.inf
+        if self.done_seconds is not None:
+            rest = max(0.0, self.done_seconds - self.sim_seconds)
+            return self._until_end(rest, until)
         rest_by_schedule = self.schedule_sim_seconds - self.sim_seconds
         rest_by_share = (1.0 - self.fraction) * self.schedule_sim_seconds
-        rest = max(rest_by_schedule, rest_by_share)
+        return self._until_end(max(rest_by_schedule, rest_by_share), until)
+
+    def _until_end(self, rest: float, until: float | None) -> float:
+        """Return a rest of simulated time as wall time, s."""
         if until is not None:
             rest = min(rest, max(0.0, until - self.sim_seconds))
         return rest / self.times_real_time
 
+    @property
+    def done_words(self) -> str:
+        """When the harvest will be done, such as 'done at 52:10 min'; '' if it is not known."""
+        if self.done_seconds is None:
+            return ""
+        words = f"done at {clock(self.done_seconds)}"
+        if self.done_within_seconds >= 1.0:
+            words += f" ± {clock(self.done_within_seconds)}"
+        return words
+
     def line(self, until: float | None = None) -> str:
         """Return the headline as a line of at most 80 characters, and the broken agents.
 
-        `until`: as in `seconds_left`.
+        If it is known when the harvest will be done, that stands behind the time, and within what
+        if there is room. `until`: as in `seconds_left`.
         """
         picked = share_picked(self.metres_picked, self._all_metres)
         parts = [
-            f"{self.sim_seconds:7.1f} s  {self.times_real_time:6.1f} x real time",
+            f"{self.times_real_time:6.1f} x real time",
             f"{picked:>5} picked  {self.bins_delivered}/{self.bins} bins",
         ]
         seconds_left = self.seconds_left(until)
         if seconds_left < math.inf:
             parts.append(f"{clock(seconds_left)} left")
+        line = "  ".join([self._times()[0], *parts])
+        for time in self._times():
+            if len("  ".join([time, *parts])) <= LINE_COLUMNS:
+                line = "  ".join([time, *parts])
         if self.broken_agents:
-            parts.append(f"broken: {self._broken_names()}")
-        return "  ".join(parts)
+            line += f"  broken: {self._broken_names()}"
+        return line
+
+    def _times(self) -> list[str]:
+        """Return the simulated time in words, the shortest ones first; then of how much it is."""
+        times = [f"{self.sim_seconds:7.1f} s"]
+        if self.done_seconds is None:
+            return times
+        times.append(f"{self.sim_seconds:7.1f} of {self.done_seconds:.0f} s")
+        within = round(self.done_within_seconds)
+        if within:
+            times.append(f"{self.sim_seconds:7.1f} of {self.done_seconds:.0f} ± {within} s")
+        return times
 
     def _broken_names(self) -> str:
         """Return the names of the first broken agents, and how many more there are."""

@@ -360,7 +360,7 @@ MUTATIONS: dict[str, tuple[Cut, ...]] = {
     ),
     "what a full disk has not taken counts as kept": (
         _with_words(
-            Run,
+            PhysicsRun,
             "is_kept",
             "return self.account.snapshot_writer.finish(KEPT_SECONDS)",
             "return self.account.snapshot_writer.finish(KEPT_SECONDS) or True",

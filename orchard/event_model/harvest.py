@@ -440,7 +440,8 @@ class EventHarvest:
     @property
     def stood(self) -> dict[str, float]:
         """The time since which each robot stands, s."""
-        return dict(zip(self.names, self.model.robots["stood"] * TIME_STEP, strict=True))
+        ticks = self.model.robots["stood"].tolist()
+        return {name: tick * TIME_STEP for name, tick in zip(self.names, ticks, strict=True)}
 
     def share_done(self, picker: str) -> float:
         """Return which share of its plan a picker has begun, 0 to 1."""

@@ -13,7 +13,7 @@ from statistics import fmean, stdev
 
 from orchard.behaviour.catalogue import make_agents
 from orchard.dispatch.policies import POLICIES
-from orchard.event_model.known import lacking
+from orchard.event_model.known import refuse_unknown
 from orchard.field.layout import Layout
 from orchard.plans.routes import ROUTES
 from orchard.report.progress import EndOfRun
@@ -68,8 +68,11 @@ def _is_told(layout: Layout) -> bool:
     is compiled.
     """
     scenario = layout.scenario
-    has_own_rules = scenario.dispatch not in POLICIES or scenario.route not in ROUTES
-    if has_own_rules or lacking(scenario):
+    try:
+        refuse_unknown(scenario)
+    except ValueError:
+        return False
+    if scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
         return False
     # It loads numba, which takes a second.
     from orchard.event_model.kernel import entry

@@ -55,10 +55,10 @@ def pairs(one, other):
 
 
 def test_the_measured_pose_is_as_near_to_the_truth_as_it_says(run):
-    found = pairs(run.poses, run.truth)
-    off = [math.dist(xy(pose), xy(truth)) for pose, truth in found]
+    matched = pairs(run.poses, run.truth)
+    off = [math.dist(xy(pose), xy(truth)) for pose, truth in matched]
     assert 0.0 < max(off) < 6.0 * math.sqrt(VARIANCE)
-    for pose, truth in found:
+    for pose, truth in matched:
         assert (
             pose.header == truth.header
             and pose.header.frame_id == "map"

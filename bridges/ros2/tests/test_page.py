@@ -87,11 +87,11 @@ def test_the_launch_file_gives_parameters_that_the_bridge_takes(tmp_path):
     given = {name: value for name, (value, _) in ast.literal_eval(values["ARGUMENTS"]).items()}
     rows = dict(re.findall(r"^\| `(\w+)` \| `?(.+?)`? \|", PAGE, re.M))
     empty = {"robots": "all robots"}  # what an empty value stands for, where that is not none
-    said = {
+    expected = {
         name: value if value not in ("''", "['']") else empty.get(name, "none")
         for name, value in given.items()
     }
-    assert said == {name: rows[name] for name in given}
+    assert expected == {name: rows[name] for name in given}
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     words = [
         word

@@ -254,16 +254,16 @@ def test_fields_that_the_standard_may_add_are_ignored():
 
 def test_an_update_extends_the_base_and_replaces_the_horizon():
     begun = taken(OrderState(), order(released=2, actions=[action(number=1)]))
-    assert [one.action_id for one in begun.actions] == ["action 1"] and begun.decision_point == (
+    assert [action.action_id for action in begun.actions] == ["action 1"] and begun.decision_point == (
         WAY[2],
         4,
     )
     updated = taken(begun, order(update=1, first=2, actions=[action(number=2)]))
-    assert [(one.node_id, one.sequence_id, one.released) for one in updated.nodes] == [
+    assert [(node.node_id, node.sequence_id, node.released) for node in updated.nodes] == [
         (name, 2 * n, True) for n, name in enumerate(WAY)
     ][1:]
-    assert [one.sequence_id for one in updated.edges] == [2 * n + 1 for n in range(len(WAY) - 1)]
-    assert [one.action_id for one in updated.actions] == ["action 2"]
+    assert [edge.sequence_id for edge in updated.edges] == [2 * n + 1 for n in range(len(WAY) - 1)]
+    assert [action.action_id for action in updated.actions] == ["action 2"]
 
 
 def test_an_order_that_is_done_goes_on_with_an_update():
@@ -337,7 +337,7 @@ def test_a_field_that_is_null_is_not_there():
     plain["nodes"][-1]["actions"] = [action("drop", key="")]
     state = taken(OrderState(), message | nulls(received.Order))
     assert state == taken(OrderState(), plain)
-    assert [one.action_type for one in state.actions] == ["drop"]
+    assert [action.action_type for action in state.actions] == ["drop"]
 
 
 def test_a_field_that_must_be_there_may_not_be_null():
@@ -416,7 +416,7 @@ def test_an_update_may_repeat_or_omit_actions_at_its_first_node(actions, is_done
         begun.set(UNLOAD["actionId"], "FINISHED")
     updated = taken(begun, at_the_last_node(actions, TO_STOP))
     assert updated.update_id == 1
-    assert [one.action_id for one in updated.actions] == [UNLOAD["actionId"]]
+    assert [action.action_id for action in updated.actions] == [UNLOAD["actionId"]]
 
 
 def test_an_update_leaves_the_error_with_which_a_vehicle_stands():
@@ -433,8 +433,8 @@ def test_a_cancelled_order_leaves_a_vehicle_its_next_node():
     """A cancelled order leaves a vehicle that drives its next node."""
     begun = taken(OrderState(), order(released=2, actions=[action()]))
     cancel(begun, is_driving=True)
-    assert [one.node_id for one in begun.nodes] == WAY[1:2] and not begun.is_idle
-    assert [one.action_status for one in begun.actions] == ["FAILED"]
+    assert [node.node_id for node in begun.nodes] == WAY[1:2] and not begun.is_idle
+    assert [action.action_status for action in begun.actions] == ["FAILED"]
     arrive(begun)
     assert begun.is_idle and begun.order_id == "one"
 

@@ -117,11 +117,11 @@ def _messages(bag: Path, topics: set[str]) -> Iterator[tuple[Connection, int, An
     """
     try:
         with AnyReader([bag if bag.is_dir() else regular(bag)]) as reader:
-            topics |= {f"{one.topic} ({one.msgtype})" for one in reader.connections}
+            topics |= {f"{known.topic} ({known.msgtype})" for known in reader.connections}
             wanted = [
-                one
-                for one in reader.connections
-                if one.topic == f"/{SCENARIO.name}" or _robot_of(one.topic, one.msgtype)
+                known
+                for known in reader.connections
+                if known.topic == f"/{SCENARIO.name}" or _robot_of(known.topic, known.msgtype)
             ]
             for connection, time, data in (
                 reader.messages(wanted) if wanted else ()

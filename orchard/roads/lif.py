@@ -87,13 +87,13 @@ def _edge(vehicle: str, edge: Edge) -> dict[str, Any]:
 
 
 def _station(name: str, nodes: Iterable[str]) -> dict[str, Any]:
-    what = {
+    descriptions = {
         BAY: "the bay, where full bins are unloaded",
         "queue": "a line of the queue",
         "row": "a row, and the places at its ends",
     }
     return {
         "stationId": name,
-        "stationDescription": what.get(name.split("/")[0], "the end of a row"),
+        "stationDescription": descriptions.get(name.split("/")[0], "the end of a row"),
         "interactionNodeIds": list(nodes),
     }

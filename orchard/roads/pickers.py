@@ -70,7 +70,7 @@ def graph_of_pickers(layout: Layout, route: OneWay) -> Graph:
 def _edges_at(layout: Layout, route: OneWay, row: int, side: Side) -> Iterator[Edge]:
     """The ways from the places at one end of a row."""
     out, wait, aside, park = (
-        f"{side.name}/{what}/{row}" for what in ("out", "wait", "aside", "park")
+        f"{side.name}/{place}/{row}" for place in ("out", "wait", "aside", "park")
     )
     place = [side.place("D", row)]
     yield Edge(out, wait, 0.0, (*route.drive_out(row, side), FreeWithout(place)))

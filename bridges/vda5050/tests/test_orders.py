@@ -254,10 +254,8 @@ def test_fields_that_the_standard_may_add_are_ignored():
 
 def test_an_update_extends_the_base_and_replaces_the_horizon():
     begun = taken(OrderState(), order(released=2, actions=[action(number=1)]))
-    assert [action.action_id for action in begun.actions] == ["action 1"] and begun.decision_point == (
-        WAY[2],
-        4,
-    )
+    assert [action.action_id for action in begun.actions] == ["action 1"]
+    assert begun.decision_point == (WAY[2], 4)
     updated = taken(begun, order(update=1, first=2, actions=[action(number=2)]))
     assert [(node.node_id, node.sequence_id, node.released) for node in updated.nodes] == [
         (name, 2 * n, True) for n, name in enumerate(WAY)

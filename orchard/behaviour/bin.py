@@ -63,7 +63,7 @@ class BinMemory(msgspec.Struct):
     silent: int = 0
     # Carriers that did not answer when they were sent for, during this call.
     shunned: list[str] = []
-    # The picker that left it.
+    # The picker that fills it, or that has left it.
     picker: str = ""
     # Tick at which the call began; -1: no call is open.
     since: int = -1
@@ -155,6 +155,7 @@ class Bin:
         straight = straight_twist(hitch, yaw)
         action.twist = straight if is_near(exact, straight, KEEPS) else exact
         is_turning = bool(hitch.twist.yaw) or abs(exact.yaw) > ALIGNED
+        # While it holds, the two drift apart further: so a hold begins only at half the distance.
         if is_turning or not is_near(exact, straight, KEEPS / 2):
             action.hold = None
         action.doing = f"{'full' if seen.full else 'empty'}, on {hitch.name}"
@@ -207,7 +208,8 @@ class Bin:
         """Note how fast the picker picks in this row.
 
         `is_steady`: whether it drives as fast as in the tick before. The last bits of its speed
-        differ from tick to tick: those of the first one stay, whenever the bin is asked.
+        differ from tick to tick. The first speed that was measured in the row stays, so the result
+        does not depend on when the bin is asked.
         """
         picks = memory.speed >= LEAST_SPEED and seen.fill > memory.fill
         is_new = abs(memory.speed - memory.picking_speed) >= KEEPS
@@ -227,7 +229,9 @@ class Bin:
         action: Action,
         standing: Standing,
     ) -> None:
-        """Call until a carrier is chosen, send for it, and ask it again and again if it comes."""
+        """Call until a carrier is chosen, send for it, and ask it again and again whether it
+        still comes.
+        """
         if memory.since < 0:
             memory.since = seen.tick
         self.hear(mail, memory, seen.tick)
@@ -303,6 +307,7 @@ class Bin:
                     memory.shunned += [memory.carrier]
                 memory.carrier = ""
                 memory.coming = False
+                # It calls again at once.
                 memory.asked = tick - CALL_AGAIN
 
     def where(self, x: float, y: float) -> Standing:

@@ -7,6 +7,7 @@ meet them at other times, which tells how sure the answer is.
 
 import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean, stdev
@@ -56,16 +57,13 @@ class EndForecast:
     def _look(self) -> None:
         """Take the newest snapshot, and go on from it."""
         assert self._snapshots is not None
-        try:
-            snapshot = newest(self._snapshots, [], run=self._run)
-        except (SnapshotError, OSError):
-            return
-        self._last = end_of(snapshot)
+        with suppress(SnapshotError, OSError):
+            self._last = end_of(newest(self._snapshots, [], run=self._run))
 
 
 def _is_told(layout: Layout) -> bool:
-    """Whether the end of such a run is told: no code of the user's own runs for that, and nothing
-    is compiled.
+    """Whether the end of such a run is told. A forecast executes no code of a user, and waits for
+    no compiler.
     """
     scenario = layout.scenario
     try:
@@ -93,6 +91,8 @@ def end_of(snapshot: Snapshot) -> EndOfRun | None:
     layout = world.layout
     memories = memories_in(snapshot, make_agents(layout))
     moment = RunMoment(world, memories, dict(snapshot.letters))
+    # The first harvest meets people as the run's own seed has it, the others as other seeds do.
+    # Where nobody is about, all would be the same.
     ends = []
     for number in range(DRAWS):
         try:

@@ -28,7 +28,7 @@ Options = TypeVar("Options", bound="ProcessOptions")
 def option(metavar: str, description: str, **words: str) -> Meta:
     """Return the note that makes a field an option of a command line.
 
-    `words`: further ones of argparse.
+    `words`: further parameters of `ArgumentParser.add_argument`.
     """
     return Meta(description=description, extra={"metavar": metavar, **words})
 
@@ -145,6 +145,7 @@ def _add(parser: CommandLine, name: str, hint: Any, is_required: bool) -> None:
                 f"{text}: expected {note.extra['metavar']}: {note.description}"
             ) from None
 
+    # An argument that stands alone, without a flag.
     if "nargs" in note.extra:
         parser.add_argument(name, help=note.description, **note.extra)
     elif type_ is bool:

@@ -20,7 +20,7 @@ from orchard.field.kinds import ROBOTS, kind_of, short_name
 from orchard.report.summary import clock, headline_of
 
 LINE_SECONDS = 2.0  # s of wall time between two plain lines
-# S of wall time between two plain lines while the run gets ready; a terminal shows each second.
+# Seconds of wall time between two plain lines while the run gets ready. A terminal shows each one.
 STILL_SECONDS = 10.0
 NARROWEST = 24  # characters, the minimum width of a column
 SILENT = "no agent"  # shown for a robot whose agent was lost
@@ -29,7 +29,10 @@ STANDS = (STOPPED, SILENT)  # shown in red
 
 @dataclass(frozen=True)
 class EndOfRun:
-    """When a run will be done, simulated s, and within what about 19 of 20 such runs are."""
+    """When a run will be done, simulated s.
+
+    Of 20 such runs 19 are done at most `within` s earlier or later.
+    """
 
     seconds: float
     within: float
@@ -74,7 +77,7 @@ class Progress:
 
     def get_ready(self, words: str) -> None:
         """Print what the run does before it begins and, until its first figures come, how long it
-        has done so.
+        has done so. These lines are text for people in any case: the page shows them.
         """
         self.say(words)
         self.preparing = threading.Thread(target=self._show_that_it_goes_on, daemon=True)

@@ -52,7 +52,8 @@ UNUSUAL = (
     "messages_dropped",
     "recording_gaps",
 )
-FEW = 0.001  # of all bins: so little part-full ones may lack without a word
+# A rate is of 'full bins' if part-full ones lack more than this share of all; else of 'bins'.
+FEW = 0.001
 LINE_COLUMNS = 80  # of a line of progress
 NAMED = 3  # broken agents that a line of progress names
 # What an empty map of a key means.
@@ -130,15 +131,15 @@ class Headline(msgspec.Struct, kw_only=True):
         if self.done_seconds is None:
             return ""
         words = f"done at {clock(self.done_seconds)}"
-        if self.done_within_seconds >= 1.0:
+        if round(self.done_within_seconds):
             words += f" ± {clock(self.done_within_seconds)}"
         return words
 
     def line(self, until: float | None = None) -> str:
         """Return the headline as a line of at most 80 characters, and the broken agents.
 
-        If it is known when the harvest will be done, that stands behind the time, and within what
-        if there is room. `until`: as in `seconds_left`.
+        Of the texts for the simulated time it takes the longest one for which there is room.
+        `until`: as in `seconds_left`.
         """
         picked = share_picked(self.metres_picked, self._all_metres)
         parts = [
@@ -157,7 +158,9 @@ class Headline(msgspec.Struct, kw_only=True):
         return line
 
     def _times(self) -> list[str]:
-        """Return the simulated time in words, the shortest ones first; then of how much it is."""
+        """Return the simulated time in words: alone, with the time of the end, and with its
+        uncertainty.
+        """
         times = [f"{self.sim_seconds:7.1f} s"]
         if self.done_seconds is None:
             return times

@@ -89,6 +89,7 @@ class Identity:
 
 @cache
 def _check_mode(key: Path, mode: int) -> None:
+    """Log once that others can read a private key, if they can."""
     if mode & 0o077:
         log.warning(
             "%s: other users can read this private key (mode %03o), and so take the role; run: "
@@ -181,9 +182,10 @@ class Keyring:
         `names`: the agents that are hosted here. `agents`: all of the run. Raises ValueError if an
         agent has no role, or if `names` has only some of a role's agents.
         """
-        wanted, there = set(names), set(agents)
+        wanted = set(names)
+        known = set(agents)
         hosts = {
-            name: sorted(set(role_in(folder).names) & there)
+            name: sorted(set(role_in(folder).names) & known)
             for name, folder in self.roles.items()
             if role_in(folder).duty == "host"
         }
@@ -275,6 +277,7 @@ def make(
     return roles
 
 
+# Splits agents among hosts: names -> (role, its agents) of each.
 Shares = Callable[[Sequence[str]], Iterable[tuple[str, Sequence[str]]]]
 
 
@@ -311,7 +314,7 @@ def bridge_roles(names: Sequence[str], wishes: Iterable[str]) -> list[Role]:
 
 def _bridge_role(names: Sequence[str], name: str, words: Sequence[str]) -> Role:
     robots = [word for word in words if word != SIMULATION]
-    duty: Duty = "bridge" if robots == words else "operating-bridge"
+    duty: Duty = "operating-bridge" if SIMULATION in words else "bridge"
     return Role(name, duty, tuple(select_agents(names, robots, [])) if robots else ())
 
 

@@ -27,6 +27,7 @@ PADDING = 10.0  # Of the frame of a name, on both sides together.
 HEIGHT = 22.0  # Of the frame of a name.
 DROP = 3.0 + HEIGHT / 2  # Rerun writes a name with its middle so far below its point.
 PIN = 6.0  # Radius of a pin.
+GAP = 2.0  # Between a pin and its name.
 
 # What speaks against a place: each name or pin that it covers, that the name is elsewhere now, and
 # its rank in PLACES, of which the first has rank 0.
@@ -111,9 +112,9 @@ class NameView:
         `pins`: (r, 2) m, one for each robot.
         """
         # The p possible middles of each name, (r, p, 2).
-        spots = pins[:, None] + PLACES * (self._halves + (PIN + 2.0) * self.scale)[:, None]
+        spots = pins[:, None] + PLACES * (self._halves + (PIN + GAP) * self.scale)[:, None]
         costs = self._costs(spots, pins)
-        # Where each name would be if there were no other names.
+        # Where each name would be if there were no other names. The costs know where it was before.
         self._places = costs.argmin(axis=1)
         best = spots[np.arange(len(pins)), self._places, None]
         first = len(self._rows)
@@ -146,8 +147,9 @@ class NameView:
 
 
 def _covers(spots: np.ndarray, halves: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return which boxes, (b, 4), each name covers at its possible middles, (..., p, 2): (..., p,
-    b). `halves`: (..., 2) half sizes.
+    """Return which boxes each name covers at its possible middles, (..., p, b).
+
+    `spots`: the middles, (..., p, 2). `halves`: half sizes, (..., 2). `boxes`: (b, 4).
     """
     spots = spots[..., None, :]
     halves = halves[..., None, None, :]

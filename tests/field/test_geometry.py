@@ -101,6 +101,7 @@ def test_a_rect_contains_its_edges():
 def test_boxes_overlap_where_an_edge_lies_in_the_other(a, b):
     """Boxes overlap just where a point of one edge lies in the other."""
     inside = min(depth(edge_points(*a), b).min(), depth(edge_points(*b), a).min())
+    # Where boxes barely touch, points of edges may miss it.
     assume(inside < -1e-6 or gap(box_of(*a), box_of(*b)) > 1e-6 or inside > 0.2)
     assert overlap(box_of(*a), box_of(*b)) == (inside < 0.0)
     assert overlap(box_of(*b), box_of(*a)) == (inside < 0.0)
@@ -156,6 +157,7 @@ def test_the_functions_are_right_to_the_last_digits(angle, y, x, positive, power
     assert repeatable.sin_cos(angle) == pytest.approx(
         (math.sin(angle), math.cos(angle)), abs=ERROR, rel=0
     )
+    # Adding 0.0 makes 0.0 of -0.0.
     assert repeatable.atan2(y, x) == pytest.approx(
         math.atan2(y + 0.0, x + 0.0), abs=2 * ERROR, rel=0
     )
@@ -214,9 +216,8 @@ def test_what_a_kernel_is_made_from_is_all_told_to_the_cache():
         ]
         for node in imports:
             names = {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-            is_ours = (
-                node.module.startswith("orchard.") and node.module != "orchard.folders"
-            )  # which only stores them
+            # `orchard.folders` only stores kernels.
+            is_ours = node.module.startswith("orchard.") and node.module != "orchard.folders"
             assert not is_ours or names & sources, (path, node.module)
 
 

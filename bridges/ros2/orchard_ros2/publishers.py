@@ -61,7 +61,8 @@ class Publishers:
     def publish(self, topic: Topic, make: Callable[[], Message], robot: str = "") -> None:
         """Publish a message as bytes: rclpy's objects cost five times as much.
 
-        `make`: returns the message. It is not called if nothing subscribes to the topic.
+        `make`: returns the message. It is not called if nothing subscribes to the topic, unless the
+        topic is latched.
         """
         publisher = self.announce(topic, robot)
         if topic.qos.latched or publisher.get_subscription_count():

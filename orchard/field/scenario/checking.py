@@ -39,7 +39,10 @@ def check(
 
 
 def _plain(values: Any, levels: int = 3) -> Any:
-    """Convert sections to dicts with printable text as keys."""
+    """Convert sections to dicts with printable text as keys.
+
+    `levels`: of sections within sections. A scenario has at most three.
+    """
     if isinstance(values, BaseModel):
         values = values.model_dump()
     if levels == 0 or not isinstance(values, Mapping):
@@ -61,7 +64,7 @@ def _errors(values: dict[str, Any]) -> tuple[list[dict[str, Any]], Scenario]:
             return errors, Scenario.model_validate(values)
         except ValidationError as failure:
             details = failure.errors(include_url=False)
-        current = [_located(error) for error in details if not _counts_what_is_wrong(error)]
+        current = [_located(error) for error in details if not _follows_from_others(error)]
         errors += [error for error in current if wrong.isdisjoint(error["fields"])]
         paths: set[tuple[str, ...]] = set()
         for error in current:
@@ -82,9 +85,9 @@ def _with_defaults(field: tuple[str, ...]) -> list[tuple[str, ...]]:
     return [field]
 
 
-def _counts_what_is_wrong(error: Any) -> bool:
-    """Whether a list is told to be too short only because some of it is wrong, which other errors
-    tell.
+def _follows_from_others(error: Any) -> bool:
+    """Whether an error only follows from others: pydantic does not count the invalid items of a
+    list, and then says that the list is too short.
     """
     return bool(
         error["type"] == "too_short" and error["ctx"]["actual_length"] < len(error["input"])

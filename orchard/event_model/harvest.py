@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import inf
 from statistics import fmean
@@ -37,6 +37,8 @@ class _Geometry:
     """What a program depends on. The speeds of rows are none of it."""
 
     scenario: str
+    # A battery that lasts for ever reads as none in a scenario's text, and has charging lines.
+    queue_places: int
     blocks: tuple[tuple[str, Block], ...]
     layout: Layout = field(compare=False)
 
@@ -63,7 +65,13 @@ def prepare(layout: Layout) -> Prepared:
     if scenario.route in ROUTES:
         # The steps of a route of the user's own may depend on the seed.
         scenario = scenario.model_copy(update={"seed": 0})
-    return _prepared(_Geometry(scenario.model_dump_json(), tuple(layout.blocks.items()), layout))
+    geometry = _Geometry(
+        scenario=scenario.model_dump_json(),
+        queue_places=layout.queue_places,
+        blocks=tuple(layout.blocks.items()),
+        layout=layout,
+    )
+    return _prepared(geometry)
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)
@@ -215,6 +223,8 @@ class EventHarvest:
         own = {name: getattr(prepared.model, name).copy() for name in STATE}
         own["speeds"] = np.array([lane.picking_speed for lane in layout.lanes])
         self._drawn = FIRST
+        # The layout the seed of which tells whom robots meet.
+        self._met_in = layout
         own |= self._draws()
         own["robots"].clear = FAR
         if own["encounters"].size:
@@ -273,6 +283,19 @@ class EventHarvest:
         """Note that the state of a run at a tick was filled in."""
         self._until = tick
         self.delivered_before = self.delivered
+        most = int(self.model.robots.failures.max())
+        while self.model.failures.shape[1] and self.model.failures.shape[1] <= most:
+            self._draw_more()
+
+    def meet_as_with(self, seed: int) -> None:
+        """Let robots meet people and animals from now on as a run with another seed does."""
+        scenario = self.layout.scenario.model_copy(update={"seed": seed})
+        self._met_in = replace(self.layout, scenario=scenario)
+        self.model = self.model._replace(**self._draws())
+        if self.model.encounters.size:
+            robots = self.model.robots
+            robots.clear = self.model.encounters[:, 0].metres
+            robots.meeting = robots.here + robots.clear
 
     @property
     def asked_policy(self) -> AskedPolicy | None:
@@ -369,7 +392,7 @@ class EventHarvest:
     def _draws(self) -> dict[str, np.ndarray]:
         """Return what happens at random."""
         seed = self.program.failure_seed(self.layout.scenario)
-        return draws(self.layout, self.names, self._drawn, seed)
+        return draws(self._met_in, self.names, self._drawn, seed)
 
     def _tell_ways(self) -> None:
         """Tell how far free carriers are from the bins that call, as the route measures it."""

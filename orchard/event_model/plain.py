@@ -71,6 +71,10 @@ class PlainMachine:
         # Of each array of CONSTANT the one that was read last, and its rows.
         self._constant: dict[str, tuple[np.ndarray, RowsAsRead]] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return a machine that has read nothing: what it has read stands in the arrays."""
+        return {"_constant": {}}
+
     def __call__(self, model: c.Model, until: int) -> int:
         """Carry a harvest on to a time, exclusive, and return why it stopped."""
         lists = {name: _as_lists(getattr(model, name)) for name in CHANGED}

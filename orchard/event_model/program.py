@@ -485,13 +485,20 @@ class Program:
         number = self._list_numbers.get(key)
         if number is not None:
             return number
-        number = self._list_numbers[key] = len(self._list_numbers)
+        with self._lock:
+            if key not in self._list_numbers:
+                self._note_list(key)
+            return self._list_numbers[key]
+
+    def _note_list(self, key: tuple[str, ...]) -> None:
+        """Note the places of a new list, and number it when all is noted: others may look."""
+        number = len(self._list_numbers)
         if number == len(self._lists):
             self._lists = np.concatenate([self._lists, np.zeros_like(self._lists)])
         for place in key:
             word, bit = divmod(self._number(self.place_numbers, place, self.most_places), 64)
             self._lists[number, word] |= np.uint64(1 << bit)
-        return number
+        self._list_numbers[key] = number
 
     def _queue_line_at(self, pose: Pose) -> int:
         """Return the line of the queue in which a robot is; NONE: it is in none."""

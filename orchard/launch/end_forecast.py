@@ -8,7 +8,6 @@ meet them at other times, which tells how sure the answer is.
 import threading
 import time
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from statistics import fmean, stdev
 
@@ -16,6 +15,7 @@ from orchard.behaviour.catalogue import make_agents
 from orchard.dispatch.policies import POLICIES
 from orchard.event_model.known import refuse_unknown
 from orchard.field.layout import Layout
+from orchard.field.scenario import Scenario
 from orchard.plans.routes import ROUTES
 from orchard.report.progress import EndOfRun
 from orchard.saved_run import memories_in
@@ -25,6 +25,8 @@ from orchard.sim.snapshot import Snapshot, SnapshotError, newest
 # s of wall time: before the first look, and between two.
 FIRST_LOOK = 3.0
 AGAIN = 5.0
+# After a look that took long, so many times as long passes up to the next one.
+PAUSE = 40.0
 # Harvests with people that are met at other times.
 DRAWS = 6
 # Standard deviations within which it ends in 19 of 20 runs.
@@ -49,7 +51,6 @@ class EndForecast:
         """Return the newest answer; None while there is none. Look again if it is time."""
         is_looking = self._looking is not None and self._looking.is_alive()
         if self.is_wanted and not is_looking and time.monotonic() >= self._due:
-            self._due = time.monotonic() + AGAIN
             self._looking = threading.Thread(target=self._look, daemon=True)
             self._looking.start()
         return self._last
@@ -57,38 +58,47 @@ class EndForecast:
     def _look(self) -> None:
         """Take the newest snapshot, and go on from it."""
         assert self._snapshots is not None
+        begun = time.monotonic()
         with suppress(SnapshotError, OSError):
             self._last = end_of(newest(self._snapshots, [], run=self._run))
+        seconds = time.monotonic() - begun
+        self._due = time.monotonic() + max(AGAIN, PAUSE * seconds)
 
 
 def _is_told(layout: Layout) -> bool:
     """Whether the end of such a run is told. A forecast executes no code of a user, and waits for
     no compiler.
     """
-    scenario = layout.scenario
+    # It loads numba, which takes a second.
+    from orchard.event_model.kernel import entry
+
+    return _is_built_in(layout.scenario) and entry.is_ready()
+
+
+def _is_built_in(scenario: Scenario) -> bool:
+    """Whether a scenario names no code of a user, and the event model knows all of it."""
     try:
         refuse_unknown(scenario)
     except ValueError:
         return False
-    if scenario.dispatch not in POLICIES or scenario.route not in ROUTES:
-        return False
-    # It loads numba, which takes a second.
-    from orchard.event_model.kernel import entry
-
-    return entry.is_ready()
+    return scenario.dispatch in POLICIES and scenario.route in ROUTES
 
 
 def end_of(snapshot: Snapshot) -> EndOfRun | None:
     """Return when the run of a snapshot will be done.
 
-    None if the event model cannot go on from it, or the harvest does not end. Raises SnapshotError.
+    None if the event model cannot go on from it, if agents are lost or left to clients elsewhere,
+    or if the harvest does not end. Raises SnapshotError.
     """
+    if snapshot.elsewhere or snapshot.lost:
+        return None
     from orchard.event_model.begun.begin import begin_at
     from orchard.event_model.begun.moment import RunMoment
-    from orchard.event_model.draws import meetings
 
     world = world_from(snapshot)
     layout = world.layout
+    if not _is_built_in(layout.scenario):
+        return None
     memories = memories_in(snapshot, make_agents(layout))
     moment = RunMoment(world, memories, dict(snapshot.letters))
     # The first harvest meets people as the run's own seed has it, the others as other seeds do.
@@ -100,11 +110,9 @@ def end_of(snapshot: Snapshot) -> EndOfRun | None:
         except NotImplementedError:
             return None
         if number:
-            other = layout.scenario.model_copy(update={"seed": layout.scenario.seed + number})
-            met = meetings(replace(layout, scenario=other), harvest.names)
-            if not met["encounters"].size:
+            harvest.meet_as_with(layout.scenario.seed + number)
+            if not harvest.model.encounters.size:
                 break
-            harvest.model = harvest.model._replace(**met)
         if not harvest.run().is_over:
             return None
         ends.append(harvest.seconds)

@@ -133,7 +133,7 @@ def _run_processes(request: RunRequest) -> Result:
         exit_on_errors(BusError, OSError, ValueError),
         Progress(console, options.progress == "json", options.duration) as progress,
     ):
-        progress.tell_end(EndForecast(lay_out(request.scenario), request.snapshots))
+        progress.tell_end(EndForecast(lay_out(request.scenario), request.snapshots, request.run_id))
         return run(request, progress)
 
 

@@ -188,7 +188,9 @@ def run_watched(request: RunRequest) -> tuple[dict[str, Any], str]:
         with Progress(console, options.progress == "json", options.duration) as progress:
             if options.progress == "text":
                 progress.say(CTRL_C)
-            progress.tell_end(EndForecast(lay_out(request.scenario), request.snapshots))
+            progress.tell_end(
+                EndForecast(lay_out(request.scenario), request.snapshots, request.run_id)
+            )
             if not are_compiled():
                 progress.get_ready(COMPILING)
             look = None if recorder is None else recorder.tick

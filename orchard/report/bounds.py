@@ -256,6 +256,15 @@ def _harvested(layout: Layout, free_roads: bool = False) -> "EventHarvest":
     return harvest.run()
 
 
+def _length_alone(layout: Layout, seconds: float) -> float:
+    """Return the length of a harvest in the event model, s, at most `seconds`.
+
+    One that does not end there tells nothing.
+    """
+    harvest = _harvested(layout)
+    return min(seconds, harvest.seconds) if harvest.is_over else seconds
+
+
 def _seconds_on_free_roads(ideal: Layout) -> float:
     stood = {"picker": 0.0, "carrier": 0.0}
     for name, since in _harvested(ideal, free_roads=True).stood.items():
@@ -315,11 +324,11 @@ def lost_seconds(layout: Layout, seconds: float) -> dict[str, float]:
     )
     own = seconds
     if alone != scenario:
-        own = min(seconds, _harvested(lay_out(alone)).seconds)
+        own = _length_alone(lay_out(alone), seconds)
     uncharged = own
     if has_batteries:
         endless = with_endless_batteries(lay_out(alone))
-        uncharged = min(own, _harvested(endless).seconds)
+        uncharged = _length_alone(endless, own)
     parts = (
         {"schedule": schedule}
         if proven is None

@@ -131,3 +131,33 @@ def test_batteries_that_are_in_use_are_told() -> None:
     run.tick()
     with pytest.raises(NotImplementedError, match="batteries"):
         begin_at(moment_of(run))
+
+
+def test_a_robot_that_has_often_failed_has_draws_left() -> None:
+    failures = {"failure": {"mean_between": 60.0, "mean_repair": 60.0}}
+    harvest = EventHarvest(lay_out_small(picking=failures))
+    harvest.model.robots.failures = 11
+    harvest.goes_on_from(1000)
+    assert harvest.model.failures.shape[1] > 11
+
+
+def test_people_who_are_met_as_with_another_seed_stay_so() -> None:
+    """Also those that are drawn later, when all that were drawn have been met."""
+    layout = lay_out_small(people={"workers": 2, "visitors": 2})
+    ends = set()
+    for seed in range(5):
+        harvest = EventHarvest(layout)
+        harvest.meet_as_with(seed)
+        first = harvest.model.encounters.metres.copy()
+        ends.add(harvest.run().seconds)
+        assert (harvest.model.encounters.metres[:, : first.shape[1]] == first).all()
+    assert len(ends) == 5
+
+
+def test_a_robot_that_says_nothing_of_its_memory_is_told() -> None:
+    run = Local(lay_out_small().scenario, is_hashed=False)
+    run.tick()
+    moment = moment_of(run)
+    told = {name: memory for name, memory in moment.memories.items() if name != "carrier_02"}
+    with pytest.raises(NotInPlanError, match="carrier_02 does not say what it remembers"):
+        begin_at(RunMoment(moment.world, told, moment.letters))

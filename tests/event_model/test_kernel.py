@@ -9,12 +9,13 @@ import pytest
 from quiet import NOBODY
 
 from orchard.event_model import harvest as harvests
-from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.harvest import EventHarvest, prepare
 from orchard.event_model.kernel import compiled, machine
 from orchard.event_model.results import JAM
 from orchard.event_model.trace import trace
 from orchard.field.layout import Layout, lay_out
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.report.bounds import with_endless_batteries
 
 SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 30.0}
 
@@ -123,3 +124,12 @@ def test_a_carrier_behind_one_that_is_called_stands_too() -> None:
     # In the simulator all ten have been sent by then.
     harvest.advance(100)
     assert not harvest.model.robots.is_free.any()
+
+
+def test_a_battery_that_lasts_for_ever_is_not_none() -> None:
+    """Their scenarios read the same as text; the plans of carriers are others."""
+    layout = small("nearest")
+    endless = with_endless_batteries(
+        lay_out(Scenario(**SMALL, dispatch="nearest", carrying={"battery": {"hours": 8.0}}))
+    )
+    assert prepare(endless).program is not prepare(layout).program

@@ -56,6 +56,12 @@ def test_a_run_with_an_emergency_stop_tells_no_end() -> None:
     assert end_of(run.snapshot()) is None
 
 
+def test_a_run_with_agents_elsewhere_tells_no_end() -> None:
+    snapshot = run_to(200, **NOBODY).snapshot()
+    snapshot.elsewhere = ["carrier_01"]
+    assert end_of(snapshot) is None
+
+
 def test_the_end_stands_in_the_line_and_sets_the_time_left() -> None:
     headline = headline_of(FIGURES | {"done_seconds": 361.5, "done_within_seconds": 4.0})
     assert headline.line().startswith("   61.5 of 362 ± 4 s  ")

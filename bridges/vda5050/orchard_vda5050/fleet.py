@@ -8,7 +8,7 @@ from orchard import Agent, Layout
 from orchard.contract.guard import Guard
 from orchard.dispatch.policies import POLICIES
 from orchard.field.kinds import DISPATCH, kind_of
-from orchard.plans.routes import ROUTES
+from orchard.plans.routes import ROUTES, route_of
 from orchard.roads.pickers import graphs_of
 from orchard_vda5050.calls import Calls
 from orchard_vda5050.carriers import CarrierVehicle
@@ -106,6 +106,11 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
     others = [name for name in names if kind_of(name) not in (*VEHICLES, DISPATCH)]
     if others:
         raise ValueError(f"{', '.join(others)}: only carriers and pickers are vehicles")
+    if "picker" in map(kind_of, names) and route_of(layout).has_zones:
+        raise ValueError(
+            f"row_width {layout.scenario.row_width:g}: fleet control drives pickers in rows that"
+            " are 5.3 m apart or more, so row_width must be 4.8 or more"
+        )
     is_dispatch_elsewhere = DISPATCH in layout.agents and DISPATCH not in names
     if is_dispatch_elsewhere and "carrier" in map(kind_of, names):
         raise ValueError(

@@ -299,6 +299,7 @@ def test_a_password_may_hold_any_character():
             ["carrier_01", "bin_01"],
             "bin_01: only carriers and pickers are vehicles",
         ),
+        ({"row_width": 4.0}, ["picker_01"], "row_width 4: fleet control drives pickers in rows"),
     ],
 )
 def test_what_cannot_be_driven_is_told_in_words(scenario, names, told):

@@ -119,7 +119,7 @@ class Robots:
 
     def _picker(self, name: str) -> Doing:
         """Return what a picker does."""
-        memory = self.moment.memories[name]
+        memory = self._memory(name)
         first = self.program.harvests[name]
         unplanned = len(self.program.begins[first]) - 1 - memory.planned
         me = self._doing(name, first, max(0, unplanned))
@@ -131,7 +131,7 @@ class Robots:
 
     def _carrier(self, name: str) -> Doing:
         """Return what a carrier does."""
-        memory = self.moment.memories[name]
+        memory = self._memory(name)
         me = self._doing(name, self._plan_of_carrier(name), 0)
         me.more["queue_line"] = self.program.queue_line(name)
         me.more["is_free"] = memory.job is None
@@ -147,9 +147,16 @@ class Robots:
             me.more["away"] = self.tick
         return me
 
+    def _memory(self, name: str) -> Any:
+        """Return what a robot remembers. Raises NotInPlanError if it is driven from elsewhere."""
+        memory = self.moment.memories.get(name)
+        if memory is None:
+            raise NotInPlanError(f"{name} does not say what it remembers")
+        return memory
+
     def _plan_of_carrier(self, name: str) -> int:
         """Return the op at which a carrier's plan begins: its job, or waiting in the queue."""
-        job = self.moment.memories[name].job
+        job = self._memory(name).job
         line = self.program.queue_line(name)
         if job is None:
             return self.program.waiting[line]
@@ -159,7 +166,7 @@ class Robots:
 
     def _doing(self, name: str, first: int, unplanned: int) -> Doing:
         """Return what a robot does. `unplanned`: steps of its plan that its memory has not yet."""
-        memory = self.moment.memories[name]
+        memory = self._memory(name)
         if memory.way:
             raise NotInPlanError(f"{name} comes back to its course")
         inserted = _inserted(memory)
@@ -368,4 +375,6 @@ def _inserted(memory: Any) -> int:
     if not is_failing:
         return 0
     kinds = [type(step) for step in memory.plan]
+    if st.MayFail not in kinds:
+        raise NotInPlanError("a robot fails that has no failures in its plan")
     return kinds.index(st.MayFail)

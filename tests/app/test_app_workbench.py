@@ -336,7 +336,7 @@ def test_a_study_is_asked_grows_answers_and_leads_to_a_run(browser):
     page.press("how-many")
     page.until(lambda: page.field("study-budget").is_displayed(), "the study is on the stage")
     page.fill("study-budget", 0)
-    page.until(lambda: "Time to take: must be" in page.problem("study"), "what is wrong")
+    page.until(lambda: "Time to take, s: must be" in page.problem("study"), "what is wrong")
     assert not page.one("[data-action=study-start]").is_enabled()
     assert violations(page) == []
     page.fill("study-budget", 90)

@@ -98,7 +98,7 @@ def starting(*arguments: object):
 
 def wait_until_simulated(run: subprocess.Popen | Forked, seconds: float) -> None:
     """Read its lines of progress until so much time has been simulated."""
-    assert any(float(line.split(" s ")[0]) >= seconds for line in run.stdout if "real time" in line)
+    assert any(float(line.split()[0]) >= seconds for line in run.stdout if "real time" in line)
 
 
 def summary_of(path: Path) -> dict:

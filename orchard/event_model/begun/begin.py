@@ -1,5 +1,7 @@
 """Begin a harvest of the event model where a run is."""
 
+import numpy as np
+
 from orchard.event_model import columns as c
 from orchard.event_model.begun.calls import CallsOfBins
 from orchard.event_model.begun.claims import Claims
@@ -49,16 +51,19 @@ def begin_at(moment: RunMoment) -> EventHarvest:
 
 def _write(harvest: EventHarvest, me: Doing, tick: int) -> None:
     """Write the columns of a robot, and when it goes on."""
-    robot = harvest.model.robots[me.number]
-    robot.x = me.pose.x
-    robot.y = me.pose.y
-    robot.op = me.op
-    robot.state = me.state
-    robot.bin = me.bin
-    robot.counted = tick
-    robot.next_op = c.NONE
-    for column, value in me.more.items():
-        robot[column] = value
-    robot.meeting = me.here + robot.clear
+    # Through a recarray each write costs a microsecond more.
+    robots = harvest.model.robots.view(np.ndarray)
+    columns = me.more | {
+        "x": me.pose.x,
+        "y": me.pose.y,
+        "op": me.op,
+        "state": me.state,
+        "bin": me.bin,
+        "counted": tick,
+        "next_op": me.more.get("next_op", c.NONE),
+        "meeting": me.here + float(robots["clear"][me.number]),
+    }
+    for column, value in columns.items():
+        robots[column][me.number] = value
     alarm = c.NEVER if me.alarm is None else c.QUARTERS * me.alarm
     harvest.model.timers[c.WAKE, me.number] = alarm

@@ -36,6 +36,8 @@ WORK = 10.0
 # some times as long as the work, and must not reach it.
 LEAST_PATIENCE = 600.0
 PATIENCE_FOR_WORK = 100.0
+# s before the clock's limit, at most, at which the solver ends because of it.
+ENDS_BEFORE = 0.005
 # Share of the work for the search that finds schedules; the other one raises the bound step by
 # step.
 FIRST = 0.2
@@ -131,7 +133,8 @@ def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
 def _cut_after(solver: CpSolver) -> float | None:
     """Return the limit of the clock that ended a search, s; None if its work or a proof did."""
     limit = float(solver.parameters.max_time_in_seconds)
-    return limit if solver.wall_time >= limit else None
+    # The solver ends a little before its limit, too.
+    return limit if solver.wall_time >= limit - ENDS_BEFORE else None
 
 
 class Schedule:

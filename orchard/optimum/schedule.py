@@ -18,7 +18,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ortools.sat.python.cp_model import CpModel, CpSolver, IntervalVar, IntVar, LinearExprT
+from ortools.sat.python.cp_model import (
+    INFEASIBLE,
+    OPTIMAL,
+    CpModel,
+    CpSolver,
+    IntervalVar,
+    IntVar,
+    LinearExprT,
+)
 
 from orchard.field.layout import Layout
 from orchard.field.scenario import TIME_STEP
@@ -36,8 +44,6 @@ WORK = 10.0
 # some times as long as the work, and must not reach it.
 LEAST_PATIENCE = 600.0
 PATIENCE_FOR_WORK = 100.0
-# s before the clock's limit, at most, at which the solver ends because of it.
-ENDS_BEFORE = 0.005
 # Share of the work for the search that finds schedules; the other one raises the bound step by
 # step.
 FIRST = 0.2
@@ -131,10 +137,16 @@ def _solved(model: CpModel, work: float, **search: bool) -> CpSolver:
 
 
 def _cut_after(solver: CpSolver) -> float | None:
-    """Return the limit of the clock that ended a search, s; None if its work or a proof did."""
-    limit = float(solver.parameters.max_time_in_seconds)
-    # The solver ends a little before its limit, too.
-    return limit if solver.wall_time >= limit - ENDS_BEFORE else None
+    """Return the limit of the clock that ended a search, s; None if its work or a proof did.
+
+    What the solver says of its time is no measure: it may end a little before the limit.
+    """
+    parameters = solver.parameters
+    response = solver.response_proto
+    is_proven = response.status in (OPTIMAL, INFEASIBLE)
+    if is_proven or response.deterministic_time >= parameters.max_deterministic_time:
+        return None
+    return float(parameters.max_time_in_seconds)
 
 
 class Schedule:

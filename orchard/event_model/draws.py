@@ -24,16 +24,9 @@ def draws(
 
     `failure_seed`: that of failures; None: no robot fails.
     """
-    return {
-        "failures": _failures(failure_seed, names, count),
-        **meetings(layout, names, count),
-    }
-
-
-def meetings(layout: Layout, names: Sequence[str], count: int = FIRST) -> dict[str, np.ndarray]:
-    """Return the arrays with people and animals whom robots meet: (r, count) each."""
     bystanders = Bystanders(layout)
     return {
+        "failures": _failures(failure_seed, names, count),
         "encounters": _encounters(bystanders, names, count),
         "looks": _looks(bystanders, names, count),
     }

@@ -6,6 +6,7 @@ last bit.
 """
 
 import sys
+from collections.abc import Callable
 from functools import cache
 from operator import attrgetter
 from types import FunctionType
@@ -55,6 +56,16 @@ def functions(module: str, made: Namespaces) -> dict[str, Any]:
             python = value.py_func
             names[name] = FunctionType(python.__code__, functions(python.__module__, made), name)
     return names
+
+
+@cache
+def as_python(function: Any) -> Callable[..., Any]:
+    """Return a function of the kernel as plain Python with all that it calls, for single calls on
+    a model's arrays.
+    """
+    python = function.py_func
+    plain: Callable[..., Any] = functions(python.__module__, {})[python.__name__]
+    return plain
 
 
 @cache

@@ -38,14 +38,13 @@ class EndForecast:
 
     def __init__(self, layout: Layout, snapshots: Path | None, run: str = "") -> None:
         """`snapshots`: the folder of the run's snapshots. `run`: its id; '': that of the folder."""
-        self._layout = layout
         self._snapshots = snapshots
         self._run = run
         self._due = time.monotonic() + FIRST_LOOK
         self._looking: threading.Thread | None = None
         self._last: EndOfRun | None = None
         # Whether it looks at all.
-        self.is_wanted = snapshots is not None and _is_told(layout)
+        self.is_wanted = snapshots is not None and _is_built_in(layout.scenario)
 
     def __call__(self) -> EndOfRun | None:
         """Return the newest answer; None while there is none. Look again if it is time."""
@@ -56,8 +55,13 @@ class EndForecast:
         return self._last
 
     def _look(self) -> None:
-        """Take the newest snapshot, and go on from it."""
-        assert self._snapshots is not None
+        """Take the newest snapshot, and go on from it, unless the event model must be compiled."""
+        # It loads numba, which takes a second.
+        from orchard.event_model.kernel import entry
+
+        if self._snapshots is None or not entry.is_ready():
+            self.is_wanted = False
+            return
         begun = time.monotonic()
         with suppress(SnapshotError, OSError):
             self._last = end_of(newest(self._snapshots, [], run=self._run))
@@ -65,18 +69,10 @@ class EndForecast:
         self._due = time.monotonic() + max(AGAIN, PAUSE * seconds)
 
 
-def _is_told(layout: Layout) -> bool:
-    """Whether the end of such a run is told. A forecast executes no code of a user, and waits for
-    no compiler.
-    """
-    # It loads numba, which takes a second.
-    from orchard.event_model.kernel import entry
-
-    return _is_built_in(layout.scenario) and entry.is_ready()
-
-
 def _is_built_in(scenario: Scenario) -> bool:
-    """Whether a scenario names no code of a user, and the event model knows all of it."""
+    """Whether the event model knows all of a scenario, which names no code of a user: a forecast
+    executes none.
+    """
     try:
         refuse_unknown(scenario)
     except ValueError:

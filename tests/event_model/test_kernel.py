@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from quiet import NOBODY
 
-from orchard.event_model import harvest as harvests
-from orchard.event_model.harvest import EventHarvest, prepare
+from orchard.event_model import start
+from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import compiled, machine
 from orchard.event_model.results import JAM
 from orchard.event_model.trace import trace
@@ -50,7 +50,7 @@ def test_a_harvest_sees_jobs_that_another_has_translated() -> None:
     values = NOBODY | {"rows": 10, "pickers": 5, "carriers": 5, "dispatch": "predictive"}
     layouts = [lay_out(Scenario(**values, row_length=31.0, seed=seed)) for seed in (1, 2)]
     alone = EventHarvest(lay_out(Scenario(**values, row_length=31.0, seed=2))).run()
-    harvests._prepared.cache_clear()
+    start._prepared.cache_clear()
     first, second = map(EventHarvest, layouts)
     rows = len(second.model.ops)
     first.run()
@@ -62,7 +62,7 @@ def test_harvests_in_threads_that_share_a_program_are_the_same() -> None:
     values = NOBODY | {"rows": 12, "pickers": 6, "carriers": 6, "dispatch": "nearest"}
     layouts = [lay_out(Scenario(**values, row_length=29.0, seed=seed)) for seed in range(8)]
     alone = [figures(EventHarvest(layout).run()) for layout in layouts]
-    harvests._prepared.cache_clear()
+    start._prepared.cache_clear()
     shared = [EventHarvest(layout) for layout in layouts]
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(EventHarvest.run, shared))
@@ -132,4 +132,4 @@ def test_a_battery_that_lasts_for_ever_is_not_none() -> None:
     endless = with_endless_batteries(
         lay_out(Scenario(**SMALL, dispatch="nearest", carrying={"battery": {"hours": 8.0}}))
     )
-    assert prepare(endless).program is not prepare(layout).program
+    assert start.prepare(endless).program is not start.prepare(layout).program

@@ -8,7 +8,7 @@ from plain_kernel import CheckedArray, run_checked
 from quiet import quiet_layouts
 
 from orchard.event_model import columns as c
-from orchard.event_model import harvest as harvests
+from orchard.event_model import start
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.plain import PlainMachine
 from orchard.field.layout import Layout, lay_out
@@ -53,7 +53,7 @@ def test_the_plain_machine_does_the_same_where_much_happens(dispatch: str) -> No
 
 def test_the_plain_machine_sees_jobs_that_are_translated_later() -> None:
     """Nothing of the program is translated when it begins, but what waits for no order."""
-    harvests._prepared.cache_clear()
+    start._prepared.cache_clear()
     layout = eventful("nearest")
     plain = EventHarvest(layout, free_roads=True, carry_on=PlainMachine()).run()
     assert plain.delivered == layout.bins

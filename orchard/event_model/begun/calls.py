@@ -5,23 +5,21 @@ do.
 from math import ceil
 from typing import Any
 
-import numpy as np
-
 from orchard.behaviour.bin import CALL_AGAIN, BinMemory
-from orchard.behaviour.dispatcher import POLL_TICKS, Booking, DispatcherMemory
+from orchard.behaviour.dispatcher import Booking, DispatcherMemory
 from orchard.contract.messages import CarrierStatus, Here, Offer, unpack
 from orchard.dispatch.policies import dispatch_of
 from orchard.event_model import columns as c
 from orchard.event_model.begun.moment import RunMoment
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
+from orchard.event_model.kernel import calls as kernel
 from orchard.event_model.kernel.calls import HEARD, ORDERED
 from orchard.event_model.kernel.handling import MAIL
+from orchard.event_model.plain import as_python
 from orchard.field.kinds import DISPATCH
 from orchard.field.scenario import TIME_STEP
 from orchard.sim.world import NONE
-
-EARLY = (c.PREDICTIVE, c.PREDICTIVE_FARTHEST, c.IN_PYTHON_EARLY)
 
 
 class CallsOfBins:
@@ -42,9 +40,8 @@ class CallsOfBins:
         self._coupled = moment.world.coupled.tolist()
         self._full = moment.world.full.tolist()
         self._index = moment.world.layout.index
-        policy = int(harvest.model.desk[0].policy)
-        self._is_early = policy in EARLY
-        self._has_dispatcher = policy != c.BY_CALLS
+        self._is_early = as_python(kernel.is_early)(harvest.model)
+        self._has_dispatcher = harvest.model.desk[0].policy != c.BY_CALLS
         self._dispatcher: DispatcherMemory = moment.memories.get(DISPATCH) or DispatcherMemory()
         self._bookings = self._dispatcher.bookings
 
@@ -159,9 +156,7 @@ class CallsOfBins:
         return picker.kind == c.DRIVE and self._ops.speed[picker.op] == 0.0
 
     def _full_at(self, picker: Doing, begun: int, drive: Any) -> float:
-        """Return the tick at which a bin is full whose picker has begun a row: as
-        `kernel.calls.see_row`.
-        """
+        """Return the tick at which a bin is full whose picker has begun a row."""
         elapsed = 0.0
         for op in range(begun, picker.op):
             elapsed += float(self._ops.ticks[op])
@@ -172,11 +167,8 @@ class CallsOfBins:
             driven = float(self._ops.metres[picker.op]) - ahead
             elapsed += driven / self._speed(picker.op) / TIME_STEP
         elapsed += picker.turned
-        speed = float(self._model.speeds[drive.row])
-        if self._ops.metres[begun] > 0.0:
-            speed = float(self._model.desk[0].mean_speed)
-        seconds = float(drive.metres) / speed + float(self._ops.seconds[begun])
-        return self._tick - elapsed + seconds / TIME_STEP
+        op = self._model.ops[begun]
+        return self._tick - elapsed + float(as_python(kernel.ticks_to_fill)(self._model, op, drive))
 
     def _speed(self, op: int) -> float:
         """Return the speed of a drive, m/s."""
@@ -198,7 +190,7 @@ class CallsOfBins:
         timers = self._model.timers
         self._model.bins[self._bins[name]].since = memory.since
         call = self._model.calls[picker.number]
-        chosen = memory.carrier or self._chosen(name, memory)
+        chosen = memory.carrier or self._chosen(name)
         if chosen:
             call.carrier = self._numbers[chosen].number
             # It is sent for two ticks after the call was heard, and hears that a tick later.
@@ -210,7 +202,7 @@ class CallsOfBins:
             again = memory.asked + CALL_AGAIN + 1
             timers[c.CALL_HEARD, picker.number] = c.QUARTERS * again
 
-    def _chosen(self, name: str, memory: BinMemory) -> str:
+    def _chosen(self, name: str) -> str:
         """Return the carrier that a bin chooses at the next tick; '' if it hears no offer."""
         offers = []
         for sender, answer in self._moment.answers(name):
@@ -237,7 +229,7 @@ class CallsOfBins:
         if memory.carrier:
             # It was sent for, and hears that a tick later.
             self._order(picker, memory.carrier, memory.asked + ORDERED)
-        elif booking is None or self._is_over(name, booking):
+        elif booking is None or self._is_over(booking):
             return
         elif booking.is_answered:
             self._order(picker, booking.carrier, booking.told + HEARD)
@@ -246,7 +238,7 @@ class CallsOfBins:
             asks = memory.asked if is_on_its_way else memory.asked + CALL_AGAIN
             self._order(picker, booking.carrier, asks + HEARD + ORDERED)
 
-    def _is_over(self, name: str, booking: Booking) -> bool:
+    def _is_over(self, booking: Booking) -> bool:
         """Whether a carrier that was booked for a bin has come, and the bin calls anew."""
         return booking.is_answered and booking.told + HEARD < self._tick
 
@@ -293,7 +285,7 @@ class CallsOfBins:
                 if isinstance(answer, CarrierStatus):
                     self._hear_status(self._numbers[sender], answer)
         else:
-            self._wake_dispatcher(desk)
+            as_python(kernel.wake_dispatcher)(self._model)
 
     def _decide_at(self, tick: int) -> None:
         """Let the dispatcher hear the carriers, or decide, at a tick."""
@@ -304,17 +296,8 @@ class CallsOfBins:
         me = self._model.robots[carrier.number]
         me.is_ready = status.is_next and not me.is_booked
         if self._harvest.asked_policy is None:
-            me.answer = int(1000.0 * status.metres + 0.5)
+            me.answer = as_python(kernel.whole_millimetres)(status.metres)
         else:
             me.answer = status.metres
             me.is_told = not me.is_booked
             me.told_job = self._bins.get(status.job, c.NONE)
-
-    def _wake_dispatcher(self, desk: Any) -> None:
-        """Let the dispatcher ask the carriers, if bins wait: as `kernel.calls.wake_dispatcher`."""
-        calls = self._model.calls.view(np.ndarray)
-        waiting = calls["since"][calls["is_open"] & ~calls["is_booked"]]
-        if waiting.size:
-            desk.asked = max(self._tick, int(waiting.min()) + 1, int(desk.asked) + POLL_TICKS)
-            desk.state = c.ABOUT_TO_ASK
-            self._decide_at(int(desk.asked) + 1)

@@ -12,9 +12,9 @@ from orchard.event_model import columns as c
 from orchard.event_model.begun.robots import Doing, Ops
 from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel import roads
-from orchard.event_model.kernel.compiled import in_python
 from orchard.event_model.kernel.drives import NEAR
 from orchard.event_model.kernel.roads import BESIDE, CLEAR
+from orchard.event_model.plain import as_python
 from orchard.event_model.program import Program
 from orchard.plans import steps as st
 
@@ -187,7 +187,7 @@ class LinesOfRobots:
             me.ahead = ahead
             if ahead != c.NONE:
                 model.robots[ahead].behind = number
-                room = float(in_python(roads.room)(model, number, ahead))
+                room = float(as_python(roads.room)(model, number, ahead))
                 me.line_end = max(place.at, min(place.end, room))
             ahead = number
         model.rears[0, line] = ahead

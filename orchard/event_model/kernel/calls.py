@@ -78,13 +78,10 @@ def see_row(m, picker):
     m.bins[me.bin].is_left = False
     if not is_early(m):
         return
-    # A bin sees how fast its row is picked only there.
-    speed = m.speeds[drive.row]
     seen = tick
     if op.metres > 0.0:
-        speed = m.desk[0].mean_speed
         seen = tick + 1
-    full = tick + (drive.metres / speed + op.seconds) / TIME_STEP
+    full = tick + ticks_to_fill(m, op, drive)
     call = m.calls[picker]
     if call.bin != me.bin:
         call.bin = me.bin
@@ -97,6 +94,18 @@ def see_row(m, picker):
     if not call.is_reported:
         call.since = max(seen, ceil(full - m.desk[0].horizon / TIME_STEP))
         m.timers[c.REPORT, picker] = c.QUARTERS * call.since
+
+
+@inner
+def ticks_to_fill(m, op, drive):
+    """Return the ticks from an op at which a picker begins a row until its bin is full.
+
+    A bin sees how fast its row is picked only there, and takes the mean speed before.
+    """
+    speed = m.speeds[drive.row]
+    if op.metres > 0.0:
+        speed = m.desk[0].mean_speed
+    return (drive.metres / speed + op.seconds) / TIME_STEP
 
 
 @inner
@@ -220,15 +229,21 @@ def is_nearer(m, carrier, other, end):
 def millimetres_to(m, carrier, end):
     """Return how far a carrier in the queue is from a lane's end by road, in whole millimetres."""
     if m.desk[0].asks_ways:
-        return floor(1000.0 * m.distances[carrier, end] + 0.5)
+        return whole_millimetres(m.distances[carrier, end])
     way = m.ways[m.robots[carrier].queue_line, end]
-    return floor(1000.0 * (way + m.desk[0].head - x_now(m, carrier)) + 0.5)
+    return whole_millimetres(way + m.desk[0].head - x_now(m, carrier))
 
 
 @inner
 def millimetres_to_head(m, carrier):
     """Return how far a carrier is from the head of its line, in whole millimetres."""
-    return floor(1000.0 * max(0.0, m.desk[0].head - x_now(m, carrier)) + 0.5)
+    return whole_millimetres(max(0.0, m.desk[0].head - x_now(m, carrier)))
+
+
+@inner
+def whole_millimetres(metres):
+    """Return a way of so many m, 0 or more, in whole millimetres."""
+    return floor(1000.0 * metres + 0.5)
 
 
 @inner

@@ -5,10 +5,8 @@ that of the others.
 """
 
 import hashlib
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from orchard.behaviour import bin, carrier, dispatcher
 from orchard.dispatch import ranking
@@ -30,9 +28,3 @@ def _sources() -> str:
 
 inner = partial(jit, sources=None, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 outer = partial(jit, sources=_sources(), no_cfunc_wrapper=True)
-
-
-def in_python(compiled: Any) -> Callable[..., Any]:
-    """Return a function of the machine as it is written, for a few calls from Python."""
-    function: Callable[..., Any] = getattr(compiled, "py_func", compiled)
-    return function

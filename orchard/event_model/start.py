@@ -1,0 +1,185 @@
+"""The start of a harvest in the event model: the program of an orchard, and the state in which all
+harvests of it begin. Both are kept for all its seeds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from orchard.event_model import columns as c
+from orchard.event_model.draws import draws
+from orchard.event_model.known import COMPILED
+from orchard.event_model.program import Program
+from orchard.field.kinds import DISPATCH, KINDS
+from orchard.field.layout import KEPT_LAYOUTS, Layout
+from orchard.field.placement import Start
+from orchard.field.rows import Block
+from orchard.plans.routes import ROUTES
+
+# Arrays of a model that a harvest changes.
+STATE = (
+    "robots",
+    "sets",
+    "scratch",
+    "rears",
+    "bins",
+    "calls",
+    "offers",
+    "distances",
+    "timers",
+    "desk",
+    "deliveries",
+    "exchanges",
+    "trips",
+)
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """What a program depends on. The speeds of rows are none of it."""
+
+    scenario: str
+    # A battery that lasts for ever reads as none in a scenario's text, and has charging lines.
+    queue_places: int
+    blocks: tuple[tuple[str, Block], ...]
+    layout: Layout = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What all seeds of an orchard share."""
+
+    program: Program
+    # Pickers and carriers, by name.
+    names: list[str]
+    # In the order of their names, as ties are.
+    bin_names: list[str]
+    # At the start of a harvest. Only copies are changed.
+    model: c.Model
+
+
+def prepare(layout: Layout) -> Prepared:
+    """Return the program of an orchard and its state at the start: the same ones for all seeds.
+
+    Raises NotImplementedError for a step that the model does not know.
+    """
+    scenario = layout.scenario
+    if scenario.route in ROUTES:
+        # The steps of a route of the user's own may depend on the seed.
+        scenario = scenario.model_copy(update={"seed": 0})
+    geometry = _Geometry(
+        scenario=scenario.model_dump_json(),
+        queue_places=layout.queue_places,
+        blocks=tuple(layout.blocks.items()),
+        layout=layout,
+    )
+    return _prepared(geometry)
+
+
+@lru_cache(maxsize=KEPT_LAYOUTS)
+def _prepared(geometry: _Geometry) -> Prepared:
+    layout = geometry.layout
+    program = Program(layout)
+    if layout.scenario.route not in ROUTES:
+        # A route of the user's own may have steps that the model does not know in any job.
+        program.translate_all()
+    starts = [start for start in layout.starts if start.kind in ("picker", "carrier")]
+    starts.sort(key=lambda start: start.name)
+    bin_names = sorted(start.bin for start in starts)
+    names = [start.name for start in starts]
+    return Prepared(program, names, bin_names, _initial(layout, program, starts, bin_names))
+
+
+def _initial(
+    layout: Layout, program: Program, starts: Sequence[Start], bin_names: list[str]
+) -> c.Model:
+    """Return a model at the start of a harvest, without the speeds of rows and without a log."""
+    count = len(starts)
+    bins = np.zeros(len(bin_names), c.BIN).view(np.recarray)
+    bins.taken = c.NEVER
+    bins.full = c.NONE
+    bins.called = -c.NEVER
+    calls = np.zeros(count, c.CALL).view(np.recarray)
+    calls.bin = c.NONE
+    calls.carrier = c.NONE
+    timers = np.full((c.EVENTS, count), c.NEVER)
+    timers[c.WAKE] = 0
+    exchanges = program.bins + count
+    return c.Model(
+        ops=program.ops.array,
+        needs=program.needs.array,
+        frees=program.frees.array,
+        places=program.lists,
+        lines=program.lines.array,
+        passes=program.passes.array,
+        ends=program.ends,
+        jobs=program.jobs,
+        ways=program.ways,
+        speeds=np.zeros(len(layout.lanes)),
+        **draws(layout, [start.name for start in starts], 0, None),
+        robots=_robots(program, starts, bin_names),
+        sets=np.zeros((c.SETS, count, program.words), np.uint64),
+        scratch=np.zeros((2, program.words), np.uint64),
+        rears=np.full((1, program.most_lines), c.NONE),
+        bins=bins,
+        calls=calls,
+        offers=np.full((count, len(bins)), c.NEVER),
+        distances=np.zeros((count, len(program.ends))),
+        timers=timers,
+        desk=_desk(layout, program),
+        deliveries=np.zeros(program.bins, np.int64),
+        exchanges=np.zeros(exchanges, c.EXCHANGE).view(np.recarray),
+        trips=np.zeros(exchanges, c.TRIP).view(np.recarray),
+        log=np.zeros(0, c.LOG).view(np.recarray),
+    )
+
+
+def _robots(program: Program, starts: Sequence[Start], bin_names: list[str]) -> Any:
+    robots = np.zeros(len(starts), c.ROBOT).view(np.recarray)
+    for column in c.INDICES:
+        robots[column] = c.NONE
+    robots.away = c.NEVER
+    robots.answered = c.NEVER
+    robots.claimed = -c.NEVER
+    robots.charge = 1.0
+    robots.parked = c.NEVER
+    for robot, start in zip(robots, starts, strict=True):
+        kind = KINDS[start.kind]
+        robot.x = start.pose.x
+        robot.y = start.pose.y
+        robot.length = kind.length
+        robot.width = kind.width
+        robot.tows = kind.tows
+        robot.bin = bin_names.index(start.bin)
+        if start.kind == "picker":
+            robot.next_op = program.harvests[start.name]
+        else:
+            robot.is_free = True
+            robot.queue_line = program.queue_line(start.name)
+            robot.next_op = program.waiting[robot.queue_line]
+    return robots
+
+
+def _desk(layout: Layout, program: Program) -> Any:
+    scenario = layout.scenario
+    has_dispatcher = DISPATCH in scenario.bodiless_agents
+    desk = np.zeros(1, c.DESK).view(np.recarray)
+    # A policy in Python is asked by whoever begins the harvest.
+    if has_dispatcher:
+        desk.policy = COMPILED.get(scenario.dispatch, c.IN_PYTHON)
+    desk.asks_ways = program.has_own_measure
+    desk.asked = -c.NEVER // 2
+    desk.horizon = program.horizon
+    desk.mean_speed = scenario.mean_picking_speed
+    desk.exit = layout.queue.area.east
+    desk.head = layout.queue.head
+    battery = scenario.carrying.battery
+    desk.battery_hours = battery.hours or inf
+    desk.seconds_to_charge = battery.hours_to_charge * 3600.0
+    desk.standing = battery.standing
+    desk.free_chargers = max(1, scenario.chargers)
+    return desk

@@ -119,10 +119,9 @@ class CallsOfBins:
         if is_repaired and self._picks(picker):
             call.failed = self._tick
         calls_at = ceil(call.full - self._model.desk[0].horizon / TIME_STEP)
-        has_asked_lately = self._tick - memory.asked <= CALL_AGAIN
-        if memory.since < 0 or not (memory.carrier or has_asked_lately):
-            # It has not called yet, or no longer: it thought that its picker would be faster.
-            call.is_reported = False
+        if memory.since < 0 or not (memory.carrier or calls_at <= self._tick):
+            # It has not called yet, or has paused: it had thought that its picker would be faster.
+            pass
             call.since = max(self._tick, calls_at)
             self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
         else:
@@ -136,7 +135,9 @@ class CallsOfBins:
         call.end = drive.end
         call.failed = c.NONE
         call.is_reported = memory.since >= 0
-        call.since = memory.since
+        # A bin that has paused, because it was to be full later than it had thought, reports in
+        # another rhythm than that of its first report.
+        call.since = memory.since + (memory.asked - memory.since) % CALL_AGAIN
         return memory
 
     def _last_op(self, picker: Doing, kind: int) -> int | None:

@@ -121,7 +121,7 @@ class CallsOfBins:
         calls_at = ceil(call.full - self._model.desk[0].horizon / TIME_STEP)
         if memory.since < 0 or not (memory.carrier or calls_at <= self._tick):
             # It has not called yet, or has paused: it had thought that its picker would be faster.
-            pass
+            call.is_reported = False
             call.since = max(self._tick, calls_at)
             self._model.timers[c.REPORT, picker.number] = c.QUARTERS * call.since
         else:

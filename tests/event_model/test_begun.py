@@ -17,6 +17,8 @@ from orchard.local import Local
 
 # Ticks by which each delivery may differ where no decision does.
 NEAR = 20
+# Ticks by which it differs at most in a small orchard, from whichever tick on.
+EXACT = 5
 # Ticks that a run of a test may have.
 LONGEST = 4500
 SMALL = NOBODY | {"rows": 5, "pickers": 3, "carriers": 3, "row_length": 24.0}
@@ -101,11 +103,11 @@ def test_soak_nearly_all_starts_have_the_deliveries_of_the_run() -> None:
 def test_no_moment_of_a_harvest_is_lost(dispatch: str, route: str) -> None:
     """Moments of each kind of step: a harvest goes on from each of them, and ends as the run."""
     layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
-    ticks = [*range(1, 3000, 61)]
+    ticks = [*range(1, 3000, 17)]
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
     apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
-    assert len(apart) > 15
-    assert not {tick: off for tick, off in apart.items() if off > NEAR}
+    assert len(apart) > 55
+    assert not {tick: off for tick, off in apart.items() if off > EXACT}
 
 
 def test_a_bin_that_has_paused_reports_in_its_new_rhythm() -> None:
@@ -119,9 +121,10 @@ def test_a_bin_that_has_paused_reports_in_its_new_rhythm() -> None:
 
 
 @pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
-def test_each_tick_of_a_handover_is_a_moment(dispatch: str) -> None:
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_each_tick_of_a_handover_is_a_moment(dispatch: str, route: str) -> None:
     """From before a carrier leaves its bin to when the picker drives on: letters are under way."""
-    layout = lay_out_small(dispatch=dispatch, route="two-way", rows=3, pickers=2, carriers=2)
+    layout = lay_out_small(dispatch=dispatch, route=route, rows=3, pickers=2, carriers=2)
     run = Local(layout.scenario, is_hashed=False)
     while not any(memory.offered for memory in memories_of_pickers(run)):
         run.tick()
@@ -130,7 +133,17 @@ def test_each_tick_of_a_handover_is_a_moment(dispatch: str) -> None:
     delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
     apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
     assert len(apart) == len(ticks)
-    assert not {tick: off for tick, off in apart.items() if off > NEAR}
+    assert not {tick: off for tick, off in apart.items() if off > 1}
+
+
+@pytest.mark.parametrize("dispatch", ["nearest", "predictive"])
+def test_each_tick_of_the_first_orders_is_a_moment(dispatch: str) -> None:
+    """From the first call until all carriers are on their way, and the first bin is left."""
+    layout = lay_out_small(dispatch=dispatch, route="two-way", rows=3, pickers=2, carriers=2)
+    ticks = [*range(3, 360)]
+    delivered, begun = deliveries_from(Local(layout.scenario, is_hashed=False), ticks)
+    apart = {tick: farthest_apart(delivered, one) for tick, one in begun.items()}
+    assert not {tick: off for tick, off in apart.items() if off > 2}
 
 
 def test_a_robot_under_repair_is_repaired_in_the_harvest() -> None:

@@ -184,6 +184,11 @@ class CallsOfBins:
         else:
             self._go_on_asking_all(picker, name, memory)
 
+    def _has_job(self, carrier: str, bin_name: str) -> bool:
+        """Whether a carrier has taken the job of a bin."""
+        job = self._numbers[carrier].memory.job
+        return job is not None and job.bin == bin_name
+
     # -- calls that ask all carriers
 
     def _go_on_asking_all(self, picker: Doing, name: str, memory: BinMemory) -> None:
@@ -192,6 +197,9 @@ class CallsOfBins:
         self._model.bins[self._bins[name]].since = memory.since
         call = self._model.calls[picker.number]
         chosen = memory.carrier or self._chosen(name)
+        if chosen and self._has_job(chosen, name):
+            # It has agreed, and the bin will hear of that.
+            return
         if chosen:
             call.carrier = self._numbers[chosen].number
             # It is sent for two ticks after the call was heard, and hears that a tick later.
@@ -246,12 +254,11 @@ class CallsOfBins:
     def _order(self, picker: Doing, carrier: str, tick: int) -> None:
         """Let a carrier hear at a tick that it was sent."""
         call = self._model.calls[picker.number]
-        me = self._numbers[carrier]
-        job = me.memory.job
-        if job is not None and job.bin == self._harvest.bin_names[int(call.bin)]:
-            # It has heard, and its bin will hear of that.
+        if self._has_job(carrier, self._harvest.bin_names[int(call.bin)]):
+            # It has agreed, and the bin will hear of that.
             call.is_open = False
             return
+        me = self._numbers[carrier]
         call.is_booked = True
         call.carrier = me.number
         me.more["is_booked"] = True

@@ -53,7 +53,7 @@ class LinesOfRobots:
 
     def place(self, me: Doing) -> OnLine:
         """Return where a robot is on its line. Set what remains of its drive, if it drives."""
-        on_line = OnLine(line=self._first_line(me))
+        on_line = self._at_first(me)
         has_bin = True
         for op in range(max(me.first, me.op - LOOKED_BACK), me.op):
             kind = int(self._ops.kind[op])
@@ -71,14 +71,19 @@ class LinesOfRobots:
             self._go_on_driving(on_line, me)
         return on_line
 
-    def _first_line(self, me: Doing) -> int:
-        """Return the line on which a robot is when its plan begins: a carrier with a job waits in
+    def _at_first(self, me: Doing) -> OnLine:
+        """Return on which line a robot is when its plan begins: a carrier that gets a job stands in
         its line of the queue.
         """
-        waiting = self._program.waiting
         if "customer" not in me.more or me.op - LOOKED_BACK > me.first:
-            return c.NONE
-        return int(self._ops.line[waiting[me.more["queue_line"]]])
+            return OnLine()
+        line = int(self._ops.line[self._program.waiting[me.more["queue_line"]]])
+        here = self._along(line, me.pose.x, me.pose.y)
+        return OnLine(line=line, at=here, end=here)
+
+    def _along(self, line: int, x: float, y: float) -> float:
+        """Return where a point is along a line, m."""
+        return float(self._sign[line]) * (x if self._axis[line] == 0 else y)
 
     # -- what was before
 
@@ -142,7 +147,7 @@ class LinesOfRobots:
         line = int(ops.line[me.op])
         sign = float(self._sign[line])
         target = float(ops.target[me.op])
-        me.here = sign * (me.pose.x if self._axis[line] == 0 else me.pose.y)
+        me.here = self._along(line, me.pose.x, me.pose.y)
         begun = target - float(ops.metres[me.op])
         me.more["here"] = me.here
         me.more["left_at"] = self._left_at(on_line, me.op, begun)
@@ -156,7 +161,7 @@ class LinesOfRobots:
         me.more["has_arrived"] = has_arrived
         course = me.memory.course
         if has_arrived and course is not None:
-            goal = sign * (course.x if self._axis[line] == 0 else course.y)
+            goal = self._along(line, course.x, course.y)
             on_line.end = max(me.here, min(goal, me.more["stop"]))
 
     # -- the order

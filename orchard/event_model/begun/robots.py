@@ -246,7 +246,11 @@ class Robots:
 
     def _pause(self, me: Doing) -> None:
         """Stand for the rest of the time."""
-        self._last(me, me.memory.since + int(self.ops.ticks[me.op]))
+        begun = me.memory.since
+        if isinstance(me.step, st.Confirmed):
+            # A carrier that was sent does that step in the middle of another plan.
+            begun = me.memory.asked.get(f"Confirm {me.step.bin}", self.tick)
+        self._last(me, begun + int(self.ops.ticks[me.op]))
 
     def _await_places(self, me: Doing) -> None:
         """Ask for the op's places, or go on with them, at the next tick."""
@@ -254,7 +258,7 @@ class Robots:
 
     def _leave_bin(self, me: Doing) -> None:
         """Uncouple the full bin for the rest of the time that it takes."""
-        self._handle(me, c.LEAVING_BIN)
+        self._uncouple(me, c.LEAVING_BIN, me.memory.full_bin)
 
     def _last(self, me: Doing, until: int) -> None:
         """Last up to a tick, and go on then."""
@@ -284,6 +288,14 @@ class Robots:
         me.state = state
         me.alarm = max(self.tick, me.memory.since + ticks)
 
+    def _uncouple(self, me: Doing, state: int, bin_name: str) -> None:
+        """Uncouple a bin for the rest of the time that it takes."""
+        self._handle(me, state)
+        if me.bin == c.NONE:
+            # Physics has uncoupled it, and the robot will see that.
+            me.bin = self.bins[bin_name]
+            me.alarm = self.tick
+
     def _take_bin(self, me: Doing) -> None:
         """Couple the full bin for the rest of the time that it takes."""
         self._handle(me, c.TAKING_BIN)
@@ -298,11 +310,7 @@ class Robots:
         picker = me.step.picker
         asked = me.memory.asked.get(f"Here {picker}")
         if asked is None:
-            self._handle(me, c.DROPPING_BIN)
-            if me.bin == c.NONE:
-                # Physics has uncoupled it, and the carrier will see that.
-                me.bin = self.bins[me.memory.delivered]
-                me.alarm = self.tick
+            self._uncouple(me, c.DROPPING_BIN, me.memory.delivered)
             return
         me.more["asked"] = asked
         if asked + ASK >= self.tick and self._has_taken(

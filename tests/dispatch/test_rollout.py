@@ -17,9 +17,9 @@ from orchard.dispatch.rollout import RollOut
 from orchard.field.layout import Layout, lay_out
 
 HARVESTS = 100
-# Measured with this seed: 1.2 % on average, 6.8 % at most; with two carriers 0.6 and 1.9 %.
+# Measured: 1.3 % on average, 6.0 % at most; with two carriers 0.7 and 1.9 %.
 ON_AVERAGE = 0.015
-AT_MOST = 0.075
+AT_MOST = 0.07
 OF_TWO_CARRIERS = 0.02
 
 
@@ -74,3 +74,25 @@ def test_with_two_carriers_each_harvest_takes_as_long(differences) -> None:
     apart = [abs(share) for carriers, share in differences if carriers == 2]
     assert len(apart) > HARVESTS // 5
     assert max(apart) < OF_TWO_CARRIERS
+
+
+def test_the_bay_takes_as_long_where_all_wait_for_it() -> None:
+    """Many carriers and short rows: the bay decides how long it takes.
+
+    Measured: the roll-out takes 2.2 % longer. With 4 s less for each bin in the bay it is 1.5 %
+    shorter.
+    """
+    layout = lay_out(
+        empty_orchard(
+            rows=12,
+            pickers=12,
+            carriers=12,
+            row_length=30.0,
+            picking_speed=1.0,
+            route="two-way",
+            rows_to_pickers="balanced-ends",
+            dispatch="predictive",
+        )
+    )
+    share = rolled_out_seconds(layout) / DiscreteHarvest(layout).run().seconds - 1.0
+    assert 0.0 <= share < 0.03

@@ -3,16 +3,23 @@
 Theory of operation. First the futures of up to twelve kept moments are lived. From the last of
 these moments that has a good future, the next one has none: between the two lies the decision.
 Then the moment in the middle replaces one of the two, until they are next to each other.
+
+Where the event model can do the futures, it does this search in seconds. The simulator then lives
+the futures of the last good and the first bad moment only. If these end as they were expected to,
+this is the answer. If not, the simulator searches by itself.
 """
 
 import re
 from collections.abc import Callable, Collection, Sequence
+from functools import cache
 from operator import gt, lt
 from pathlib import Path
 from typing import Any
 
+from orchard.discrete.harvest import get_ready
 from orchard.field.scenario import TICKS_PER_SECOND, check
 from orchard.fork import NotNow
+from orchard.futures.forecasts import FORECAST
 from orchard.futures.fork import changes_of
 from orchard.futures.futures import SHOWN, Branch, Futures, mean_of, well_ended
 from orchard.futures.moments import Future, WatchedRun, snapshot_at
@@ -40,7 +47,7 @@ class Bisection:
     ) -> None:
         """`live_at`: returns the futures of a moment, none if nothing can be changed there."""
         self._live_at = live_at
-        self._ends_badly = ends_badly
+        self.ends_badly = ends_badly
         self.lived: dict[int, list[Future]] = {}  # tick of a moment -> its futures
 
     def search(self) -> None:
@@ -55,7 +62,21 @@ class Bisection:
 
     def good_count(self, tick: int) -> int:
         """Return how many futures of a moment end well."""
-        return sum(not self._ends_badly(future) for future in self.lived[tick])
+        return sum(not self.ends_badly(future) for future in self.lived[tick])
+
+    @property
+    def answer(self) -> tuple[int | None, int | None]:
+        """The last good moment, and the first bad one after it."""
+        return self.last_good, self.first_bad
+
+    @property
+    def edges(self) -> list[int]:
+        """The ticks of the moments on which the answer rests."""
+        good = self.last_good
+        if good is None:
+            return sorted({min(self.lived), max(self.lived)})
+        bad = self.first_bad
+        return [good] if bad is None else [good, bad]
 
     @property
     def last_good(self) -> int | None:
@@ -81,23 +102,93 @@ def bisect_futures(chosen: ForkOptions, folder: Path, futures: Futures) -> dict[
     moments = _first_moments(folder, chosen.at)
     ends_badly = badly(condition, _figures_at(folder, moments[0]))
 
+    @cache
     def begun_at(tick: int) -> list[Snapshot]:
         return _begun(chosen, snapshot_at(folder, tick, print_error), futures)
 
-    bisection = Bisection(lambda tick: futures.live(begun_at(tick)), ends_badly)
-    bisection.lived = _lived_together({tick: begun_at(tick) for tick in moments}, futures)
-    bisection.search()
+    expected = Bisection(lambda tick: [], ends_badly)
+    if _can_be_expected(chosen):
+        expected = expected_search(moments, begun_at, futures, ends_badly)
+    bisection = confirmed_search(expected, moments, begun_at, futures)
     good = bisection.last_good
     print_line(decision_words(condition, bisection))
-    _show(bisection)
+    _show(bisection, expected)
     if chosen.picture is not None:
-        _draw(bisection, chosen.picture)
-    lived = sorted(bisection.lived.items())
+        _draw(bisection, expected, chosen.picture)
     return {
         "condition": condition,
         "decided_seconds": None if good is None else good / TICKS_PER_SECOND,
-        "futures": {tick / TICKS_PER_SECOND: of_moment for tick, of_moment in lived},
+        "futures": _by_seconds(bisection),
+        "expected_futures": _by_seconds(expected),
     }
+
+
+def _by_seconds(bisection: Bisection) -> dict[float, list[Future]]:
+    """Return the futures of each moment, by its simulated time, s."""
+    lived = sorted(bisection.lived.items())
+    return {tick / TICKS_PER_SECOND: of_moment for tick, of_moment in lived}
+
+
+class _NotKnownError(Exception):
+    """Raised for a future that the event model cannot do."""
+
+
+def _can_be_expected(chosen: ForkOptions) -> bool:
+    """Whether the event model gives what the condition asks for, of whole harvests."""
+    condition = chosen.bisect or ""
+    parts = _CONDITION.fullmatch(condition)
+    is_given = condition == "jam" or (parts is not None and parts[1] in FORECAST)
+    return is_given and not chosen.stop and chosen.duration is None
+
+
+def expected_search(
+    moments: Sequence[int],
+    begun_at: Callable[[int], list[Snapshot]],
+    futures: Futures,
+    ends_badly: Callable[[Future], bool],
+) -> Bisection:
+    """Return the search by the event model; without any moment if it cannot do one of the futures.
+
+    `moments`: ticks at which it begins. `begun_at`: returns the first moments of the futures.
+    """
+
+    def expected_at(tick: int) -> list[Future]:
+        begun = begun_at(tick)
+        known = [future for future in futures.forecast(begun) if future is not None]
+        if len(known) < len(begun):
+            raise _NotKnownError
+        return known
+
+    # Several processes would else compile it, each for itself.
+    get_ready(check(begun.scenario) for begun in begun_at(moments[0])[:1])
+    bisection = Bisection(expected_at, ends_badly)
+    try:
+        bisection.lived = {tick: expected_at(tick) for tick in moments}
+        bisection.search()
+    except _NotKnownError:
+        return Bisection(expected_at, ends_badly)
+    return bisection
+
+
+def confirmed_search(
+    expected: Bisection,
+    moments: Sequence[int],
+    begun_at: Callable[[int], list[Snapshot]],
+    futures: Futures,
+) -> Bisection:
+    """Return the search by the simulator, of as few moments as what is expected allows.
+
+    `expected`: the search by the event model; without any moment if there is none.
+    """
+    bisection = Bisection(lambda tick: futures.live(begun_at(tick)), expected.ends_badly)
+    first = expected.edges if expected.lived else moments
+    bisection.lived = _lived_together({tick: begun_at(tick) for tick in first}, futures)
+    if expected.lived and bisection.answer != expected.answer:
+        print_error("the simulator ends otherwise than the event model: it searches by itself")
+        others = [tick for tick in moments if tick not in bisection.lived]
+        bisection.lived |= _lived_together({tick: begun_at(tick) for tick in others}, futures)
+    bisection.search()
+    return bisection
 
 
 def _first_moments(folder: Path, last: int | None) -> list[int]:
@@ -171,26 +262,36 @@ def decision_words(condition: str, bisection: Bisection) -> str:
     )
 
 
-def _show(bisection: Bisection) -> None:
-    """Print the table of the futures of all moments."""
-    shown = table(None, "from", "end well", *SHOWN.values())
-    for tick, of_moment in sorted(bisection.lived.items()):
-        count = f"{bisection.good_count(tick)} of {len(of_moment)}" if of_moment else "not now"
-        means = [interval_words(mean_of(key, of_moment), " ±") for key in SHOWN]
-        shown.add_row(clock(tick), count, *means)
+def _show(bisection: Bisection, expected: Bisection) -> None:
+    """Print the table of the futures of all moments.
+
+    `expected`: what the event model has found. It is shown where the simulator has no futures.
+    """
+    shown = table(None, "from", "by", "end well", *SHOWN.values())
+    for tick in sorted({*bisection.lived, *expected.lived}):
+        is_lived = tick in bisection.lived
+        found = bisection if is_lived else expected
+        of_moment = found.lived[tick]
+        count = f"{found.good_count(tick)} of {len(of_moment)}" if of_moment else "not now"
+        figures = SHOWN if is_lived else FORECAST
+        means = {key: interval_words(mean_of(key, of_moment), " ±") for key in figures}
+        cells = [means.get(key, "") for key in SHOWN]
+        shown.add_row(clock(tick), "simulator" if is_lived else "event model", count, *cells)
     console.print(shown)
 
 
-def _draw(bisection: Bisection, picture: Path) -> None:
+def _draw(bisection: Bisection, expected: Bisection, picture: Path) -> None:
     """Draw the futures of all moments into a file. Raises OSError."""
     # matplotlib takes half a second to load.
     from orchard.study.picture import save_futures
 
     rates = {}
     shares = {}
-    for tick, of_moment in sorted(bisection.lived.items()):
+    for tick in sorted({*bisection.lived, *expected.lived}):
+        found = bisection if tick in bisection.lived else expected
+        of_moment = found.lived[tick]
         minute = tick / MINUTE
         rates[minute] = [future["bins_per_hour"] for future in well_ended(of_moment)]
-        shares[minute] = bisection.good_count(tick) / max(1, len(of_moment))
+        shares[minute] = found.good_count(tick) / max(1, len(of_moment))
     good = bisection.last_good
     save_futures(picture, rates, shares, None if good is None else good / MINUTE)

@@ -6,7 +6,7 @@ that is random from there on.
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import typer
 from rich.progress import Progress
@@ -14,6 +14,7 @@ from rich.progress import Progress
 from orchard.field.repeatable import draw
 from orchard.field.scenario import check, with_changes
 from orchard.fork import forked
+from orchard.futures.forecasts import forecast
 from orchard.futures.moments import Future, live
 from orchard.futures.options import ForkOptions
 from orchard.launch.beginning import check_end
@@ -26,6 +27,10 @@ from orchard.study.settings import Setting
 from orchard.study.workers import Workers
 from orchard.terminal.exits import FAILED
 from orchard.terminal.output import print_error
+
+Result = TypeVar("Result")
+# What is done with a future: its number and its first moment are given.
+Work = Callable[[tuple[int, Snapshot]], Result]
 
 CONFIDENCE = 0.95
 FUTURES = 8  # for each moment, if a user says nothing else
@@ -96,11 +101,22 @@ class Futures:
 
     def live(self, begun: Sequence[Snapshot]) -> list[Future]:
         """Return what these futures give. Raises typer.Exit if the user stops the command."""
-        done: dict[int, Future] = {}
+        return self._do(self._live, begun)
+
+    def forecast(self, begun: Sequence[Snapshot]) -> list[Future | None]:
+        """Return what the event model expects of these futures; None of one that it cannot do.
+
+        Raises typer.Exit if the user stops the command.
+        """
+        return self._do(forecast, begun)
+
+    def _do(self, work: Work[Result], begun: Sequence[Snapshot]) -> list[Result]:
+        """Return what a work gives for each of these first moments, done side by side."""
+        done: dict[int, Result] = {}
         self._progress.update(self._task, completed=0, total=len(begun))
         jobs = list(enumerate(begun))
-        for (number, _), future in self._workers.do(self._live, jobs, self._may_begin):
-            done[number] = future
+        for (number, _), result in self._workers.do(work, jobs, self._may_begin):
+            done[number] = result
             self._progress.advance(self._task)
         if len(done) < len(begun):
             print_error("stopped; nothing is kept")

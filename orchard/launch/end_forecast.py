@@ -8,18 +8,13 @@ meet them at other times, which tells how sure the answer is.
 import threading
 import time
 from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from statistics import fmean, stdev
 
-from orchard.behaviour.catalogue import make_agents
-from orchard.dispatch.policies import POLICIES
-from orchard.event_model.known import refuse_unknown
+from orchard.begun_harvest import harvest_from, is_built_in
 from orchard.field.layout import Layout
-from orchard.field.scenario import Scenario
-from orchard.plans.routes import ROUTES
 from orchard.report.progress import EndOfRun
-from orchard.saved_run import memories_in
-from orchard.sim.restore import world_from
 from orchard.sim.snapshot import Snapshot, SnapshotError, newest
 
 # s of wall time: before the first look, and between two.
@@ -44,7 +39,7 @@ class EndForecast:
         self._looking: threading.Thread | None = None
         self._last: EndOfRun | None = None
         # Whether it looks at all.
-        self.is_wanted = snapshots is not None and _is_built_in(layout.scenario)
+        self.is_wanted = snapshots is not None and is_built_in(layout.scenario)
 
     def __call__(self) -> EndOfRun | None:
         """Return the newest answer; None while there is none. Look again if it is time."""
@@ -69,47 +64,25 @@ class EndForecast:
         self._due = time.monotonic() + max(AGAIN, PAUSE * seconds)
 
 
-def _is_built_in(scenario: Scenario) -> bool:
-    """Whether the event model knows all of a scenario, which names no code of a user: a forecast
-    executes none.
-    """
-    try:
-        refuse_unknown(scenario)
-    except ValueError:
-        return False
-    return scenario.dispatch in POLICIES and scenario.route in ROUTES
-
-
 def end_of(snapshot: Snapshot) -> EndOfRun | None:
     """Return when the run of a snapshot will be done.
 
     None if the event model cannot go on from it, if agents are lost or left to clients elsewhere,
     or if the harvest does not end. Raises SnapshotError.
     """
-    if snapshot.elsewhere or snapshot.lost:
+    first = harvest_from(snapshot)
+    if first is None:
         return None
-    from orchard.event_model.begun.begin import begin_at
-    from orchard.event_model.begun.moment import RunMoment
-
-    world = world_from(snapshot)
-    layout = world.layout
-    if not _is_built_in(layout.scenario):
-        return None
-    memories = memories_in(snapshot, make_agents(layout))
-    moment = RunMoment(world, memories, dict(snapshot.letters))
     # The first harvest meets people as the run's own seed has it, the others as other seeds do.
     # Where nobody is about, all would be the same.
-    ends = []
-    for number in range(DRAWS):
-        try:
-            harvest = begin_at(moment)
-        except NotImplementedError:
-            return None
-        if number:
-            harvest.meet_as_with(layout.scenario.seed + number)
-            if not harvest.model.encounters.size:
-                break
-        if not harvest.run().is_over:
-            return None
-        ends.append(harvest.seconds)
+    harvests = [first]
+    if first.model.encounters.size:
+        seed = first.layout.scenario.seed
+        for number in range(1, DRAWS):
+            other = deepcopy(first)
+            other.meet_as_with(seed + number)
+            harvests.append(other)
+    if not all(harvest.run().is_over for harvest in harvests):
+        return None
+    ends = [harvest.seconds for harvest in harvests]
     return EndOfRun(fmean(ends), SURE * stdev(ends) if len(ends) > 1 else 0.0)

@@ -1,0 +1,106 @@
+"""The event model beside the simulator: futures of a fork, and the search for a decision."""
+
+import pytest
+from quiet import NOBODY
+
+from orchard.field.scenario import Scenario
+from orchard.fork import forked
+from orchard.futures.bisection import Bisection, badly, confirmed_search, expected_search
+from orchard.futures.forecasts import forecast
+from orchard.futures.moments import live
+from orchard.local import Local
+
+SMALL = {"rows": 4, "pickers": 2, "carriers": 2, "row_length": 24.0, "queue_room": 3}
+FOREVER = 10**9
+MOMENTS = [0, 600, 1200]
+# Harvests of 600 s end well.
+ENDS_BADLY = badly("sim_seconds>700", ["sim_seconds"])
+
+
+def moment_at(tick, **values):
+    run = Local(Scenario.model_validate(SMALL | NOBODY | values), is_hashed=False)
+    while run.engine.tick < tick:
+        run.tick()
+    return run.snapshot()
+
+
+@pytest.mark.parametrize("changes", [{}, {"carriers": 3}, {"dispatch": "nearest"}])
+@pytest.mark.parametrize("tick", [0, 437])
+def test_a_forecast_is_what_the_simulator_lives(changes, tick):
+    first_moment = forked(moment_at(tick), changes)
+    lived = live(FOREVER, (0, first_moment))
+    expected = forecast((0, first_moment))
+    assert expected is not None
+    assert expected["ended"] == lived["ended"] == "harvested"
+    assert expected["sim_seconds"] == pytest.approx(lived["sim_seconds"], abs=2.0)
+    assert expected["bins_per_hour"] == pytest.approx(lived["bins_per_hour"], rel=0.005)
+
+
+def test_part_full_bins_count_in_a_forecast_as_in_a_run():
+    first_moment = moment_at(300, metres_per_bin=17.0)
+    lived = live(FOREVER, (0, first_moment))
+    expected = forecast((0, first_moment))
+    assert expected is not None
+    assert expected["bins_per_hour"] == pytest.approx(lived["bins_per_hour"], rel=0.005)
+
+
+def test_of_robots_that_were_stopped_there_is_no_forecast():
+    assert forecast((0, forked(moment_at(200), {}, ["picker_02"]))) is None
+
+
+class OnPaper:
+    """Futures of which nothing is lived: up to a tick each ends well, and as is expected."""
+
+    def __init__(self, decided, expected):
+        self.decided = decided
+        self.expected = expected
+        self.lived_ticks = []
+
+    def live(self, begun):
+        self.lived_ticks += begun
+        return [self._future(tick, self.decided) for tick in begun]
+
+    def forecast(self, begun):
+        return [None if self.expected is None else self._future(begun[0], self.expected)]
+
+    def _future(self, tick, decided):
+        return {"ended": "harvested", "sim_seconds": 600.0 if tick <= decided else 800.0}
+
+
+def searched(monkeypatch, futures):
+    """Search by the event model, and then by the simulator. Return the latter."""
+    monkeypatch.setattr("orchard.futures.bisection.get_ready", list)
+    monkeypatch.setattr("orchard.futures.bisection.check", lambda scenario: scenario)
+
+    class Tick(int):
+        scenario = None
+
+    def begun_at(tick):
+        return [Tick(tick)]
+
+    expected = expected_search(MOMENTS, begun_at, futures, ENDS_BADLY)
+    return confirmed_search(expected, MOMENTS, begun_at, futures)
+
+
+@pytest.mark.parametrize(("decided", "count"), [(-1, 2), (0, 2), (777, 2), (9999, 1)])
+def test_what_is_expected_is_confirmed_at_one_or_two_moments(monkeypatch, decided, count):
+    futures = OnPaper(decided, expected=decided)
+    assert_is_found(searched(monkeypatch, futures), decided)
+    assert len(futures.lived_ticks) == count
+
+
+@pytest.mark.parametrize("decided", [-1, 0, 777, 9999])
+@pytest.mark.parametrize("expected", [-1, 0, 300, 776, 790, 1300, None])
+def test_a_wrong_expectation_changes_no_answer(monkeypatch, decided, expected):
+    assert_is_found(searched(monkeypatch, OnPaper(decided, expected)), decided)
+
+
+def assert_is_found(bisection: Bisection, decided: int) -> None:
+    """Assert that the answer is that of a search by the simulator alone."""
+    good, bad = bisection.answer
+    if decided < MOMENTS[0]:
+        assert good is None
+    elif decided > MOMENTS[-1]:
+        assert (good, bad) == (MOMENTS[-1], None)
+    else:
+        assert good <= decided < bad <= good + 10

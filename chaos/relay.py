@@ -9,11 +9,57 @@ import asyncio
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, Protocol
 
 from orchard.launch.supervisor import free_port
 
 CHUNK = 1 << 16  # bytes that are passed on at a time, at most
+
+
+class Damage(Protocol):
+    """What a relay does to the bytes that pass."""
+
+    def carry(self, chunk: bytes) -> tuple[bytes, bool]:
+        """Return what passes of a chunk, and whether the link breaks after it."""
+
+
+class NoDamage:
+    """All passes as it is."""
+
+    def carry(self, chunk: bytes) -> tuple[bytes, bool]:
+        """Return the chunk."""
+        return chunk, False
+
+
+class Change:
+    """Some bytes pass as others, each time. They must be in one chunk: a small write is."""
+
+    def __init__(self, sent: bytes, arrived: bytes) -> None:
+        """Raises ValueError unless both are equally long: else all frames after them are torn."""
+        if len(sent) != len(arrived):
+            raise ValueError(f"{len(sent)} bytes cannot pass as {len(arrived)}")
+        self._sent = sent
+        self._arrived = arrived
+
+    def carry(self, chunk: bytes) -> tuple[bytes, bool]:
+        """Return the chunk with the other bytes."""
+        return chunk.replace(self._sent, self._arrived), False
+
+
+class Break:
+    """A link breaks where some bytes begin, once. They must be in one chunk."""
+
+    def __init__(self, where: bytes) -> None:
+        self._where = where
+        self._is_done = False
+
+    def carry(self, chunk: bytes) -> tuple[bytes, bool]:
+        """Return what stands before these bytes, and that the link breaks; else the chunk."""
+        at = -1 if self._is_done else chunk.find(self._where)
+        if at < 0:
+            return chunk, False
+        self._is_done = True
+        return chunk[:at], True
 
 
 class _Link:
@@ -46,6 +92,7 @@ class Relay:
         self._target = target
         self._loop = asyncio.new_event_loop()
         self._links: list[_Link] = []
+        self._damage: Damage = NoDamage()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
 
     def __enter__(self) -> "Relay":
@@ -79,8 +126,13 @@ class Relay:
         """Delay each chunk of one link or of all links by so many seconds until `heal`."""
         self._change(which, lambda link: setattr(link, "delay", seconds))
 
+    def damage(self, damage: Damage) -> None:
+        """Let it happen to all that passes from now on, on each link, until `heal`."""
+        self._damage = damage
+
     def heal(self) -> None:
-        """End all stalls, and the delays set by `delay`."""
+        """End all stalls, the delays set by `delay`, and the damage."""
+        self._damage = NoDamage()
 
         def change(link: _Link) -> None:
             link.delay = 0.0
@@ -130,8 +182,11 @@ class Relay:
             while chunk := await reader.read(CHUNK):
                 await link.open.wait()
                 await asyncio.sleep(link.delay)
-                writer.write(chunk)
+                passed, is_end = self._damage.carry(chunk)
+                writer.write(passed)
                 await writer.drain()
+                if is_end:
+                    break
         link.cut()
 
     async def _close(self) -> None:

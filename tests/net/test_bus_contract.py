@@ -11,13 +11,17 @@ from random import Random
 import pytest
 from patience import PATIENCE
 
-from chaos.relay import Relay
+from chaos.relay import Break, Change, Relay
 from chaos.simulated.link import Delays
 from chaos.simulated.network import Network
 from chaos.simulated.scheduler import Scheduler, VirtualInbox
+from chaos.simulated.tearing import Tearer, Tears, is_message
+from orchard.contract.messages import pack
 from orchard.net.bus import TIMED_OUT, Alive, Final, Inbox, Query, Replied, Sample, Signal
 from orchard.net.endpoints import BusError
+from orchard.net.refusals import Refused, read_message
 from orchard.net.zenoh_bus import client, router
+from orchard.wire.messages import Departure, Lost, Recall, Recalled
 
 LONG = 5.0  # s in which all arrives, also on a busy machine
 SHORT = 0.5  # s in which nothing arrives
@@ -43,6 +47,29 @@ class OverZenoh:
 
     def cut(self) -> None:
         self._relay.cut()
+
+    def damage(self, sent: bytes, arrived: bytes) -> None:
+        """Let some bytes arrive as others, wherever they stand in a payload."""
+        self._relay.damage(Change(sent, arrived))
+
+    def heal(self) -> None:
+        self._relay.heal()
+
+    def break_within(self, bus, key: str, payload: bytes, where: bytes) -> None:
+        """Publish a payload, and let all links break when it has passed up to `where`."""
+        self._relay.damage(Break(where))
+        bus.publish(key, payload)
+
+
+class Changed:
+    """Changes what passes a simulated link, as the relay does."""
+
+    def __init__(self, sent: bytes, arrived: bytes) -> None:
+        self._sent = sent
+        self._arrived = arrived
+
+    def carry(self, key: str, payload: bytes, is_reply: bool) -> bytes:
+        return payload.replace(self._sent, self._arrived)
 
 
 class Simulated:
@@ -72,6 +99,20 @@ class Simulated:
     def cut(self) -> None:
         for bus in list(self._network.sessions):
             self._network.cut(bus.name, 0.0)
+
+    def damage(self, sent: bytes, arrived: bytes) -> None:
+        self._tear_by(Changed(sent, arrived))
+
+    def heal(self) -> None:
+        self._tear_by(None)
+
+    def _tear_by(self, tearer) -> None:
+        for link in self._network.router.links.values():
+            link.tearer = tearer
+
+    def break_within(self, bus, key: str, payload: bytes, where: bytes) -> None:
+        bus.publish(key, payload)
+        self.cut()
 
 
 def over_zenoh(script) -> None:
@@ -372,6 +413,166 @@ def test_a_cut_ends_a_query_that_is_under_way(net):
     query.reply(b"late")
     query.drop()
     assert is_silent(asker)
+
+
+RUN = "run1"
+# What tears a payload in schedules: its end is bytes of another message, or one byte is another.
+KINDS_OF_TEARS = (Tears(torn=1.0), Tears(changed=1.0))
+
+
+def damaged(key: str, payload: bytes, tears: Tears, is_reply: bool = False) -> bytes:
+    """Return a payload as a link of a schedule tears it, so that no receiver can take it."""
+    tearer = Tearer(tears, Random(1), lambda: None)
+    other = pack(Lost("another run", 7, ["bin_01"], "a"))
+    for _ in range(100):
+        tearer.carry(key, other, is_reply)
+        arrived = tearer.carry(key, payload, is_reply)
+        if arrived != payload:
+            assert not is_message(key, arrived, is_reply)
+            return arrived
+    raise AssertionError(f"{payload!r} is not torn")
+
+
+def refusal_of(payload: bytes, type_: type) -> str:
+    """Return why a receiver refuses a payload; '' if it takes it."""
+    try:
+        read_message(payload, type_, RUN)
+    except Refused as refusal:
+        return refusal.reason
+    return ""
+
+
+@on_both
+def test_a_torn_payload_arrives_torn_and_what_follows_whole(net):
+    """A torn or changed payload arrives as it is: its reader refuses it, the link stays, and the
+    next one is whole.
+    """
+    key = "orchard/hosts/a/left"
+    whole = pack(Departure(RUN))
+    one = net.client()
+    other = net.client()
+    one.declare_alive("alive/x/1")
+    other.watch("alive/x/*")
+    heard(other, 1, Alive)
+    other.subscribe("orchard/hosts/*/left")
+    when(one, lambda: one.is_heard(key))
+    for tears in KINDS_OF_TEARS:
+        torn = damaged(key, whole, tears)
+        net.damage(whole, torn)
+        one.publish(key, whole)
+        assert [sample.payload for sample in heard(other, 1)] == [torn]
+        assert refusal_of(torn, Departure) == "malformed"
+        net.heal()
+        one.publish(key, whole)
+        assert [refusal_of(sample.payload, Departure) for sample in heard(other, 1)] == [""]
+    assert is_silent(other)
+
+
+@on_both
+def test_a_torn_payload_of_a_stranger_is_told_by_its_bytes(net):
+    """A stranger that publishes on the key of another is heard beside it, also with torn bytes."""
+    key = "orchard/hosts/a/left"
+    whole = pack(Departure(RUN))
+    torn = damaged(key, whole, KINDS_OF_TEARS[0])
+    owner = net.client()
+    stranger = net.client()
+    other = net.client()
+    other.subscribe(key)
+    for bus in (owner, stranger):
+        when(bus, lambda bus=bus: bus.is_heard(key))
+    stranger.publish(key, torn)
+    assert [sample.payload for sample in heard(other, 1)] == [torn]
+    owner.publish(key, whole)
+    assert [sample.payload for sample in heard(other, 1)] == [whole]
+    assert [refusal_of(payload, Departure) for payload in (torn, whole)] == ["malformed", ""]
+
+
+@on_both
+def test_a_torn_question_and_a_torn_reply_end_as_others_do(net):
+    """A torn question is heard, a torn reply too, and each question ends with its last reply."""
+    key = "orchard/recall"
+    question = pack(Recall(RUN, 7))
+    reply = pack(Recalled(RUN, 7, []))
+    asker = net.client()
+    other = net.client()
+    other.answer(key)
+    asker.sleep(SHORT)
+    for tears in KINDS_OF_TEARS:
+        torn = damaged(key, question, tears)
+        net.damage(question, torn)
+        asker.ask(key, question, "torn question")
+        (query,) = heard(other, 1, Query)
+        assert (query.key, query.payload) == (key, torn)
+        assert refusal_of(query.payload, Recall) == "malformed"
+        query.refuse("malformed")
+        ends = [Replied("torn question", b"", "malformed"), Final("torn question")]
+        assert heard(asker, 2, Replied | Final) == ends
+        torn = damaged(key, reply, tears, is_reply=True)
+        net.damage(reply, torn)
+        asker.ask(key, question, "torn reply")
+        (query,) = heard(other, 1, Query)
+        assert query.payload == question
+        query.reply(reply)
+        query.drop()
+        ends = [Replied("torn reply", torn, ""), Final("torn reply")]
+        assert heard(asker, 2, Replied | Final) == ends
+        assert refusal_of(torn, Recalled) == "malformed"
+        net.heal()
+    assert is_silent(asker)
+    assert is_silent(other)
+
+
+@on_both
+def test_a_large_payload_changes_in_its_middle_only(net):
+    """A large payload that changes has its length, and a later small one its place."""
+    one = net.client()
+    other = net.client()
+    other.subscribe("a")
+    when(one, lambda: one.is_heard("a"))
+    rest = b"." * LARGE
+    net.damage(b"MARKED BYTES", b"OTHER  BYTES")
+    one.publish("a", b"MARKED BYTES" + rest)
+    one.publish("a", b"small")
+    payloads = [sample.payload for sample in heard(other, 2)]
+    assert payloads == [b"OTHER  BYTES" + rest, b"small"]
+
+
+@on_both
+def test_of_a_payload_that_breaks_off_nothing_arrives(net):
+    """Of a payload within which the links break nothing arrives; what follows arrives whole."""
+    one = net.client()
+    other = net.client()
+    one.watch("alive/x/*")
+    other.declare_alive("alive/x/1")
+    heard(one, 1, Alive)
+    other.subscribe("a")
+    when(one, lambda: one.is_heard("a"))
+    net.break_within(one, "a", b"MARKED BYTES" + b"." * LARGE, b"MARKED BYTES")
+    assert heard(one, 2, Alive) == [Alive("alive/x/1", False), Alive("alive/x/1", True)]
+    when(one, lambda: one.is_heard("a"))
+    one.publish("a", b"next")
+    assert [sample.payload for sample in heard(other, 1)] == [b"next"]
+
+
+@on_both
+def test_a_token_that_flaps_is_seen_unless_another_holds_it(net):
+    """A client that declares and withdraws a token is seen, but not beside the holder of that
+    token: so nobody can let physics seem to go.
+    """
+    watcher = net.client()
+    one = net.client()
+    flapping = net.client()
+    watcher.watch("alive/*/*")
+    for _ in range(3):
+        for declare, up in ((flapping.declare_alive, True), (flapping.withdraw, False)):
+            declare("alive/x/1")
+            assert heard(watcher, 1, Alive) == [Alive("alive/x/1", up)]
+    one.declare_alive("alive/x/1")
+    assert heard(watcher, 1, Alive) == [Alive("alive/x/1", True)]
+    for _ in range(3):
+        flapping.declare_alive("alive/x/1")
+        flapping.withdraw("alive/x/1")
+    assert is_silent(watcher)
 
 
 def run_by(work, threads=1):

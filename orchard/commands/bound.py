@@ -12,7 +12,7 @@ from orchard.field.scenario import ROW_RULES, Scenario, with_changes
 from orchard.field.shipped import load_or_shipped
 from orchard.report.bounds import Bounds
 from orchard.report.limits import limit_of_question
-from orchard.report.summary import clock, why_unwritten
+from orchard.report.summary import SUMMARY, clock, why_unwritten
 from orchard.terminal.exits import FAILED, exit_on_errors, needs_extra
 from orchard.terminal.files import check_writable
 from orchard.terminal.options import File, flag, option, with_options
@@ -64,7 +64,7 @@ def print_bound(chosen: BoundOptions) -> None:
 
     scenario = load_or_shipped(chosen.scenario)
     if chosen.summary is not None:
-        check_writable(chosen.summary, chosen.scenario)
+        check_writable(chosen.summary, chosen.scenario, SUMMARY)
     rules = ROW_RULES if chosen.all_rules else (scenario.rows_to_pickers,)
     bounds = {
         rule: optimum(lay_out(with_changes(scenario, rows_to_pickers=rule)), chosen.work)

@@ -10,7 +10,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.shipped import load_or_shipped
 from orchard.terminal.exits import FAILED, exit_on_errors
-from orchard.terminal.files import check_writable
+from orchard.terminal.files import KindOfFile, check_writable
 from orchard.terminal.options import File, option, with_options
 from orchard.terminal.output import own_classes_run, print_error, print_line
 
@@ -21,6 +21,9 @@ class TraceOptions:
 
     scenario: File = None
     out: Path | None = option(None, "Write the trace to this file.", "FILE.txt")
+
+
+TRACE = KindOfFile("a trace", rb"\d+:\d\d:\d\d\.\d  \w+  ")
 
 
 @with_options(TraceOptions)
@@ -42,7 +45,7 @@ def print_trace(chosen: TraceOptions) -> None:
     scenario = load_or_shipped(chosen.scenario)
     refuse_unknown(scenario)
     if chosen.out is not None:
-        check_writable(chosen.out, chosen.scenario)
+        check_writable(chosen.out, chosen.scenario, TRACE)
     # It loads numba, which takes a second.
     from orchard.event_model.trace import trace as traced
 

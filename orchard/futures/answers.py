@@ -6,8 +6,9 @@ from orchard.futures.comparison import compare_futures
 from orchard.futures.futures import Futures
 from orchard.futures.options import ForkOptions
 from orchard.launch.run_folder import RunFolder
-from orchard.report.summary import why_unwritten
+from orchard.report.summary import SUMMARY, why_unwritten
 from orchard.sim.snapshot import KEYFRAME, SnapshotError
+from orchard.study.kinds_of_files import PICTURE
 from orchard.study.study_command import failures
 from orchard.study.workers import processes
 from orchard.terminal.exits import FAILED, FINISHED, as_typed, exit_on_errors
@@ -27,9 +28,9 @@ def run_futures(chosen: ForkOptions, runs: RunFolder) -> int:
         failures(),
     ):
         folder = runs.snapshots(chosen.run, KEYFRAME)
-        for path in (chosen.summary, chosen.picture):
+        for path, kind in ((chosen.summary, SUMMARY), (chosen.picture, PICTURE)):
             if path is not None:
-                check_writable(path)
+                check_writable(path, kind=kind)
         answer = compare_futures if chosen.bisect is None else bisect_futures
         with (
             as_typed(),

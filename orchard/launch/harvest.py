@@ -17,6 +17,7 @@ from orchard.launch.run_folder import RunFolder, alone
 from orchard.launch.web_ports import check_ports
 from orchard.net.endpoints import BusError
 from orchard.report.progress import Progress
+from orchard.report.summary import SUMMARY
 from orchard.sim.snapshot import KEYFRAME, SNAPSHOT, SnapshotError, as_file, store
 from orchard.terminal.exits import exit_on_errors
 from orchard.terminal.files import check_writable
@@ -82,7 +83,7 @@ def _check_files(request: RunRequest) -> None:
     """Raise OSError or ValueError for a summary or tables that cannot be written."""
     options = request.options
     if options.summary is not None:
-        check_writable(options.summary, options.scenario)
+        check_writable(options.summary, options.scenario, SUMMARY)
     if options.table is not None:
         # pyarrow takes some time to load.
         from orchard.tables.folder import check_folder

@@ -13,6 +13,7 @@ from msgspec import Meta
 from rich.table import Table
 
 from orchard.contract.agent import WAITING_STATES
+from orchard.terminal.files import KindOfFile
 
 UNITS = {
     "metres_picked": "m",
@@ -202,6 +203,21 @@ class Outcome(Headline, kw_only=True):
 def unusual_figures(summary: dict[str, Any]) -> dict[str, Any]:
     """Return the figures that tell of something unusual."""
     return {key: summary[key] for key in UNUSUAL if summary.get(key)}
+
+
+# A summary of a harvest, a study, a benchmark, futures, a decision and a bound: its first two keys.
+_FIRST_KEYS = (
+    (b"hash", b"mode"),
+    (b"answer", b"orchard"),
+    (b"policy", b"scores"),
+    (b"at_seconds", b"futures"),
+    (b"condition", b"decided_seconds"),
+    (b"proven_seconds", b"best_seconds"),
+)
+SUMMARY = KindOfFile(
+    "a summary",
+    b"|".join(rb'\{\n  "%b": [^\n]*\n  "%b": ' % first_keys for first_keys in _FIRST_KEYS),
+)
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:

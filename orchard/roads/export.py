@@ -10,15 +10,18 @@ from orchard.field.layout import Layout
 from orchard.folders import write_whole
 from orchard.roads.lif import lif_of
 from orchard.roads.pickers import graphs_of
+from orchard.terminal.files import KindOfFile
+
+# What stands in a map as who has made it.
+CREATOR = "the Orchard"
+MAP = KindOfFile("a map", rb'\{\n "metaInformation": \{.*"creator": "the Orchard"')
 
 
 def export_map(layout: Layout, file: Path) -> str:
     """Write a LIF map, in place of an old one. Return what is in it, in words. Raises OSError."""
     graphs = graphs_of(layout)
     made_at = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    write_whole(
-        file, (json.dumps(lif_of(graphs, "the Orchard", made_at), indent=1) + "\n").encode()
-    )
+    write_whole(file, (json.dumps(lif_of(graphs, CREATOR, made_at), indent=1) + "\n").encode())
     return (
         f"{sum(len(graph.nodes) for graph in graphs)} nodes,"
         f" {sum(len(graph.edges) for graph in graphs)} edges"

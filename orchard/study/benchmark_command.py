@@ -12,7 +12,7 @@ from typer import BadParameter
 from orchard.discrete.harvest import get_ready
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import Scenario
-from orchard.report.summary import why_unwritten
+from orchard.report.summary import SUMMARY, why_unwritten
 from orchard.study.benchmark import Benchmark, BenchmarkResult, orchards
 from orchard.study.command_options import BenchmarkOptions
 from orchard.study.store import Store, StoreError
@@ -47,7 +47,7 @@ def run_benchmark(chosen: BenchmarkOptions) -> int:
     ):
         known = _known(chosen.orchard or [])
         if chosen.summary is not None:
-            check_writable(chosen.summary)
+            check_writable(chosen.summary, kind=SUMMARY)
             if same := [*one_file([StudyOptions(store=chosen.out).store_file, chosen.summary])]:
                 raise ScenarioError(same)
         result = _result(chosen, known)

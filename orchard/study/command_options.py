@@ -13,7 +13,10 @@ from typer import Argument, BadParameter
 
 from orchard.field.problems import Problem
 from orchard.field.scenario import ROLLING
+from orchard.report.summary import SUMMARY
+from orchard.study.kinds_of_files import PICTURE, REPORT, TABLE
 from orchard.study.result import Goal, Horizon, Models
+from orchard.terminal.files import KindOfFile
 from orchard.terminal.options import File, Style, flag, number, option, picture_file, whole
 from orchard.terminal.typed import named
 
@@ -156,12 +159,15 @@ class StudyArguments:
     progress: Style = "text"
 
     @property
-    def files(self) -> list[Path]:
-        return [
-            path
-            for path in (self.summary, self.csv, self.picture, self.report)
-            if isinstance(path, Path)
-        ]
+    def files(self) -> list[tuple[Path, KindOfFile]]:
+        """The files to write, and what is written there."""
+        kinds = (
+            (self.summary, SUMMARY),
+            (self.csv, TABLE),
+            (self.picture, PICTURE),
+            (self.report, REPORT),
+        )
+        return [(path, kind) for path, kind in kinds if isinstance(path, Path)]
 
     def problems(self) -> list[Problem]:
         """Return what is wrong with each option, whose value then means nothing, and with all

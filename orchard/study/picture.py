@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from orchard.study.kinds_of_files import MAKER
 from orchard.study.result import Interval, Row, StudyResult
 from orchard.study.spread import is_number
 from orchard.study.words import axis_words, interval_words, setting_words, value_words
@@ -41,6 +42,11 @@ DEAREST = 3.0  # times the least cost, up to which costs are shown
 MOST_TICKS = 24  # values that are all named along the axis
 MOST_LINES = 6  # more are not shown: those with the best settings are
 FONTS = ["system-ui", "DejaVu Sans", "sans-serif"]
+# Of each kind of picture: who has made it. An SVG has no date.
+METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": MAKER},
+    "svg": {"Creator": [MAKER], "Date": None},
+}
 # matplotlib's settings hold for all threads, and two pages may draw at once.
 DRAWING = threading.Lock()
 
@@ -409,14 +415,14 @@ def inline_svg(result: StudyResult) -> str:
 def _file_of(drawing: Figure, kind: str) -> bytes:
     """Return a drawing as the bytes of a file, the same each time.
 
-    An SVG has its words as text, and no date.
+    An SVG has its words as text, and no date. Its metadata name the program.
     """
     settings: dict[Any, Any] = {
         "svg.fonttype": "none",
         "svg.hashsalt": "orchard",
         "font.sans-serif": FONTS,
     }
-    metadata = {"Date": None} if kind == "svg" else None
+    metadata = METADATA.get(kind)
     with DRAWING, matplotlib.rc_context(settings):
         file = io.BytesIO()
         drawing.savefig(file, format=kind, dpi=150, metadata=metadata)

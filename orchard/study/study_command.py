@@ -25,7 +25,7 @@ from orchard.study.study import StudyOptions, checked_settings, study
 from orchard.study.table import as_table, save_csv
 from orchard.study.workers import WorkersError
 from orchard.terminal.exits import FAILED, FINISHED, exit_on_errors
-from orchard.terminal.files import check_writable, one_file
+from orchard.terminal.files import KindOfFile, check_writable, one_file
 from orchard.terminal.output import (
     bar,
     console,
@@ -85,7 +85,8 @@ def _question(chosen: StudyArguments) -> tuple[Scenario, Varied]:
     options = _options(chosen)
     of_settings = checked_settings(scenario, varied, options)[1]
     store = options.store_file
-    files = [*_unwritable(chosen.files, chosen.scenario), *one_file([*chosen.files, store])]
+    paths = [path for path, _ in chosen.files]
+    files = [*_unwritable(chosen.files, chosen.scenario), *one_file([*paths, store])]
     if store.exists() and (fault := fault_of(store, options.anew)):
         files.append(Problem(str(store), fault))
     problems = [
@@ -126,10 +127,11 @@ def _is_part(path: str, whole: str) -> bool:
     return not whole or f"{path}.".startswith(f"{whole}.")
 
 
-def _unwritable(paths: Iterable[Path], read: Path | None) -> Iterator[Problem]:
-    for path in paths:
+def _unwritable(files: Iterable[tuple[Path, KindOfFile]], read: Path | None) -> Iterator[Problem]:
+    """Yield what is wrong with files that are to be written. `read`: one that is read."""
+    for path, kind in files:
         try:
-            check_writable(path, read)
+            check_writable(path, read, kind)
         except OSError as error:
             name, _, why = str(error).partition(": ")
             yield Problem(name, why)

@@ -1,16 +1,39 @@
 """The files that a command writes: they are checked before it begins its work."""
 
+import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from orchard.field.problems import Problem
 from orchard.folders import real
 
+# Bytes at the beginning of a file by which its kind is known.
+HEAD = 1 << 16
 
-def check_writable(path: Path, read: Path | None = None) -> None:
+
+@dataclass(frozen=True)
+class KindOfFile:
+    """A kind of file that commands write. A file of this kind may be replaced by a new one.
+
+    `name`: what it is, for a sentence: "a summary". `mark`: a regular expression for the bytes at
+    the beginning of each file of this kind that the Orchard has written.
+    """
+
+    name: str
+    mark: bytes
+
+    def is_kind_of(self, path: Path) -> bool:
+        """Whether the Orchard has written a file as one of this kind. Raises OSError."""
+        with path.open("rb") as file:
+            return re.match(self.mark, file.read(HEAD), re.DOTALL) is not None
+
+
+def check_writable(path: Path, read: Path | None = None, kind: KindOfFile | None = None) -> None:
     """Raise OSError if a file cannot be written. An existing file is not changed.
 
-    `read`: a file that the command reads. It must not be written in its place.
+    `read`: a file that the command reads. It must not be written in its place. `kind`: of what is
+    written. An existing file must be empty or of that kind: else somebody would lose it.
     """
     if read is not None and path.exists() and read.exists() and path.samefile(read):
         raise OSError(f"{path}: cannot be written: it is the file that is read; expected another")
@@ -26,6 +49,16 @@ def check_writable(path: Path, read: Path | None = None) -> None:
     if is_new:
         # A link stays.
         real(path).unlink()
+    elif kind is not None and not _may_be_replaced(path, kind):
+        raise OSError(
+            f"{path}: cannot be written: this file is not {kind.name} that the Orchard has"
+            " written, and is not replaced; expected another name"
+        )
+
+
+def _may_be_replaced(path: Path, kind: KindOfFile) -> bool:
+    """Whether nobody loses an existing file. A device such as /dev/null keeps nothing."""
+    return not path.is_file() or not path.stat().st_size or kind.is_kind_of(path)
 
 
 def one_file(written: Sequence[Path]) -> Iterator[Problem]:

@@ -368,7 +368,7 @@ def _work() -> str:
 4. The full bin gets a carrier, by the [dispatch policy](bounds.md#dispatch-policies) and the
    letters below. The carrier [exchanges the bins](traffic.md#an-exchange-on-the-east-side), and
    takes the full one to the bay.
-5. Carrier and bin stand, with the bin's centre in the bay. After {field.UNLOADING_SECONDS:g} s the
+5. Carrier and bin stand, with the bin's centre in the bay. After `handling.unloading` the
    bin is empty. The bay works on one bin at a time. The carrier takes the empty bin back to its
    line of the queue.
 6. The harvest is over when every row is picked, no bin is full, the carriers stand in the queue

@@ -20,11 +20,11 @@ from orchard.dispatch.ranking import MARGIN
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.jobs import TimedJob, Use, jobs_of
-from orchard.plans.steps import Unload
 
 ORDERED = 12  # ticks from a decision until the carrier leaves, on average
 MOVING_UP = 10  # ticks after which the carrier behind can leave
-IN_BAY = Unload.ticks + 45  # ticks from one carrier in the bay to the next, which is behind its bin
+# Ticks from when a carrier leaves the bay until the next one, which is behind its bin, is there.
+HEADWAY = 45
 EARLY = round(MARGIN / TIME_STEP)
 # In place of a line: a picker.
 AWAY = -1
@@ -73,7 +73,7 @@ class JobCourse:
             CourseEvent(job.to_bay, What.NEED, "bay"),
         ]
         job_done += [
-            CourseEvent(job.to_bay + IN_BAY, What.FREE, "bay"),
+            CourseEvent(job.to_bay + job.in_bay + HEADWAY, What.FREE, "bay"),
             CourseEvent(job.to_bay + job.to_head, What.HOME),
         ]
         self.job = job

@@ -21,6 +21,7 @@ from orchard.event_model.draws import has_failures
 from orchard.field.geometry import Pose, nearest_heading
 from orchard.field.kinds import number_of
 from orchard.field.layout import Layout
+from orchard.field.machines import Machine
 from orchard.field.passes import Pass
 from orchard.field.queue import BESIDE
 from orchard.field.scenario import TIME_STEP, Scenario
@@ -80,6 +81,7 @@ class _Writer:
 
     steps: list[Step]
     pose: Pose
+    machine: Machine
     number: int = 0
     # What the robot does, as it said.
     state: str = "resting"
@@ -103,6 +105,7 @@ class Program:
         # Harvests in several threads may share a program, which grows.
         self._lock = RLock()
         self.layout = layout
+        self._carrier = layout.machines["carrier"]
         self.route: OneWay = route_of(layout)
         lanes = len(layout.lanes)
         self.ops = Table(c.OP)
@@ -214,7 +217,7 @@ class Program:
         job = self.route.fetch(
             place + 1, lane + 1, self.route.sides[SIDES[side]], THE_PICKER, THE_BIN
         )
-        first = self._translate(_Writer(job, self.layout.queue.place(place)))
+        first = self._translate(_Writer(job, self.layout.queue.place(place), self._carrier))
         self.jobs[queue_line, end] = first
         return first
 
@@ -264,13 +267,17 @@ class Program:
                 is_full=drive.is_full,
                 leaves_bin=drive.leaves_bin,
             )
-        first = self._translate(_Writer(self.route.harvest(block), start, passes=passes))
+        first = self._translate(
+            _Writer(self.route.harvest(block), start, layout.machines["picker"], passes=passes)
+        )
         self.harvest_ends[picker] = len(self.ops) - 1
         return first
 
     def _translate_waiting(self, y: float) -> int:
         head = self.layout.queue.place(0)
-        return self._translate(_Writer(self.route.wait_in_queue(), head._replace(y=y)))
+        return self._translate(
+            _Writer(self.route.wait_in_queue(), head._replace(y=y), self._carrier)
+        )
 
     def _translate(self, writer: _Writer) -> int:
         first = len(self.ops)
@@ -289,7 +296,9 @@ class Program:
         begins.append(len(self.ops))
         self._append(None, c.END)
         for decides, steps, pose in writer.otherwise:
-            self.ops.array[decides].arg = self._translate(_Writer(list(steps), pose))
+            self.ops.array[decides].arg = self._translate(
+                _Writer(list(steps), pose, writer.machine)
+            )
         return first
 
     # -- steps
@@ -361,11 +370,13 @@ class Program:
     @_write.register(st.Announce)
     @_write.register(st.Confirmed)
     def _(self, step: st.Announce | st.Confirmed, writer: _Writer) -> None:
-        self._append(step, c.PAUSE, ticks=step.ticks)
+        self._append(step, c.PAUSE, ticks=step.ticks(writer.machine))
 
     @_write.register
     def _(self, step: st.Need, writer: _Writer) -> None:
-        self._append(step, c.NEED, ticks=step.ticks, places=self.list_number(step.places))
+        self._append(
+            step, c.NEED, ticks=step.ticks(writer.machine), places=self.list_number(step.places)
+        )
 
     @_write.register
     def _(self, step: st.Free, writer: _Writer) -> None:
@@ -378,26 +389,35 @@ class Program:
     @_write.register
     def _(self, step: st.FetchEmpty, writer: _Writer) -> None:
         places = self.list_number([step.place])
-        self._append(step, c.FETCH_EMPTY, ticks=step.ticks, handles=step.handles, places=places)
+        self._append(
+            step,
+            c.FETCH_EMPTY,
+            ticks=step.ticks(writer.machine),
+            handles=step.handles,
+            places=places,
+        )
 
     @_write.register
     def _(self, step: st.LeaveBin, writer: _Writer) -> None:
         number, _ = writer.passes.pop(0)
-        self._append(step, c.LEAVE_BIN, ticks=step.ticks, handles=step.handles, arg=number)
+        self._append(
+            step, c.LEAVE_BIN, ticks=step.ticks(writer.machine), handles=step.handles, arg=number
+        )
 
     @_write.register
     def _(self, step: st.Deliver, writer: _Writer) -> None:
-        self._append(step, c.DELIVER, ticks=step.ticks, handles=step.handles)
+        self._append(step, c.DELIVER, ticks=step.ticks(writer.machine), handles=step.handles)
 
     @_write.register
     def _(self, step: st.TakeBin, writer: _Writer) -> None:
-        self._append(step, c.TAKE_BIN, ticks=step.ticks, handles=step.handles)
+        self._append(step, c.TAKE_BIN, ticks=step.ticks(writer.machine), handles=step.handles)
 
     @_write.register
     def _(self, step: st.Unload, writer: _Writer) -> None:
-        self._append(step, c.UNLOAD, ticks=step.until_empty)
+        until_empty = step.ticks_until_empty(writer.machine)
+        self._append(step, c.UNLOAD, ticks=until_empty)
         # The carrier does not know at once that its bin is empty.
-        self._append(step, c.PAUSE, ticks=step.ticks - step.until_empty)
+        self._append(step, c.PAUSE, ticks=step.ticks(writer.machine) - until_empty)
 
     @_write.register
     def _(self, step: st.Home, writer: _Writer) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 
 from orchard.field.geometry import EAST, WEST, Pose, Rect
 from orchard.field.kinds import KINDS, name_of
+from orchard.field.machines import Machine, machine_of
 from orchard.field.passes import Pass, passes_in
 from orchard.field.picking import picking_speed_of
 from orchard.field.placement import Start, guests
@@ -60,8 +61,6 @@ DRIVEWAY = Rect(-34.67 - 15.0, 28.51 - 5.0, -34.67 + 15.0, 28.51 + 5.0)
 
 # The bay at its usual place, at the driveway's south edge. A full bin at rest in it is unloaded.
 BAY = Rect(-34.5, 23.6, -29.5, 25.4)
-# s at rest in the bay (docs/reference.md).
-UNLOADING_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
@@ -147,6 +146,11 @@ class Layout:
         Raises ScenarioError for an order of the user's own that cannot be.
         """
         return passes_in(self.scenario, [(lane.west, lane.east) for lane in self.lanes], block)
+
+    @cached_property
+    def machines(self) -> Mapping[str, Machine]:
+        """Kind -> what its machines can."""
+        return MappingProxyType({kind: machine_of(self.scenario, kind) for kind in KINDS})
 
     @cached_property
     def bins(self) -> int:

@@ -33,7 +33,6 @@ from orchard.field.scenario import TIME_STEP
 from orchard.optimum import NoBound
 from orchard.plans.jobs import TimedJob, Use, jobs_of, ticks
 from orchard.plans.routes import route_of
-from orchard.plans.steps import Unload
 
 # ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before
 # it.
@@ -249,8 +248,8 @@ class Schedule:
                 for at, use, later, other in zip(times, uses, times[1:], uses[1:], strict=False):
                     self.model.add(later >= at + ticks(other.at - use.at))
         occupied["bay"] = [
-            self.model.new_fixed_size_interval_var(bay, Unload.ticks + HEADWAY, "")
-            for bay in self.bays
+            self.model.new_fixed_size_interval_var(bay, job.in_bay + HEADWAY, "")
+            for bay, job in zip(self.bays, self.jobs, strict=True)
         ]
         for place in occupied.values():
             self.model.add_no_overlap(place)

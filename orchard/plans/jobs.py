@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
+from orchard.field.machines import Machine
 from orchard.field.queue import CLOSED_UP
 from orchard.field.rows import Block
 from orchard.field.scenario import TIME_STEP
@@ -71,6 +72,7 @@ class TimedJob:
     approach: int  #: from a carrier's order, in its line's head, to the stop
     going_on: int  #: from the stop until the picker goes on
     to_bay: int  #: from the stop until the carrier stands in the bay
+    in_bay: int  #: from there until it knows that its bin is empty
     to_head: int  #: from there to its line's head
     #: From there to where it stands when the harvest is over: behind the others of its line.
     to_rest: int
@@ -83,6 +85,8 @@ class TimedStep(NamedTuple):
     pose: Pose
     begins: float
     ends: float
+    #: s of it, beside motion: for bins that are handled, and for answers.
+    handling: float
 
     def at(self, gate: Gate) -> float | None:
         """When a drive comes to a gate, s; None if it does not."""
@@ -136,7 +140,7 @@ def _jobs_of(route: OneWay, picker: str, block: Block) -> Iterator[TimedJob]:
     layout = route.layout
     start = next(start.pose for start in layout.starts if start.name == picker)
     passes = iter([one for one in layout.passes(block) if one.leaves_bin])
-    plan = list(timed_steps(route.harvest(block), start))
+    plan = list(timed_steps(route.harvest(block), start, layout.machines["picker"]))
     begins, went_on = 0, 0.0
     for number, moment in enumerate(plan):
         if isinstance(moment.step, FetchEmpty):
@@ -162,10 +166,11 @@ def _job(
     """
     layout, queue, place = route.layout, route.queue, side.place("D", row)
     lines = range(0, layout.queue_places, queue.places)
-    plans = [
-        list(timed_steps(route.fetch(first + 1, row, side, "", ""), queue.place(first)))
-        for first in lines
-    ]
+    carrier = layout.machines["carrier"]
+    plans = []
+    for first in lines:
+        steps = route.fetch(first + 1, row, side, "", "")
+        plans.append(list(timed_steps(steps, queue.place(first), carrier)))
     homes = [plan[-1].ends - begin_of(Unload, plan) for plan in plans]
     counts = [
         layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines
@@ -207,6 +212,7 @@ def _job(
         min(approach for approach, _ in exits),
         ticks(max(HANDOVER, gone) if waits else HANDOVER),
         ticks(min(begin_of(Unload, plan) - begin_of(Deliver, plan) for plan in plans)),
+        Unload().ticks(carrier),
         ticks(min(homes)),
         ticks(min(home - room for home, room in zip(homes, behind, strict=True))),
     )
@@ -219,15 +225,16 @@ def _before(plan: Sequence[TimedStep], stop: float, until: float) -> list[Use]:
     ]
 
 
-def timed_steps(steps: Sequence[Step], start: Pose) -> Iterator[TimedStep]:
-    """Yield the steps of a plan on free roads, with their times.
+def timed_steps(steps: Sequence[Step], start: Pose, machine: Machine) -> Iterator[TimedStep]:
+    """Yield the steps of a machine's plan on free roads, with their times.
 
     A step's answers and bins take its `ticks`.
     """
     late = 0.0
     for step, pose, begins, ends in timetable(list(steps), start):
-        yield TimedStep(step, pose, begins + late, ends + late + step.ticks * TIME_STEP)
-        late += step.ticks * TIME_STEP
+        handling = step.ticks(machine) * TIME_STEP
+        yield TimedStep(step, pose, begins + late, ends + late + handling, handling)
+        late += handling
 
 
 def begin_of(kind: type[Step], plan: Sequence[TimedStep]) -> float:

@@ -54,6 +54,7 @@ from orchard.field.geometry import (
     to_frame,
 )
 from orchard.field.kinds import EIGHTH, KINDS, TRAFFIC, kind_of
+from orchard.field.machines import Machine
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import sense
 from orchard.plans.estimate import Estimate, as_seen_from, place_of
@@ -175,11 +176,8 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     class says `holds = True`.
     """
 
-    # What the step takes without traffic, beside its motion: for bins that are handled, and for
-    # answers.
-    ticks: ClassVar[int] = 0
-    # Of these, the ticks to couple or uncouple a bin. A robot that has stood for a tick needs only
-    # one.
+    # Of what it takes beside its motion, the ticks to couple or uncouple a bin. A robot that has
+    # stood for a tick needs only one.
     handles: ClassVar[int] = 0
     # Whether it changes the course itself, or needs none. After any other step that moves the robot
     # the course is a new one.
@@ -191,6 +189,13 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
         It is called at every tick until then, or when its hold ends.
         """
         raise NotImplementedError
+
+    def ticks(self, machine: Machine) -> int:
+        """Return what the step takes a machine without traffic, beside its motion, in ticks.
+
+        That is for bins that are handled, and for answers.
+        """
+        return 0
 
     def motion(self, start: Pose) -> tuple[Pose, float]:
         """Return where the step ends, and how long it drives, turns or waits without traffic, s."""

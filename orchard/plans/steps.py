@@ -42,7 +42,7 @@ from orchard.field.geometry import (
     to_frame,
 )
 from orchard.field.kinds import EIGHTH
-from orchard.field.layout import UNLOADING_SECONDS
+from orchard.field.machines import Machine
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
@@ -308,7 +308,6 @@ class Wait(Step, frozen=True):
 class Need(Step, frozen=True):
     """Stand until traffic has granted all these places. At most a partner shares them."""
 
-    ticks = ASK
     places: list[str]
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -318,6 +317,10 @@ class Need(Step, frozen=True):
         robot.want(self.places)
         robot.hold()
         return False
+
+    def ticks(self, machine: Machine) -> int:
+        """Return what it takes beside its motion, in ticks."""
+        return ASK
 
 
 class Free(Step, frozen=True):
@@ -349,7 +352,6 @@ class Deliver(Step, frozen=True):
     """
 
     handles = UNCOUPLE
-    ticks = handles + PATIENCE + ASK
     picker: str
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -360,6 +362,10 @@ class Deliver(Step, frozen=True):
             return False
         robot.hold()
         return isinstance(robot.ask(self.picker, Here(robot.memory.delivered)), Yes)
+
+    def ticks(self, machine: Machine) -> int:
+        """Return what it takes beside its motion, in ticks."""
+        return self.handles + PATIENCE + ASK
 
 
 class Coupling(Step, frozen=True, kw_only=True):
@@ -435,7 +441,6 @@ class Shift(Step, frozen=True):
 class TakeBin(Coupling, frozen=True):
     """Couple the bin that stands behind the robot."""
 
-    ticks = COUPLE
     bin: str
 
     def act(self, robot: PlanExecutor) -> bool:
@@ -444,11 +449,14 @@ class TakeBin(Coupling, frozen=True):
             return True
         return self.couple(robot, self.bin)
 
+    def ticks(self, machine: Machine) -> int:
+        """Return what it takes beside its motion, in ticks."""
+        return self.handles
+
 
 class Announce(Step, frozen=True):
     """For pickers: announce to the bin where it will be left next, and how full."""
 
-    ticks = ASK
     row: int
     #: Of the row: 'east' or 'west'.
     end: str
@@ -463,6 +471,10 @@ class Announce(Step, frozen=True):
         if bin_ is None or is_too_late:
             return True
         return robot.ask(bin_.name, LeftAt(self.row, self.end, self.fill)) is not None
+
+    def ticks(self, machine: Machine) -> int:
+        """Return what it takes beside its motion, in ticks."""
+        return ASK
 
 
 class BeginPickingAt(Step, frozen=True, tag="PickFrom"):
@@ -501,7 +513,6 @@ class LeaveBin(Step, frozen=True):
     """For pickers: uncouple the bin, and remember it as the full bin."""
 
     handles = UNCOUPLE
-    ticks = handles
 
     def act(self, robot: PlanExecutor) -> bool:
         """Uncouple. Return whether the bin is left."""
@@ -512,6 +523,10 @@ class LeaveBin(Step, frozen=True):
         robot.memory.carrier = ""
         robot.uncouple()
         return False
+
+    def ticks(self, machine: Machine) -> int:
+        """Return what it takes beside its motion, in ticks."""
+        return self.handles
 
 
 class FetchEmpty(Coupling, frozen=True):
@@ -603,11 +618,6 @@ class Unload(Step, frozen=True):
     It is asked every PATIENCE ticks.
     """
 
-    # Ticks until the bin is empty.
-    until_empty: ClassVar[int] = BIN_FOLLOWS + round(UNLOADING_SECONDS / TIME_STEP) - 1
-    # The bin is asked first after so many ticks that are a multiple of PATIENCE.
-    ticks = -(-until_empty // PATIENCE) * PATIENCE + ASK
-
     def act(self, robot: PlanExecutor) -> bool:
         """Ask the bin. Return whether it is empty."""
         answer = None
@@ -616,6 +626,17 @@ class Unload(Step, frozen=True):
         robot.hold()
         return isinstance(answer, BinState) and not answer.full
 
+    def ticks_until_empty(self, machine: Machine) -> int:
+        """Return the ticks until the bin is empty."""
+        return BIN_FOLLOWS + machine.unloading_ticks - 1
+
+    def ticks(self, machine: Machine) -> int:
+        """Return the ticks until the carrier has heard that.
+
+        The bin is asked first after so many ticks that are a multiple of PATIENCE.
+        """
+        return -(-self.ticks_until_empty(machine) // PATIENCE) * PATIENCE + ASK
+
 
 class Confirmed(Step, frozen=True):
     """For carriers, before they leave: go on only if the bin still wants the carrier.
@@ -623,7 +644,6 @@ class Confirmed(Step, frozen=True):
     Else do the steps `otherwise`.
     """
 
-    ticks = ASK
     bin: str
     otherwise: list["AnyStep"]
     # The carrier asks wherever in the queue it is.
@@ -636,6 +656,10 @@ class Confirmed(Step, frozen=True):
         if isinstance(answer, No):
             robot.memory.plan[1:] = self.otherwise
         return answer is not None
+
+    def ticks(self, machine: Machine) -> int:
+        """Return what it takes beside its motion, in ticks."""
+        return ASK
 
 
 class MayCharge(Step, frozen=True):

@@ -68,7 +68,7 @@ class Bounds:
         self.bin_seconds = picking + crossing + wait  # of a picker's time
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
         self.bay_seconds = (
-            Unload.ticks * TIME_STEP + TRAIN
+            Unload().ticks(layout.machines["carrier"]) * TIME_STEP + TRAIN
         )  # t_bay, for which one carrier occupies the bay
         busy = cycle + charging
         charged = charging
@@ -146,7 +146,7 @@ def plan_of_pass(route: OneWay, current: Pass, after: Pass) -> list[TimedStep]:
     x = lane.west if side is route.east else lane.east
     start = Pose(x, lane.y, HEADINGS[side.heading("EAST")])
     steps = route.pick(current, came_over=False) + route.go_on(current, after)
-    return list(timed_steps(steps, start))
+    return list(timed_steps(steps, start, route.layout.machines["picker"]))
 
 
 def _seconds(
@@ -161,10 +161,9 @@ def _seconds(
     row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it - _handling(way)
     if not one.leaves_bin:
         return picking, all_of_it, 0.0, 0.0, row_end, 0.0
-    job, approach = (
-        [*timed_steps(route.fetch(1, one.row, side, "", ""), route.queue.place(0))],
-        way_to(route, one.row, side)[1],
-    )
+    fetch = route.fetch(1, one.row, side, "", "")
+    job = list(timed_steps(fetch, route.queue.place(0), layout.machines["carrier"]))
+    approach = way_to(route, one.row, side)[1]
     leaving = next(moment.ends for moment in way if isinstance(moment.step, LeaveBin)) - driving
     coming_out = begin_of(FetchEmpty, way) - driving - leaving
     # an early carrier leaves when the picker drives into the row, or later, and holds before the
@@ -205,7 +204,7 @@ def _claimed(job: Sequence[TimedStep], place: str, never: float) -> float:
 
 def _handling(plan: Sequence[TimedStep]) -> float:
     """The time that a plan takes beside all drives and turns, s: for bins, and for answers."""
-    return sum(moment.step.ticks for moment in plan) * TIME_STEP
+    return sum(moment.handling for moment in plan)
 
 
 def undisturbed(scenario: Scenario, **changes: object) -> Scenario:

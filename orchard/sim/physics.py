@@ -12,15 +12,12 @@ from orchard.contract.events import Event
 from orchard.contract.messages import Deed
 from orchard.field.geometry import EAST, angle_between
 from orchard.field.kinds import kind_of
-from orchard.field.layout import UNLOADING_SECONDS
-from orchard.field.scenario import TIME_STEP
 from orchard.sim import batteries
 from orchard.sim.deeds import do_deeds
 from orchard.sim.kernels.jit import in_order
 from orchard.sim.kernels.move import advance
 from orchard.sim.world import NONE, Fixed, Space, World
 
-UNLOADING_TICKS = round(UNLOADING_SECONDS / TIME_STEP)
 # rad by which a carrier that waits may be turned from the east.
 FACING = 1e-6
 # m past the queue. A carrier that something drove there, and that another one keeps there, still
@@ -145,7 +142,7 @@ def _unload(world: World) -> list[Event]:
         return []
     bin_ = (begun or waiting)[0]
     world.bay_ticks[bin_] = ticks + 1
-    if ticks + 1 < UNLOADING_TICKS:
+    if ticks + 1 < world.layout.machines["carrier"].unloading_ticks:
         return []
     world.delivered_metres += float(world.fill[bin_])
     world.fill[bin_] = 0.0

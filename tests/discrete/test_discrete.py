@@ -259,7 +259,8 @@ def _own_drive(layout: Layout) -> float:
     start = Pose(
         lane.west if is_east else lane.east, lane.y, HEADINGS["EAST" if is_east else "WEST"]
     )
-    way = [*timed_steps(route.pick(first, came_over=False) + route.go_on(first, second), start)]
+    steps = route.pick(first, came_over=False) + route.go_on(first, second)
+    way = [*timed_steps(steps, start, layout.machines["picker"])]
     return begin_of(FetchEmpty, way) - first.metres / lane.picking_speed
 
 

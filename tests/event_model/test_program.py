@@ -25,7 +25,9 @@ def test_the_ops_of_a_harvest_last_as_long_as_its_steps(layout: Layout) -> None:
     program = Program(layout)
     starts = {start.name: start.pose for start in layout.starts}
     for picker, block in layout.blocks.items():
-        plan = list(timed_steps(route_of(layout).harvest(block), starts[picker]))
+        plan = list(
+            timed_steps(route_of(layout).harvest(block), starts[picker], layout.machines["picker"])
+        )
         ticks = program.ticks(program.harvests[picker], speeds_of(layout))
         assert ticks == pytest.approx(plan[-1].ends / TIME_STEP)
 
@@ -40,7 +42,7 @@ def test_the_ops_of_a_job_last_as_long_as_its_steps(layout: Layout) -> None:
         for lane in layout.lanes:
             for side in SIDES:
                 job = route.fetch(place + 1, lane.number, route.sides[side], "picker_01", "bin_01")
-                plan = list(timed_steps(job, layout.queue.place(place)))
+                plan = list(timed_steps(job, layout.queue.place(place), layout.machines["carrier"]))
                 first = program.translate_job(queue_line, program.end_number(lane.number, side))
                 assert program.ticks(first, speeds) == pytest.approx(plan[-1].ends / TIME_STEP)
 

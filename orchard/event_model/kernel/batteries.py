@@ -10,11 +10,11 @@ from orchard.event_model import columns as c
 from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP
-from orchard.plans.robot import PATIENCE
-from orchard.plans.steps import CRUISE, Confirmed
+from orchard.plans.robot import ASK, PATIENCE
+from orchard.plans.steps import CRUISE
 
 # Ticks for which a carrier asks its bin whether that wants it.
-CONFIRMED = Confirmed.ticks
+CONFIRMED = ASK
 HOUR = 3600.0
 
 

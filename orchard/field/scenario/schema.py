@@ -47,6 +47,7 @@ from orchard.field.scenario.sections import (
     Animals,
     Carrying,
     Crop,
+    Handling,
     LaserSettings,
     People,
     Picking,
@@ -145,6 +146,9 @@ class Scenario(Section):
     ] = None
     picking: Annotated[Picking, Field(description="how picking varies"), CIRCUMSTANCE] = Picking()
     carrying: Annotated[Carrying, Field(description="how the work of carriers varies")] = Carrying()
+    handling: Annotated[
+        Handling, Field(description="for how long bins are handled"), CIRCUMSTANCE
+    ] = Handling()
     chargers: Annotated[int, Field(ge=0, le=MOST_CARRIERS, description=CHARGERS), CHOICE] = 1
     seed: Annotated[
         int,

@@ -152,6 +152,17 @@ class Carrying(Section):
     battery: Annotated[Battery, Field(description="the batteries of carriers")] = Battery()
 
 
+UNLOADING = (
+    "time for which a carrier stands in the bay until its bin is empty, s, in whole ticks of 0.1 s"
+)
+
+
+class Handling(Section):
+    """For how long bins are handled."""
+
+    unloading: Annotated[float, Field(ge=5.0, le=300.0, description=UNLOADING)] = 5.0
+
+
 class LaserSettings(Section):
     """Settings of all lasers."""
 

@@ -1,0 +1,48 @@
+"""Small quiet orchards, each with other machines, drawn at random."""
+
+from collections.abc import Iterator
+from random import Random
+from typing import Any
+
+from pydantic import ValidationError
+from quiet import NOBODY
+
+from orchard.field.layout import Layout, lay_out
+from orchard.field.problems import ScenarioError
+from orchard.field.scenario import Scenario
+
+POLICIES = ("nearest", "predictive", "rolling", "assignment")
+
+
+def drawn_machines(seed: int, count: int) -> Iterator[Layout]:
+    """Yield so many layouts. What cannot be built is drawn again."""
+    chances = Random(f"machines {seed}")
+    made = 0
+    while made < count:
+        values = _orchard(chances) | machines(chances)
+        try:
+            layout = lay_out(Scenario.model_validate(values))
+        except (ScenarioError, ValidationError):
+            continue
+        made += 1
+        yield layout
+
+
+def _orchard(chances: Random) -> dict[str, Any]:
+    rows = chances.randint(4, 6)
+    return NOBODY | {
+        "rows": rows,
+        "row_length": float(chances.randint(20, 30)),
+        "row_width": chances.choice([5.0, 5.0, 3.2, 4.0, 8.0]),
+        "pickers": chances.randint(2, 4),
+        "carriers": chances.randint(1, 6),
+        "picking_speed": chances.choice([0.4, 0.2, 0.08]),
+        "route": chances.choice(["one-way", "two-way"]),
+        "dispatch": chances.choice(POLICIES),
+        "seed": chances.randint(1, 1000),
+    }
+
+
+def machines(chances: Random) -> dict[str, Any]:
+    """Return what says what machines can, in a scenario."""
+    return {"handling": {"unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1)}}

@@ -15,7 +15,7 @@ from orchard.plans.route import OneWay
 
 _ROUTE = OneWay(layout.lay_out(Scenario(route=ONE_WAY)))
 _EAST, _WEST, _QUEUE = _ROUTE.east, _ROUTE.west, _ROUTE.queue
-_LOOK = steps.LOOK_AHEAD * steps.CRUISE
+_LOOK = steps.MOST_AHEAD
 
 
 def _freed(plan: list[Step], place: str) -> float:

@@ -274,7 +274,7 @@ def _behaviours() -> str:
         ),
         (
             "drive (`DriveTo`)",
-            f"{steps.CRUISE:g} m/s to an absolute x or y, nearer than {robot.EXACT:g} m counts"
+            f"at the machine's speed to an absolute x or y, nearer than {robot.EXACT:g} m counts"
             " as there",
         ),
         (

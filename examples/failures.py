@@ -86,6 +86,7 @@ class Resting:
     SECONDS = 120.0
 
     def __init__(self, layout, name):
+        self.machine = layout.machines["worker"]
         self.bystanders = bystanders_of(layout)
         into = [
             Face("EAST"),
@@ -105,7 +106,13 @@ class Resting:
         ]
 
     def tick(self, observation, mail, memory):
-        person = PlanExecutor(observation, mail, memory or Plan(plan=[*self.plan]), self.bystanders)
+        person = PlanExecutor(
+            observation,
+            mail,
+            memory or Plan(plan=[*self.plan]),
+            self.machine,
+            self.bystanders,
+        )
         person.follow()
         return person.finish()
 

@@ -26,7 +26,7 @@ BYSTANDERS = {
 LENGTH, WIDTH, TOWS, BIN = 1.8, 1.5, 1.9, 1.0
 FRONT = [(-math.pi / 2 + i * math.pi / 179) for i in range(180)]
 AROUND = [i * 2 * math.pi / 60 for i in range(60)]
-STEP, EXACT, CRUISE, RATE = 0.1, 1e-9, 1.0, math.pi / 8
+STEP, EXACT, RATE = 0.1, 1e-9, math.pi / 8
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
 
@@ -113,6 +113,7 @@ class Carrier:
 
     def __init__(self, info, name):
         self.name, self.field = name, Field(info["scenario"], name)
+        self.cruise = info["scenario"]["carrying"]["speed"]
         self.people = [other for other in info["agents"] if other.rsplit("_", 1)[0] in BYSTANDERS]
         self.job, self.jobs, self.steps, self.calls = None, 0, 0, {}
         self.reserved, self.agreed, self.claimed = [], [], -5
@@ -244,7 +245,7 @@ class Carrier:
             while not self.job:
                 left = self.field.HEAD - self.x
                 self.speed, self.queueing = (
-                    (min(CRUISE, left / STEP) if left > EXACT else 0.0),
+                    (min(self.cruise, left / STEP) if left > EXACT else 0.0),
                     True,
                 )
                 yield
@@ -360,11 +361,15 @@ class Carrier:
                 and -EXACT <= ahead * (at - here) <= ahead * (target - here)
             ]
             limit = missing[0][1] if missing else target
-            if missing and ahead * (limit - here) < 3.0 and self.may_ask_for(missing[0][0]):
+            if (
+                missing
+                and ahead * (limit - here) < 3.0 * min(1.0, self.cruise)
+                and self.may_ask_for(missing[0][0])
+            ):
                 self.want(missing[0][0])
             left = ahead * (limit - here)
             if left > EXACT:
-                self.speed, self.blind = min(CRUISE, left / STEP), blind
+                self.speed, self.blind = min(self.cruise, left / STEP), blind
             elif not missing:
                 break
             yield

@@ -22,6 +22,7 @@ GROUPS = {
         "picking.failure.mean_repair",
     ),
     "Carriers": (
+        "carrying.speed",
         "handling.unloading",
         "carrying.failure.mean_between",
         "carrying.failure.mean_repair",

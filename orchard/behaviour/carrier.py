@@ -87,6 +87,7 @@ class Carrier:
         self.layout = layout
         self.number = number_of(name)
         self.route = route_of(layout)
+        self.machine = layout.machines["carrier"]
         self.bystanders = bystanders_of(layout)
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
 
@@ -99,7 +100,7 @@ class Carrier:
 
     def tick(self, seen: Observation, mail: Mail, memory: CarrierMemory | None) -> Action:
         """Hear calls, answer, and follow the plan; with a battery that was flat, stand."""
-        robot = PlanExecutor(seen, mail, memory or self.begin(), self.bystanders)
+        robot = PlanExecutor(seen, mail, memory or self.begin(), self.machine, self.bystanders)
         hear_calls(robot.memory.calls, mail, seen.tick)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         is_full = seen.charge >= 1.0

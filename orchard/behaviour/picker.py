@@ -36,6 +36,7 @@ class Picker:
     def __init__(self, layout: Layout, name: str) -> None:
         self.block = layout.blocks[name]
         self.route = route_of(layout)
+        self.machine = layout.machines["picker"]
         self.bystanders = bystanders_of(layout)
         self.Memory = with_steps(type(self).Memory, self.route.Steps)
         self.steps = of_known_steps(self.route.harvest(self.block), self.route.Steps)
@@ -47,7 +48,7 @@ class Picker:
         if len(memory.plan) < FORESEEN and 0 <= memory.planned < len(self.steps):
             memory.plan += self.steps[memory.planned : memory.planned + FORESEEN]
             memory.planned += FORESEEN
-        robot = PlanExecutor(seen, mail, memory, self.bystanders)
+        robot = PlanExecutor(seen, mail, memory, self.machine, self.bystanders)
         robot.action.answers = [(heard, self.answer(robot, heard)) for heard in mail.requests]
         robot.follow()
         return robot.finish()

@@ -37,11 +37,12 @@ class Tractor:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
+        self.machine = layout.machines["tractor"]
         self.bystanders = bystanders_of(layout)
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
         """Go on with the round."""
         memory = memory or self.Memory(plan=[Realign(), Again(ROUND)])
-        robot = PlanExecutor(seen, mail, memory, self.bystanders)
+        robot = PlanExecutor(seen, mail, memory, self.machine, self.bystanders)
         robot.follow()
         return robot.finish()

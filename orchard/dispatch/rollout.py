@@ -23,8 +23,8 @@ from orchard.plans.jobs import TimedJob, Use, jobs_of
 
 ORDERED = 12  # ticks from a decision until the carrier leaves, on average
 MOVING_UP = 10  # ticks after which the carrier behind can leave
-# Ticks from when a carrier leaves the bay until the next one, which is behind its bin, is there.
-HEADWAY = 45
+# m from a carrier that leaves the bay to the next one, which is behind its bin.
+HEADWAY = 4.5
 EARLY = round(MARGIN / TIME_STEP)
 # In place of a line: a picker.
 AWAY = -1
@@ -59,7 +59,8 @@ class CourseEvent(NamedTuple):
 class JobCourse:
     """The courses of the robots of a job."""
 
-    def __init__(self, job: TimedJob) -> None:
+    def __init__(self, job: TimedJob, headway: int) -> None:
+        """`headway`: ticks from a carrier that leaves the bay to the next one there."""
         out, lane, crossing = (
             f"{job.picker} is out",
             f"{job.side}/D/{job.lane}",
@@ -73,7 +74,7 @@ class JobCourse:
             CourseEvent(job.to_bay, What.NEED, "bay"),
         ]
         job_done += [
-            CourseEvent(job.to_bay + job.in_bay + HEADWAY, What.FREE, "bay"),
+            CourseEvent(job.to_bay + job.in_bay + headway, What.FREE, "bay"),
             CourseEvent(job.to_bay + job.to_head, What.HOME),
         ]
         self.job = job
@@ -109,9 +110,10 @@ def courses_of(layout: Layout) -> dict[str, list[JobCourse]]:
     for lane in layout.lanes:
         lanes.append(replace(lane, picking_speed=layout.scenario.mean_picking_speed))
     jobs = jobs_of(replace(layout, lanes=tuple(lanes)))
+    headway = round(HEADWAY / layout.machines["carrier"].speed / TIME_STEP)
     courses = {}
     for picker, of_picker in groupby(jobs, lambda job: job.picker):
-        courses[picker] = list(map(JobCourse, of_picker))
+        courses[picker] = [JobCourse(job, headway) for job in of_picker]
     return courses
 
 

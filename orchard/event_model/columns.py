@@ -412,6 +412,8 @@ DESK = np.dtype(
         # s and ticks before it is full at which a bin reports.
         ("horizon", np.float64),
         ("mean_speed", np.float64),
+        # m/s
+        ("carrier_speed", np.float64),
         # x at which carriers leave the queue, and of its heads.
         ("exit", np.float64),
         ("head", np.float64),

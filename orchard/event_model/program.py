@@ -291,7 +291,7 @@ class Program:
                 continue
             begins.append(len(self.ops))
             write(step, writer)
-            writer.pose, _ = step.motion(writer.pose)
+            writer.pose, _ = step.motion(writer.pose, writer.machine)
             writer.number += 1
         begins.append(len(self.ops))
         self._append(None, c.END)
@@ -312,7 +312,7 @@ class Program:
     @_write.register
     def _(self, step: st.DriveTo, writer: _Writer) -> None:
         pose = writer.pose
-        end, _ = step.motion(pose)
+        end, _ = step.motion(pose, writer.machine)
         along_x = step.x is not None
         is_ahead = nearest_heading(pose.yaw) in ("EAST", "NORTH")
         sign = 1 if is_ahead else -1
@@ -330,8 +330,8 @@ class Program:
             c.DRIVE,
             target=sign * (end.x if along_x else end.y),
             metres=metres,
-            speed=0.0 if row is not None else step.speed,
-            asks_before=step.asks_before,
+            speed=0.0 if row is not None else step.speed_of(writer.machine),
+            asks_before=step.asks_before(writer.machine),
             line=self._line_number(0 if along_x else 1, pose.y if along_x else pose.x, sign),
             first_need=first_need,
             last_need=len(self.needs),
@@ -346,7 +346,7 @@ class Program:
     @_write.register(st.Face)
     @_write.register(st.Realign)
     def _(self, step: st.Face | st.Realign, writer: _Writer) -> None:
-        _, seconds = step.motion(writer.pose)
+        _, seconds = step.motion(writer.pose, writer.machine)
         ticks = _whole_ticks(seconds)
         if ticks:
             self._append(step, c.TURN, ticks=ticks, swings=floor(st.Face.swings * ticks))

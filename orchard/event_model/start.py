@@ -175,6 +175,7 @@ def _desk(layout: Layout, program: Program) -> Any:
     desk.asked = -c.NEVER // 2
     desk.horizon = program.horizon
     desk.mean_speed = scenario.mean_picking_speed
+    desk.carrier_speed = layout.machines["carrier"].speed
     desk.exit = layout.queue.area.east
     desk.head = layout.queue.head
     battery = scenario.carrying.battery

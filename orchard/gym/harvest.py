@@ -83,8 +83,10 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
             raise ValueError(
                 f"learned = {learned!r}: must be a list of names, such as ['carrier_01']"
             )
-        _refuse_what_cannot_learn(lay_out(scenario), learned)
+        layout = lay_out(scenario)
+        _refuse_what_cannot_learn(layout, learned)
         self.scenario = scenario
+        self._machines = {name: layout.machines[kind_of(name)] for name in learned}
         self.possible_agents = list(learned)
         self.agents: list[str] = []
         self._reward = named(reward, REWARDS)
@@ -92,8 +94,14 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
         self._longest = longest
         self._is_hashed = is_hashed
         self._episode = Episode(scenario.seed, -1)
-        self.observation_spaces = {name: arrays.observation_space(name) for name in learned}
-        self.action_spaces = {name: arrays.action_space(name, deeds) for name in learned}
+        self.observation_spaces = {
+            name: arrays.observation_space(name, machine)
+            for name, machine in self._machines.items()
+        }
+        self.action_spaces = {
+            name: arrays.action_space(name, machine, deeds)
+            for name, machine in self._machines.items()
+        }
         # The actions of the agents that were asked at this tick.
         self._answers: dict[str, Action] = {}
         self._looks: dict[str, Look] = {}
@@ -146,7 +154,8 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
                 f" {', '.join(self.agents)} do"
             )
         commands = {
-            name: arrays.decode(name, action, self._deeds) for name, action in actions.items()
+            name: arrays.decode(name, self._machines[name], action, self._deeds)
+            for name, action in actions.items()
         }
         for name, command in commands.items():
             self._command(name, command)

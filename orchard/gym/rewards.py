@@ -34,8 +34,8 @@ Happened = TypeVar("Happened")  # what a reward is given: a Moment, or a Transit
 
 
 def imitation(moment: Moment) -> float:
-    """Minus the squared distance to our agent's velocity; 1 is the body's greatest speed, or its
-    greatest turn.
+    """Minus the squared distance to our agent's velocity; 1 is the greatest speed, or the greatest
+    turn, that a body of this kind has by default.
     """
     kind = KINDS[kind_of(moment.after.name)]
     forward = (moment.velocity.x - moment.scripted.x) / kind.speed

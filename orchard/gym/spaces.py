@@ -22,6 +22,7 @@ from orchard.contract.agent import Action, Observation
 from orchard.contract.messages import Couple, Deed, Uncouple
 from orchard.field.geometry import HEADINGS, Twist, angle_between
 from orchard.field.kinds import KINDS, LASER_RANGE, kind_of
+from orchard.field.machines import Machine
 from orchard.field.queue import LONGEST_ROW
 from orchard.plans.robot import Gate
 from orchard.plans.steps import DriveTo, Face, Plan
@@ -43,17 +44,18 @@ def _box(*bounds: tuple[float, float]) -> spaces.Box:
     return spaces.Box(low, high, dtype=np.float32)
 
 
-def observation_space(name: str) -> spaces.Dict:
+def observation_space(name: str, machine: Machine) -> spaces.Dict:
     """Return the space of what a body observes: see the table above.
 
-    It does not depend on the orchard: a curriculum may change it.
+    It depends on what the machine can, and on nothing else of the orchard: a curriculum may
+    change that.
     """
     kind = KINDS[kind_of(name)]
     whether = (0.0, 1.0)
     coordinate = (-FAR, FAR)
     ratio = (-1.0, 1.0)
     # Odometry may measure more than there is.
-    most_speed = 2.0 * kind.speed
+    most_speed = 2.0 * machine.speed
     most_turn = 2.0 * kind.turn
     # In the order in which Gymnasium sorts them.
     return spaces.Dict(
@@ -67,13 +69,13 @@ def observation_space(name: str) -> spaces.Dict:
     )
 
 
-def action_space(name: str, deeds: bool) -> spaces.Space[Any]:
+def action_space(name: str, machine: Machine, deeds: bool) -> spaces.Space[Any]:
     """Return the space of what a body does: m/s forward, rad/s.
 
     With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple.
     """
     kind = KINDS[kind_of(name)]
-    velocity = _box((-kind.speed, kind.speed), (-kind.turn, kind.turn))
+    velocity = _box((-machine.speed, machine.speed), (-kind.turn, kind.turn))
     if deeds:
         return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)})
     return velocity
@@ -151,7 +153,7 @@ class DecodedAction(NamedTuple):
     deed: int = NOTHING
 
 
-def decode(name: str, action: Any, deeds: bool) -> DecodedAction:
+def decode(name: str, machine: Machine, action: Any, deeds: bool) -> DecodedAction:
     """Return what an action of a body commands. `deeds`: whether it also names a deed.
 
     Raises ValueError for one that is not in the action space, limits aside.
@@ -167,7 +169,7 @@ def decode(name: str, action: Any, deeds: bool) -> DecodedAction:
         raise ValueError(f"{name}: action {action!r}; its numbers must be finite")
     kind = KINDS[kind_of(name)]
     velocity = Twist(
-        x=min(max(forward, -kind.speed), kind.speed),
+        x=min(max(forward, -machine.speed), machine.speed),
         yaw=min(max(turn, -kind.turn), kind.turn),
     )
     return DecodedAction(velocity, deed)

@@ -34,9 +34,8 @@ from orchard.optimum import NoBound
 from orchard.plans.jobs import TimedJob, Use, jobs_of, ticks
 from orchard.plans.routes import route_of
 
-# ticks: 4 m at 1 m/s from a carrier to the next one behind its bin, which is at least 0.7 m before
-# it.
-HEADWAY = 40
+# m: from a carrier to the next one behind its bin, which is at least 0.7 m before it.
+HEADWAY = 4.0
 # Of the solver, which it counts, so that the answer is the same on every machine: some seconds.
 WORK = 10.0
 # s of the clock: a net for machines that do far less work in a second than others. Busy ones need
@@ -89,7 +88,7 @@ def optimum(layout: Layout, work: float = WORK, free_roads: bool = False) -> Opt
         least = round(alone.proven_seconds / TIME_STEP)
         if alone.cut_after_seconds is not None:
             cuts.append(alone.cut_after_seconds)
-        schedule.share_roads()
+        schedule.share_roads(ticks(HEADWAY / layout.machines["carrier"].speed))
         schedule.model.add(schedule.end >= least)
     solvers = [_solved(schedule.model, FIRST * work)]
     if (
@@ -231,8 +230,11 @@ class Schedule:
         ]
         self.model.add_cumulative(intervals, [1] * len(intervals), self.carriers)
 
-    def share_roads(self) -> None:
-        """Let each place of the roads, and the bay, belong to one robot at a time."""
+    def share_roads(self, headway: int) -> None:
+        """Let each place of the roads, and the bay, belong to one robot at a time.
+
+        `headway`: ticks from a carrier that leaves the bay to the next one there.
+        """
         occupied: dict[str, list[IntervalVar]] = {}
         for number, job in enumerate(self.jobs):
             for uses, begins in (
@@ -248,7 +250,7 @@ class Schedule:
                 for at, use, later, other in zip(times, uses, times[1:], uses[1:], strict=False):
                     self.model.add(later >= at + ticks(other.at - use.at))
         occupied["bay"] = [
-            self.model.new_fixed_size_interval_var(bay, job.in_bay + HEADWAY, "")
+            self.model.new_fixed_size_interval_var(bay, job.in_bay + headway, "")
             for bay, job in zip(self.bays, self.jobs, strict=True)
         ]
         for place in occupied.values():

@@ -9,7 +9,6 @@ from orchard.field.geometry import EAST, WEST, angle_between
 from orchard.field.layout import KEPT_LAYOUTS, Layout
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.routes import route_of, way_to
-from orchard.plans.steps import CRUISE
 
 # Rad and m: a picker whose heading, or place, is nearer than this to that of a row faces along it,
 # or is in it.
@@ -78,17 +77,18 @@ class Forecast:
 
     def ticks(self, ripening: Ripening) -> int:
         """Return the ticks until the bin must look again, if its picker keeps its velocity."""
-        call = int((ripening.seconds - self.horizon) / TIME_STEP)
-        return max(
-            1, min(call, int(ripening.before / (CRUISE * TIME_STEP)) if ripening.before else call)
-        )
+        ticks = int((ripening.seconds - self.horizon) / TIME_STEP)
+        if ripening.before:
+            metres_a_tick = self.layout.machines["picker"].speed * TIME_STEP
+            ticks = min(ticks, int(ripening.before / metres_a_tick))
+        return max(1, ticks)
 
 
 def until_full(layout: Layout, row: int, side: str, picking: float, before: float) -> float:
     """Return the seconds until a bin is full and at the furthest end of a row: after `picking`, s,
     and `before`, m driven.
     """
-    return picking + (before + layout.beyond(row, side)) / CRUISE
+    return picking + (before + layout.beyond(row, side)) / layout.machines["picker"].speed
 
 
 @lru_cache(maxsize=KEPT_LAYOUTS)

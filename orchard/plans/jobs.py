@@ -21,7 +21,6 @@ from orchard.plans.robot import ASK, Gate, Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.routes import route_of, timetable
 from orchard.plans.steps import (
-    CRUISE,
     Alone,
     Deliver,
     DriveTo,
@@ -85,6 +84,8 @@ class TimedStep(NamedTuple):
     pose: Pose
     begins: float
     ends: float
+    #: m/s, of a drive; else 0.
+    speed: float
     #: s of it, beside motion: for bins that are handled, and for answers.
     handling: float
 
@@ -97,7 +98,7 @@ class TimedStep(NamedTuple):
         assert target is not None
         ahead = (gate.at - here) * (1.0 if target >= here else -1.0)
         return (
-            self.begins + ahead / self.step.speed
+            self.begins + ahead / self.speed
             if -ROUNDING < ahead < abs(target - here) + ROUNDING
             else None
         )
@@ -175,7 +176,7 @@ def _job(
     counts = [
         layout.scenario.carrier_count - (0 if layout.first_charging else first) for first in lines
     ]
-    behind = [(min(queue.places, count) - 1) * CLOSED_UP for count in counts]
+    behind = [(min(queue.places, count) - 1) * CLOSED_UP / carrier.speed for count in counts]
     stop, way = begin_of(Deliver, plans[0]), _uses(plans[0])
     of_lane = next((use for use in way if use.place == place), None)
     crossings = _uses(before)
@@ -206,7 +207,7 @@ def _job(
         side.name,
         [use._replace(at=use.at - stands) for use in crossings],
         ticks(stands - went_on),
-        ticks(stands - full - layout.beyond(row, side.name) / CRUISE),
+        ticks(stands - full - layout.beyond(row, side.name) / layout.machines["picker"].speed),
         [use._replace(at=use.at - stop) for use in way if use.at >= begins],
         exits,
         min(approach for approach, _ in exits),
@@ -231,9 +232,10 @@ def timed_steps(steps: Sequence[Step], start: Pose, machine: Machine) -> Iterato
     A step's answers and bins take its `ticks`.
     """
     late = 0.0
-    for step, pose, begins, ends in timetable(list(steps), start):
+    for step, pose, begins, ends in timetable(list(steps), start, machine):
         handling = step.ticks(machine) * TIME_STEP
-        yield TimedStep(step, pose, begins + late, ends + late + handling, handling)
+        speed = step.speed_of(machine) if isinstance(step, DriveTo) else 0.0
+        yield TimedStep(step, pose, begins + late, ends + late + handling, speed, handling)
         late += handling
 
 

@@ -197,8 +197,10 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
         """
         return 0
 
-    def motion(self, start: Pose) -> tuple[Pose, float]:
-        """Return where the step ends, and how long it drives, turns or waits without traffic, s."""
+    def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
+        """Return where the step ends, and how long a machine drives, turns or waits in it without
+        traffic, s.
+        """
         return start, 0.0
 
 
@@ -216,12 +218,15 @@ class PlanExecutor:
         seen: Observation,
         mail: Mail,
         memory: RobotMemory,
+        machine: Machine,
         bystanders: tuple[sense.Bystander, ...] = (),
     ) -> None:
         # Only the steps of each kind know the fields that it adds to Plan.
         self.memory: Any = memory
         self.seen = self._located(seen)
         self.mail = mail
+        #: What it can, as the scenario says: `Layout.machines` has it by its kind.
+        self.machine = machine
         self._bystanders = bystanders
         self.pose: Pose = self.seen.pose
         self.action = Action(memory=memory)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from orchard.field.geometry import Pose
 from orchard.field.layout import Layout
+from orchard.field.machines import Machine
 from orchard.field.plugins import make_plugin
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.plans.robot import Step
@@ -24,23 +25,27 @@ def route_of(layout: Layout) -> OneWay:
 def way_to(route: OneWay, lane: int, side: Side) -> tuple[float, float]:
     """Return a carrier's way from the queue's head to its stop at a lane, m by road, and s."""
     head = route.queue.place(0)
-    return route.distance(head.x, head.y, lane, side), duration(route.approach(lane, side), head)
+    seconds = duration(route.approach(lane, side), head, route.layout.machines["carrier"])
+    return route.distance(head.x, head.y, lane, side), seconds
 
 
-def duration(steps: list[Step], start: Pose) -> float:
-    """Return the time of a plan's drives and turns without obstacles, s."""
-    return max((ends for _, _, _, ends in timetable(steps, start)), default=0.0)
+def duration(steps: list[Step], start: Pose, machine: Machine) -> float:
+    """Return the time of a machine's drives and turns without obstacles, s."""
+    return max((ends for _, _, _, ends in timetable(steps, start, machine)), default=0.0)
 
 
-def timetable(steps: list[Step], start: Pose) -> Iterator[tuple[Step, Pose, float, float]]:
-    """Yield each step of a plan, the pose in which it begins, and when it begins and ends, s.
+def timetable(
+    steps: list[Step], start: Pose, machine: Machine
+) -> Iterator[tuple[Step, Pose, float, float]]:
+    """Yield each step of a machine's plan, the pose in which it begins, and when it begins and
+    ends, s.
 
     Only motion takes time.
     """
     pose = start
     begins = 0.0
     for step in steps:
-        end, seconds = step.motion(pose)
+        end, seconds = step.motion(pose, machine)
         yield step, pose, begins, begins + seconds
         pose = end
         begins += seconds

@@ -61,7 +61,6 @@ from orchard.plans.robot import (
 )
 from orchard.plans.sense import Box
 
-CRUISE = 1.0  # m/s
 # Ticks between two questions if the answer changes nothing.
 SELDOM = 50
 # m from a place at which a robot that searches for the coupling point counts as there.
@@ -85,6 +84,9 @@ SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in
 PASSED = 0.5
 # s before a robot is at a gate, at which it asks for its places. Earlier would keep others off.
 LOOK_AHEAD = 3.0
+# m before it, at most: less than from a robot to the next one in a line, so that none asks before
+# the one in front of it.
+MOST_AHEAD = 3.0
 
 
 class Say(Step, frozen=True):
@@ -112,8 +114,8 @@ class DriveTo(Step, frozen=True):
     x: float | None = None
     #: m; None: the robot drives along x.
     y: float | None = None
-    #: m/s
-    speed: float = CRUISE
+    #: m/s; None: that of the machine.
+    speed: float | None = None
     needs: list[Gate] = []
     frees: list[Gate] = []
     #: What is no obstacle on the way.
@@ -125,6 +127,7 @@ class DriveTo(Step, frozen=True):
     def act(self, robot: PlanExecutor) -> bool:
         """Drive on up to the target or a closed gate. Return whether the robot is at the target."""
         course = robot.course
+        speed = self.speed_of(robot.machine)
         axis = "y" if self.x is None else "x"
         # Positions along the axis, m.
         here = getattr(robot.pose, axis)
@@ -139,26 +142,30 @@ class DriveTo(Step, frozen=True):
         limit = self._limit(robot, here, passed, ahead, target)
         setattr(course, axis, limit)
         remaining = ahead * (limit - here)
-        if robot.comes_back(self.blind_to, self.speed):
+        if robot.comes_back(self.blind_to, speed):
             return False
         if remaining <= EXACT:
             robot.hold()
             return bool(ahead * (target - here) <= EXACT)
-        robot.move(Twist(x=min(self.speed, remaining / TIME_STEP)), self.blind_to, self.queueing)
+        robot.move(Twist(x=min(speed, remaining / TIME_STEP)), self.blind_to, self.queueing)
         robot.hold(self._ticks(robot, here, ahead, remaining))
         return False
 
-    def motion(self, start: Pose) -> tuple[Pose, float]:
+    def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return the pose at the target, and the time of the drive, s."""
         x = start.x if self.x is None else self.x
         y = start.y if self.y is None else self.y
         end = start._replace(x=x, y=y)
-        return end, (abs(end.x - start.x) + abs(end.y - start.y)) / self.speed
+        metres = abs(end.x - start.x) + abs(end.y - start.y)
+        return end, metres / self.speed_of(machine)
 
-    @property
-    def asks_before(self) -> float:
-        """How far before a gate the robot asks for its places, m."""
-        return LOOK_AHEAD * self.speed
+    def speed_of(self, machine: Machine) -> float:
+        """Return how fast a machine drives, m/s."""
+        return machine.speed if self.speed is None else self.speed
+
+    def asks_before(self, machine: Machine) -> float:
+        """Return how far before a gate a machine asks for its places, m."""
+        return min(MOST_AHEAD, LOOK_AHEAD * self.speed_of(machine))
 
     def _ticks(self, robot: PlanExecutor, here: float, ahead: float, remaining: float) -> int:
         """Return for how many ticks the robot keeps its velocity, if nothing comes in its way.
@@ -166,19 +173,20 @@ class DriveTo(Step, frozen=True):
         `here`: where it is along the axis, m. `ahead`: the sign of its direction. `remaining`: the
         way up to the target or a closed gate, m.
         """
-        if self.speed <= 0.0:
+        speed = self.speed_of(robot.machine)
+        if speed <= 0.0:
             return 1
         reserved = set(robot.memory.reserved)
         # m up to where it drives slower, gives places back, or asks for places.
-        rooms = [remaining - self.speed * TIME_STEP]
+        rooms = [remaining - speed * TIME_STEP]
         for gate in self.frees:
             if not reserved.isdisjoint(gate.places):
                 rooms.append(ahead * (gate.at - here))
         for gate in self.needs:
-            room = ahead * (gate.at - here) - self.asks_before
+            room = ahead * (gate.at - here) - self.asks_before(robot.machine)
             if room >= 0.0 and not reserved.issuperset(gate.places):
                 rooms.append(room)
-        return int(max(0.0, min(rooms) - SLACK) / (self.speed * TIME_STEP)) + 1
+        return int(max(0.0, min(rooms) - SLACK) / (speed * TIME_STEP)) + 1
 
     def _limit(
         self, robot: PlanExecutor, here: float, passed: float, ahead: float, target: float
@@ -194,7 +202,7 @@ class DriveTo(Step, frozen=True):
             is_behind = ahead * (gate.at - passed) < -tolerance
             if is_behind or robot.has(gate.places):
                 continue
-            is_near = ahead * (gate.at - here) < self.asks_before
+            is_near = ahead * (gate.at - here) < self.asks_before(robot.machine)
             if is_near and (not gate.bin or robot.is_left(gate.bin)):
                 robot.want(gate.places)
             return gate.at if ahead * (target - gate.at) > 0 else target
@@ -220,7 +228,7 @@ class Face(Step, frozen=True):
             return not robot.comes_back(self.blind_to)
         return _turns_to(robot, HEADINGS[self.heading], self.blind_to)
 
-    def motion(self, start: Pose) -> tuple[Pose, float]:
+    def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return the pose after the turn, and its time, s."""
         yaw = HEADINGS[self.heading]
         return start._replace(yaw=yaw), abs(angle_between(start.yaw, yaw)) / EIGHTH
@@ -243,9 +251,9 @@ class Realign(Step, frozen=True):
         """Turn on. Return whether the robot faces a heading."""
         return Face(nearest_heading(robot.pose.yaw)).act(robot)
 
-    def motion(self, start: Pose) -> tuple[Pose, float]:
+    def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return the pose after the turn, and its time, s."""
-        return Face(nearest_heading(start.yaw)).motion(start)
+        return Face(nearest_heading(start.yaw)).motion(start, machine)
 
 
 class Ahead(Step, frozen=True):
@@ -300,7 +308,7 @@ class Wait(Step, frozen=True):
         robot.hold(max(1, int(min(MOST_HOLD, (self.seconds - waited) / TIME_STEP))))
         return bool(waited >= self.seconds - EXACT)
 
-    def motion(self, start: Pose) -> tuple[Pose, float]:
+    def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return the same pose, and the time, s."""
         return start, self.seconds
 
@@ -574,7 +582,7 @@ class MayFail(Step, frozen=True):
         here = getattr(robot.pose, axis)
         distance = getattr(drive, axis) - here
         # s of work: for the rest of the drive, and up to the failure.
-        needed = abs(distance) / drive.speed
+        needed = abs(distance) / drive.speed_of(robot.machine)
         sound = failures.work_left(until, memory.worked)
         if sound >= needed:
             memory.worked += needed

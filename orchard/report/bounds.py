@@ -26,13 +26,12 @@ from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
 from orchard.plans.jobs import HANDOVER, TimedStep, begin_of, timed_steps
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
-from orchard.plans.steps import CRUISE, Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
+from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
 
 if TYPE_CHECKING:
     from orchard.event_model.harvest import EventHarvest
 
-# m: a carrier with its bin, and a gap; at 1 m/s also the s in which the next one moves into the
-# bay.
+# m: a carrier with its bin, and a gap. The next one drives as far to move into the bay.
 TRAIN = 3.3 + 0.8
 # Times that a picker picks its rows in the means, or a multiple: after two, each row is left at the
 # same ends again.
@@ -67,8 +66,9 @@ class Bounds:
         )
         self.bin_seconds = picking + crossing + wait  # of a picker's time
         self.cycle_seconds = cycle  # C, from the queue's head around the orchard and back
+        carrier = layout.machines["carrier"]
         self.bay_seconds = (
-            Unload().ticks(layout.machines["carrier"]) * TIME_STEP + TRAIN
+            Unload().ticks(carrier) * TIME_STEP + TRAIN / carrier.speed
         )  # t_bay, for which one carrier occupies the bay
         busy = cycle + charging
         charged = charging
@@ -158,7 +158,11 @@ def _seconds(
     start = way[0].pose
     driving, picking = one.metres / lane.picking_speed, layout.picking_seconds(one.row, one.metres)
     all_of_it = way[-1].ends - driving
-    row_end = (lane.length - one.metres) / CRUISE if one.ends_row else all_of_it - _handling(way)
+    row_end = (
+        (lane.length - one.metres) / layout.machines["picker"].speed
+        if one.ends_row
+        else all_of_it - _handling(way)
+    )
     if not one.leaves_bin:
         return picking, all_of_it, 0.0, 0.0, row_end, 0.0
     fetch = route.fetch(1, one.row, side, "", "")
@@ -169,7 +173,8 @@ def _seconds(
     # an early carrier leaves when the picker drives into the row, or later, and holds before the
     # lane's place until the picker has come out
     entering = (
-        abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x) / CRUISE
+        abs((route.west if side is route.east else route.east).x(route.WAITING) - start.x)
+        / layout.machines["picker"].speed
     )
     coming, stop = (
         approach - (entering + picking + leaving if early else 0.0),
@@ -270,7 +275,8 @@ def _seconds_on_free_roads(ideal: Layout) -> float:
         stood[kind_of(name)] = max(stood[kind_of(name)], since)
     # The last carrier stops behind the others in its line.
     before = min(ideal.scenario.carrier_count, ideal.queue.places) - 1
-    return max(stood["picker"], stood["carrier"] - before * PITCH)
+    metres = before * PITCH
+    return max(stood["picker"], stood["carrier"] - metres / ideal.machines["carrier"].speed)
 
 
 def proven_seconds(layout: Layout) -> float | None:

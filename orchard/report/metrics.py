@@ -21,9 +21,10 @@ from orchard.sim.state_times import StateTimes
 from orchard.sim.world import World
 
 # Without a metre picked or a step of work finished, in an orchard of up to JAM_METRES from north to
-# south.
+# south. A carrier drives one step home past all rows, at JAM_SPEED or faster.
 JAM_SECONDS = 600.0
-JAM_METRES = 300.0  # a carrier drives one step home past all rows, at 1 m/s or slower
+JAM_METRES = 300.0
+JAM_SPEED = 1.0  # m/s
 
 
 @dataclass
@@ -121,7 +122,8 @@ class HarvestFigures:
         if seconds < JAM_SECONDS:
             return False
         metres = world.layout.top - world.layout.bottom
-        return seconds >= JAM_SECONDS * max(1.0, metres / JAM_METRES)
+        longer = max(1.0, JAM_SPEED / float(world.fixed.speed[world.fixed.carriers].min()))
+        return seconds >= JAM_SECONDS * longer * max(1.0, metres / JAM_METRES)
 
 
 def orders_refused(answers: Mapping[str, Action | None]) -> int:

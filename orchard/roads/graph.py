@@ -18,6 +18,7 @@ from msgspec import structs
 from orchard.field.geometry import Pose
 from orchard.field.kinds import KINDS
 from orchard.field.layout import Lane, Layout
+from orchard.field.machines import Machine
 from orchard.plans.robot import Step
 from orchard.plans.route import OneWay, Side
 from orchard.plans.steps import DriveTo, Face, Free, Need
@@ -145,6 +146,7 @@ class _Roads:
     def __init__(self, layout: Layout, route: OneWay) -> None:
         self._layout = layout
         self._route = route
+        self._carrier = layout.machines["carrier"]
         self._bay = Pose(layout.bay_stop, layout.queue.lines[0], 0.0)
         self.legs: list[Leg] = []
         self.names: dict[tuple[float, float], str] = {}
@@ -166,18 +168,22 @@ class _Roads:
         self.stations[line] = (line,)
         from_last = slots[::-1]
         into_slots = [DriveTo(x=slot.x, queueing=True) for slot in from_last]
-        self.legs += _legs([*self._route.go_to_line(head + 1), *into_slots], self._bay)
+        self.legs += _legs(
+            [*self._route.go_to_line(head + 1), *into_slots], self._bay, self._carrier
+        )
         for slot_pose, ahead in pairwise(from_last):
-            self.legs += _legs([DriveTo(x=ahead.x, queueing=True)], slot_pose)
+            self.legs += _legs([DriveTo(x=ahead.x, queueing=True)], slot_pose, self._carrier)
         for side in self._route.sides.values():
             for lane in self._layout.lanes:
-                self.legs += _legs(self._route.approach(lane.number, side, head + 1), first)
+                self.legs += _legs(
+                    self._route.approach(lane.number, side, head + 1), first, self._carrier
+                )
 
     def add_station(self, side: Side, lane: Lane) -> None:
         """Add what a carrier drives at a lane: to the full bin, home with it, and home without."""
         route = self._route
         stop = Pose(side.x(route.D_ROAD), side.y(lane.y, route.STOP), 0.0)
-        loop = _legs(route.loop_to_full_bin(lane.number, side), stop)
+        loop = _legs(route.loop_to_full_bin(lane.number, side), stop, self._carrier)
         bin_pose = loop[-1].end
         name = f"{side.name}/{lane.number}"
         stop_name = f"{side.name}/stop/{lane.number}"
@@ -186,8 +192,10 @@ class _Roads:
         self.names[_point(stop)] = stop_name
         self.names[_point(bin_pose)] = bin_name
         self.legs += loop
-        self.legs += _legs(route.go_to_bay(lane.number, side), bin_pose)
-        self.legs += _legs(_over_to_the_other_road(route, side, lane.number, stop), stop)
+        self.legs += _legs(route.go_to_bay(lane.number, side), bin_pose, self._carrier)
+        self.legs += _legs(
+            _over_to_the_other_road(route, side, lane.number, stop), stop, self._carrier
+        )
 
 
 def _over_to_the_other_road(route: OneWay, side: Side, lane: int, stop: Pose) -> list[Step]:
@@ -243,8 +251,8 @@ def _longest_way_to_bay(route: OneWay, side: Side) -> tuple[Face, DriveTo, list[
     return turn, along, onward
 
 
-def _legs(steps: Iterable[Step], start: Pose) -> list[Leg]:
-    """Cut a plan where its drives end, and where they may have to wait.
+def _legs(steps: Iterable[Step], start: Pose, machine: Machine) -> list[Leg]:
+    """Cut a machine's plan where its drives end, and where they may have to wait.
 
     What is done before a drive belongs to it.
     """
@@ -255,7 +263,7 @@ def _legs(steps: Iterable[Step], start: Pose) -> list[Leg]:
         parts = _parts(step, pose) if isinstance(step, DriveTo) else [(step, "")]
         for part, waits_for in parts:
             begin = pose
-            pose = part.motion(begin)[0]
+            pose = part.motion(begin, machine)[0]
             before.append(part)
             if isinstance(part, DriveTo) and _point(pose) != _point(begin):
                 legs.append(Leg(begin, pose, tuple(before), waits_for))

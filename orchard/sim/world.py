@@ -111,7 +111,8 @@ def fixed_of(layout: Layout) -> Fixed:
     kinds = [KINDS[start.kind] for start in layout.starts]
     halves = np.array([(kind.length / 2, kind.width / 2) for kind in kinds]).reshape(-1, 2)
     shapes = boxes_of(np.zeros_like(halves), halves)
-    speed = np.array([kind.speed for kind in kinds], dtype=np.float64)
+    machines = [layout.machines[start.kind] for start in layout.starts]
+    speed = np.array([machine.speed for machine in machines], dtype=np.float64)
     radius = float(shapes[:, RADIUS].max(initial=0.0))
     step = float(speed.max(initial=0.0)) * TIME_STEP
     walls = boxes_of(layout.walls[:, :2], layout.walls[:, 2:])

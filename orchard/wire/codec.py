@@ -17,6 +17,7 @@ from orchard.contract.messages import unpack
 from orchard.field.geometry import Pose, Twist
 from orchard.field.kinds import KINDS, LASER_NEAREST, LASER_RANGE, Kind, Laser, kind_of
 from orchard.field.layout import ROW_WEST, Layout
+from orchard.field.machines import Machine
 from orchard.field.repeatable import sin_cos
 from orchard.wire import messages as wire
 from orchard.wire.messages import FARTHEST, MOST_BODIES, read
@@ -174,7 +175,9 @@ def orchard_of(run: str, tick: int, layout: Layout) -> wire.Orchard:
         )
         for start in layout.starts
     ]
-    kinds = {name: _kind_of_body(kind) for name, kind in sorted(KINDS.items())}
+    kinds = {
+        name: _kind_of_body(kind, layout.machines[name]) for name, kind in sorted(KINDS.items())
+    }
     walls = [tuple(wall) for wall in layout.walls.tolist()]
     return wire.Orchard(run, tick, walls, rows, bodies, kinds)
 
@@ -185,13 +188,13 @@ def _pose_of(pose: Pose) -> wire.PoseMessage:
     return wire.PoseMessage(wire.Point(pose.x, pose.y), wire.Quaternion(sin, cos))
 
 
-def _kind_of_body(kind: Kind) -> wire.KindOfBody:
+def _kind_of_body(kind: Kind, machine: Machine) -> wire.KindOfBody:
     """Return the message for a kind of bodies."""
     own = kind.laser
     sweep = own.ahead, own.beams, own.first, own.increment
     laser = wire.LaserOfKind(*sweep, LASER_NEAREST, LASER_RANGE)
     size = kind.length, kind.width, kind.height
-    motion = kind.speed, kind.turn, kind.tows
+    motion = machine.speed, kind.turn, kind.tows
     return wire.KindOfBody(*size, kind.colour, *motion, kind.solid, kind.robot, laser)
 
 

@@ -12,8 +12,11 @@ from quiet import NOBODY
 from orchard.discrete.harvest import DiscreteHarvest
 from orchard.field.kinds import HAULERS, kind_of
 from orchard.field.layout import Layout, lay_out
-from orchard.field.scenario import Scenario
+from orchard.field.problems import ScenarioError
+from orchard.field.queue import CLOSED_UP
+from orchard.field.scenario import Scenario, parse
 from orchard.local import Local
+from orchard.plans.steps import DriveTo
 from orchard.report.bounds import Bounds
 
 SMALL: dict[str, Any] = NOBODY | {
@@ -64,6 +67,52 @@ def test_soak_both_models_agree_about_a_hundred_machines() -> None:
     shares = sorted(errors(2, 100))
     assert fmean(shares) <= 0.005
     assert shares[94] <= 0.01
+
+
+def test_no_carrier_asks_before_the_one_in_front_of_it() -> None:
+    """In a line carriers stand 4.1 m apart. One that asks from further away could get a place
+    before the one in front, which needs it first.
+    """
+    drive = DriveTo(x=0.0)
+    fastest = small(carrying={"speed": 2.5}).machines["carrier"]
+    assert drive.asks_before(fastest) < CLOSED_UP
+    slowest = small(carrying={"speed": 0.5}).machines["carrier"]
+    assert drive.asks_before(slowest) == 1.5
+
+
+@pytest.mark.parametrize("route", ["one-way", "two-way"])
+def test_many_fast_carriers_do_not_jam(route: str) -> None:
+    crowd = small(rows=5, pickers=5, carriers=10, route=route, carrying={"speed": 2.5})
+    assert modelled(crowd) == pytest.approx(simulated(crowd), rel=0.01)
+
+
+def test_slow_carriers_drive_at_their_speed() -> None:
+    usual = small()
+    slow = small(carrying={"speed": 0.5})
+    assert simulated(slow) > 1.2 * simulated(usual)
+    assert modelled(slow) == pytest.approx(simulated(slow), rel=0.005)
+    assert Bounds(slow).cycle_seconds > 1.5 * Bounds(usual).cycle_seconds
+
+
+def test_a_carrier_faster_than_its_bin_can_follow_is_refused() -> None:
+    with pytest.raises(
+        ScenarioError, match=r"from 0\.5 to 2\.5 .* a bin cannot follow a faster one"
+    ):
+        parse("carrying: {speed: 3}")
+
+
+def test_a_run_goes_on_with_other_carriers() -> None:
+    """What was asked for under way holds from there on: plans have no speeds in them."""
+    run = Local(small().scenario, is_hashed=False)
+    while run.engine.tick < 300:
+        run.tick()
+    faster = run.fork(**{"carrying.speed": 2.0, "handling.unloading": 20.0})
+    while not faster.ended:
+        faster.tick()
+    while not run.ended:
+        run.tick()
+    assert faster.ended == "harvested"
+    assert faster.engine.tick < run.engine.tick
 
 
 def test_a_bay_that_takes_longer_brings_fewer_bins() -> None:

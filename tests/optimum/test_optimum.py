@@ -4,12 +4,14 @@ what has no bound is refused in words.
 
 import json
 from itertools import combinations
+from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("ortools", reason="the extra `optimum` is not installed")
+from drawn_machines import drawn_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import Bounds, LinearConstraint, milp
@@ -90,7 +92,8 @@ def test_no_policy_beats_what_is_proven(values):
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     rows=st.integers(3, 9),
-    fleet=st.tuples(st.integers(2, 6), st.integers(1, 6)),
+    # Pickers, carriers, and what their machines are drawn by.
+    fleet=st.tuples(st.integers(2, 6), st.integers(1, 6), st.integers(0, 2**16)),
     speed=st.sampled_from([0.05, 0.4, 1.0]),
     route=st.sampled_from([*QUEUES]),
     rule=st.sampled_from(ROW_RULES),
@@ -108,7 +111,9 @@ def test_no_random_harvest_beats_what_is_proven(
         "rows_to_pickers": rule,
         "dispatch": policy,
     }
-    layout = lay_out(empty_orchard(**work, **values))
+    # A third of them have the machines of the default.
+    drawn = drawn_values(Random(fleet[2])) if fleet[2] % 3 else {}
+    layout = lay_out(empty_orchard(**work, **values, **drawn))
     assert optimum(layout, 0.05).proven_seconds <= DiscreteHarvest(layout).run().seconds
 
 

@@ -84,7 +84,9 @@ def test_the_figures_of_a_whole_harvest():
 
 def test_the_duration_of_a_plan_is_its_drives_and_turns():
     plan = [DriveTo(x=10.0), Face("SOUTH"), DriveTo(y=-5.0, speed=0.5), Face("NORTH")]
-    assert duration(plan, Pose(0.0, 0.0, EAST)) == pytest.approx(10 + 4 + 10 + 8)
+    assert duration(
+        plan, Pose(0.0, 0.0, EAST), lay_out(Scenario()).machines["carrier"]
+    ) == pytest.approx(10 + 4 + 10 + 8)
 
 
 BOTTLENECKS = [

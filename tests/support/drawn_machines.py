@@ -19,7 +19,7 @@ def drawn_machines(seed: int, count: int) -> Iterator[Layout]:
     chances = Random(f"machines {seed}")
     made = 0
     while made < count:
-        values = _orchard(chances) | machines(chances)
+        values = _orchard(chances) | drawn_values(chances)
         try:
             layout = lay_out(Scenario.model_validate(values))
         except (ScenarioError, ValidationError):
@@ -43,6 +43,9 @@ def _orchard(chances: Random) -> dict[str, Any]:
     }
 
 
-def machines(chances: Random) -> dict[str, Any]:
+def drawn_values(chances: Random) -> dict[str, Any]:
     """Return what says what machines can, in a scenario."""
-    return {"handling": {"unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1)}}
+    return {
+        "carrying": {"speed": round(chances.uniform(0.5, 2.5), 2)},
+        "handling": {"unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1)},
+    }

@@ -214,13 +214,14 @@ class Drone:
     holds = True
 
     def __init__(self, layout: Layout, name: str) -> None:
+        self.machine = layout.machines["drone"]
         self.bystanders = bystanders_of(layout)
         self.end = layout.row_east
 
     def tick(self, seen: Observation, mail: Mail, memory: Plan | None) -> Action:
         """Return its velocity towards the end of the rows."""
         plan = memory or self.Memory(plan=[Say("looking", "driving"), DriveTo(x=self.end)])
-        robot = PlanExecutor(seen, mail, plan, self.bystanders)
+        robot = PlanExecutor(seen, mail, plan, self.machine, self.bystanders)
         robot.follow()
         return robot.finish()
 '''

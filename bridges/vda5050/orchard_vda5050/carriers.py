@@ -138,6 +138,8 @@ class CarrierDriver(Driver):
                 f"{action.load} has not sent for a vehicle within {SENT_FOR_SECONDS:g} s:"
                 " another carrier comes"
             )
+        if action.action_type == UNLOAD:
+            seconds -= self.machine.unloading_ticks * TIME_STEP
         return super().why_late(action, seconds)
 
     def after_failing(self, action: ActionOrder) -> Sequence[Step]:

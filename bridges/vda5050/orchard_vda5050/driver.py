@@ -82,7 +82,7 @@ class Driver(PlanExecutor):
         before: Sequence[Step],
     ) -> None:
         """`robot`: the Orchard's own agent of this kind; `before`: the steps before each drive."""
-        super().__init__(seen, mail, memory, robot.bystanders)
+        super().__init__(seen, mail, memory, robot.machine, robot.bystanders)
         self.route: OneWay = robot.route
         self.duty = duty
         self.graph = graph
@@ -186,7 +186,7 @@ class Driver(PlanExecutor):
                 continue
             if not step.queueing:
                 yield from self._before
-            if edge.speed is not None and edge.speed < step.speed:
+            if edge.speed is not None and edge.speed < step.speed_of(self.machine):
                 yield replace(step, speed=edge.speed)
             else:
                 yield step

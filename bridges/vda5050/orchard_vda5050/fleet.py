@@ -8,6 +8,7 @@ from orchard import Agent, Layout
 from orchard.contract.guard import Guard
 from orchard.dispatch.policies import POLICIES
 from orchard.field.kinds import DISPATCH, kind_of
+from orchard.field.machines import Machine
 from orchard.plans.routes import ROUTES, route_of
 from orchard.roads.pickers import graphs_of
 from orchard_vda5050.calls import Calls
@@ -73,12 +74,15 @@ class Lines:
         self._network = Network()
         self.notices = Notices(self._network, self._broker)
 
-    def of(self, name: str) -> Line:
-        """Return the line of a vehicle, which is opened when it is first asked for."""
+    def of(self, name: str, machine: Machine) -> Line:
+        """Return the line of a vehicle, which is opened when it is first asked for.
+
+        `machine`: what the vehicle can.
+        """
         if name not in self._lines:
             greets = [
                 ("connection", connection_of("ONLINE")),
-                ("factsheet", factsheet_of(kind_of(name), timing().state)),
+                ("factsheet", factsheet_of(kind_of(name), machine, timing().state)),
             ]
             self._lines[name] = Line(
                 self._network, self._broker, name, ("order", "instantActions"), greets
@@ -119,7 +123,12 @@ def vehicles(layout: Layout, names: Collection[str]) -> dict[str, Agent]:
         )
     all_lines = lines()
     calls = Calls(all_lines.notices.tell)
-    agents = agents_of(layout, names, all_lines.of, calls, timing())
+
+    def line_of(name: str) -> Line:
+        """Return the line of a vehicle."""
+        return all_lines.of(name, layout.machines[kind_of(name)])
+
+    agents = agents_of(layout, names, line_of, calls, timing())
     # Agents with classes of the user are checked at each tick. All others are checked by tests.
     is_built_in = layout.scenario.dispatch in POLICIES and layout.scenario.route in ROUTES
     return {

@@ -12,6 +12,7 @@ import msgspec
 
 from orchard import Observation
 from orchard.field.kinds import KINDS
+from orchard.field.machines import Machine
 from orchard.field.scenario import TIME_STEP
 from orchard.roads.actions import ACTIONS, IGNORED, INSTANT, VehicleAction
 from orchard.roads.graph import Graph
@@ -121,7 +122,7 @@ def connection_of(state: Literal["ONLINE", "OFFLINE", "CONNECTION_BROKEN"]) -> M
     return {"connectionState": state}
 
 
-def factsheet_of(kind: str, state_seconds: float) -> Message:
+def factsheet_of(kind: str, machine: Machine, state_seconds: float) -> Message:
     """Return the message `factsheet` of a kind of vehicle.
 
     `state_seconds`: the time between two states, unless something happens.
@@ -140,10 +141,10 @@ def factsheet_of(kind: str, state_seconds: float) -> Message:
         },
         "physicalParameters": {
             "minimumSpeed": 0.0,
-            "maximumSpeed": body.speed,
+            "maximumSpeed": machine.speed,
             "maximumAngularSpeed": body.turn,
-            "maximumAcceleration": body.speed / TIME_STEP,
-            "maximumDeceleration": body.speed / TIME_STEP,
+            "maximumAcceleration": machine.speed / TIME_STEP,
+            "maximumDeceleration": machine.speed / TIME_STEP,
             "minimumHeight": body.height,
             "maximumHeight": body.height,
             "width": body.width,

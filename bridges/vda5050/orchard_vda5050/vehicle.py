@@ -284,7 +284,9 @@ class Vehicle:
             case "cancelOrder":
                 status = self._cancel(robot, action)
             case "factsheetRequest":
-                self._port.send("factsheet", factsheet_of(self.graph.kind, self.timing.state))
+                self._port.send(
+                    "factsheet", factsheet_of(self.graph.kind, robot.machine, self.timing.state)
+                )
             case "clearInstantActions":
                 duty.instant = [state for state in duty.instant if state.action_status == "RUNNING"]
             case "stateRequest":

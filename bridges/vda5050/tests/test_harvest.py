@@ -11,6 +11,9 @@ from orchard_vda5050.vehicle import Timing
 from orchards import HEADER, SMALL, Fleet
 from standard import check
 
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+
 
 def checked(fleet):
     """Check all messages of both sides, as they are sent."""
@@ -148,7 +151,10 @@ def test_the_same_run_gives_the_same_messages():
 @pytest.mark.parametrize(
     "message",
     [
-        *(("factsheet", factsheet_of(kind, 1.0)) for kind in ("carrier", "picker")),
+        *(
+            ("factsheet", factsheet_of(kind, lay_out(Scenario()).machines[kind], 1.0))
+            for kind in ("carrier", "picker")
+        ),
         ("connection", connection_of("CONNECTION_BROKEN")),
     ],
     ids=lambda pair: pair[0],

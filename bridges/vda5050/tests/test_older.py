@@ -16,6 +16,9 @@ from vda5050.domain.order.builder import OrderBuilder
 from vda5050.testing.memory_transport import MemoryBroker, MemoryTransport
 from vda5050.validation.schema_validator import SchemaValidator
 
+from orchard.field.layout import lay_out
+from orchard.field.scenario import Scenario
+
 NAME = "carrier_01"
 
 
@@ -37,7 +40,10 @@ def test_all_messages_are_valid_by_the_schemas_of_2_1():
     head = HEADER | {"serialNumber": name}
     sent = [(topic, message) for _, topic, message in fleet.heard]
     sent += [
-        *(("factsheet", head | factsheet_of(kind, 1.0)) for kind in ("carrier", "picker")),
+        *(
+            ("factsheet", head | factsheet_of(kind, lay_out(Scenario()).machines[kind], 1.0))
+            for kind in ("carrier", "picker")
+        ),
         *(("connection", head | message) for message in once),
     ]
     for topic, message in sent:

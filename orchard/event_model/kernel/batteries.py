@@ -11,7 +11,6 @@ from orchard.event_model.kernel.compiled import inner
 from orchard.event_model.kernel.places import tick_of
 from orchard.field.scenario import TIME_STEP
 from orchard.plans.robot import ASK, PATIENCE
-from orchard.plans.steps import CRUISE
 
 # Ticks for which a carrier asks its bin whether that wants it.
 CONFIRMED = ASK
@@ -42,7 +41,7 @@ def end_job(m, carrier):
     if me.exchange == c.NONE:
         return
     desk = m.desk[0]
-    through = (desk.exit - me.x) / CRUISE / TIME_STEP
+    through = (desk.exit - me.x) / desk.carrier_speed / TIME_STEP
     exchange = m.exchanges[me.exchange]
     exchange.carrier_ticks = tick_of(m) - me.away + through + CONFIRMED
     used = me.charge_before - me.charge

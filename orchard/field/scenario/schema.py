@@ -145,7 +145,9 @@ class Scenario(Section):
         float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE), CIRCUMSTANCE
     ] = None
     picking: Annotated[Picking, Field(description="how picking varies"), CIRCUMSTANCE] = Picking()
-    carrying: Annotated[Carrying, Field(description="how the work of carriers varies")] = Carrying()
+    carrying: Annotated[
+        Carrying, Field(description="what carriers can, and how their work varies")
+    ] = Carrying()
     handling: Annotated[
         Handling, Field(description="for how long bins are handled"), CIRCUMSTANCE
     ] = Handling()

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from orchard.field.kinds import KINDS
 from orchard.field.problems import Section
 from orchard.field.scenario.fields import CHOICE, CIRCUMSTANCE, MOST_GUESTS, choice, count, price
 
@@ -141,9 +142,15 @@ class Battery(Section):
     ] = 0.2
 
 
-class Carrying(Section):
-    """How the work of carriers varies."""
+CARRIER_SPEED = "speed of a carrier, m/s; a bin cannot follow a faster one"
 
+
+class Carrying(Section):
+    """What carriers can, and how their work varies."""
+
+    speed: Annotated[float, Field(ge=0.5, le=2.5, description=CARRIER_SPEED), CIRCUMSTANCE] = KINDS[
+        "carrier"
+    ].speed
     failure: Annotated[
         Failure,
         Field(description="how often carriers fail on a job, and for how long they stand"),

@@ -46,7 +46,7 @@ def real(path: Path) -> Path:
     """Return the path to which links lead, as far as it is there.
 
     `Path.resolve` raises RuntimeError where links lead in a circle. Here such a path stays, and
-    whoever opens it is told.
+    the error comes where it is opened.
     """
     return Path(os.path.realpath(path))
 

@@ -184,10 +184,10 @@ class Local:
         if self.ended == "harvested":
             return
         idle = self.engine.tick - self._figures.progress_tick
-        who = "".join(f"\n  {line}" for line in self.jam)
+        jam = "".join(f"\n  {line}" for line in self.jam)
         raise RuntimeError(
             f"the run has ended ({self.ended}): nothing has gone on for {idle * TIME_STEP:.0f} s,"
-            f" up to tick {self.engine.tick}:{who}\nEnd a loop with `while not run.ended`. To go on"
+            f" up to tick {self.engine.tick}:{jam}\nEnd a loop with `while not run.ended`. To go on"
             " all the same, call `run.act(run.ask())`."
         )
 

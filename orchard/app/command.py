@@ -266,7 +266,7 @@ class Latest(Generic[Started]):
 
 
 def fresh_files(folder: Path, noun: str) -> Files:
-    """Return files whose name is a word and the time, to the microsecond.
+    """Return files that are named by a word and the time, to the microsecond.
 
     Makes the folder. Raises OSError.
     """

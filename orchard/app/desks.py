@@ -8,7 +8,7 @@ from orchard.app.harvest_run import RunSettings
 from orchard.app.study_run import StudySettings
 from orchard.field.scenario import Scenario
 
-# Browsers whose settings are kept.
+# Browsers that have their settings kept.
 MOST = 200
 
 

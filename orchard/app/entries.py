@@ -16,7 +16,7 @@ from orchard.study.words import none_words
 
 # These come from a file, and are not entered on the page.
 FROM_FILE = (*AGENTS, "survey")
-# Sections whose names belong to the labels of their values.
+# Sections with names that belong to the labels of their values.
 NEEDED = ("laser", "odometry")
 # Labels of values for which the words of the file are too short for a reader of the page.
 LABELS = {

@@ -1,7 +1,7 @@
 """Decide which requests the page answers: those of its own pages, and of a user who opens it.
 
 A name of another site that suddenly means this machine (DNS rebinding) shows in `Host`. A request
-of another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says whose page
+of another site's page shows in `Origin` or in `Sec-Fetch-Site`, by which a browser says which page
 asks.
 """
 

@@ -10,9 +10,9 @@ MOST = 8
 
 
 class UnseenPages:
-    """The pages that were built, and whose browser has not connected: at most MOST.
+    """The pages that were built, and to which no browser has connected yet: at most MOST.
 
-    Beyond that the oldest one is deleted. If its browser still comes, it loads the page again.
+    Beyond that the oldest one is deleted. A browser that still comes for it loads the page again.
     """
 
     def __init__(self) -> None:

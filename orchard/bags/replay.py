@@ -145,7 +145,7 @@ def check_robots(bag: Path, commands: Commands, names: Mapping[str, int]) -> Non
     if unknown := sorted(commands.velocities.keys() - names.keys()):
         robots = [name for name in names if kind_of(name) in VEHICLES]
         drives = (
-            f"it drives {printable(', '.join(unknown), 500)}, not in this orchard, whose robots are"
+            f"it drives {printable(', '.join(unknown), 500)}, not in this orchard: its robots are"
             f" {', '.join(robots)}"
         )
         raise ValueError(

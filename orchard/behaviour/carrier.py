@@ -73,7 +73,7 @@ class CarrierMemory(Plan):
     flat: bool = False
     # Bin -> its call, heard lately, also while the carrier is busy.
     calls: dict[str, HeardCall] = {}
-    # Its place in the queue, from 1, in whose line it waits; 0: that of the carrier's number.
+    # Its place in the queue, from 1: it waits in the line of that place. 0: that of its number.
     queue_place: int = 0
 
 
@@ -112,7 +112,7 @@ class Carrier:
         return robot.finish()
 
     def stand(self, robot: PlanExecutor) -> Action:
-        """Return the action of a carrier whose battery was flat.
+        """Return the action of a carrier after its battery was flat.
 
         It stands until the battery is full. Otherwise it would drive on by each bit of charge,
         and be flat again at once.

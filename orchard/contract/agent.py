@@ -336,7 +336,7 @@ class Observations:
     fills: Mapping[str, float]
     # Names of the full bins.
     full: Collection[str]
-    # Of bodies whose x and y are not exact, by name, m.
+    # Of bodies with x and y that are not exact, by name, m.
     accuracies: Mapping[str, float] = field(default_factory=dict)
     # Of bodies with a battery, by name, 0 to 1.
     charges: Mapping[str, float] = field(default_factory=dict)

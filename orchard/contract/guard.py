@@ -253,7 +253,7 @@ class Guard:
         return sound_deeds, letters.requests, sound_answers
 
     def _refuse_addresses(self, recipients: Sequence[str]) -> None:
-        """Raise ValueError for requests to nobody, or too many to one agent."""
+        """Raise ValueError for requests without a recipient, or too many to one agent."""
         for to, count in Counter(recipients).items():
             if to not in self._names:
                 raise ValueError(f"a request to {printable(to)!r}: no agent has that name")

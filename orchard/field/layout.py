@@ -236,7 +236,7 @@ class Layout:
         return queue
 
     def _queue_name(self) -> str:
-        """Return the route whose queue is used: an own route names one."""
+        """Return the route that gives the queue: an own route names one."""
         route = self.scenario.route
         if route in QUEUES:
             return route

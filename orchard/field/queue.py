@@ -38,7 +38,7 @@ TURN = 0.3
 AREA = 0.8
 # x from which a turn off the top road is clear of the tractor and of the driveway.
 OFF_THE_TRACK = -18.6
-# x of the first head whose carrier turns south, 2.5 m further east, 0.65 m clear of what the
+# x of the first head at which a carrier turns south, 2.5 m further east, 0.65 m clear of what the
 # tractor sweeps.
 NEAREST_HEAD = -23.5
 MOST_CARRIERS = 120

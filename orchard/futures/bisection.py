@@ -200,7 +200,7 @@ def _first_moments(folder: Path, last: int | None) -> list[int]:
     if last is not None:
         known.append(last)
     if not known:
-        # There is no keyframe: whoever reads it says so.
+        # There is no keyframe: the code that reads one says so.
         return [0]
     step = -(-len(known) // MOST_MOMENTS)
     return sorted({*known[::step], known[-1]})

@@ -144,7 +144,7 @@ class Dispatching:
 
 
 def _box_up_to(most: np.ndarray) -> spaces.Box:
-    """Return the space of arrays whose numbers are from 0 to these."""
+    """Return the space of arrays with numbers from 0 to these."""
     return spaces.Box(np.zeros_like(most), most)
 
 

@@ -283,7 +283,7 @@ parallel_env = HarvestEnv  # PettingZoo's name for what makes an environment
 class SingleEnv(gymnasium.Env[Arrays, Any]):
     """A harvest in which one body learns; all others follow our agents.
 
-    `harvest` is the HarvestEnv whose only learned body it is.
+    `harvest` is a HarvestEnv in which no other body learns.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it

@@ -39,7 +39,7 @@ Goal = tuple[float, float, float]  # x, y (m, in the frame `map`), rad that rema
 
 
 def _box(*bounds: tuple[float, float]) -> spaces.Box:
-    """Return the space of arrays whose numbers are within these bounds: lowest, highest."""
+    """Return the space of arrays with numbers within these bounds: lowest, highest."""
     low, high = np.array(bounds, dtype=np.float32).T
     return spaces.Box(low, high, dtype=np.float32)
 

@@ -160,7 +160,7 @@ class LaunchedRun:
         threading.Thread(target=import_module, args=(reader,), daemon=True).start()
 
     def _ended(self, file: Path, hosts: list[str], heard: Result) -> Result:
-        """Let the processes end whose run is over, and write its summary.
+        """Let the processes of a run that is over end, and write its summary.
 
         `file`: in which physics writes its result, which is the one that counts. `heard`: what the
         bus told, which any client may send; or None, and why the run cannot go on.

@@ -133,7 +133,7 @@ POLL_SECONDS = 0.1  # between two looks whether a process has ended
 
 
 def end_left_over(folder: Path, say: Callable[[str], None]) -> bool:
-    """End the processes of runs in this folder whose program is gone, and remove their notes.
+    """End the processes of runs in this folder that lost their program, and remove their notes.
 
     Returns whether there were such processes.
     """

@@ -308,7 +308,7 @@ SECONDS = 3.0  # that a token may be gone: a session that was cut off returns so
 
 
 class Watchdog:
-    """Kills a frozen process: one whose liveliness token is gone for SECONDS.
+    """Kills a frozen process: its liveliness token is gone for SECONDS.
 
     Before its first token it starts. Without physics, which relays them, all tokens are gone.
     """

@@ -57,7 +57,7 @@ from orchard.wire.messages import Answered, AskedOf, Letter, Received, Seen
 LOST_SECONDS = 1.0
 # Requests that wait for their tick.
 MOST_WAITING = 10_000
-# Realtime: the most ticks between two hosts whose agents exchange mail.
+# Realtime: the most ticks between two hosts that exchange mail.
 STALE_TICKS = 50
 
 
@@ -145,7 +145,7 @@ class Mailbox:
         # The last tick that was delivered.
         self.last = -1
         self._joined = 0
-        # Ticks whose requests were heard from the copies of physics.
+        # Ticks of the requests that were heard from the copies of physics.
         self._recalled: deque[int] = deque(maxlen=2)
         # (recipient, sender, tick, number) -> the request.
         self._waiting: dict[tuple[str, str, int, int], _ReceivedRequest] = {}
@@ -287,7 +287,7 @@ class Mailbox:
         return asked < tick
 
     def _take_settled(self, tick: int) -> list[SentRequest]:
-        """Return the requests whose answers are heard at a tick, and forget them."""
+        """Return the requests that have their answers at a tick, and forget them."""
         settled = self._asked.pop(tick - 2, [])
         self._asked = {at: asked for at, asked in self._asked.items() if at > tick - 2}
         return settled

@@ -78,7 +78,7 @@ class HostOptions(ClientOptions, frozen=True, kw_only=True):
         str, option("MODULE:FUNCTION", "factory: (layout, names) -> {name: agent}")
     ] = FACTORY
     replay: Annotated[
-        str | None, option("FILE.mcap", "a bag whose velocities drive its robots")
+        str | None, option("FILE.mcap", "a bag: the velocities in it drive its robots")
     ] = None
     from_first_stamp: Annotated[
         bool, option("", "the times in the bag count from its first velocity")
@@ -101,7 +101,7 @@ class LoggerOptions(ClientOptions, frozen=True, kw_only=True):
 
 
 class CommandLine(argparse.ArgumentParser):
-    """A command line whose errors are harmless in a terminal, whatever was typed."""
+    """A command line with errors that are harmless in a terminal, whatever was typed."""
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong, as one short line, and end the process with exit code 2."""

@@ -17,7 +17,7 @@ M = TypeVar("M", bound=RunMessage)
 log = logging.getLogger("orchard")
 # Pairs of key and reason that are logged.
 MOST_LOGGED = 1000
-# Sessions whose refusals are added up.
+# Sessions that have a count of refusals.
 MOST_SESSIONS = 1000
 # why physics refuses that a session owns an agent
 NO_TOKEN = "its liveliness token is missing"

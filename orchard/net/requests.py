@@ -24,8 +24,8 @@ LOOK_SECONDS = 1.0
 # Between two tries, while no reply comes.
 AGAIN_SECONDS = 0.1
 TRIES = 300  # 30 s in all: physics starts slowly on a busy machine
-# Tries of a question that is refused, or whose answer cannot be used: either may have changed on
-# its way.
+# Tries of a question that is refused, or has an answer that cannot be used: question or answer may
+# have changed on its way.
 REFUSED_TRIES = 5
 
 
@@ -140,7 +140,7 @@ def _ask_for_run(
 ) -> M:
     """Return what physics replies to the question for its run.
 
-    Physics refuses nobody its run. So an error is of another client, and no reason to give up. A
+    Physics refuses no client its run. So an error is of another client, and no reason to give up. A
     scenario that is not valid may have changed on its way: it is asked for REFUSED_TRIES times.
     """
     key = keys.of("scenario")

@@ -1,4 +1,4 @@
-"""An agent on a host: it acts with the memory that physics keeps for whoever runs it next."""
+"""An agent on a host: it acts with the memory that physics keeps for the next host of it."""
 
 import logging
 from typing import Any

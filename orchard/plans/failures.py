@@ -4,8 +4,8 @@ these functions.
 All positions are along the axis of the drive, m.
 """
 
-# m past a gate at which a robot that stands is clear of one that turns behind it, whose front
-# corner no laser sees.
+# m past a gate at which a robot that stands is clear of one that turns behind it. No laser sees
+# the front corner of the turning robot.
 CLEAR_OF_TURNS = 3.0
 # s in one step of a repair. A run is jammed after 600 s without progress.
 LONGEST_WAIT = 300.0

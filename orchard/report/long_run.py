@@ -23,9 +23,9 @@ whole, with all of its time, or not at all.
 
 Three things are beyond this argument. Repairs are drawn, and the limit has their mean: in a run
 with few of them robots are faster. If pickers fill unequal numbers of bins, those near the queue
-most of them, all could fill more than by the mean of C; policies that serve who has waited for
-longest do not do so where carriers have no time left. And by a policy that goes to the nearest bin
-they do: there `Bounds` counts as much more as a long run allows.
+most of them, all could fill more than by the mean of C. A policy that serves the picker that has
+waited for longest does not do so where carriers have no time left. A policy that goes to the
+nearest bin does: there `Bounds` counts as much more as a long run allows.
 """
 
 from collections.abc import Sequence
@@ -69,7 +69,7 @@ def long_run(
 
     `rows_each`: how many rows each picker picks at least; None: as many as a good figure needs.
     `bounds`: those of the layout, if they are known already. `limit`: that of the same orchard, for
-    which the rate is told, such as one whose rows take their mean times; None: `bounds`.
+    which the rate is told, such as one in which rows take their mean times; None: `bounds`.
     Raises ValueError as `DiscreteHarvest` does, and Jam. It raises Jam too if a policy leaves a
     picker out: the rate would be that of the others' rows.
     """

@@ -23,7 +23,7 @@ LINE_SECONDS = 2.0  # s of wall time between two plain lines
 # Seconds of wall time between two plain lines while the run gets ready. A terminal shows each one.
 STILL_SECONDS = 10.0
 NARROWEST = 24  # characters, the minimum width of a column
-SILENT = "no agent"  # shown for a robot whose agent was lost
+SILENT = "no agent"  # shown for a robot that has lost its agent
 STANDS = (STOPPED, SILENT)  # shown in red
 
 

@@ -64,7 +64,7 @@ ACTIONS: Mapping[str, Mapping[str, VehicleAction]] = {  # by kind of vehicle
         ),
     },
 }
-WITH_THE_BIN = (DROP, UNLOAD)  # actions whose loadId, if there is one, names the bin on the bar
+WITH_THE_BIN = (DROP, UNLOAD)  # their loadId, if there is one, names the bin on the bar
 IGNORED = ("stationType", "stationName", "loadType")  # parameters that change nothing here
 
 INSTANT: Mapping[str, str] = {

@@ -115,9 +115,9 @@ def identity_in(folder: str | None, prefix: str) -> Identity | None:
 
 
 def certificates() -> ModuleType:
-    """Return the module `certificates`, whose package only secured runs need.
+    """Return the module `certificates`.
 
-    Raises ValueError if it is missing.
+    Raises ValueError if the package that it needs is missing: only secured runs need that.
     """
     try:
         return importlib.import_module("orchard.security.certificates")
@@ -382,7 +382,7 @@ def _is_made_here(path: Path) -> bool:
 
 
 def _refuse_additions(directories: Iterable[Path]) -> None:
-    """Raise ValueError if somebody has put more into these directories than `make` writes."""
+    """Raise ValueError if these directories hold more than `make` writes."""
     for path in directories:
         for file in sorted(path.iterdir()):
             if file.name not in FILES or not file.is_file():

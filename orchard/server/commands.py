@@ -1,6 +1,6 @@
 """Velocities of clients: for robots that no session owns, and advice.
 
-Advice is for robots whose agents go on.
+Advice is for robots that their agents still drive.
 """
 
 from collections import deque

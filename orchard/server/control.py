@@ -101,7 +101,7 @@ class SimulationControl:
         # The state that was published last.
         self._state: StateOfSimulation = "stopped"
         self._begun = self._ended = False
-        # A query whose steps are not all done.
+        # A query that waits for the last of its steps.
         self._stepping: Query | None = None
 
     @property

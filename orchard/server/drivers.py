@@ -260,7 +260,7 @@ class Drivers:
         return list(refused.values())
 
     def _take_malformed(self, name: str, message: Velocities) -> None:
-        """Let a robot stand whose actions are malformed for MALFORMED_IN_TURN times."""
+        """Let a robot stand after MALFORMED_IN_TURN malformed actions in turn."""
         if self.roster.owners.get(name) != message.owner:
             return
         self._malformed[name] += 1

@@ -69,7 +69,7 @@ class RunOptions(ProcessOptions, frozen=True, kw_only=True):
     ] = None
     result: Annotated[
         str | None,
-        option("FILE", "file for the end of the run, whose message may be lost on the network"),
+        option("FILE", "file for the end of the run: its message may be lost on the network"),
     ] = None
     resume: Annotated[
         bool, option("", "continue from the newest snapshot in the folder, if there is one")

@@ -36,7 +36,7 @@ class Roster:
         # Name -> session id.
         self.owners: dict[str, str] = {}
         self.tokens: set[tuple[str, str]] = set()  # (name, session id) of each liveliness token
-        # Name -> session id, also of one whose agents are released.
+        # Name -> session id, also of a session that has released its agents.
         self._last_owners: dict[str, str] = {}
         # Owners that have said that they leave.
         self._leaving: set[str] = set()

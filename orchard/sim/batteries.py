@@ -2,7 +2,7 @@
 
 A charger reaches each place of the charging lines. It goes to the carrier that stands there nearest
 to a head, and stays with it until the battery is full. A carrier that stands in the queue or in a
-charging line is off: it uses nothing. A carrier whose battery is flat stands still.
+charging line is off: it uses nothing. A carrier with a flat battery stands still.
 
 All arrays have one entry for each carrier, in their order in the layout. Charge goes from 0 (flat)
 to 1 (full).
@@ -27,7 +27,7 @@ NEWS: tuple[What, ...] = ("charging", "charged", "flat")
 def without_flat(
     world: World, twists: np.ndarray, deeds: list[tuple[int, Deed]]
 ) -> tuple[np.ndarray, list[tuple[int, Deed]]]:
-    """Return what bodies want, velocities (n, 3) and deeds, without those whose battery is flat."""
+    """Return velocities (n, 3) and deeds without those of bodies with a flat battery."""
     is_flat = world.charge <= 0.0
     if not is_flat.any():
         return twists, deeds

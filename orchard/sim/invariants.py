@@ -187,7 +187,7 @@ class Invariants:
 
 
 def _known_of(world: World) -> Known:
-    """Return what is known of a world whose earlier ticks were not seen."""
+    """Return what is known of a world of which no earlier tick was seen."""
     names = world.layout.names
     calls = {}
     lacking = {}

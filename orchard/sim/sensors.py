@@ -138,7 +138,7 @@ class Sensors:
 
     @property
     def _drifting(self) -> Collection[int]:
-        """The bodies whose odometry has errors."""
+        """The bodies with errors in their odometry."""
         return self._robots.values() if self._drifts else ()
 
     def inexact(self) -> np.ndarray:

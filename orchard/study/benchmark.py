@@ -119,7 +119,7 @@ class Benchmark:
         for number in self.own:
             check_plugins(lay_out(self.settings[number].scenario))
         self.checked = self.own if is_checked else ()
-        # Name of an orchard -> the setting whose bound it has: it is the same with each policy.
+        # Name of an orchard -> the setting that gives its bound: it is the same with each policy.
         self.bounds = {
             name: self.cells.index((name, scenario.dispatch)) for name, scenario in known.items()
         }

@@ -88,7 +88,7 @@ def _store(text: str) -> Path:
 
 
 def _checked(parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A parser whose value for a fault is a Problem: so a study reports the faults of all its
+    """Return a parser that returns a Problem for a fault: so a study reports the faults of all its
     options at once.
     """
 
@@ -170,8 +170,9 @@ class StudyArguments:
         return [(path, kind) for path, kind in kinds if isinstance(path, Path)]
 
     def problems(self) -> list[Problem]:
-        """Return what is wrong with each option, whose value then means nothing, and with all
-        together.
+        """Return what is wrong with each option, and with all together.
+
+        The value of an option that is wrong means nothing.
         """
         found = [
             replace(value, file=named([name]))

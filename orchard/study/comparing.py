@@ -54,7 +54,7 @@ class Comparison:
     ahead: Mapping[int, float]  # the lead of the best mean, as a share of the setting's own mean
     leads: Mapping[int, Interval | None]  # with its interval; None: the runs do not tell
     top: int  # the setting with the best mean
-    #: Those whose limit is behind the best mean by what is worth it.
+    #: Those with a limit that is behind the best mean by what is worth it.
     limited: Collection[int] = ()
 
     @property

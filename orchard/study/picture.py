@@ -218,7 +218,7 @@ def _draw_checks(axes: Axes, content: Content, line: Curve, look: LineLook) -> N
 
 
 def _draw_jams(axes: Axes, content: Content, line: Curve, look: LineLook) -> None:
-    """Draw a cross at the foot for each setting whose runs all jammed."""
+    """Draw a cross at the foot for each setting of which all runs jammed."""
     places = [
         place
         for place, row in zip(content.places(line, look), line.rows, strict=True)

@@ -1,6 +1,6 @@
 """The order in which the settings of a study run: the ends of each range first, then the middles.
 
-A study whose time ends early then knows something of the whole range, and not all of one end.
+A study that ends early then knows something of the whole range, and not all of one end.
 """
 
 from collections.abc import Mapping, Sequence

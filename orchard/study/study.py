@@ -247,7 +247,7 @@ class _Study:
 
     def _prove(self, settings: Sequence[int]) -> None:
         """Prove how short their harvests could be, of the first one even if the budget is used up;
-        of none whose rows the seed changes.
+        of none in which the seed changes the rows.
         """
         for i in settings:
             is_time = not self.proven or time.time() < self._share(1.0)

@@ -36,7 +36,7 @@ from orchard.terminal.output import (
 )
 from orchard.terminal.signals import stoppable
 
-# Options whose fields in StudyOptions have other names.
+# Options that have another name in StudyOptions.
 NAMES = {"budget": "budget_seconds", "out": "store"}
 Save = Callable[[StudyResult, Path], None]
 STOPPED = "stopped; the runs so far are kept, and the same command goes on from there"

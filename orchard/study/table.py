@@ -54,9 +54,9 @@ CHECKED = " checked: by the simulator."
 MODELS: dict[Model, str] = {"fast": "fast model", "full": "simulator"}
 # Columns that are left out if they have nothing in any row.
 ONLY_IF_KNOWN = ("harvest, s", "a bin", "optimum, s", "checked")
-# Columns that are known of a setting whose runs all jammed.
+# Columns that are known of a setting of which all runs jammed.
 OF_JAMMED = ("bins/h", "bound", "limit", "checked")
-# Columns whose cells wrap where the terminal is narrow.
+# Columns in which cells wrap where the terminal is narrow.
 WRAPPED = ("bins/h", "harvest, s", "a bin", "behind, %", "bound", "optimum, s", "checked")
 
 

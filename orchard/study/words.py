@@ -32,7 +32,7 @@ COUNTED = (
 )
 # Numbers of which few are good.
 ROBOTS = ("pickers", "carriers")
-# Keys whose value says enough.
+# Keys that need no name: the value says enough.
 PHRASES = {
     "dispatch": "with {}",
     "rows_to_pickers": "with {} rows",

@@ -85,7 +85,7 @@ MESSAGES = _schema(
 CALLS = _schema(
     _text("bin", "that calls for a carrier"),
     _text("picker", "that fills the bin, or has left it; null: the call does not say"),
-    _column("row", WHOLE, "", "at whose end the bin stands or will stand"),
+    _column("row", WHOLE, "", "the bin stands, or will stand, at an end of it"),
     _text("end", "of the row: east or west"),
     _tick("called", "first call"),
     _column("asked", WHOLE, "", "times that the bin called until a carrier was chosen"),
@@ -160,7 +160,7 @@ _OF_SUMMARY: dict[pa.DataType, tuple[str, ...]] = {
     ),
     pa.list_(NUMBER): tuple(f"history.{name}" for name in SAMPLED),
 }
-# Lists, and maps whose keys are not known before the run, as JSON.
+# Lists, and maps with keys that are not known before the run, as JSON.
 AS_JSON = (
     "stopped_seconds",
     "broken_agents",

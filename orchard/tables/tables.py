@@ -35,7 +35,7 @@ from orchard.tables.folder import (
 
 # What a body is shown to do: its state, the same in words, and what it waits for.
 Status = tuple[str, str | None, str | None]
-# Of a body whose agent says nothing.
+# Of a body without a word from its agent.
 SILENT: Status = ("resting", None, None)
 # Of a body that is stopped.
 STANDING: Status = ("stopped", STOPPED, None)
@@ -78,7 +78,7 @@ class BodyRows:
         self._kept.append(tuple(array.copy() for array in arrays))
 
     def _hear(self, world: World, answers: Mapping[str, Action | None]) -> None:
-        """Note the status of bodies whose agents were asked."""
+        """Note the status of each body that has an agent which was asked."""
         news = {}
         for name, action in answers.items():
             index = self._index.get(name)
@@ -138,7 +138,7 @@ def _replaced(old: list[Status], news: Mapping[int, Status]) -> list[Status]:
 
 
 def _status_of(world: World, name: str, action: Action | None) -> Status:
-    """Return the status of a body whose agent gave an action, or none."""
+    """Return the status of a body by the action of its agent; None: the agent gave none."""
     if action is None:
         return SILENT
     waits_for = with_names(world, name, action.waits_for)

@@ -26,7 +26,7 @@ class CommandEntry:
     """Where a command is, and what --help says of it."""
 
     module: str
-    attribute: str  # a function whose parameters are options, or a group of commands
+    attribute: str  # a function with options as parameters, or a group of commands
     summary: str
     settings: Mapping[str, Any] = field(default_factory=dict)  # as of Typer's command
 

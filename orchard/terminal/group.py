@@ -13,7 +13,7 @@ from orchard.terminal.options import OrchardCommand, OrchardGroup
 
 
 class LazyGroup(OrchardGroup):
-    """A group of commands. Those whose packages are left out are not listed."""
+    """A group of commands. A command of a package that is left out is not listed."""
 
     def __init__(self, entries: Mapping[str, CommandEntry], **settings: Any) -> None:
         """`entries`: name of a command -> where it is. `settings`: as of Typer's group."""

@@ -134,7 +134,7 @@ def _parameters_of(kind: type) -> list[inspect.Parameter]:
 
 
 class _Plain:
-    """A command whose option --help is shown without a value."""
+    """A command that shows its option --help without a value."""
 
     def get_help_option(self, ctx: Any) -> Any:
         """Return the option --help; None if there is none."""

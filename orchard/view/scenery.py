@@ -2,7 +2,7 @@
 camera. It is logged once.
 
 Shapes are models, which are GLB files for any 3-D program (as Blender), or batches of boxes and
-discs whose sizes the orchard gives. A body's model stands with the middle of its base at the
+discs in the sizes that the orchard gives. A body's model stands with the middle of its base at the
 origin, x ahead, z up, and fills the length, width and height of its kind; a hat may rise above
 them. The colours, sRGB, are those of its vertices.
 """

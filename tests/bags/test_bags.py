@@ -525,7 +525,7 @@ def test_a_damaged_bag_is_read_or_refused_in_words(tmp_path_factory, changes, ke
 def test_a_bag_that_drives_bodies_of_another_orchard_is_refused(tmp_path):
     with pytest.raises(
         ValueError,
-        match="it drives rocket, not in this orchard, whose robots are carrier_01, picker_01, ",
+        match="it drives rocket, not in this orchard: its robots are carrier_01, picker_01, ",
     ):
         check_robots(tmp_path, Commands(None, {"rocket": {}}), LAYOUT.index)
 
@@ -572,7 +572,7 @@ def test_a_bag_of_another_orchard_is_refused_before_the_run(tmp_path):
     done = orchard("replay", path, "--mode", "local", "--rows", 3, "--record", "none", code=2)
     assert done.stdout == ""
     assert done.stderr.startswith(
-        f"{path}: it drives picker_09, not in this orchard, whose robots are carrier_01, "
+        f"{path}: it drives picker_09, not in this orchard: its robots are carrier_01, "
     )
     assert done.stderr.endswith(
         "; expected the orchard of the bag: its scenario, or --pickers and --carriers as there\n"

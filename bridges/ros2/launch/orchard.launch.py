@@ -19,7 +19,7 @@ ARGUMENTS = {
         "['']",
         "robots that ROS drives, and that no agent holds: those of `orchard --without`",
     ),
-    "advised": ("['']", "robots whose agents go on while ROS gives the velocity"),
+    "advised": ("['']", "robots with agents that go on while ROS gives the velocity"),
     "enable_stamped_cmd_vel": ("true", "cmd_vel is a TwistStamped; false: a Twist"),
     "ground_truth": ("false", "NAME/ground_truth is published"),
 }

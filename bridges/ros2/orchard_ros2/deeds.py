@@ -62,7 +62,7 @@ def _moves(pose: Pose) -> bool:
 
 
 def bin_behind(robot: str, tows: float, poses: Mapping[str, Pose]) -> str:
-    """Return the bin whose centre is nearest to the coupling point of a robot.
+    """Return the bin that has its centre nearest to the coupling point of a robot.
 
     Return '' if no bin is known. `tows`: the coupling point behind the robot's centre, m. `poses`:
     name -> its newest pose.

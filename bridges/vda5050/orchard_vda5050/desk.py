@@ -33,7 +33,7 @@ class FleetDesk(Dispatcher):
         return action
 
     def decide(self, memory: DispatcherMemory, carriers: list[CarrierReport], tick: int) -> None:
-        """Book the vehicles whose orders name a full bin, and then all other carriers."""
+        """Book the vehicles that have an order for a full bin, and then all other carriers."""
         ordered = {}
         for carrier in carriers:
             report = memory.bins.get(carrier.job)

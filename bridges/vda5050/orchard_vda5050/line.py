@@ -181,7 +181,7 @@ class Line:
         return msgspec.json.encode(header | body)
 
     def _greet(self, client: Client) -> None:
-        """Subscribe to what comes, and say who is there."""
+        """Subscribe to what comes, and say that the vehicle is there."""
         for topic in self._subscribes:
             client.subscribe(self._broker.topic(self._serial, topic))
         for topic, message in self._greets:

@@ -162,7 +162,7 @@ class Connection:
 class Network:
     """Keeps all connections to the broker, and reads for them.
 
-    It begins when it is opened: a bridge whose robots are driven by another one must not take their
+    It begins when it is opened. If another bridge drives the robots, this one must not take their
     places at the broker.
     """
 

@@ -1,4 +1,4 @@
-"""A robot that does what fleet control orders: an agent whose plan is an order of VDA 5050.
+"""A robot that does what fleet control orders: an agent with an order of VDA 5050 as its plan.
 
 At each tick it takes the messages that have come, follows its order, and says how far it is. It
 drives with the steps of the Orchard's own robots, so it takes turns on the roads with them and

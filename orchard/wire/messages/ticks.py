@@ -30,7 +30,7 @@ ALL_RANGES = (
     "without a return"
 )
 NAMES = "their bodies, in the order of the arrays; agents without a body stand in `due` only"
-ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies whose poses are not exact"
+ACCURACIES = "name -> the same as `accuracy` in `pose`; only bodies with poses that are not exact"
 SEVEN = (
     "x, y (m); z, w of the quaternion; linear.x, linear.y (m/s) and angular.z (rad/s) of the "
     "last step"

@@ -16,7 +16,7 @@ from typing import Any
 from .messages import Message, UInt8
 
 HEAD = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
-# The types whose numbers with a point are float32.
+# The types in which numbers with a point are float32.
 OF_FLOAT32 = {
     "sensor_msgs/msg/LaserScan",
     "sensor_msgs/msg/BatteryState",

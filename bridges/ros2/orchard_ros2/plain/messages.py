@@ -237,8 +237,8 @@ def transforms(
 ) -> Message:
     """Return for /tf where the bodies are at a tick.
 
-    `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those whose NAME/odom
-    moves in `map`.
+    `states`: name -> state in NAME/odom; `poses`: name -> state in `map`, of those with a NAME/odom
+    that moves in `map`.
     """
     moved = []
     for name, state in states.items():
@@ -260,7 +260,7 @@ def static_transforms(
 
     `lasers`: each body's name, and how far its laser is ahead of its centre, m.
 
-    `drifting`: the bodies whose NAME/odom moves in `map`. That of others lies on `map`.
+    `drifting`: the bodies with a NAME/odom that moves in `map`. That of others lies on `map`.
     """
     fixed = []
     for name, ahead in lasers:

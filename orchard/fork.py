@@ -11,7 +11,7 @@ import numpy as np
 
 from orchard.behaviour.carrier import Carrier, CarrierMemory
 from orchard.behaviour.catalogue import make_agents
-from orchard.contract.agent import STATES
+from orchard.contract.agent import STATES, Agent
 from orchard.contract.messages import Written, pack, unpack
 from orchard.field.kinds import DISPATCH, kind_of, number_of
 from orchard.field.layout import Layout, lay_out
@@ -254,11 +254,12 @@ def _places(
     for name in carriers:
         old_name = swapped.get(name, name)
         if old_name in before.index:
-            known = _remembered(memories.get(old_name)).get("queue_place")
-            places[name] = known or number_of(old_name)
+            remembered_place = _remembered(memories.get(old_name)).get("queue_place")
+            places[name] = remembered_place or number_of(old_name)
         else:
             added.append(name)
-    free = sorted({*range(1, len(carriers) + 1)}.difference(places.values()))
+    taken = set(places.values())
+    free = [place for place in range(1, len(carriers) + 1) if place not in taken]
     return places | dict(zip(added, free, strict=False))
 
 
@@ -291,29 +292,44 @@ def _renamed(data: Any, swapped: Names) -> Any:
 
 
 def _world(before: World, world: World, swapped: Names, places: Mapping[str, int]) -> World:
-    """Let a new world go on from one before. Raises NotNow for a new body without a place."""
+    """Let a new world go on from one before. Raises NotNow for a new body without a place.
+
+    `places`: carrier -> its place in the queue, from 1.
+    """
     old_names = {name: swapped.get(name, name) for name in world.index}
     kept = [name for name, old_name in old_names.items() if old_name in before.index]
     added = [name for name in world.index if name not in kept]
-    here = [world.index[name] for name in kept]
-    there = [before.index[old_names[name]] for name in kept]
-    count = len(before.layout.names)
-    for field, value in before.state.items():
-        is_of_bodies = isinstance(value, np.ndarray) and len(value) == count
-        if is_of_bodies and field != "row_ends":
-            getattr(world, field)[here] = value[there]
-        else:
-            setattr(world, field, value)
-    new_index = dict(zip(there, here, strict=True))
-    world.coupled[here] = [new_index.get(body, NONE) for body in before.coupled[there].tolist()]
+    old_bodies = [before.index[old_names[name]] for name in kept]
+    new_bodies = [world.index[name] for name in kept]
+    _take_over(before, world, old_bodies, new_bodies)
     for name in added:
         if kind_of(name) == "carrier":
             _put_into_its_line(world, name, places[name] - 1)
     for name in added:
-        other = _in_the_way(world, name)
-        if other:
-            raise NotNow([_problem(f"{name} has no place at this moment: {other} is there")])
+        obstacle = _in_the_way(world, name)
+        if obstacle:
+            raise NotNow([_problem(f"{name} has no place at this moment: {obstacle} is there")])
     return world
+
+
+def _take_over(
+    before: World, world: World, old_bodies: Sequence[int], new_bodies: Sequence[int]
+) -> None:
+    """Give a new world the state of one before. Bodies that were added keep their own.
+
+    `old_bodies`, `new_bodies`: the numbers of the same bodies in both worlds.
+    """
+    body_count = len(before.layout.names)
+    for field, value in before.state.items():
+        has_entry_each = isinstance(value, np.ndarray) and len(value) == body_count
+        # There may be as many rows as bodies.
+        if has_entry_each and field != "row_ends":
+            getattr(world, field)[new_bodies] = value[old_bodies]
+        else:
+            setattr(world, field, value)
+    renumbered = dict(zip(old_bodies, new_bodies, strict=True))
+    coupled = before.coupled[old_bodies].tolist()
+    world.coupled[new_bodies] = [renumbered.get(body, NONE) for body in coupled]
 
 
 def _put_into_its_line(world: World, carrier: str, number: int) -> None:
@@ -356,40 +372,53 @@ def _memories(
     elsewhere: Collection[str],
     places: Mapping[str, int],
 ) -> dict[str, bytes | None]:
-    """Return the memories with which agents go on.
+    """Return the memories with which agents go on: agent -> memory.
 
-    Their courses are those of the layout now. An agent of another class, or one in place of a
+    `memories`: those until now. `elsewhere`: agents that clients elsewhere replaced. `places`:
+    carrier -> its place in the queue, from 1. An agent of another class, or one in place of a
     client elsewhere, begins anew if the memory is not its own. So does the dispatcher if the policy
-    or the carriers are others: it hears of all bins within 2 s.
+    or the carriers are others: it hears of all bins within 2 s. Raises ValueError for a memory
+    that should fit.
     """
     old_agents = make_agents(before)
     new_agents = make_agents(after)
-    has_own_classes_as_before = before.scenario.own_classes == after.scenario.own_classes
-    kept = dict[str, bytes | None]()
+    going_on = dict[str, bytes | None]()
+    for name, place in places.items():
+        carrier = new_agents[name].agent
+        if isinstance(carrier, Carrier):
+            going_on[name] = pack(carrier.begin(place))
+    has_other_classes = before.scenario.own_classes != after.scenario.own_classes
     for name, memory in memories.items():
-        if name not in new_agents or (name == DISPATCH and _dispatches_otherwise(before, after)):
+        is_gone = name not in new_agents
+        if is_gone or (name == DISPATCH and _dispatches_otherwise(before, after)):
+            continue
+        if memory is None:
+            going_on[name] = None
             continue
         try:
-            remembered = None if memory is None else unpack(memory, new_agents[name].Memory)
+            remembered = unpack(memory, new_agents[name].Memory)
         except ValueError:
-            if has_own_classes_as_before and name not in elsewhere:
-                raise
-            continue
-        old_course = getattr(old_agents[name].agent, "course", None)
-        new_course = getattr(new_agents[name].agent, "course", None)
-        if remembered is not None and old_course and new_course:
-            if isinstance(remembered, CarrierMemory):
-                remembered.queue_place = places[name]
-            remembered.plan = _plan(remembered.plan, old_course(remembered), new_course(remembered))
-            kept[name] = pack(remembered)
-        else:
-            kept[name] = memory
-    begun = dict[str, bytes | None]()
-    for name, place in places.items():
-        agent = new_agents[name].agent
-        if isinstance(agent, Carrier):
-            begun[name] = pack(agent.begin(place))
-    return begun | kept
+            if has_other_classes or name in elsewhere:
+                continue
+            raise
+        if name in places and isinstance(remembered, CarrierMemory):
+            remembered.queue_place = places[name]
+        is_replanned = _replan(remembered, old_agents[name].agent, new_agents[name].agent)
+        going_on[name] = pack(remembered) if is_replanned else memory
+    return going_on
+
+
+def _replan(memory: Any, before: Agent, after: Agent) -> bool:
+    """Let the plan in a memory follow the course that its agent has now.
+
+    Return whether both agents, the one before and the one after, have a course.
+    """
+    old_course = getattr(before, "course", None)
+    new_course = getattr(after, "course", None)
+    if not old_course or not new_course:
+        return False
+    memory.plan = _plan(memory.plan, old_course(memory), new_course(memory))
+    return True
 
 
 def _dispatches_otherwise(before: Layout, after: Layout) -> bool:

@@ -87,15 +87,20 @@ def read_commands(bag: Path, from_first_stamp: bool = False) -> Commands:
         else:
             scenario = _scenario(message.data, f"the scenario in {bag}")
     _check_velocities(bag, stamped, topics)
-    begin = min(stamp for told in stamped.values() for stamp, _ in told) if from_first_stamp else 0
+    begin = 0
+    if from_first_stamp:
+        begin = min(stamp for twists in stamped.values() for stamp, _ in twists)
     velocities = dict[str, dict[int, Twist]]()
     ticks = dict[str, list[int]]()
-    for robot, told in sorted(stamped.items()):
-        told.sort(key=itemgetter(0))
-        # What is between two ticks counts from the later one on.
-        ticks[robot] = [-((begin - stamp) // messages.TICK_NANOSECONDS) for stamp, _ in told]
-        twists = (twist for _, twist in told)
-        velocities[robot] = dict(zip(ticks[robot], twists, strict=True))
+    for robot, twists in sorted(stamped.items()):
+        twists.sort(key=itemgetter(0))
+        ticks[robot] = []
+        velocities[robot] = {}
+        for stamp, twist in twists:
+            # What is between two ticks counts from the later one on.
+            tick = -((begin - stamp) // messages.TICK_NANOSECONDS)
+            ticks[robot].append(tick)
+            velocities[robot][tick] = twist
     return Commands(scenario, velocities, ticks)
 
 

@@ -151,11 +151,11 @@ def _check_tables(folder: Path, scenario: Scenario, tick: int, instead: str) -> 
     there = f"{folder}: the tables there"
     try:
         file = files_of(path_of(folder, "bodies"))[-1]
-        told = (pq.read_schema(file).metadata or {}).get(SCENARIO, b"{}")
+        kept_scenario = (pq.read_schema(file).metadata or {}).get(SCENARIO, b"{}")
         last = last_tick(folder)
     except (pa.ArrowException, OSError) as error:
         raise ValueError(f"{there} cannot be read: {error}{instead}") from error
-    if msgspec.json.decode(told) != msgspec.json.decode(scenario.model_dump_json()):
+    if msgspec.json.decode(kept_scenario) != msgspec.json.decode(scenario.model_dump_json()):
         raise ValueError(f"{there} are of another scenario{instead}")
     if last != tick and path_of(folder, SUMMARY_NAME).exists():
         raise ValueError(

@@ -145,6 +145,19 @@ def test_a_carrier_that_is_taken_away_was_free():
         played(TWO_WAY, 1400).fork(carriers=1)
 
 
+def test_a_carrier_that_is_renamed_keeps_its_place_in_the_queue():
+    """The last carrier takes the name of the one that is taken away, and returns to its own place.
+
+    The one that is taken away waits in the queue, and the last one has a job.
+    """
+    parent = played(TWO_WAY, 2050)
+    assert parent.memories["carrier_02"].job is None
+    busy = parent.memories["carrier_03"]
+    renamed = parent.fork(carriers=2).memories["carrier_02"]
+    assert renamed.job == busy.job is not None
+    assert (busy.queue_place, renamed.queue_place) == (0, 3), "0: the place of its number"
+
+
 def test_carriers_whose_class_remembers_a_list_can_be_taken():
     """Carriers whose own class remembers a list can be taken away."""
     run = played(

@@ -109,6 +109,9 @@ class OneWay:
     WAITING = EAST_START
     #: x at which a picker stays after its last row.
     PARKED = 44.0
+    #: x at which a picker turns, in close rows, to come back to its row: its bin swings 0.3 m off
+    #: the west fence, and off one that turns at `WAITING` in the next row.
+    ASIDE = 43.4
     #: x of the full bin that a picker has left.
     FULL_BIN = 32.25
     #: x of a carrier that couples the full bin.
@@ -463,7 +466,7 @@ class OneWay:
         At the usual place a picker that drives out of the row to the south would meet this one.
         """
         place = [side.place("D", row)]
-        aside = st.DriveTo(x=side.x(self.PARKED), frees=[Gate(place, side.x(self.PARKING_CLEAR))])
+        aside = st.DriveTo(x=side.x(self.ASIDE), frees=[Gate(place, side.x(self.PARKING_CLEAR))])
         on_d = self._need_to_turn(row, side)
         return [st.Face(side.heading("EAST")), aside, st.Free(place), *on_d, st.Face("SOUTH")]
 

@@ -2,14 +2,16 @@
 place.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
 from made_surveys import Row, orchard_of
 from stage import empty_orchard
-from sweeps import collisions, in_words
+from sweeps import bounds, collisions, in_words, sweeps_at_rows
 from walks import walks_of
 
-from orchard.field.layout import lay_out
+from orchard.field.layout import FENCE_THICKNESS, X_WEST, lay_out
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.rows import RULES
 from orchard.field.scenario import Scenario
@@ -29,6 +31,8 @@ EVERY_5_CM = [
 ]
 # At each of these another pair of sweeps comes apart.
 SOME = [spacing for spacing in EVERY_5_CM if spacing <= 5.5 and round(spacing * 20) % 3 == 1]
+# m that a turn keeps off fences; a robot's laser stops it at less.
+CLEAR_OF_FENCE = 0.2
 SOME = [EVERY_5_CM[0], *SOME, 5.5, 7.0, 9.35, EVERY_5_CM[-1]]
 
 
@@ -53,6 +57,23 @@ def assert_apart(scenario: Scenario) -> None:
 def test_sweeps_at_some_spacings_are_apart(spacing: float, route: str) -> None:
     for crew in CREWS:
         assert_apart(spaced(spacing, route, crew, rule="balanced-ends"))
+
+
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+@pytest.mark.parametrize("spacing", [*SOME[:-1], EVERY_5_CM[-1]])
+def test_no_turn_comes_near_a_fence(spacing: float, route: str) -> None:
+    """With bins that fill inside a row a picker comes back to it, at either end."""
+    for crew, rule in product(CREWS, (*RULES, FROM_THE_EAST)):
+        layout = lay_out(spaced(spacing, route, crew, rule))
+        half = FENCE_THICKNESS / 2
+        for sweep in sweeps_at_rows(layout):
+            if sweep.what != "turn":
+                continue
+            west, east, south, north = bounds(sweep.boxes)
+            assert west - (X_WEST + half) > CLEAR_OF_FENCE, sweep
+            assert layout.east - half - east > CLEAR_OF_FENCE, sweep
+            assert south - (layout.bottom + half) > CLEAR_OF_FENCE, sweep
+            assert layout.top - half - north > CLEAR_OF_FENCE, sweep
 
 
 @pytest.mark.soak

@@ -184,7 +184,7 @@ def sweeps_at_rows(layout: Layout) -> list[Sweep]:
 def collisions(layout: Layout) -> list[tuple[Sweep, Sweep]]:
     """The pairs that may be there at the same time, and are not apart."""
     sweeps = sweeps_at_rows(layout)
-    reach = np.array([_bounds(sweep.boxes) for sweep in sweeps])
+    reach = np.array([bounds(sweep.boxes) for sweep in sweeps])
     return [
         (sweeps[i], sweeps[j])
         for i, j in _near(reach)
@@ -206,7 +206,8 @@ def _near(reach: np.ndarray) -> Iterator[tuple[int, int]]:
             yield i, i + 1 + int(j)
 
 
-def _bounds(boxes: np.ndarray) -> tuple[float, float, float, float]:
+def bounds(boxes: np.ndarray) -> tuple[float, float, float, float]:
+    """Return the least and greatest x, and the least and greatest y, of boxes, m."""
     c, s = np.abs(np.cos(boxes[:, 4])), np.abs(np.sin(boxes[:, 4]))
     half_x = c * boxes[:, 2] + s * boxes[:, 3]
     half_y = s * boxes[:, 2] + c * boxes[:, 3]

@@ -2,11 +2,13 @@
 
 from itertools import pairwise
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated
 
 from typer import Argument, Option
 
 from orchard.field.geojson import import_rows
+from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError, printable
 from orchard.field.scenario import Scenario, to_short_yaml
 from orchard.field.survey import Survey
@@ -58,8 +60,13 @@ def _sizes(scenario: Scenario) -> str:
     assert isinstance(survey, Survey)
     lengths = [row.length for row in survey.rows]
     gaps = [south.south - north.south for north, south in pairwise(survey.rows)]
+    ground = lay_out(scenario)
+    numbers = range(1, len(lengths) + 1)
+    beyond = [ground.beyond(number, side) for number in numbers for side in ("west", "east")]
     return (
         f"{len(lengths)} rows, {min(lengths):.2f} to {max(lengths):.2f} m long, "
         f"{min(gaps):.2f} to {max(gaps):.2f} m apart; "
-        f"ends from west to east {scenario.row_length:.2f} m apart"
+        f"ends from west to east {scenario.row_length:.2f} m apart; "
+        f"the roads are straight, and lie up to {max(beyond):.2f} m further out than a row's end, "
+        f"on average {fmean(beyond):.2f} m"
     )

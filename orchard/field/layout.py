@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from math import ceil
-from statistics import fmean
+from statistics import fmean, median
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from orchard.field.problems import Problem, ScenarioError
 from orchard.field.queue import BAY_STOP, ONE_WAY, QUEUES, USUAL_ROW, Queue, lack_of_room, queue_of
 from orchard.field.rows import Block, rows_to_pickers
 from orchard.field.scenario import Scenario
-from orchard.field.survey import TRUNK, Survey, SurveyedRow
+from orchard.field.survey import FURTHEST, ROUNDING, TRUNK, Survey, SurveyedRow
 
 # Layouts in the cache.
 KEPT_LAYOUTS = 8
@@ -114,7 +114,7 @@ class Layout:
 
     scenario: Scenario
     lanes: tuple[Lane, ...]
-    #: The lines of trees, from the top; one more than lanes.
+    #: The lines of trees, from the top: one more than lanes, and two where rows are missing.
     lines: tuple[TreeLine, ...]
     #: Picker -> its rows, in the order in which it picks them, and the end at which it starts.
     blocks: Mapping[str, Block]
@@ -394,37 +394,59 @@ def _alike(scenario: Scenario) -> Rows:
 
 
 def _surveyed(scenario: Scenario, survey: Survey) -> Rows:
-    """Return the lanes of surveyed rows. A line of trees lies midway between two of them."""
+    """Return the lanes of surveyed rows. A line of trees lies midway between two of them.
+
+    Where rows are missing, each of the two has a line of trees of its own, as far away as midway
+    between two rows elsewhere.
+    """
     souths = [row.south for row in survey.rows]
-    between = [(north + south) / 2 for north, south in pairwise(souths)]
-    first = 2 * souths[0] - between[0]
-    last = 2 * souths[-1] - between[-1]
-    souths_of_lines = [first, *between, last]
+    gaps = [south - north for north, south in pairwise(souths)]
+    usual = median(gap for gap in gaps if gap <= FURTHEST + ROUNDING)
+    between = [_lines_between(north, south, usual) for north, south in pairwise(souths)]
+    first = 2 * souths[0] - between[0][0]
+    last = 2 * souths[-1] - between[-1][-1]
+    souths_of_lines = [[first], *between, [last]]
     top = top_line(souths[0] - first)
-    ys = [top - (south - first) for south in souths_of_lines]
-    lanes = [
-        _lane(scenario, number, row, top - (row.south - first), ys)
-        for number, row in enumerate(survey.rows, start=1)
-    ]
+    lanes = []
+    for number, row in enumerate(survey.rows, start=1):
+        north = top - (souths_of_lines[number - 1][-1] - first)
+        south = top - (souths_of_lines[number][0] - first)
+        y = top - (row.south - first)
+        lanes.append(_lane(scenario, number, row, y, min(north - y, y - south)))
     lines = []
-    for i, y in enumerate(ys):
+    for i, of_gap in enumerate(souths_of_lines):
         beside = lanes[max(0, i - 1) : i + 1]
-        west = min(lane.west for lane in beside)
-        east = max(lane.east for lane in beside)
-        lines.append(TreeLine(y, west, east))
+        # Of two lines each has the rows of its own side.
+        sides = [beside] if len(of_gap) == 1 else [[lane] for lane in beside]
+        for line, of_line in zip(of_gap, sides, strict=True):
+            west = min(lane.west for lane in of_line)
+            east = max(lane.east for lane in of_line)
+            lines.append(TreeLine(top - (line - first), west, east))
     return tuple(lanes), tuple(lines)
 
 
-def _lane(scenario: Scenario, number: int, row: SurveyedRow, y: float, lines: list[float]) -> Lane:
-    """Return the lane of a surveyed row. `y`: of its centre line, and `lines` of all lines, m."""
-    nearer_side = min(lines[number - 1] - y, y - lines[number])
+def _lines_between(north: float, south: float, usual: float) -> list[float]:
+    """Return how far south the lines of trees between two rows lie, m.
+
+    `north`, `south`: how far south the rows lie. `usual`: from a row to the next one elsewhere, m.
+    """
+    if south - north <= FURTHEST + ROUNDING:
+        return [(north + south) / 2]
+    return [north + usual / 2, south - usual / 2]
+
+
+def _lane(scenario: Scenario, number: int, row: SurveyedRow, y: float, beside: float) -> Lane:
+    """Return the lane of a surveyed row.
+
+    `y`: of its centre line; `beside`: from there to the nearer line of trees, m.
+    """
     return Lane(
         number=number,
         y=y,
         picking_speed=picking_speed_of(scenario, number),
         west=ROW_WEST + row.start,
         length=row.length,
-        width=2 * nearer_side - TRUNK,
+        width=2 * beside - TRUNK,
     )
 
 

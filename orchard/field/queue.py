@@ -43,7 +43,7 @@ OFF_THE_TRACK = -18.6
 NEAREST_HEAD = -23.5
 MOST_CARRIERS = 120
 SHORTEST_ROW = 20.0  # m
-LONGEST_ROW = 200.0  # m
+LONGEST_ROW = 400.0  # m
 
 # y of lines, in the order in which they fill: on each route the top road's first.
 _NORTH = (27.5, 30.5, 33.5, 36.5, 39.5, 42.5, 45.5)

@@ -28,8 +28,8 @@ NARROWEST_ROW = CLOSEST - TRUNK
 USUAL_WIDTH = 5.0
 WIDEST_ROW = 12.0
 FURTHEST = WIDEST_ROW + TRUNK  # m
-# m, at most, from a row's end to the furthest end on that side, where the road is.
-SET_BACK = 30.0
+# m, at most, between two rows where some are missing, or where a farm road passes.
+WIDEST_GAP = 60.0
 ROUNDING = 1e-6  # m
 # No control characters: names are printed.
 NAME = r"^[^\x00-\x1f\x7f-\x9f]+$"
@@ -45,7 +45,7 @@ class SurveyedRow(Section):
         float,
         Field(
             ge=0.0,
-            le=MOST_ROWS * FURTHEST,
+            le=MOST_ROWS * WIDEST_GAP,
             description="how far south of the first row its centre line lies, m",
         ),
     ]
@@ -53,7 +53,7 @@ class SurveyedRow(Section):
         float,
         Field(
             ge=0.0,
-            le=SET_BACK,
+            le=LONGEST_ROW,
             description="how far east of the westernmost row's end its west end lies, m",
         ),
     ]
@@ -162,9 +162,12 @@ def _faults_of_spacing(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRo
         yield first, f"is the first, and lies {first.south:g} m south of it; its south must be 0"
     for north, row in pairwise(rows):
         gap = row.south - north.south
-        if not CLOSEST - ROUNDING <= gap <= FURTHEST + ROUNDING:
-            limits = f"{CLOSEST:g} to {FURTHEST:g} m from centre line to centre line"
+        if not CLOSEST - ROUNDING <= gap <= WIDEST_GAP + ROUNDING:
+            limits = f"{CLOSEST:g} to {WIDEST_GAP:g} m from centre line to centre line"
             yield row, f"lies {gap:.2f} m south of row {north.id}; must be {limits}"
+    if all(row.south - north.south > FURTHEST + ROUNDING for north, row in pairwise(rows)):
+        limits = f"two neighbours must be at most {FURTHEST:g} m apart"
+        yield first, f"has no neighbour, and neither has any other row: {limits}"
 
 
 def _faults_of_ends(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, str]]:
@@ -178,8 +181,3 @@ def _faults_of_ends(rows: Sequence[SurveyedRow]) -> Iterator[tuple[SurveyedRow, 
     if east - west > LONGEST_ROW + ROUNDING:
         fault = f"ends {east - west:.2f} m east of the westernmost end"
         yield easternmost, f"{fault}; must be at most {LONGEST_ROW:g} m"
-    for row in rows:
-        for end, back in (("west", row.start - west), ("east", east - row.start - row.length)):
-            if back > SET_BACK + ROUNDING:
-                fault = f"its {end} end lies {back:.2f} m before the furthest {end} end"
-                yield row, f"{fault}; must be at most {SET_BACK:g} m"

@@ -20,7 +20,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.queue import ONE_WAY, TWO_WAY
 from orchard.field.scenario import parse, to_short_yaml, with_changes
-from orchard.field.survey import CLOSEST
+from orchard.field.survey import CLOSEST, WIDEST_GAP
 
 pyproj = pytest.importorskip(
     "pyproj", reason="pyproj is missing: pip install 'orchard-sim[survey,dev]'"
@@ -210,14 +210,14 @@ BROKEN = {
             points[0],
             points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 19,
         ],
-        "must be 20 to 200 m",
+        "must be 20 to 400 m",
     ),
     "long": (
         lambda points: [
             points[0],
-            points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 201,
+            points[0] + (points[-1] - points[0]) / abs(points[-1] - points[0]) * 401,
         ],
-        "must be 20 to 200 m",
+        "must be 20 to 400 m",
     ),
     "point": (lambda points: points[:1], "must have at least two different points"),
     "same": (lambda points: [points[0], points[0]], "must have at least two different points"),
@@ -254,13 +254,13 @@ def test_rows_too_near_or_too_far_are_refused_with_the_id(
     sign = data.draw(st.sampled_from([-1, 1]))
     gap = drawn[number - 1].south - drawn[number - 2].south
     off = (
-        (gap - CLOSEST + by) * 1j if sign < 0 else (gap - 12.5 - by) * 1j
+        (gap - CLOSEST + by) * 1j if sign < 0 else (gap - WIDEST_GAP - by) * 1j
     )  # the row, and all south of it, move
     lines = {
         name: [p + (off if i >= number else 0) for p in points]
         for i, (name, points) in enumerate(lines_of(drawn).items(), start=1)
     }
-    words = "must be 3.65 to 12.5 m from centre line to centre line"
+    words = "must be 3.65 to 60 m from centre line to centre line"
     assert any(
         f"feature r{number}: " in problem and words in problem
         for problem in told(write_geojson(file, lines, yaw)).splitlines()
@@ -271,7 +271,7 @@ def test_all_faults_are_told_at_once(file: Path):
     lines = lines_of([Row(5.6 * i, 0.0, 60.0) for i in range(6)])
     lines["r2"] = BROKEN["bent"][0](lines["r2"])
     lines["r4"] = [lines["r4"][0], lines["r4"][0] - 15.0]
-    lines["r6"] = [point - 2.0j * 4.0 for point in lines["r6"]]
+    lines["r6"] = [point - 60.0j for point in lines["r6"]]
     content = json.loads(write_geojson(file, lines).read_text())
     content["features"].append(
         {
@@ -285,8 +285,7 @@ def test_all_faults_are_told_at_once(file: Path):
     words = (
         "r2: is bent",
         "r4: is 15.00 m long",
-        "r4: its west end lies 45.00 m",
-        "r6: lies 13.60 m south of row r5",
+        "r6: lies 65.60 m south of row r5",
         "shed: is 'Point'",
     )
     assert [one for one in words if f"feature {one}" not in problems] == []

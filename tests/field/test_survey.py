@@ -28,8 +28,8 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
     first = layout.lane(1).y
     for row, lane in zip(drawn, layout.lanes, strict=True):
         assert (first - lane.y, lane.west - ROW_WEST, lane.length) == pytest.approx(row, abs=1e-9)
-        north = layout.lines[lane.number - 1]
-        south = layout.lines[lane.number]
+        north = min((line for line in layout.lines if line.y > lane.y), key=lambda line: line.y)
+        south = max((line for line in layout.lines if line.y < lane.y), key=lambda line: line.y)
         assert (
             south.y + 0.25 + lane.width / 2
             <= lane.y + 1e-9
@@ -41,6 +41,27 @@ def test_surveyed_rows_lie_as_surveyed_without_overlaps(drawn: list[Row]):
             for line in (north, south)
             for x in line.trees_x
         )
+
+
+def test_where_rows_are_missing_each_side_has_trees_of_its_own():
+    """Two rows of six metres are missing: no line of trees stands in the middle of the gap."""
+    rows = [Row(0.0, 0.0, 60.0), Row(6.0, 3.0, 57.0), Row(24.0, 10.0, 50.0), Row(30.0, 12.0, 48.0)]
+    layout = lay_out(orchard_of(rows))
+    first = layout.lane(1).y
+    lines = [(round(first - line.y, 6), line.west - ROW_WEST) for line in layout.lines]
+    assert lines == [(-3.0, 0.0), (3.0, 0.0), (9.0, 3.0), (21.0, 10.0), (27.0, 10.0), (33.0, 12.0)]
+    assert [lane.width for lane in layout.lanes] == pytest.approx([5.5] * 4)
+
+
+@pytest.mark.parametrize("route", [ONE_WAY, TWO_WAY])
+def test_a_slanted_block_with_missing_rows_is_harvested(route: str):
+    """Ends slanted by 45 degrees: the roads are straight, and robots drive on to them."""
+    souths = [0.0, 4.0, 8.0, 24.0, 28.0]
+    rows = [Row(south, south, 30.0) for south in souths]
+    stage = Stage(orchard_of(rows, pickers=2, carriers=2, route=route, dispatch="predictive"))
+    stage.run_until(lambda: stage.local.engine.over, 1500)
+    stage.assert_no_collisions()
+    assert stage.world.delivered == len(rows)
 
 
 def test_equal_rows_by_survey_are_those_without_one():
@@ -117,24 +138,31 @@ def changed(number: int, **values: float | str) -> dict:
     }
 
 
+def far_apart() -> dict:
+    """Rows of which no two are neighbours."""
+    listed = orchard_of(UNEQUAL).model_dump()["survey"]["rows"]
+    return {"survey": {"rows": [row | {"south": 20.0 * i} for i, row in enumerate(listed)]}}
+
+
 NO_SURVEYS = [
     ({"rows": 5}, "rows = 5: must be 4"),
     (
         {"row_length": 70.0, "row_width": 6.0},
         "row_length = 70.0, row_width = 6.0: must be 31.2 and 5",
     ),
-    (changed(2, south=3.6), "r2: lies 3.60 m south of row r1; must be 3.65 to 12.5 m"),
-    (changed(3, south=18.0), "r3: lies 12.70 m south of row r2; must be 3.65 to 12.5 m"),
+    (changed(2, south=3.6), "r2: lies 3.60 m south of row r1; must be 3.65 to 60 m"),
+    (changed(3, south=65.4), "r3: lies 60.10 m south of row r2; must be 3.65 to 60 m"),
+    (
+        far_apart(),
+        "r1: has no neighbour, and neither has any other row: two neighbours must be at most 12.5",
+    ),
     (changed(3, south=18.0), "r4: lies 0.60 m south of row r3"),
     (changed(1, south=1.0), "r1: is the first, and lies 1 m south of it; its south must be 0"),
     (changed(1, start=0.5), "r1: is the westernmost, and starts at 0.5 m; its start must be 0"),
-    (
-        changed(3, length=55.0),
-        "r2: its east end lies 31.20 m before the furthest east end; must be at most 30 m",
-    ),
+    (changed(3, length=399.5), "r3: ends 400.50 m east of the westernmost end; must be at most"),
     (changed(2, id="r1"), "r1: the name of two rows; each needs its own"),
-    (changed(2, length=19.9), "survey.rows.1.length = 19.9: must be a number from 20.0 to 200.0"),
-    (changed(2, start=30.1), "survey.rows.1.start = 30.1: must be a number from 0.0 to 30.0"),
+    (changed(2, length=19.9), "survey.rows.1.length = 19.9: must be a number from 20.0 to 400.0"),
+    (changed(2, start=401.0), "survey.rows.1.start = 401.0: must be a number from 0.0 to 400.0"),
     (changed(2, lenght=25.0), "survey.rows.1.lenght = 25.0: unknown key; did you mean length?"),
     ({"survey": {}}, "survey.rows: is missing: a list of 3 to 100 maps"),
     (

@@ -64,7 +64,8 @@ def test_a_file_is_not_overwritten_and_the_sizes_are_told(tmp_path):
     told = imported(SAMPLE, "--out", out)
     sizes = (
         f"{out}: 8 rows, 89.11 to 95.20 m long, 5.45 to 6.04 m apart; ends from west to east 99.32"
-        " m apart\n"
+        " m apart; the roads are straight, and lie up to 7.60 m further out than a row's end, on"
+        " average 3.56 m\n"
     )
     assert (told.exit_code, told.stdout) == (0, sizes)
     assert load(out).survey == parse(imported(SAMPLE).stdout).survey

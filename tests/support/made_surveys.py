@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from stage import empty_orchard
 
 from orchard.field.scenario import Scenario
-from orchard.field.survey import CLOSEST, FURTHEST
+from orchard.field.survey import CLOSEST, FURTHEST, WIDEST_GAP
 
 # Bay of Plenty 2000, and its middle: there its metres are those on the ground.
 CIRCUIT = "EPSG:2107"
@@ -31,7 +31,7 @@ UNEQUAL = (Row(0.0, 0.0, 29.0), Row(5.3, 3.5, 21.3), Row(13.1, 1.0, 30.2), Row(1
 
 @st.composite
 def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
-    """Rows within all limits, in whole centimetres."""
+    """Rows within all limits, in whole centimetres, at most one of them missing."""
     gaps = draw(
         st.lists(
             st.floats(CLOSEST, FURTHEST).map(lambda gap: round(gap, 2)),
@@ -39,6 +39,8 @@ def rows(draw: st.DrawFn, fewest: int = 3, most: int = 8) -> list[Row]:
             max_size=most - 1,
         )
     )
+    if draw(st.booleans()):
+        gaps[draw(st.integers(1, len(gaps))) - 1] = round(draw(st.floats(FURTHEST, WIDEST_GAP)), 2)
     shortest = draw(st.floats(50.0, 140.0))
     ends = [
         (round(draw(st.floats(0.0, 29.0)), 2), round(shortest + draw(st.floats(0.0, 29.0)), 2))

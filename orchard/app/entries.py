@@ -29,6 +29,7 @@ LABELS = {
     "carrying.failure.mean_repair": "Time of a carrier's repair",
     "carrying.battery.hours": "Hours of a battery",
     "carrying.battery.standing": "Power while standing",
+    "picking.driving_speed": "Pickers' driving speed",
     "carrying.speed": "Carriers' speed",
     "handling.unloading": "Time at the bay",
     "sensors.gnss.white": "GNSS error of a tick",

@@ -16,6 +16,7 @@ GROUPS = {
     "Orchard": ("rows", "row_length", "bins_per_row", "row_width", "seed"),
     "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
     "Picking": (
+        "picking.driving_speed",
         "picking.spread.distribution",
         "picking.spread.cv",
         "picking.failure.mean_between",

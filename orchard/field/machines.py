@@ -27,6 +27,8 @@ def machine_of(scenario: Scenario, kind: str) -> Machine:
     speed = KINDS[kind].speed
     if kind == "carrier":
         speed = scenario.carrying.speed
+    elif kind == "picker":
+        speed = scenario.picking.driving_speed
     return Machine(speed=speed, unloading_ticks=_ticks(scenario.handling.unloading))
 
 

@@ -9,7 +9,6 @@ exactly those that the scenario names.
 import math
 from collections.abc import Callable, Iterator
 
-from orchard.field.kinds import KINDS
 from orchard.field.repeatable import draw, exp, exponential, log, normal
 from orchard.field.scenario import Scenario
 
@@ -23,7 +22,7 @@ def picking_speed_of(scenario: Scenario, row: int) -> float:
     spread = scenario.picking.spread
     if spread.distribution == "none":
         return mean
-    most = KINDS["picker"].speed
+    most = scenario.top_picking_speed
     chances = (draw(scenario.seed, f"picking of row {row}", number, 2) for number in range(2**63))
     share = _SHARES[spread.distribution](spread.cv * most / (most - mean), chances)
     return most * mean / (mean + (most - mean) * share)

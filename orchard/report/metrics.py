@@ -122,7 +122,8 @@ class HarvestFigures:
         if seconds < JAM_SECONDS:
             return False
         metres = world.layout.top - world.layout.bottom
-        longer = max(1.0, JAM_SPEED / float(world.fixed.speed[world.fixed.carriers].min()))
+        slowest = min(world.layout.machines[kind].speed for kind in HAULERS)
+        longer = max(1.0, JAM_SPEED / slowest)
         return seconds >= JAM_SECONDS * longer * max(1.0, metres / JAM_METRES)
 
 

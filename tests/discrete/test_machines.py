@@ -115,6 +115,23 @@ def test_a_run_goes_on_with_other_carriers() -> None:
     assert faster.engine.tick < run.engine.tick
 
 
+def test_slow_pickers_drive_at_their_speed() -> None:
+    usual = small(picking_speed=0.4)
+    slow = small(picking_speed=0.4, picking={"driving_speed": 0.5})
+    assert simulated(slow) > simulated(usual) + 15.0
+    assert modelled(slow) == pytest.approx(simulated(slow), rel=0.005)
+    assert Bounds(slow).crossing_seconds > 1.5 * Bounds(usual).crossing_seconds
+
+
+def test_a_picker_picks_as_fast_as_it_drives_at_most() -> None:
+    slow = {"picking": {"driving_speed": 0.6}}
+    assert Scenario.model_validate(slow).mean_picking_speed == 0.6
+    assert small(**slow).lane(1).picking_speed == 0.6
+    for too_fast in ("picking_speed: 0.8", "picking_rate: 40"):
+        with pytest.raises(ScenarioError, match=r"picking_(speed|rate) = .* 0\.6 m/s"):
+            parse(f"{{{too_fast}, picking: {{driving_speed: 0.6}}}}")
+
+
 def test_a_bay_that_takes_longer_brings_fewer_bins() -> None:
     fast = small()
     slow = small(handling={"unloading": 120.0})

@@ -46,6 +46,7 @@ def _orchard(chances: Random) -> dict[str, Any]:
 def drawn_values(chances: Random) -> dict[str, Any]:
     """Return what says what machines can, in a scenario."""
     return {
+        "picking": {"driving_speed": round(chances.uniform(0.5, 2.5), 2)},
         "carrying": {"speed": round(chances.uniform(0.5, 2.5), 2)},
         "handling": {"unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1)},
     }

@@ -75,7 +75,10 @@ BINS_PER_ROW = (
     "number of bins that a row fills, the mean one if surveyed; null: what metres_per_bin or crop"
     " say, else 1"
 )
-PICKING_SPEED = "speed of a picker while it picks, m/s; null: what picking_rate says, else 1"
+PICKING_SPEED = (
+    "speed of a picker while it picks, m/s; null: what picking_rate says, else 1, or what it drives"
+    " if that is less"
+)
 PICKING_RATE = (
     "what a picker fills while it picks, bins/h; of a person: 1.2 to 1.8; null: what picking_speed"
     " says"
@@ -88,7 +91,9 @@ QUEUE_ROOM = (
 
 
 CROP = ("crop.tonnes_per_hectare", "crop.kilograms_per_bin")
-SLOWEST = 0.001  # m/s, of a picker while it picks
+# m/s, of a picker while it picks.
+SLOWEST = 0.001
+FASTEST = 1.0
 # Metres of row that fill a bin.
 SHORTEST_BIN = 5.0
 LONGEST_BIN = 200.0
@@ -139,12 +144,14 @@ class Scenario(Section):
         int | None, Field(ge=1, le=MOST_CARRIERS, description=QUEUE_ROOM), CHOICE
     ] = None
     picking_speed: Annotated[
-        float | None, Field(ge=SLOWEST, le=1.0, description=PICKING_SPEED), CIRCUMSTANCE
+        float | None, Field(ge=SLOWEST, le=FASTEST, description=PICKING_SPEED), CIRCUMSTANCE
     ] = None
     picking_rate: Annotated[
         float | None, Field(ge=0.1, le=60.0, description=PICKING_RATE), CIRCUMSTANCE
     ] = None
-    picking: Annotated[Picking, Field(description="how picking varies"), CIRCUMSTANCE] = Picking()
+    picking: Annotated[
+        Picking, Field(description="what pickers can, and how picking varies"), CIRCUMSTANCE
+    ] = Picking()
     carrying: Annotated[
         Carrying, Field(description="what carriers can, and how their work varies")
     ] = Carrying()
@@ -265,7 +272,12 @@ class Scenario(Section):
             return self.picking_rate * self._metres_per_full_bin / 3600.0
         if self.picking_speed is not None:
             return self.picking_speed
-        return 1.0
+        return self.top_picking_speed
+
+    @property
+    def top_picking_speed(self) -> float:
+        """The speed at which a picker picks at most, m/s: as fast as it drives, up to FASTEST."""
+        return min(FASTEST, self.picking.driving_speed)
 
     @property
     def chosen(self) -> dict[str, float]:
@@ -391,6 +403,9 @@ class Scenario(Section):
                 is_one, "at most one of both can be set: each says what the other is", *pair
             )
         self._demand_bins_of_a_usual_size()
+        text = f"must be at most the speed at which pickers drive, {self.top_picking_speed:g} m/s"
+        is_met = self.picking_speed is None or self.picking_speed <= self.top_picking_speed
+        self._demand(is_met, text, "picking_speed", "picking.driving_speed")
         self._demand_a_rate_that_a_picker_can_have()
 
     def _demand_bins_of_a_usual_size(self) -> None:
@@ -415,10 +430,11 @@ class Scenario(Section):
             return
         metres = self._metres_per_full_bin
         least = math.ceil(36e5 * SLOWEST / metres) / 1e3
-        most = math.floor(36e5 / metres) / 1e3
+        top = self.top_picking_speed
+        most = math.floor(36e5 * top / metres) / 1e3
         text = (
             f"must be {least:g} to {most:g} where {metres:.4g} m of row fill a bin: a"
-            f" picker goes {SLOWEST:g} to 1 m/s"
+            f" picker goes {SLOWEST:g} to {top:g} m/s"
         )
         self._demand(least <= self.picking_rate <= most, text, "picking_rate")
 
@@ -429,7 +445,7 @@ class Scenario(Section):
         spread = self.picking.spread
         if spread.distribution == "none":
             return
-        top = KINDS["picker"].speed
+        top = self.top_picking_speed
         most = WIDEST.get(spread.distribution, 1.0) * (1.0 - self.mean_picking_speed / top)
         if most >= LEAST_CV:
             wanted = f"cv must be at most {math.floor(most * 1e6) / 1e6:g}"

@@ -95,9 +95,18 @@ class Failure(Section):
         return self.mean_repair / self.mean_between
 
 
-class Picking(Section):
-    """How picking varies."""
+PICKER_SPEED = (
+    "speed of a picker where it does not pick, m/s; in its row it picks no faster, and not faster"
+    " than 1 m/s"
+)
 
+
+class Picking(Section):
+    """What pickers can, and how picking varies."""
+
+    driving_speed: Annotated[float, Field(ge=0.5, le=2.5, description=PICKER_SPEED)] = KINDS[
+        "picker"
+    ].speed
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     failure: Annotated[
         Failure, Field(description="how often pickers fail, and for how long they stand")

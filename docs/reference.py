@@ -268,8 +268,8 @@ def _behaviours() -> str:
         (
             "turn (`Face`)",
             (
-                f"{_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s for 90 degrees; it ends exactly at"
-                " a heading"
+                f"at the machine's rate, by default {_of_pi(EIGHTH)} rad/s: {QUARTER / EIGHTH:g} s"
+                " for 90 degrees; it ends exactly at a heading"
             ),
         ),
         (

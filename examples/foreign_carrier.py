@@ -26,7 +26,7 @@ BYSTANDERS = {
 LENGTH, WIDTH, TOWS, BIN = 1.8, 1.5, 1.9, 1.0
 FRONT = [(-math.pi / 2 + i * math.pi / 179) for i in range(180)]
 AROUND = [i * 2 * math.pi / 60 for i in range(60)]
-STEP, EXACT, RATE = 0.1, 1e-9, math.pi / 8
+STEP, EXACT = 0.1, 1e-9
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
 
@@ -113,7 +113,9 @@ class Carrier:
 
     def __init__(self, info, name):
         self.name, self.field = name, Field(info["scenario"], name)
-        self.cruise = info["scenario"]["carrying"]["speed"]
+        carrying = info["scenario"]["carrying"]
+        self.cruise = carrying["speed"]
+        self.most_rate = math.pi * (carrying["turning"] / 180.0)
         self.people = [other for other in info["agents"] if other.rsplit("_", 1)[0] in BYSTANDERS]
         self.job, self.jobs, self.steps, self.calls = None, 0, 0, {}
         self.reserved, self.agreed, self.claimed = [], [], -5
@@ -398,7 +400,11 @@ class Carrier:
 
     def face(self, heading, blind=()):
         while abs(left := wrapped(heading - self.yaw)) > EXACT:
-            self.rate, self.left, self.blind = max(-RATE, min(RATE, left / STEP)), left, blind
+            self.rate, self.left, self.blind = (
+                max(-self.most_rate, min(self.most_rate, left / STEP)),
+                left,
+                blind,
+            )
             yield
         self.steps += 1
 

@@ -17,6 +17,7 @@ GROUPS = {
     "Robots": ("pickers", "picking_rate", "carriers", "dispatch", "rows_to_pickers", "route"),
     "Picking": (
         "picking.driving_speed",
+        "picking.turning",
         "picking.spread.distribution",
         "picking.spread.cv",
         "picking.failure.mean_between",
@@ -24,6 +25,10 @@ GROUPS = {
     ),
     "Carriers": (
         "carrying.speed",
+        "carrying.turning",
+        "handling.coupling",
+        "handling.uncoupling",
+        "handling.exchange",
         "handling.unloading",
         "carrying.failure.mean_between",
         "carrying.failure.mean_repair",

@@ -77,6 +77,8 @@ OP = np.dtype(
         ("ticks", np.int64),
         # Of these, in which a bin is coupled or uncoupled.
         ("handles", np.int64),
+        # The same of a robot that has stood for a tick or more.
+        ("handles_at_rest", np.int64),
         # Of a turn: after which the bin on the bar is clear of what is behind.
         ("swings", np.int64),
         # The list of places that it needs or frees.

@@ -393,24 +393,32 @@ class Program:
             step,
             c.FETCH_EMPTY,
             ticks=step.ticks(writer.machine),
-            handles=step.handles,
+            **_handling(step, writer),
             places=places,
         )
+
+        exchange = step.exchange_ticks(writer.machine)
+        if exchange:
+            self._append(step, c.PAUSE, ticks=exchange)
 
     @_write.register
     def _(self, step: st.LeaveBin, writer: _Writer) -> None:
         number, _ = writer.passes.pop(0)
         self._append(
-            step, c.LEAVE_BIN, ticks=step.ticks(writer.machine), handles=step.handles, arg=number
+            step,
+            c.LEAVE_BIN,
+            ticks=step.ticks(writer.machine),
+            **_handling(step, writer),
+            arg=number,
         )
 
     @_write.register
     def _(self, step: st.Deliver, writer: _Writer) -> None:
-        self._append(step, c.DELIVER, ticks=step.ticks(writer.machine), handles=step.handles)
+        self._append(step, c.DELIVER, ticks=step.ticks(writer.machine), **_handling(step, writer))
 
     @_write.register
     def _(self, step: st.TakeBin, writer: _Writer) -> None:
-        self._append(step, c.TAKE_BIN, ticks=step.ticks(writer.machine), handles=step.handles)
+        self._append(step, c.TAKE_BIN, ticks=step.ticks(writer.machine), **_handling(step, writer))
 
     @_write.register
     def _(self, step: st.Unload, writer: _Writer) -> None:
@@ -562,6 +570,12 @@ def _put_by(step: Step, pose: Pose) -> list[Step]:
     robot = _StandsAt(pose)
     step.act(cast(Any, robot))
     return robot.steps
+
+
+def _handling(step: Step, writer: _Writer) -> dict[str, int]:
+    """Return the columns that tell for how long a bin is coupled or uncoupled."""
+    handles = step.handles(writer.machine)
+    return {"handles": handles.ticks, "handles_at_rest": handles.at_rest}
 
 
 def _failing(writer: _Writer) -> dict[str, float]:

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from math import ceil
 
 from orchard.field.kinds import KINDS
+from orchard.field.repeatable import PI
 from orchard.field.scenario import TIME_STEP, Scenario
+from orchard.field.ticks import QUICKEST_COUPLING, QUICKEST_UNCOUPLING
 
 # Ticks of rounding.
 _ROUNDING = 1e-6
@@ -18,20 +20,72 @@ class Machine:
 
     #: m/s, at most, and as it drives.
     speed: float
+    #: rad/s, at most, and as it turns.
+    turn: float
+    #: Ticks from the stop until a bin is coupled.
+    coupling_ticks: int
+    #: The same until one is uncoupled.
+    uncoupling_ticks: int
+    #: Ticks for which a picker stands with its empty bin before it goes on.
+    exchange_ticks: int
     #: Ticks at rest in the bay until a bin is empty.
     unloading_ticks: int
+
+    @property
+    def rest_before_coupling(self) -> int:
+        """The ticks for which a robot stands before the deed, beside those that it must."""
+        return _rest(self.coupling_ticks, QUICKEST_COUPLING)
+
+    @property
+    def rest_before_uncoupling(self) -> int:
+        """The same before it uncouples."""
+        return _rest(self.uncoupling_ticks, QUICKEST_UNCOUPLING)
+
+    @property
+    def coupling_ticks_at_rest(self) -> int:
+        """The ticks until a bin is coupled, of a robot that has stood before."""
+        return self.rest_before_coupling + 1
+
+    @property
+    def uncoupling_ticks_at_rest(self) -> int:
+        """The same until one is uncoupled."""
+        return self.rest_before_uncoupling + 1
 
 
 def machine_of(scenario: Scenario, kind: str) -> Machine:
     """Return what machines of a kind can in a scenario."""
     speed = KINDS[kind].speed
+    turn = KINDS[kind].turn
     if kind == "carrier":
         speed = scenario.carrying.speed
+        turn = _radians(scenario.carrying.turning)
     elif kind == "picker":
         speed = scenario.picking.driving_speed
-    return Machine(speed=speed, unloading_ticks=_ticks(scenario.handling.unloading))
+        turn = _radians(scenario.picking.turning)
+    handling = scenario.handling
+    return Machine(
+        speed=speed,
+        turn=turn,
+        coupling_ticks=_ticks(handling.coupling),
+        uncoupling_ticks=_ticks(handling.uncoupling),
+        exchange_ticks=_ticks(handling.exchange),
+        unloading_ticks=_ticks(handling.unloading),
+    )
+
+
+def _radians(degrees: float) -> float:
+    """Return an angle, rad. That of 22.5 degrees is PI / 8 to the last bit."""
+    return PI * (degrees / 180.0)
 
 
 def _ticks(seconds: float) -> int:
     """Return the whole ticks that a time takes."""
     return ceil(seconds / TIME_STEP - _ROUNDING)
+
+
+def _rest(ticks: int, quickest: int) -> int:
+    """Return for how many ticks a robot stands before a deed that takes so many.
+
+    The quickest one does it as soon as physics lets it.
+    """
+    return 0 if ticks <= quickest else ticks - 1

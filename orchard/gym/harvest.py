@@ -99,8 +99,7 @@ class HarvestEnv(ParallelEnv[str, Arrays, Any]):  # type: ignore[misc]  # Pettin
             for name, machine in self._machines.items()
         }
         self.action_spaces = {
-            name: arrays.action_space(name, machine, deeds)
-            for name, machine in self._machines.items()
+            name: arrays.action_space(machine, deeds) for name, machine in self._machines.items()
         }
         # The actions of the agents that were asked at this tick.
         self._answers: dict[str, Action] = {}

@@ -56,7 +56,7 @@ def observation_space(name: str, machine: Machine) -> spaces.Dict:
     ratio = (-1.0, 1.0)
     # Odometry may measure more than there is.
     most_speed = 2.0 * machine.speed
-    most_turn = 2.0 * kind.turn
+    most_turn = 2.0 * machine.turn
     # In the order in which Gymnasium sorts them.
     return spaces.Dict(
         bar=_box(whether),
@@ -69,13 +69,12 @@ def observation_space(name: str, machine: Machine) -> spaces.Dict:
     )
 
 
-def action_space(name: str, machine: Machine, deeds: bool) -> spaces.Space[Any]:
+def action_space(machine: Machine, deeds: bool) -> spaces.Space[Any]:
     """Return the space of what a body does: m/s forward, rad/s.
 
     With `deeds` beside it `deed`: 0, 1 couple, 2 uncouple.
     """
-    kind = KINDS[kind_of(name)]
-    velocity = _box((-machine.speed, machine.speed), (-kind.turn, kind.turn))
+    velocity = _box((-machine.speed, machine.speed), (-machine.turn, machine.turn))
     if deeds:
         return spaces.Dict({"velocity": velocity, "deed": spaces.Discrete(3)})
     return velocity
@@ -167,10 +166,9 @@ def decode(name: str, machine: Machine, action: Any, deeds: bool) -> DecodedActi
         ) from None
     if not (math.isfinite(forward) and math.isfinite(turn)):
         raise ValueError(f"{name}: action {action!r}; its numbers must be finite")
-    kind = KINDS[kind_of(name)]
     velocity = Twist(
         x=min(max(forward, -machine.speed), machine.speed),
-        yaw=min(max(turn, -kind.turn), kind.turn),
+        yaw=min(max(turn, -machine.turn), machine.turn),
     )
     return DecodedAction(velocity, deed)
 

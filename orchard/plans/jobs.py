@@ -31,9 +31,6 @@ from orchard.plans.steps import (
     Unload,
 )
 
-HANDOVER = (
-    Deliver.handles + FetchEmpty.handles + ASK
-) * TIME_STEP  # s from a carrier's stop until its picker has the bin and the place
 ROUNDING = 1e-6  # ticks
 
 
@@ -126,6 +123,16 @@ class TimedStep(NamedTuple):
         ]
 
 
+def handover_seconds(layout: Layout) -> float:
+    """Return the time from a carrier's stop until its picker has the bin and the place, and goes
+    on, s.
+    """
+    carrier = layout.machines["carrier"]
+    picker = layout.machines["picker"]
+    handling = carrier.uncoupling_ticks + picker.coupling_ticks + picker.exchange_ticks
+    return (handling + ASK) * TIME_STEP
+
+
 def jobs_of(layout: Layout) -> list[TimedJob]:
     """Return the jobs of a harvest: those of each picker in its order.
 
@@ -168,6 +175,7 @@ def _job(
     layout, queue, place = route.layout, route.queue, side.place("D", row)
     lines = range(0, layout.queue_places, queue.places)
     carrier = layout.machines["carrier"]
+    handover = handover_seconds(layout)
     plans = []
     for first in lines:
         steps = route.fetch(first + 1, row, side, "", "")
@@ -211,7 +219,7 @@ def _job(
         [use._replace(at=use.at - stop) for use in way if use.at >= begins],
         exits,
         min(approach for approach, _ in exits),
-        ticks(max(HANDOVER, gone) if waits else HANDOVER),
+        ticks(max(handover, gone) if waits else handover),
         ticks(min(begin_of(Unload, plan) - begin_of(Deliver, plan) for plan in plans)),
         Unload().ticks(carrier),
         ticks(min(homes)),

@@ -169,6 +169,15 @@ class Gate(msgspec.Struct, frozen=True, omit_defaults=True):
     bin: str = ""
 
 
+class Handles(NamedTuple):
+    """Ticks to couple or uncouple a bin."""
+
+    # Of a robot that stops for it.
+    ticks: int
+    # Of one that has stood for a tick or more.
+    at_rest: int
+
+
 class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     """One step of a plan, as data. The class name identifies it in a memory's bytes.
 
@@ -176,9 +185,6 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
     class says `holds = True`.
     """
 
-    # Of what it takes beside its motion, the ticks to couple or uncouple a bin. A robot that has
-    # stood for a tick needs only one.
-    handles: ClassVar[int] = 0
     # Whether it changes the course itself, or needs none. After any other step that moves the robot
     # the course is a new one.
     keeps_course: ClassVar[bool] = False
@@ -196,6 +202,10 @@ class Step(msgspec.Struct, frozen=True, tag_field="step", tag=True):
         That is for bins that are handled, and for answers.
         """
         return 0
+
+    def handles(self, machine: Machine) -> Handles:
+        """Return those of these ticks in which the machine couples or uncouples a bin."""
+        return Handles(0, 0)
 
     def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return where the step ends, and how long a machine drives, turns or waits in it without
@@ -274,11 +284,14 @@ class PlanExecutor:
         self._blind_to = blind_to
 
     def turn_by(self, remaining: float, blind_to: list[sense.Box]) -> None:
-        """Turn by what remains of a turn, rad, at pi/8 rad/s; slower in the last tick."""
-        rate = max(-EIGHTH, min(EIGHTH, remaining / TIME_STEP))
+        """Turn by what remains of a turn, rad, as fast as the machine can; slower in the last
+        tick.
+        """
+        most = self.machine.turn
+        rate = max(-most, min(most, remaining / TIME_STEP))
         self.turn(rate, remaining, blind_to)
-        in_full_ticks = max(0.0, abs(remaining) / TIME_STEP - EIGHTH - SLACK)
-        self.hold(int(in_full_ticks / EIGHTH) + 1)
+        in_full_ticks = max(0.0, abs(remaining) / TIME_STEP - most - SLACK)
+        self.hold(int(in_full_ticks / most) + 1)
 
     @property
     def course(self) -> Course:
@@ -416,14 +429,29 @@ class PlanExecutor:
         """Insert steps right after the present one."""
         self.memory.plan[1:1] = steps
 
-    def couple(self, bin_name: str) -> None:
-        """Couple a bin, once the robot stands."""
+    def couple(self, bin_name: str, earliest: int = 0) -> bool:
+        """Couple a bin, once the robot stands, and at `earliest` at that tick.
+
+        Return whether that is over.
+        """
         self.action.waits_for = bin_name
+        if self.seen.tick < earliest:
+            self.hold(earliest - self.seen.tick)
+            return False
         if self.seen.twist == STILL:
             self.action.deeds.append(Couple(bin_name))
+        return True
 
-    def uncouple(self) -> None:
-        """Uncouple the bin, once both stand."""
+    def uncouple(self, since: int | None = None) -> None:
+        """Uncouple the bin, once both stand.
+
+        `since`: the tick from which on the robot takes its time for that; None: it does it at once.
+        """
+        if since is not None:
+            left = since + self.machine.rest_before_uncoupling - self.seen.tick
+            if left > 0:
+                self.hold(left)
+                return
         hitch = self.seen.hitch
         if self.seen.twist == STILL and hitch is not None and hitch.twist == STILL:
             self.action.deeds.append(Uncouple())

@@ -41,11 +41,11 @@ from orchard.field.geometry import (
     nearest_heading,
     to_frame,
 )
-from orchard.field.kinds import EIGHTH
 from orchard.field.machines import Machine
 from orchard.field.passes import FULL_WITHIN
 from orchard.field.picking import failure
 from orchard.field.scenario import TIME_STEP
+from orchard.field.ticks import BIN_FOLLOWS
 from orchard.plans import failures
 from orchard.plans.robot import (
     ASK,
@@ -55,6 +55,7 @@ from orchard.plans.robot import (
     SHIFT,
     SLACK,
     Gate,
+    Handles,
     PlanExecutor,
     RobotMemory,
     Step,
@@ -67,12 +68,6 @@ SELDOM = 50
 THERE = 0.01
 # m which it drives ahead to come to one side.
 PULL = 1.0
-# Ticks to couple a bin: the robot must have stood for one tick.
-COUPLE = 2
-# Ticks after its robot at which a bin stands.
-BIN_FOLLOWS = 2
-# Ticks to uncouple a bin.
-UNCOUPLE = BIN_FOLLOWS + COUPLE
 # Ticks for which a robot tries to couple in one place.
 TRIES = 5
 # m from one place to the next. None of the area between is farther from a place than a bin can be
@@ -82,6 +77,8 @@ GRID = 0.14
 SEARCH = [(GRID * left, GRID * ahead) for left in (0, 1, -1, 2, -2) for ahead in (0, 1, -1, 2)]
 # m past a gate from which a robot that is not sure of its place takes it to be behind.
 PASSED = 0.5
+# What a picker begins when it has its empty bin, among what a step has asked.
+EXCHANGE = "exchange"
 # s before a robot is at a gate, at which it asks for its places. Earlier would keep others off.
 LOOK_AHEAD = 3.0
 # m before it, at most: less than from a robot to the next one in a line, so that none asks before
@@ -212,7 +209,7 @@ class DriveTo(Step, frozen=True):
 class Face(Step, frozen=True):
     """Turn on the spot until the robot faces EAST, NORTH, WEST or SOUTH exactly.
 
-    It turns with pi/8 rad/s, 4 s for a quarter turn. `swings`: the share of a quarter turn after
+    It turns as fast as its machine can. `swings`: the share of a quarter turn after
     which a bin on the bar is no longer in the way of a robot behind it.
     """
 
@@ -231,7 +228,7 @@ class Face(Step, frozen=True):
     def motion(self, start: Pose, machine: Machine) -> tuple[Pose, float]:
         """Return the pose after the turn, and its time, s."""
         yaw = HEADINGS[self.heading]
-        return start._replace(yaw=yaw), abs(angle_between(start.yaw, yaw)) / EIGHTH
+        return start._replace(yaw=yaw), abs(angle_between(start.yaw, yaw)) / machine.turn
 
 
 def _turns_to(robot: PlanExecutor, yaw: float, blind_to: list[Box]) -> bool:
@@ -359,21 +356,27 @@ class Deliver(Step, frozen=True):
     The carrier waits there until the picker has taken the bin.
     """
 
-    handles = UNCOUPLE
     picker: str
 
     def act(self, robot: PlanExecutor) -> bool:
         """Uncouple, then ask the picker. Return whether it has the bin."""
         if robot.seen.hitch is not None:
             robot.memory.delivered = robot.seen.hitch.name
-            robot.uncouple()
+            robot.uncouple(robot.memory.since)
             return False
         robot.hold()
         return isinstance(robot.ask(self.picker, Here(robot.memory.delivered)), Yes)
 
     def ticks(self, machine: Machine) -> int:
-        """Return what it takes beside its motion, in ticks."""
-        return self.handles + PATIENCE + ASK
+        """Return what it takes beside its motion, in ticks: to uncouple, and to ask until the
+        picker has the bin.
+        """
+        questions = -(-(machine.coupling_ticks_at_rest + ASK) // PATIENCE)
+        return machine.uncoupling_ticks + questions * PATIENCE + ASK
+
+    def handles(self, machine: Machine) -> Handles:
+        """Return the ticks to uncouple the bin."""
+        return Handles(machine.uncoupling_ticks, machine.uncoupling_ticks_at_rest)
 
 
 class Coupling(Step, frozen=True, kw_only=True):
@@ -382,7 +385,6 @@ class Coupling(Step, frozen=True, kw_only=True):
     A robot that is not sure of its place searches for the coupling point.
     """
 
-    handles = COUPLE
     #: Number of the place of the search in which it tries.
     tried: int = 0
     #: x and y of the first of them, m.
@@ -393,9 +395,13 @@ class Coupling(Step, frozen=True, kw_only=True):
 
         Return whether this step was put off, because the robot tries another place first.
         """
-        robot.couple(bin_name)
         began = robot.memory.asked.setdefault(f"couple {bin_name}", robot.seen.tick)
-        if not robot.seen.accuracy or robot.seen.tick - began < TRIES:
+        # In the further places of its search it tries at once.
+        rest = 0 if self.tried else robot.machine.rest_before_coupling
+        may_couple = robot.couple(bin_name, began + rest)
+        if not may_couple or not robot.seen.accuracy:
+            return False
+        if robot.seen.tick - began - rest < TRIES:
             return False
         # The error changes slowly, so a place that was tried may do later.
         tried = (self.tried + 1) % len(SEARCH)
@@ -415,6 +421,10 @@ class Coupling(Step, frozen=True, kw_only=True):
         robot.next(steps)
         robot.action.deeds = []
         return True
+
+    def handles(self, machine: Machine) -> Handles:
+        """Return the ticks to couple the bin."""
+        return Handles(machine.coupling_ticks, machine.coupling_ticks_at_rest)
 
 
 class Aim(Step, frozen=True):
@@ -459,7 +469,7 @@ class TakeBin(Coupling, frozen=True):
 
     def ticks(self, machine: Machine) -> int:
         """Return what it takes beside its motion, in ticks."""
-        return self.handles
+        return machine.coupling_ticks
 
 
 class Announce(Step, frozen=True):
@@ -520,8 +530,6 @@ class Fill(Step, frozen=True):
 class LeaveBin(Step, frozen=True):
     """For pickers: uncouple the bin, and remember it as the full bin."""
 
-    handles = UNCOUPLE
-
     def act(self, robot: PlanExecutor) -> bool:
         """Uncouple. Return whether the bin is left."""
         if robot.seen.hitch is None:
@@ -529,12 +537,16 @@ class LeaveBin(Step, frozen=True):
         robot.memory.full_bin = robot.seen.hitch.name
         robot.memory.offered = ""
         robot.memory.carrier = ""
-        robot.uncouple()
+        robot.uncouple(robot.memory.since)
         return False
 
     def ticks(self, machine: Machine) -> int:
         """Return what it takes beside its motion, in ticks."""
-        return self.handles
+        return machine.uncoupling_ticks
+
+    def handles(self, machine: Machine) -> Handles:
+        """Return the ticks to uncouple the bin."""
+        return Handles(machine.uncoupling_ticks, machine.uncoupling_ticks_at_rest)
 
 
 class FetchEmpty(Coupling, frozen=True):
@@ -559,7 +571,26 @@ class FetchEmpty(Coupling, frozen=True):
             return False
         memory.taken = memory.offered
         memory.carrier = ""
-        return True
+        return self._has_handled(robot)
+
+    @staticmethod
+    def _has_handled(robot: PlanExecutor) -> bool:
+        """Stand with the empty bin as long as an exchange takes. Return whether that is over."""
+        ticks = robot.machine.exchange_ticks
+        if not ticks:
+            return True
+        began = robot.memory.asked.setdefault(EXCHANGE, robot.seen.tick)
+        left = began + ticks - robot.seen.tick
+        if left <= 0:
+            return True
+        robot.memory.doing = "handling its empty bin"
+        robot.memory.state = "handling a bin"
+        robot.hold(left)
+        return False
+
+    def exchange_ticks(self, machine: Machine) -> int:
+        """Return the ticks for which the picker stands with its empty bin."""
+        return machine.exchange_ticks
 
 
 class MayFail(Step, frozen=True):

@@ -23,7 +23,7 @@ from orchard.field.passes import Pass
 from orchard.field.queue import PITCH
 from orchard.field.rows import Block
 from orchard.field.scenario import NEAREST, TIME_STEP, Scenario
-from orchard.plans.jobs import HANDOVER, TimedStep, begin_of, timed_steps
+from orchard.plans.jobs import TimedStep, begin_of, handover_seconds, timed_steps
 from orchard.plans.route import OneWay
 from orchard.plans.routes import ROUTES, route_of, way_to
 from orchard.plans.steps import Deliver, DriveTo, FetchEmpty, LeaveBin, Unload
@@ -181,7 +181,7 @@ def _seconds(
         begin_of(Deliver, job),
     )
     hold = _claimed(job, side.place("D", one.row), stop)
-    wait = max(coming, coming_out + stop - hold) + HANDOVER
+    wait = max(coming, coming_out + stop - hold) + handover_seconds(layout)
     driven = 0.0
     for moment in job:
         if isinstance(moment.step, DriveTo) and not moment.step.queueing:

@@ -126,7 +126,7 @@ def fixed_of(layout: Layout) -> Fixed:
         row_share = [layout.row_length / lane.length for lane in lanes]
     return Fixed(
         speed=speed,
-        turn=np.array([kind.turn for kind in kinds], dtype=np.float64),
+        turn=np.array([machine.turn for machine in machines], dtype=np.float64),
         tows=np.array([kind.tows for kind in kinds], dtype=np.float64),
         solid=np.array([kind.solid for kind in kinds], dtype=bool),
         sideways=np.array([kind.sideways for kind in kinds], dtype=bool),

@@ -194,7 +194,7 @@ def _kind_of_body(kind: Kind, machine: Machine) -> wire.KindOfBody:
     sweep = own.ahead, own.beams, own.first, own.increment
     laser = wire.LaserOfKind(*sweep, LASER_NEAREST, LASER_RANGE)
     size = kind.length, kind.width, kind.height
-    motion = machine.speed, kind.turn, kind.tows
+    motion = machine.speed, machine.turn, kind.tows
     return wire.KindOfBody(*size, kind.colour, *motion, kind.solid, kind.robot, laser)
 
 

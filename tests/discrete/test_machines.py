@@ -132,6 +132,28 @@ def test_a_picker_picks_as_fast_as_it_drives_at_most() -> None:
             parse(f"{{{too_fast}, picking: {{driving_speed: 0.6}}}}")
 
 
+@pytest.mark.parametrize(
+    ("machines", "seconds"),
+    [
+        # Seconds by which one exchange of bins takes longer, for its picker.
+        ({"handling": {"coupling": 20.2}}, 20.0),
+        ({"handling": {"uncoupling": 20.4}}, 40.0),
+        ({"handling": {"exchange": 20.0}}, 20.0),
+        ({"picking": {"turning": 9.0}}, 12.0),
+        ({"carrying": {"turning": 9.0}}, 6.0),
+    ],
+)
+def test_time_for_a_bin_and_for_a_turn_is_taken(machines: dict[str, Any], seconds: float) -> None:
+    """Two slow pickers pick two rows each. The second one ends later by one exchange at least."""
+    usual = small(picking_speed=0.1)
+    longer = small(picking_speed=0.1, **machines)
+    assert simulated(longer) > simulated(usual) + 0.9 * seconds
+    assert modelled(longer) == pytest.approx(simulated(longer), rel=0.005)
+    before = Bounds(usual)
+    after = Bounds(longer)
+    assert after.bin_seconds + after.cycle_seconds > before.bin_seconds + before.cycle_seconds
+
+
 def test_a_bay_that_takes_longer_brings_fewer_bins() -> None:
     fast = small()
     slow = small(handling={"unloading": 120.0})

@@ -219,3 +219,21 @@ def test_a_robot_that_says_nothing_of_its_memory_is_told() -> None:
     told = {name: memory for name, memory in moment.memories.items() if name != "carrier_02"}
     with pytest.raises(NotInPlanError, match="carrier_02 does not say what it remembers"):
         begin_at(RunMoment(moment.world, told, moment.letters))
+
+
+def test_other_machines_go_on_where_the_run_does() -> None:
+    """From moments at which a robot couples, uncouples, stands with its empty bin, or turns."""
+    layout = lay_out_small(
+        rows=4,
+        pickers=2,
+        carriers=2,
+        dispatch="nearest",
+        carrying={"speed": 1.7, "turning": 40.0},
+        picking={"driving_speed": 0.8, "turning": 12.0},
+        handling={"coupling": 8.0, "uncoupling": 6.0, "exchange": 12.0, "unloading": 30.0},
+    )
+    run = Local(layout.scenario, is_hashed=False)
+    delivered, begun = deliveries_from(run, [*range(5, 8000, 43)])
+    assert len(begun) > 60
+    apart = {tick: farthest_apart(delivered, harvest) for tick, harvest in begun.items()}
+    assert not {tick: off for tick, off in apart.items() if off > NEAR}

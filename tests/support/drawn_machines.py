@@ -46,7 +46,18 @@ def _orchard(chances: Random) -> dict[str, Any]:
 def drawn_values(chances: Random) -> dict[str, Any]:
     """Return what says what machines can, in a scenario."""
     return {
-        "picking": {"driving_speed": round(chances.uniform(0.5, 2.5), 2)},
-        "carrying": {"speed": round(chances.uniform(0.5, 2.5), 2)},
-        "handling": {"unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1)},
+        "picking": {
+            "driving_speed": round(chances.uniform(0.5, 2.5), 2),
+            "turning": round(chances.choice([22.5, chances.uniform(5, 60)]), 1),
+        },
+        "carrying": {
+            "speed": round(chances.uniform(0.5, 2.5), 2),
+            "turning": round(chances.choice([22.5, chances.uniform(5, 60)]), 1),
+        },
+        "handling": {
+            "coupling": round(chances.choice([0.2, chances.uniform(0.2, 120)]), 1),
+            "uncoupling": round(chances.choice([0.4, chances.uniform(0.4, 120)]), 1),
+            "exchange": round(chances.choice([0.0, chances.uniform(0, 120)]), 1),
+            "unloading": round(chances.choice([5.0, chances.uniform(5, 300)]), 1),
+        },
     }

@@ -142,7 +142,7 @@ def factsheet_of(kind: str, machine: Machine, state_seconds: float) -> Message:
         "physicalParameters": {
             "minimumSpeed": 0.0,
             "maximumSpeed": machine.speed,
-            "maximumAngularSpeed": body.turn,
+            "maximumAngularSpeed": machine.turn,
             "maximumAcceleration": machine.speed / TIME_STEP,
             "maximumDeceleration": machine.speed / TIME_STEP,
             "minimumHeight": body.height,

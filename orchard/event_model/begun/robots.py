@@ -15,7 +15,7 @@ from orchard.event_model.harvest import EventHarvest
 from orchard.event_model.kernel.drives import NEAR
 from orchard.event_model.program import Program
 from orchard.field.geometry import HEADINGS, Pose, angle_between
-from orchard.field.kinds import EIGHTH
+from orchard.field.kinds import kind_of
 from orchard.field.scenario import TIME_STEP
 from orchard.plans import steps as st
 from orchard.plans.robot import ASK, PATIENCE, Step
@@ -47,6 +47,7 @@ class Ops:
         self.first_free = rows["first_free"]
         self.ticks = rows["ticks"]
         self.handles = rows["handles"]
+        self.handles_at_rest = rows["handles_at_rest"]
         self.swings = rows["swings"]
         self.places = rows["places"]
         self.arg = rows["arg"]
@@ -270,7 +271,8 @@ class Robots:
         left = 0.0
         if isinstance(me.step, st.Face):
             left = abs(angle_between(me.pose.yaw, HEADINGS[me.step.heading]))
-        ticks = ceil(left / (EIGHTH * TIME_STEP) - NEAR)
+        turn = self.layout.machines[kind_of(me.name)].turn
+        ticks = ceil(left / (turn * TIME_STEP) - NEAR)
         me.turned = int(self.ops.ticks[me.op]) - ticks
         self._last(me, self.tick + ticks)
 
@@ -284,7 +286,8 @@ class Robots:
     def _handle(self, me: Doing, state: int) -> None:
         """Couple or uncouple for the rest of the time that it takes."""
         has_moved = int(self.ops.kind[me.op - 1]) in MOVES
-        ticks = int(self.ops.handles[me.op]) if has_moved else 1
+        handles = self.ops.handles if has_moved else self.ops.handles_at_rest
+        ticks = int(handles[me.op])
         me.state = state
         me.alarm = max(self.tick, me.memory.since + ticks)
 
@@ -336,12 +339,19 @@ class Robots:
             me.state = c.WAITING_FOR_BIN
             me.alarm = None
             return
-        if me.bin != c.NONE and self._has_claimed_place(me):
+        begun = me.memory.asked.get(st.EXCHANGE)
+        if begun is not None:
+            me.op += 1
+            self._last(me, begun + int(self.ops.ticks[me.op]))
+        elif me.bin != c.NONE and self._has_claimed_place(me):
             me.state = c.TAKING_PLACE
         else:
             # Physics may have coupled it, and the picker will see that.
             me.state = c.COUPLING
             me.bin = c.NONE
+            asked = me.memory.asked.get(f"couple {me.memory.offered}")
+            if asked is not None and self.layout.machines["picker"].rest_before_coupling:
+                me.alarm = max(self.tick, asked + int(self.ops.handles_at_rest[me.op]))
 
     def _has_claimed_place(self, me: Doing) -> bool:
         """Whether a picker has asked for the place of its empty bin."""

@@ -21,10 +21,11 @@ MAIL = 2
 
 @inner
 def handle(m, robot, state):
-    """Begin to couple or uncouple a bin. A robot that has stood for a tick needs only one."""
+    """Begin to couple or uncouple a bin. A robot that has stood for a tick needs less."""
     me = m.robots[robot]
+    op = m.ops[me.op]
     me.state = state
-    set_alarm(m, robot, m.ops[me.op].handles if me.stood == tick_of(m) else 1)
+    set_alarm(m, robot, op.handles if me.stood == tick_of(m) else op.handles_at_rest)
     return False
 
 

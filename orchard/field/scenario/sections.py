@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 from orchard.field.kinds import KINDS
 from orchard.field.problems import Section
 from orchard.field.scenario.fields import CHOICE, CIRCUMSTANCE, MOST_GUESTS, choice, count, price
+from orchard.field.ticks import QUICKEST_COUPLING, QUICKEST_UNCOUPLING, TIME_STEP
 
 
 class _Guests(Section):
@@ -95,6 +96,12 @@ class Failure(Section):
         return self.mean_repair / self.mean_between
 
 
+TURNING = "rate at which it turns on the spot, degrees/s; its bin swings round behind it"
+USUAL_TURNING = 22.5  # degrees/s
+SLOWEST_TURN = 5.0
+FASTEST_TURN = 60.0
+
+
 PICKER_SPEED = (
     "speed of a picker where it does not pick, m/s; in its row it picks no faster, and not faster"
     " than 1 m/s"
@@ -107,6 +114,9 @@ class Picking(Section):
     driving_speed: Annotated[float, Field(ge=0.5, le=2.5, description=PICKER_SPEED)] = KINDS[
         "picker"
     ].speed
+    turning: Annotated[float, Field(ge=SLOWEST_TURN, le=FASTEST_TURN, description=TURNING)] = (
+        USUAL_TURNING
+    )
     spread: Annotated[Spread, Field(description="how the picking times of rows differ")] = Spread()
     failure: Annotated[
         Failure, Field(description="how often pickers fail, and for how long they stand")
@@ -160,6 +170,9 @@ class Carrying(Section):
     speed: Annotated[float, Field(ge=0.5, le=2.5, description=CARRIER_SPEED), CIRCUMSTANCE] = KINDS[
         "carrier"
     ].speed
+    turning: Annotated[
+        float, Field(ge=SLOWEST_TURN, le=FASTEST_TURN, description=TURNING), CIRCUMSTANCE
+    ] = USUAL_TURNING
     failure: Annotated[
         Failure,
         Field(description="how often carriers fail on a job, and for how long they stand"),
@@ -173,9 +186,28 @@ UNLOADING = (
 )
 
 
+COUPLING = "time for which a robot stands to couple a bin, s, in whole ticks of 0.1 s"
+UNCOUPLING = "time for which a robot stands to uncouple a bin, s, in whole ticks of 0.1 s"
+EXCHANGE = (
+    "time for which a picker that has coupled an empty bin stands before it goes on, s, in whole"
+    " ticks of 0.1 s"
+)
+# s
+SHORTEST_COUPLING = QUICKEST_COUPLING * TIME_STEP
+SHORTEST_UNCOUPLING = QUICKEST_UNCOUPLING * TIME_STEP
+LONGEST_HANDLING = 120.0
+
+
 class Handling(Section):
     """For how long bins are handled."""
 
+    coupling: Annotated[
+        float, Field(ge=SHORTEST_COUPLING, le=LONGEST_HANDLING, description=COUPLING)
+    ] = SHORTEST_COUPLING
+    uncoupling: Annotated[
+        float, Field(ge=SHORTEST_UNCOUPLING, le=LONGEST_HANDLING, description=UNCOUPLING)
+    ] = SHORTEST_UNCOUPLING
+    exchange: Annotated[float, Field(ge=0.0, le=LONGEST_HANDLING, description=EXCHANGE)] = 0.0
     unloading: Annotated[float, Field(ge=5.0, le=300.0, description=UNLOADING)] = 5.0
 
 

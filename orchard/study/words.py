@@ -61,7 +61,7 @@ def setting_words(setting: Mapping[str, Any]) -> str:
 
 def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
     """Return the orchard of a study without the keys that vary: '20 rows of 49 m, 10 pickers,
-    one-way, predictive dispatch'.
+    one-way, predictive dispatch, 5.5 m from row to row, ...'. What machines can is always said.
     """
     words = {
         "pickers": counted("pickers", scenario.pickers) + _rate_words(scenario, varied),
@@ -70,8 +70,26 @@ def orchard_words(scenario: Scenario, varied: Collection[str] = ()) -> str:
         "dispatch": f"{scenario.dispatch} dispatch",
     }
     parts = [_rows_words(scenario, varied)]
+    words |= _machine_words(scenario)
     parts += [phrase for key, phrase in words.items() if key not in varied]
     return ", ".join(parts)
+
+
+def _machine_words(scenario: Scenario) -> dict[str, str]:
+    """Return the spacing of rows, and what machines can, in words, by the keys that say it."""
+    handling = scenario.handling
+    mean = "" if scenario.survey is None else " on average"
+    words = {
+        "row_width": f"{scenario.row_pitch:.4g} m from row to row{mean}",
+        "carrying.speed": f"carriers at {scenario.carrying.speed:g} m/s",
+        "picking.driving_speed": f"pickers that drive at {scenario.picking.driving_speed:g} m/s",
+        "handling.unloading": f"{handling.unloading:g} s at the bay",
+        "handling.coupling": f"{handling.coupling:g} s to couple a bin",
+        "handling.uncoupling": f"{handling.uncoupling:g} s to uncouple it",
+    }
+    if handling.exchange:
+        words["handling.exchange"] = f"{handling.exchange:g} s with the empty bin"
+    return words
 
 
 def _rows_words(scenario: Scenario, varied: Collection[str]) -> str:

@@ -28,7 +28,7 @@ from made_surveys import UNEQUAL, orchard_of
 from PIL import Image
 from rich.console import Console
 
-from orchard.field.scenario import Scenario, parse
+from orchard.field.scenario import Scenario, check, parse
 from orchard.study import picture, report, table
 from orchard.study.result import StudyResult
 from orchard.study.settings import varied_of
@@ -364,7 +364,11 @@ def test_many_equal_settings_are_counted_and_not_all_named():
     assert "; nearest, longest-waiting, farthest-first and 3 more are within 2 % of it." in told
 
 
-MADE_OF = "20 rows of 70 m, one bin a row, 10 pickers, two-way, rolling dispatch"
+MACHINES = (
+    "5.5 m from row to row, carriers at 1 m/s, pickers that drive at 1 m/s, 5 s at the bay,"
+    " 0.2 s to couple a bin, 0.4 s to uncouple it"
+)
+MADE_OF = f"20 rows of 70 m, one bin a row, 10 pickers, two-way, rolling dispatch, {MACHINES}"
 HOSTILE = 'mine.<script>alert("1")</script>&[bold]'
 
 
@@ -641,15 +645,37 @@ def test_the_report_escapes_what_others_have_named():
 def test_the_orchard_is_named_without_what_varies():
     assert whole().orchard == MADE_OF
     scenario = Scenario(rows=3, row_length=60.5, carriers=1)
-    assert (
-        orchard_words(scenario)
-        == "3 rows of 60.5 m, one bin a row, 2 pickers, 1 carrier, two-way, rolling dispatch"
-    )
+    of_fleet = "3 rows of 60.5 m, one bin a row, 2 pickers, 1 carrier, two-way, rolling dispatch"
+    assert orchard_words(scenario) == f"{of_fleet}, {MACHINES}"
     assert (
         orchard_words(scenario, ["rows", "row_length", "pickers", "route", "dispatch"])
-        == "rows, one bin a row, 1 carrier"
+        == f"rows, one bin a row, 1 carrier, {MACHINES}"
     )
     assert orchard_words(orchard_of(UNEQUAL)).startswith("4 rows, as surveyed, ")
+
+
+def test_the_orchard_is_named_with_its_spacing_and_its_machines():
+    """What decides how many bins come is said, also where nobody has set it."""
+    scenario = check(
+        {
+            "row_width": 3.16,
+            "carrying": {"speed": 2.0},
+            "picking": {"driving_speed": 0.8},
+            "handling": {"unloading": 60, "coupling": 8, "uncoupling": 6, "exchange": 20},
+        }
+    )
+    assert orchard_words(scenario, ["handling.coupling"]).endswith(
+        "3.66 m from row to row, carriers at 2 m/s, pickers that drive at 0.8 m/s,"
+        " 60 s at the bay, 6 s to uncouple it, 20 s with the empty bin"
+    )
+
+
+def test_a_crop_fills_bins_by_the_spacing_of_the_rows():
+    apples = {"tonnes_per_hectare": 60, "kilograms_per_bin": 400}
+    wide = check({"crop": apples})
+    narrow = check({"crop": apples, "row_width": 3.16})
+    assert wide.bin_metres == pytest.approx(400 / (6.0 * 5.5))
+    assert narrow.bin_metres == pytest.approx(400 / (6.0 * 3.66))
 
 
 def test_the_result_comes_back_from_json():

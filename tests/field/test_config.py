@@ -15,6 +15,7 @@ from orchard.field.layout import lay_out
 from orchard.field.problems import ScenarioError
 from orchard.field.scenario import People, Scenario, check, load, parse, to_yaml, with_changes
 from orchard.field.shipped import load_or_shipped
+from orchard.report.bounds import Bounds
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -48,6 +49,18 @@ def test_a_robot_of_four_arms_takes_as_long_as_its_fruit() -> None:
     assert 3600 / load(CONFIG / "kiwi_robot.yaml").chosen["picking_rate"] == pytest.approx(
         350 / 0.117 * 5.5 / 4, rel=0.01
     )
+
+
+def test_a_platform_for_apples_needs_a_minute_for_each_bin() -> None:
+    """It fills a bin in nine minutes, and its minute at the exchange comes on top."""
+    platforms = load(CONFIG / "apple_platform.yaml")
+    assert platforms.rows * platforms.row_length * platforms.row_pitch == pytest.approx(
+        10_000, rel=0.01
+    )
+    assert platforms.row_pitch == pytest.approx(3.66)
+    bounds = Bounds(lay_out(platforms))
+    assert bounds.picking_seconds == pytest.approx(9 * 60, rel=0.01)
+    assert bounds.bin_seconds - bounds.picking_seconds > 60.0
 
 
 def test_the_committed_schema_is_the_models() -> None:
